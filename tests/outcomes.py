@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel
 
 from sim_action.core.errors import Location
 from sim_action.core.workspace import Workspace
@@ -15,6 +18,13 @@ from sim_action.results.shards import Shard
 from sim_action.scenario.source import Source, Varied
 from sim_action.scenario.variations.gate import Gate, PlannedGate
 from sim_action.state.verdict import Judged, Verdict
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def like(model: Model, **values: object) -> Model:
+    """Return a copy with other values, which are not validated."""
+    return model.model_copy(update=values)
 
 
 def outcome(

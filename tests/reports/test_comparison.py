@@ -15,35 +15,31 @@ from sim_action.reports.comparison import MAX_CHARACTERS, comparison_markdown, h
 from sim_action.results.comparison import Comparison, compare_outcomes
 from sim_action.results.gates import judged_gate
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Scope
-from sim_action.results.results_json import Results
 from tests.gate_runs import judged, planned, run, stated, verdicts
-
-Samples = dict[str, Results]
+from tests.outcomes import like
+from tests.reports.samples import SAMPLES
 
 
 @pytest.fixture
-def several(samples: Samples) -> Comparison:
+def several() -> Comparison:
     """Some of everything."""
-    passed, failed = samples["passed"].outcomes[0], samples["failed"].outcomes[2]
+    passed, failed = SAMPLES["passed"].outcomes[0], SAMPLES["failed"].outcomes[2]
     tight, fast = _with_margin(passed, 0.3), {"real_time_factor": 40.0, "sim_time": 60.0, "digest": "f0"}
-    slow = _with_margin(passed, 0.1).model_copy(update={**fast, "real_time_factor": 10.0, "digest": "f1"})
-    crash = samples["crash"].outcomes[0]
-    old = [_named("breaks", passed), _named("fixed", failed), _named("tight", tight.model_copy(update=fast))]
+    slow = like(_with_margin(passed, 0.1), **fast, real_time_factor=10.0, digest="f1")
+    crash = SAMPLES["crash"].outcomes[0]
+    old = [_named("breaks", passed), _named("fixed", failed), _named("tight", like(tight, **fast))]
     old += [_named("removed", passed), _named("same", passed), _named("still", failed), _named("otherwise", failed)]
     new = [_named("breaks", failed), _named("fixed", passed), _named("tight", slow), _named("same", passed)]
     new += [_named("still", failed), _named("new", passed), _named("otherwise", crash)]
-    old += [_named("elsewhere", passed.model_copy(update={**fast, "provenance": _made_on("Big")}))]
-    new += [_named("elsewhere", slow.model_copy(update={"provenance": _made_on("Small | 2")}))]
-    flaky = crash.model_copy(
-        update={
-            "status": "flaky",
-            "failures": (Failure(kind="flaky", title="flaky", message="no two of 5 runs the same"),),
-        }
+    old += [_named("elsewhere", like(passed, **fast, provenance=_made_on("Big")))]
+    new += [_named("elsewhere", like(slow, provenance=_made_on("Small | 2")))]
+    flaky = like(
+        crash, status="flaky", failures=(Failure(kind="flaky", title="flaky", message="no two of 5 runs the same"),)
     )
     old += [_named("shaky", passed), _named("once", flaky)]
     new += [_named("shaky", flaky), _named("once", passed)]
     travel = passed.expectations[0]
-    strict = _with(passed, travel, travel.model_copy(update={"name": "stay upright", "assertion": "upright"}))
+    strict = _with(passed, travel, like(travel, name="stay upright", assertion="upright"))
     looser = replace(travel.verdict, limit=1.0, margin=0.5012)
     old += [_named("weaker", strict)]
     loose = _renamed(travel, "travel at least 1 m", verdict=looser, severity="warning")
@@ -54,11 +50,11 @@ def several(samples: Samples) -> Comparison:
 
 
 def _with(outcome: Outcome, *expectations: ExpectationOutcome) -> Outcome:
-    return outcome.model_copy(update={"expectations": expectations})
+    return like(outcome, expectations=expectations)
 
 
 def _renamed(expected: ExpectationOutcome, name: str, **fields: Any) -> ExpectationOutcome:
-    return expected.model_copy(update={"name": name, **fields})
+    return like(expected, name=name, **fields)
 
 
 def _made_on(cpu: str) -> Provenance:
@@ -66,13 +62,13 @@ def _made_on(cpu: str) -> Provenance:
 
 
 def _named(name: str, outcome: Outcome) -> Outcome:
-    return outcome.model_copy(update={"name": name})
+    return like(outcome, name=name)
 
 
 def _with_margin(outcome: Outcome, margin: float) -> Outcome:
     (expected,) = outcome.expectations
     verdict = replace(expected.verdict, margin=margin)
-    return outcome.model_copy(update={"expectations": (expected.model_copy(update={"verdict": verdict}),)})
+    return like(outcome, expectations=(like(expected, verdict=verdict),))
 
 
 def printed(comparison: Comparison, environment: dict[str, str] | None = None) -> str:
@@ -97,11 +93,11 @@ def test_the_worst_is_first_in_markdown_and_last_above_the_prompt(several: Compa
     assert closing == headline(several)
 
 
-def test_an_expectation_that_is_no_longer_judged_is_a_warning(samples: Samples) -> None:
-    accepted = samples["not-exercised"].outcomes[0]
+def test_an_expectation_that_is_no_longer_judged_is_a_warning() -> None:
+    accepted = SAMPLES["not-exercised"].outcomes[0]
     travel, unread = accepted.expectations
-    read = unread.model_copy(update={"verdict": replace(travel.verdict, message="at least 0.3 m")})
-    before = accepted.model_copy(update={"expectations": (travel, read)})
+    read = like(unread, verdict=replace(travel.verdict, message="at least 0.3 m"))
+    before = like(accepted, expectations=(travel, read))
     (row,) = rows(compare_outcomes([before], [accepted]))
     assert (row.look, row.what) == ("warning", "no longer checked")
     assert row.detail.startswith("range stays above 0.2 m: never checked: sensor 'lidar' had no reading")
@@ -116,49 +112,47 @@ def test_an_expectation_that_is_no_longer_judged_is_a_warning(samples: Samples) 
         (False, Scope(), Scope(allowed=("box", "wall")), "allow has box, wall now"),
     ],
 )
-def test_a_scope_that_demands_less_is_a_warning(
-    samples: Samples, goal: bool, old: Scope, new: Scope, told: str
-) -> None:
-    passed = samples["passed"].outcomes[0]
+def test_a_scope_that_demands_less_is_a_warning(goal: bool, old: Scope, new: Scope, told: str) -> None:
+    passed = SAMPLES["passed"].outcomes[0]
     expected = passed.expectations[0]
     verdict = replace(expected.verdict, goal=goal)
 
     def scoped(scope: Scope) -> Outcome:
-        judged = expected.model_copy(update={"verdict": verdict, "scope": scope})
-        return passed.model_copy(update={"expectations": (judged,)})
+        judged = like(expected, verdict=verdict, scope=scope)
+        return like(passed, expectations=(judged,))
 
     (row,) = rows(compare_outcomes([scoped(old)], [scoped(new)]))
     assert (row.look, row.what) == ("warning", "allows more" if new.allowed else "weaker window")
     assert row.detail == f"{expected.name}: {told}"
 
 
-def test_a_digest_is_news_where_the_verdict_is_none(samples: Samples) -> None:
-    passed, failed = samples["passed"].outcomes[0], samples["failed"].outcomes[2]
-    again = passed.model_copy(update={"digest": "f1"})
+def test_a_digest_is_news_where_the_verdict_is_none() -> None:
+    passed, failed = SAMPLES["passed"].outcomes[0], SAMPLES["failed"].outcomes[2]
+    again = like(passed, digest="f1")
     assert [row.what for row in rows(compare_outcomes([passed], [again]))] == ["moves differently"]
-    worse = failed.model_copy(update={"digest": "f1"})
+    worse = like(failed, digest="f1")
     assert [row.what for row in rows(compare_outcomes([passed], [worse]))] == ["newly fails"]
 
 
-def test_a_flaky_scenario_is_in_the_title(samples: Samples) -> None:
-    flaky = samples["crash"].outcomes[0].model_copy(update={"status": "flaky"})
-    failed = samples["failed"].outcomes[0]
+def test_a_flaky_scenario_is_in_the_title() -> None:
+    flaky = like(SAMPLES["crash"].outcomes[0], status="flaky")
+    failed = SAMPLES["failed"].outcomes[0]
     assert comparison_markdown(compare_outcomes([], [flaky])).startswith("## 🎲 1 scenario is flaky\n")
     assert comparison_markdown(compare_outcomes([], [flaky, failed])).startswith(
         "## ❌ 1 scenario newly fails, 1 flaky\n"
     )
 
 
-def test_runs_that_are_alike_have_a_headline_alone(samples: Samples) -> None:
-    same = compare_outcomes(samples["passed"].outcomes, samples["passed"].outcomes)
+def test_runs_that_are_alike_have_a_headline_alone() -> None:
+    same = compare_outcomes(SAMPLES["passed"].outcomes, SAMPLES["passed"].outcomes)
     assert printed(same) == "1 still passes\n"
     assert comparison_markdown(same).startswith("## ✅ Nothing newly fails\n")
     assert "|" not in comparison_markdown(same)
     assert headline(compare_outcomes([], [])) == "no scenarios"
 
 
-def test_a_run_that_lacks_every_scenario_is_told(samples: Samples) -> None:
-    old = samples["passed"].outcomes
+def test_a_run_that_lacks_every_scenario_is_told() -> None:
+    old = SAMPLES["passed"].outcomes
     gone = compare_outcomes(old, [])
     *_, message, counts = printed(gone).splitlines()
     assert message.startswith("every scenario of the old run was removed, so nothing was compared")
@@ -171,8 +165,8 @@ def test_a_run_that_lacks_every_scenario_is_told(samples: Samples) -> None:
     assert "nothing was compared" not in printed(allowed) + comparison_markdown(allowed)
 
 
-def test_hostile_text_is_text_in_markdown(samples: Samples) -> None:
-    hostile = samples["hostile"].outcomes
+def test_hostile_text_is_text_in_markdown() -> None:
+    hostile = SAMPLES["hostile"].outcomes
     (table,) = comparison_markdown(compare_outcomes([], hostile)).split("\n\n")[2:]
     assert {line.count("|") for line in table.splitlines()} == {5}
     html = MarkdownIt("commonmark").enable("table").render(table)
@@ -182,16 +176,16 @@ def test_hostile_text_is_text_in_markdown(samples: Samples) -> None:
     assert html.count("<strong>") == len(hostile)
 
 
-def test_hostile_text_gives_a_log_no_command(samples: Samples) -> None:
-    text = printed(compare_outcomes([], samples["hostile"].outcomes), {"GITHUB_ACTIONS": "true", "NO_COLOR": "1"})
+def test_hostile_text_gives_a_log_no_command() -> None:
+    text = printed(compare_outcomes([], SAMPLES["hostile"].outcomes), {"GITHUB_ACTIONS": "true", "NO_COLOR": "1"})
     first, *lines, last = text.splitlines()
     assert first.startswith("::stop-commands::")
     assert last == f"::{first.removeprefix('::stop-commands::')}::"
     assert not any(line.startswith("::") or "##[" in line or "\x1b" in line for line in lines)
 
 
-def test_very_many_changes_fit_into_a_comment_the_worst_of_them(samples: Samples) -> None:
-    bad, good = samples["hostile"].outcomes[0], samples["passed"].outcomes[0]
+def test_very_many_changes_fit_into_a_comment_the_worst_of_them() -> None:
+    bad, good = SAMPLES["hostile"].outcomes[0], SAMPLES["passed"].outcomes[0]
     new = [_named(f"good {place}", good) for place in range(3_000)] + [_named("bad", bad)]
     text = comparison_markdown(compare_outcomes([], new))
     assert len(text) <= MAX_CHARACTERS
@@ -214,7 +208,7 @@ def gates() -> Comparison:
     def runs(gate: str, passed: int, seed: int = 0, digest: str | None = None) -> list[Outcome]:
         found = verdicts([sample < passed for sample in range(100)], gate, seed=seed)
         digests = (None if digest is None else f"{digest}{sample}" for sample in range(100))
-        return [each.model_copy(update={"digest": own}) for each, own in zip(found, digests, strict=True)]
+        return [like(each, digest=own) for each, own in zip(found, digests, strict=True)]
 
     add("fell", runs("fell", 95), runs("fell", 80))
     add("fell and newly fails", runs("fell and newly fails", 100), runs("fell and newly fails", 70), at_least=0.9)
@@ -286,8 +280,8 @@ def test_other_draws_are_counted_of_all_runs() -> None:
     ("goal", "told"),
     [(True, "came true at 2.00 s"), (False, "measured 1.501 m, limit 1.5 m, margin 0.0012 m, at 2.00 s")],
 )
-def test_a_goal_that_was_met_before_has_no_margin(goal: bool, told: str, samples: Samples) -> None:
-    passed, failed = samples["passed"].outcomes[0], samples["failed"].outcomes[2]
+def test_a_goal_that_was_met_before_has_no_margin(goal: bool, told: str) -> None:
+    passed, failed = SAMPLES["passed"].outcomes[0], SAMPLES["failed"].outcomes[2]
     travel = passed.expectations[0]
     met = _named("a", _with(passed, _renamed(travel, travel.name, verdict=replace(travel.verdict, goal=goal))))
     (row,) = rows(compare_outcomes([met], [_named("a", failed)]))

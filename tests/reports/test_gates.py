@@ -24,7 +24,7 @@ from sim_action.results.outcome import Outcome
 from sim_action.results.over_variations import over_variations
 from sim_action.results.results_json import Results
 from sim_action.world.claims import AuditWarning
-from tests.outcomes import gate_results, outcome, planned_gate, runs_of_gate
+from tests.outcomes import gate_results, like, outcome, planned_gate, runs_of_gate
 
 Golden = Callable[[str, str], None]
 
@@ -172,13 +172,11 @@ def test_few_runs_are_listed_the_worst_first(options: ReportOptions) -> None:
 
 def test_a_warning_counts_once_for_all_runs(options: ReportOptions, capsys: pytest.CaptureFixture[str]) -> None:
     warning = AuditWarning(rule="nothing-to-touch", message="no objects", location=Location(PLANNED.file, 9, 5))
-    runs = [run.model_copy(update={"warnings": (warning,)}) for run in runs_of_gate(PLANNED, passed=61)]
-    soft = (
-        runs[0]
-        .expectations[0]
-        .model_copy(update={"severity": "warning", "verdict": replace(runs[0].expectations[0].verdict, passed=False)})
+    runs = [like(run, warnings=(warning,)) for run in runs_of_gate(PLANNED, passed=61)]
+    soft = like(
+        runs[0].expectations[0], severity="warning", verdict=replace(runs[0].expectations[0].verdict, passed=False)
     )
-    runs = [run.model_copy(update={"expectations": (*run.expectations, soft)}) for run in runs]
+    runs = [like(run, expectations=(*run.expectations, soft)) for run in runs]
     results = gate_results(PLANNED, *runs)
     assert counts_text(results) == "1 passed, 2 warnings; 61 runs of 1 gate"
     text = printed(results, options)
@@ -190,7 +188,7 @@ def test_a_warning_counts_once_for_all_runs(options: ReportOptions, capsys: pyte
 
 def test_scenarios_and_gates_are_counted_together(options: ReportOptions) -> None:
     gate = judged(passed=58, failed=3)
-    results = gate.model_copy(update={"outcomes": (outcome("a.sim.yml"), *gate.outcomes)})
+    results = like(gate, outcomes=(outcome("a.sim.yml"), *gate.outcomes))
     assert counts_text(results) == "1 passed, 1 inconclusive; 61 runs of 1 gate"
     assert summary(results, options).startswith("## ❌ 1 of 2 scenarios and gates did not pass\n")
     assert taken_over_text(17, results) == "17 of 62 runs taken over from the earlier run"
@@ -199,7 +197,7 @@ def test_scenarios_and_gates_are_counted_together(options: ReportOptions) -> Non
 
 def test_the_report_opens_at_the_worst_run(options: ReportOptions) -> None:
     runs = runs_of_gate(PLANNED, passed=58, failed=3)
-    replayed = [run.model_copy(update={"replay": f"replays/{run.number}.json"}) for run in runs]
+    replayed = [like(run, replay=f"replays/{run.number}.json") for run in runs]
     fragment = outputs(gate_results(PLANNED, *replayed), options)["report-fragment"]
     assert fragment.startswith("#scenario=slip%5Bfriction%3D0.59%5D")
     assert fragment.endswith("&t=3")

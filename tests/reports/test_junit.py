@@ -18,9 +18,10 @@ from sim_action.reports.escaping import plain_text
 from sim_action.reports.junit import write_junit
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.results_json import Results
+from tests.outcomes import like
+from tests.reports.samples import SAMPLES, results_of
 
 Golden = Callable[[str, str], None]
-Samples = dict[str, Results]
 
 
 def written(results: Results, options: ReportOptions) -> ET.Element:
@@ -28,42 +29,42 @@ def written(results: Results, options: ReportOptions) -> ET.Element:
     return ET.parse(options.junit).getroot()
 
 
-def test_golden(kind: str, samples: Samples, options: ReportOptions, golden: Golden) -> None:
-    write_junit(samples[kind], options)
+def test_golden(kind: str, options: ReportOptions, golden: Golden) -> None:
+    write_junit(SAMPLES[kind], options)
     golden(f"{kind}.xml", options.junit.read_text(encoding="utf-8") + "\n")
 
 
 @pytest.mark.parametrize("strict", [False, True])
-def test_totals_are_counts_of_testcases(kind: str, strict: bool, samples: Samples, options: ReportOptions) -> None:
-    root = written(samples[kind], replace(options, junit_strict=strict))
+def test_totals_are_counts_of_testcases(kind: str, strict: bool, options: ReportOptions) -> None:
+    root = written(SAMPLES[kind], replace(options, junit_strict=strict))
     for parent in (root, *root.iter("testsuite")):
         assert int(parent.attrib["tests"]) == len(list(parent.iter("testcase")))
         assert int(parent.attrib["failures"]) == len(list(parent.iter("failure")))
         assert int(parent.attrib["errors"]) == len(list(parent.iter("error")))
 
 
-def test_junitparser_reads_it(samples: Samples, options: ReportOptions) -> None:
-    write_junit(samples["failed"], options)
+def test_junitparser_reads_it(options: ReportOptions) -> None:
+    write_junit(SAMPLES["failed"], options)
     report = JUnitXml.fromfile(str(options.junit))
     suites = [suite for suite in report if isinstance(suite, TestSuite)]
     assert (report.tests, report.failures, report.errors) == (6, 3, 0)
-    assert [suite.name for suite in suites] == [outcome.name for outcome in samples["failed"].outcomes]
+    assert [suite.name for suite in suites] == [outcome.name for outcome in SAMPLES["failed"].outcomes]
     failure = next(iter(suites[2])).result[0]
     assert isinstance(failure, Failure)
     assert failure.type == "travel"
     assert failure.message == "travelled 1.12 m of 1.5 m in 30.0 s"
 
 
-def test_an_error_for_each_reason(samples: Samples, options: ReportOptions) -> None:
-    write_junit(samples["invalid"], options)
+def test_an_error_for_each_reason(options: ReportOptions) -> None:
+    write_junit(SAMPLES["invalid"], options)
     (suite,) = JUnitXml.fromfile(str(options.junit))
     errors = [result for case in suite for result in case.result]
     assert [type(error) for error in errors] == [Error, Error]
     assert [error.type for error in errors] == ["invalid", "invalid"]
 
 
-def test_failure_says_message_then_its_place_as_tools_look_for_it(samples: Samples, options: ReportOptions) -> None:
-    failure = written(samples["failed"], options).findall(".//failure")[-1]
+def test_failure_says_message_then_its_place_as_tools_look_for_it(options: ReportOptions) -> None:
+    failure = written(SAMPLES["failed"], options).findall(".//failure")[-1]
     assert failure.text == (
         "travelled 1.12 m of 1.5 m in 30.0 s\n"
         "scenarios/straight.sim.yml:8\n"
@@ -82,39 +83,37 @@ def test_failure_says_message_then_its_place_as_tools_look_for_it(samples: Sampl
         ("2nd/x.sim.yml", None),
     ],
 )
-def test_place_as_a_java_frame_where_there_can_be_one(
-    file: str, frame: str | None, samples: Samples, make_results: Callable[..., Results], options: ReportOptions
-) -> None:
-    outcome = samples["failed"].outcomes[2]
+def test_place_as_a_java_frame_where_there_can_be_one(file: str, frame: str | None, options: ReportOptions) -> None:
+    outcome = SAMPLES["failed"].outcomes[2]
     (expected,) = outcome.expectations
-    moved = expected.model_copy(update={"location": Location(file, 8, 5)})
-    failure = written(make_results(outcome.model_copy(update={"expectations": (moved,)})), options).find(".//failure")
+    moved = like(expected, location=Location(file, 8, 5))
+    failure = written(results_of(like(outcome, expectations=(moved,))), options).find(".//failure")
     assert failure is not None
     frames = [line for line in (failure.text or "").splitlines() if ".Scenario(" in line]
     assert frames == ([frame] if frame else [])
 
 
-def test_names_are_unique(kind: str, samples: Samples, options: ReportOptions) -> None:
-    cases = written(samples[kind], options).iter("testcase")
+def test_names_are_unique(kind: str, options: ReportOptions) -> None:
+    cases = written(SAMPLES[kind], options).iter("testcase")
     assert all(count == 1 for count in Counter((case.get("classname"), case.get("name")) for case in cases).values())
 
 
-def test_times_of_testcases_add_up(kind: str, samples: Samples, options: ReportOptions) -> None:
-    for suite in written(samples[kind], options).iter("testsuite"):
+def test_times_of_testcases_add_up(kind: str, options: ReportOptions) -> None:
+    for suite in written(SAMPLES[kind], options).iter("testsuite"):
         times = [case.attrib["time"] for case in suite.iter("testcase")]
         assert all(re.fullmatch(r"\d+\.\d{3}", time) for time in times)
         assert sum(map(float, times)) == pytest.approx(float(suite.attrib["time"]))
 
 
-def test_warning_is_no_failure_but_is_told(samples: Samples, options: ReportOptions) -> None:
-    root = written(samples["warning"], options)
+def test_warning_is_no_failure_but_is_told(options: ReportOptions) -> None:
+    root = written(SAMPLES["warning"], options)
     assert root.get("failures") == "0"
     outputs = [element.text or "" for element in root.iter("system-out")]
     assert any("warning: tilted 30 deg at 1.25 s" in text for text in outputs)
 
 
-def test_properties_of_testcases(samples: Samples, options: ReportOptions) -> None:
-    case = written(samples["passed"], options).find(".//testcase")
+def test_properties_of_testcases(options: ReportOptions) -> None:
+    case = written(SAMPLES["passed"], options).find(".//testcase")
     assert case is not None
     properties = {element.get("name"): element.get("value") for element in case.iter("property")}
     assert properties["measured"] == "1.5012"
@@ -123,29 +122,29 @@ def test_properties_of_testcases(samples: Samples, options: ReportOptions) -> No
     assert properties["unit"] == "m"
 
 
-def test_measured_values_of_like_names_are_all_kept(samples: Samples, options: ReportOptions) -> None:
-    suite = written(samples["failed"], replace(options, junit_strict=True)).find("testsuite")
+def test_measured_values_of_like_names_are_all_kept(options: ReportOptions) -> None:
+    suite = written(SAMPLES["failed"], replace(options, junit_strict=True)).find("testsuite")
     assert suite is not None
     names = [element.get("name") for element in suite.iter("property")]
     assert {"measured: no_collision", "measured: no_collision (2)"} <= set(names)
 
 
-def test_trace_is_the_first_attachment(samples: Samples, options: ReportOptions) -> None:
-    for output in written(samples["hostile"], options).iter("system-out"):
+def test_trace_is_the_first_attachment(options: ReportOptions) -> None:
+    for output in written(SAMPLES["hostile"], options).iter("system-out"):
         attachments = re.findall(r"\[\[ATTACHMENT\|(.+?)\]\]", output.text or "")
         assert attachments == ["sim-results/traces/burger-drives-straight.npz"]
 
 
-def test_no_suite_is_empty(make_results: Callable[..., Results], options: ReportOptions) -> None:
+def test_no_suite_is_empty(options: ReportOptions) -> None:
     outcome = Outcome(name="a", file="a.sim.yml", status="error")
-    assert written(make_results(outcome), options).get("errors") == "1"
+    assert written(results_of(outcome), options).get("errors") == "1"
 
 
-def test_folders_are_made_and_nothing_else_is_left(samples: Samples, options: ReportOptions, tmp_path: Path) -> None:
+def test_folders_are_made_and_nothing_else_is_left(options: ReportOptions, tmp_path: Path) -> None:
     path = tmp_path / "a" / "b" / "junit.xml"
     path.parent.mkdir(parents=True)
     path.write_text("before")
-    write_junit(samples["passed"], replace(options, junit=path))
+    write_junit(SAMPLES["passed"], replace(options, junit=path))
     assert list(path.parent.iterdir()) == [path]
     assert ET.parse(path).getroot().tag == "testsuites"
 
@@ -176,17 +175,17 @@ REQUIRED = {"testsuite": {"name", "tests", "failures", "errors"}, "testcase": {"
 SUREFIRE_TIME = re.compile(r"(([0-9]{0,3},)*[0-9]{3}|[0-9]{0,3})*(\.[0-9]*)?")
 
 
-def test_strict_mode_keeps_the_schema(kind: str, samples: Samples, options: ReportOptions) -> None:
-    for element in written(samples[kind], replace(options, junit_strict=True)).iter():
+def test_strict_mode_keeps_the_schema(kind: str, options: ReportOptions) -> None:
+    for element in written(SAMPLES[kind], replace(options, junit_strict=True)).iter():
         assert set(element.attrib) <= ATTRIBUTES[element.tag]
         assert set(element.attrib) >= REQUIRED.get(element.tag, set())
         assert {child.tag for child in element} <= CHILDREN.get(element.tag, set())
         assert SUREFIRE_TIME.fullmatch(element.get("time", ""))
 
 
-def test_strict_mode_drops_nothing_else(kind: str, samples: Samples, options: ReportOptions) -> None:
-    full = written(samples[kind], options)
-    strict = written(samples[kind], replace(options, junit_strict=True))
+def test_strict_mode_drops_nothing_else(kind: str, options: ReportOptions) -> None:
+    full = written(SAMPLES[kind], options)
+    strict = written(SAMPLES[kind], replace(options, junit_strict=True))
     for case in full.iter("testcase"):
         for name in ("file", "line"):
             case.attrib.pop(name, None)
@@ -199,14 +198,12 @@ def test_strict_mode_drops_nothing_else(kind: str, samples: Samples, options: Re
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
 @given(text=st.text())
-def test_any_text_survives_as_text(
-    text: str, samples: Samples, make_results: Callable[..., Results], options: ReportOptions
-) -> None:
-    outcome = samples["failed"].outcomes[2]
+def test_any_text_survives_as_text(text: str, options: ReportOptions) -> None:
+    outcome = SAMPLES["failed"].outcomes[2]
     (expected,) = outcome.expectations
     verdict = replace(expected.verdict, message=text)
-    hostile: ExpectationOutcome = expected.model_copy(update={"name": text, "verdict": verdict})
+    hostile: ExpectationOutcome = like(expected, name=text, verdict=verdict)
     changed = {"name": text, "file": f"{text}.yml", "expectations": (hostile,), "output": text}
-    failure = written(make_results(outcome.model_copy(update=changed)), options).find(".//failure")
+    failure = written(results_of(like(outcome, **changed)), options).find(".//failure")
     assert failure is not None
     assert failure.get("message") == plain_text(text)

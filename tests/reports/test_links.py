@@ -18,109 +18,104 @@ from sim_action.reports import ReportOptions
 from sim_action.reports.html.report import page
 from sim_action.reports.links import file_and_line, relative_path, replay_link, rerun_command, source_url
 from sim_action.results.outcome import Outcome
-from sim_action.results.results_json import Results
 from sim_action.scenario.source import Varied
-
-Samples = dict[str, Results]
-
-
-def of(samples: Samples, **changed: object) -> Outcome:
-    return samples["passed"].outcomes[0].model_copy(update=changed)
+from tests.outcomes import like
+from tests.reports.samples import SAMPLES
 
 
-def test_the_scenario_is_named_and_the_engine_that_it_ran_on(samples: Samples, options: ReportOptions) -> None:
-    assert rerun_command(of(samples, seed=0), options) == (
+def of(**changed: object) -> Outcome:
+    return like(SAMPLES["passed"].outcomes[0], **changed)
+
+
+def test_the_scenario_is_named_and_the_engine_that_it_ran_on(options: ReportOptions) -> None:
+    assert rerun_command(of(seed=0), options) == (
         'sim-action run scenarios/straight.sim.yml --only "burger drives straight" --backend pybullet'
     )
 
 
-def test_what_the_call_has_permitted_is_permitted_again(
-    samples: Samples, options: ReportOptions, tmp_path: Path
-) -> None:
+def test_what_the_call_has_permitted_is_permitted_again(options: ReportOptions, tmp_path: Path) -> None:
     packages = (("a", str(tmp_path.resolve().parent / "my a")), ("b", str(tmp_path.resolve() / "b")))
     permissions = Permissions(outside=True, pass_env=("TOKEN",), packages=packages)
-    words = shlex.split(rerun_command(of(samples, seed=0), replace(options, permissions=permissions)))
+    words = shlex.split(rerun_command(of(seed=0), replace(options, permissions=permissions)))
     assert words[words.index("--package") :] == [
         *("--package", "a=../my a", "--package", "b=b", "--pass-env", "TOKEN", "--allow-outside")
     ]
 
 
-def test_a_seed_is_named_unless_it_is_the_one_that_everything_begins_with(
-    samples: Samples, options: ReportOptions
-) -> None:
-    assert "--seed" not in rerun_command(of(samples, seed=0), options)
-    assert rerun_command(of(samples, seed=7, engine="MuJoCo 4.0.0"), options).endswith(" --seed 7 --backend mujoco")
+def test_a_seed_is_named_unless_it_is_the_one_that_everything_begins_with(options: ReportOptions) -> None:
+    assert "--seed" not in rerun_command(of(seed=0), options)
+    assert rerun_command(of(seed=7, engine="MuJoCo 4.0.0"), options).endswith(" --seed 7 --backend mujoco")
 
 
-def test_a_variation_of_the_seed_is_found_by_its_name(samples: Samples, options: ReportOptions) -> None:
-    varied = of(samples, name="push[seed=7]", seed=7, variation=(Varied("seed", 7),))
+def test_a_variation_of_the_seed_is_found_by_its_name(options: ReportOptions) -> None:
+    varied = of(name="push[seed=7]", seed=7, variation=(Varied("seed", 7),))
     assert rerun_command(varied, options).endswith('--only "push[seed=7]" --backend pybullet')
 
 
-def test_a_sample_is_drawn_again_from_the_seed_of_its_scenario(samples: Samples, options: ReportOptions) -> None:
+def test_a_sample_is_drawn_again_from_the_seed_of_its_scenario(options: ReportOptions) -> None:
     variation = (Varied("robot.pose.yaw", 0.1),)
-    sample = of(samples, name="push[yaw=0.1]", seed=81, scenario_seed=0, variation=variation)
+    sample = of(name="push[yaw=0.1]", seed=81, scenario_seed=0, variation=variation)
     assert rerun_command(sample, options).endswith('--only "push[yaw=0.1]" --backend pybullet')
-    again = rerun_command(sample.model_copy(update={"scenario_seed": 7}), options)
+    again = rerun_command(like(sample, scenario_seed=7), options)
     assert again.endswith('--only "push[yaw=0.1]" --seed 7 --backend pybullet')
 
 
-def test_a_run_that_is_held_against_another_engine_needs_both(samples: Samples, options: ReportOptions) -> None:
-    assert rerun_command(of(samples, name="push [pybullet]"), options) == (
+def test_a_run_that_is_held_against_another_engine_needs_both(options: ReportOptions) -> None:
+    assert rerun_command(of(name="push [pybullet]"), options) == (
         "sim-action run scenarios/straight.sim.yml --only push"
     )
 
 
-def test_files_are_seen_from_the_workspace(samples: Samples, options: ReportOptions, tmp_path: Path) -> None:
-    outcome = of(samples, file=str(tmp_path / "robot" / "a b.sim.yml"))
+def test_files_are_seen_from_the_workspace(options: ReportOptions, tmp_path: Path) -> None:
+    outcome = of(file=str(tmp_path / "robot" / "a b.sim.yml"))
     assert rerun_command(outcome, options).startswith('sim-action run "robot/a b.sim.yml" ')
 
 
-def test_what_could_not_be_read_is_validated(samples: Samples, options: ReportOptions) -> None:
-    assert rerun_command(samples["invalid"].outcomes[0], options) == "sim-action validate scenarios/broken.sim.yml"
+def test_what_could_not_be_read_is_validated(options: ReportOptions) -> None:
+    assert rerun_command(SAMPLES["invalid"].outcomes[0], options) == "sim-action validate scenarios/broken.sim.yml"
 
 
-def test_what_nobody_ran_has_no_command(samples: Samples, options: ReportOptions) -> None:
-    assert [rerun_command(outcome, options) for outcome in samples["missing"].outcomes[1:]] == ["", ""]
+def test_what_nobody_ran_has_no_command(options: ReportOptions) -> None:
+    assert [rerun_command(outcome, options) for outcome in SAMPLES["missing"].outcomes[1:]] == ["", ""]
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=100)
 @example(name="a  wide  gap")
 @given(name=st.text(min_size=1).filter(str.isprintable))
-def test_a_shell_reads_the_name_as_it_is(name: str, samples: Samples, options: ReportOptions) -> None:
-    words = shlex.split(rerun_command(of(samples, name=name), options))
+def test_a_shell_reads_the_name_as_it_is(name: str, options: ReportOptions) -> None:
+    words = shlex.split(rerun_command(of(name=name), options))
     assert words[words.index("--only") + 1] == name
 
 
 @pytest.mark.parametrize("name", ["burger drives straight", "a&t=9#b %20 +c?", "Größe/😀"])
-def test_a_link_leads_to_the_moment(name: str, samples: Samples, options: ReportOptions) -> None:
-    link = replay_link(of(samples, name=name, replay="replays/a.json.gz"), options, 4.504166)
+def test_a_link_leads_to_the_moment(name: str, options: ReportOptions) -> None:
+    link = replay_link(of(name=name, replay="replays/a.json.gz"), options, 4.504166)
     file, _, fragment = link.partition("#")
     assert file == "report.html"
     assert parse_qs(fragment) == {"scenario": [name], "t": ["4.5"]}
 
 
 @pytest.mark.parametrize("name", ["a  wide  gap", "a\u202eb", "a\ud800b"])
-def test_a_link_has_the_name_that_the_page_has(name: str, samples: Samples, options: ReportOptions) -> None:
-    told = samples["passed"].model_copy(update={"outcomes": (of(samples, name=name, replay="replays/a.json.gz"),)})
+def test_a_link_has_the_name_that_the_page_has(name: str, options: ReportOptions) -> None:
+    told = like(SAMPLES["passed"], outcomes=(of(name=name, replay="replays/a.json.gz"),))
     entry = json.loads(page(told, options).index)["scenarios"][0]
     link = replay_link(told.outcomes[0], options)
     assert parse_qs(link.partition("#")[2])["scenario"] == [entry["name"]]
 
 
-def test_without_a_moment_it_leads_to_the_scenario(samples: Samples, options: ReportOptions) -> None:
-    assert replay_link(of(samples, name="a", replay="replays/a.json.gz"), options) == "report.html#scenario=a"
+def test_without_a_moment_it_leads_to_the_scenario(options: ReportOptions) -> None:
+    assert replay_link(of(name="a", replay="replays/a.json.gz"), options) == "report.html#scenario=a"
 
 
-def test_without_a_replay_or_a_report_there_is_no_link(samples: Samples, options: ReportOptions) -> None:
-    assert replay_link(of(samples), options, 1.0) == ""
+def test_without_a_replay_or_a_report_there_is_no_link(options: ReportOptions) -> None:
+    assert replay_link(of(), options, 1.0) == ""
     unasked = replace(options, silenced=frozenset({"report"}))
-    assert replay_link(of(samples, replay="replays/a.json.gz"), unasked, 1.0) == ""
+    assert replay_link(of(replay="replays/a.json.gz"), unasked, 1.0) == ""
 
 
-def test_what_is_no_scenario_is_called_as_it_was(samples: Samples, options: ReportOptions) -> None:
+def test_what_is_no_scenario_is_called_as_it_was(options: ReportOptions) -> None:
     words = ("sim-action", "rostest", "my robot", "a.test", "side:=left")
-    assert rerun_command(of(samples, call=words), options) == 'sim-action rostest "my robot" a.test side:=left'
+    assert rerun_command(of(call=words), options) == 'sim-action rostest "my robot" a.test side:=left'
 
 
 def test_from_a_folder_below_the_workspace(options: ReportOptions, tmp_path: Path) -> None:
@@ -165,7 +160,7 @@ def test_place(options: ReportOptions, tmp_path: Path) -> None:
 
 
 def test_a_file_outside_the_workspace_is_seen_from_the_current_folder_and_has_no_url(
-    samples: Samples, options: ReportOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    options: ReportOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("workspace", "elsewhere/deep"):
         (tmp_path / name).mkdir(parents=True)

@@ -21,8 +21,8 @@ from sim_action.reports.terminal import print_results
 from sim_action.results.comparison import compare_outcomes
 from sim_action.results.outcome import Measurement, Outcome
 from sim_action.results.results_json import Results
-
-Samples = dict[str, Results]
+from tests.outcomes import like
+from tests.reports.samples import SAMPLES
 
 ENGINE = "mujoco 4.0.1"
 APART = Measurement(
@@ -79,39 +79,37 @@ def own(options: ReportOptions, tmp_path: Path) -> ReportOptions:
     "kind", ["passed", "failed", "flaky", "crash", "warning", "not-exercised", "interrupted", "invalid", "varied"]
 )
 def test_every_report_names_the_engine_of_an_outcome(
-    kind: str, report: Callable[[Results, ReportOptions], str], samples: Samples, own: ReportOptions
+    kind: str, report: Callable[[Results, ReportOptions], str], own: ReportOptions
 ) -> None:
-    outcomes = tuple(made.model_copy(update={"engine": ENGINE}) for made in samples[kind].outcomes)
-    assert ENGINE in report(samples[kind].model_copy(update={"outcomes": outcomes}), own)
-    without = tuple(made.model_copy(update={"engine": None}) for made in outcomes)
-    assert ENGINE not in report(samples[kind].model_copy(update={"outcomes": without}), own)
+    outcomes = tuple(like(made, engine=ENGINE) for made in SAMPLES[kind].outcomes)
+    assert ENGINE in report(like(SAMPLES[kind], outcomes=outcomes), own)
+    without = tuple(like(made, engine=None) for made in outcomes)
+    assert ENGINE not in report(like(SAMPLES[kind], outcomes=without), own)
 
 
 @each_report
 def test_every_report_names_all_engines_of_a_scenario(
-    report: Callable[[Results, ReportOptions], str], samples: Samples, own: ReportOptions
+    report: Callable[[Results, ReportOptions], str], own: ReportOptions
 ) -> None:
     outcomes = [
-        made.model_copy(update={"engine": ENGINE if index % 2 else "pybullet 3.2.7"})
-        for index, made in enumerate(samples["varied"].outcomes)
+        like(made, engine=ENGINE if index % 2 else "pybullet 3.2.7")
+        for index, made in enumerate(SAMPLES["varied"].outcomes)
     ]
-    text = report(samples["varied"].model_copy(update={"outcomes": tuple(outcomes)}), own)
+    text = report(like(SAMPLES["varied"], outcomes=tuple(outcomes)), own)
     assert ENGINE in text
     assert "pybullet 3.2.7" in text
 
 
-def measured(samples: Samples) -> tuple[Outcome, Outcome]:
+def measured() -> tuple[Outcome, Outcome]:
     """An outcome without and with a measurement."""
-    plain = samples["passed"].outcomes[0]
-    return plain, plain.model_copy(update={"measurements": (APART,)})
+    plain = SAMPLES["passed"].outcomes[0]
+    return plain, like(plain, measurements=(APART,))
 
 
 @each_report
-def test_every_report_shows_a_measurement(
-    report: Callable[[Results, ReportOptions], str], samples: Samples, own: ReportOptions
-) -> None:
-    _, outcome = measured(samples)
-    shown = report(samples["passed"].model_copy(update={"outcomes": (outcome,)}), own)
+def test_every_report_shows_a_measurement(report: Callable[[Results, ReportOptions], str], own: ReportOptions) -> None:
+    _, outcome = measured()
+    shown = report(like(SAMPLES["passed"], outcomes=(outcome,)), own)
     assert APART.message in shown
 
 
@@ -122,9 +120,9 @@ def test_a_measurement_has_a_look_of_its_own() -> None:
     assert (INFORMATION.junit, INFORMATION.level) == (None, None)
 
 
-def test_a_measurement_has_no_tick(samples: Samples, own: ReportOptions) -> None:
-    _, outcome = measured(samples)
-    results = samples["passed"].model_copy(update={"outcomes": (outcome,)})
+def test_a_measurement_has_no_tick(own: ReportOptions) -> None:
+    _, outcome = measured()
+    results = like(SAMPLES["passed"], outcomes=(outcome,))
     for text, passed in ((terminal(results, own), "✓"), (summary(results, own), "✅"), (html(results, own), "✓")):
         (line,) = [line for line in text.splitlines() if APART.message in line]
         before = line[: line.index(APART.message)]
@@ -132,32 +130,32 @@ def test_a_measurement_has_no_tick(samples: Samples, own: ReportOptions) -> None
         assert before.rfind(passed) < before.rfind(INFORMATION.symbol)
 
 
-def test_a_measurement_is_no_testcase_and_counts_nowhere(samples: Samples, own: ReportOptions) -> None:
-    plain, outcome = measured(samples)
-    results = samples["passed"].model_copy(update={"outcomes": (outcome,)})
+def test_a_measurement_is_no_testcase_and_counts_nowhere(own: ReportOptions) -> None:
+    plain, outcome = measured()
+    results = like(SAMPLES["passed"], outcomes=(outcome,))
     suites = ET.fromstring(junit(results, own))
     assert len(suites.findall(".//testcase")) == len(plain.expectations) == int(suites.attrib["tests"])
     told = {each.get("name"): each.get("value") for each in suites.findall("testsuite/properties/property")}
     assert told["information: distance to pybullet 3.2.7"] == "0.00212 m"
-    assert counts_text(results) == counts_text(samples["passed"])
+    assert counts_text(results) == counts_text(SAMPLES["passed"])
     assert (outcome.status, outcome.display_status, outcome.causes) == ("passed", "passed", ())
 
 
-def test_a_measurement_that_appears_or_goes_is_no_change(samples: Samples) -> None:
-    plain, outcome = measured(samples)
+def test_a_measurement_that_appears_or_goes_is_no_change() -> None:
+    plain, outcome = measured()
     for old, new in ((plain, outcome), (outcome, plain)):
         (change,) = compare_outcomes([old], [new]).changes
         assert (change.kind, change.warnings, change.weaker) == ("still passes", 0, ())
 
 
-def test_quiet_shows_no_measurement(samples: Samples, own: ReportOptions) -> None:
-    outcome = samples["failed"].outcomes[0].model_copy(update={"measurements": (APART,)})
-    results = samples["failed"].model_copy(update={"outcomes": (outcome,)})
+def test_quiet_shows_no_measurement(own: ReportOptions) -> None:
+    outcome = like(SAMPLES["failed"].outcomes[0], measurements=(APART,))
+    results = like(SAMPLES["failed"], outcomes=(outcome,))
     assert APART.message not in terminal(results, replace(own, verbosity="quiet"))
 
 
-def test_results_json_has_the_numbers(samples: Samples, own: ReportOptions) -> None:
-    _, outcome = measured(samples)
-    written = json.loads(results_json(samples["passed"].model_copy(update={"outcomes": (outcome,)}), own))
+def test_results_json_has_the_numbers(own: ReportOptions) -> None:
+    _, outcome = measured()
+    written = json.loads(results_json(like(SAMPLES["passed"], outcomes=(outcome,)), own))
     (found,) = written["outcomes"][0]["measurements"]
     assert (found["measured"], found["unit"], found["time"]) == (0.00212, "m", 0.52)

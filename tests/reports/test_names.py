@@ -32,13 +32,11 @@ from sim_action.reports.terminal import print_results
 from sim_action.results.artifacts import trace_paths
 from sim_action.results.comparison import Thresholds, compare_outcomes
 from sim_action.results.outcome import Outcome
-from sim_action.results.results_json import Results
 from sim_action.results.shards import balanced
 from sim_action.scenario.selection import Selection, selected
 from sim_action.scenario.source import Source
-
-Samples = dict[str, Results]
-Make = Callable[..., Results]
+from tests.outcomes import like
+from tests.reports.samples import SAMPLES, results_of
 
 NAMES = (
     "gap < 1 m",
@@ -63,16 +61,16 @@ def with_names(test: Callable[..., None]) -> Callable[..., None]:
     return given(name=TITLES)(settings(max_examples=20, deadline=None, suppress_health_check=checks)(test))
 
 
-def failed(samples: Samples, name: str) -> Outcome:
+def failed(name: str) -> Outcome:
     """Return a failed scenario that is called so, with an expectation that is called so."""
-    outcome = samples["failed"].outcomes[2]
-    expected = [each.model_copy(update={"name": name}) for each in outcome.expectations]
-    return outcome.model_copy(update={"name": name, "expectations": tuple(expected)})
+    outcome = SAMPLES["failed"].outcomes[2]
+    expected = [like(each, name=name) for each in outcome.expectations]
+    return like(outcome, name=name, expectations=tuple(expected))
 
 
 @with_names
-def test_in_junit_xml(samples: Samples, make_results: Make, options: ReportOptions, name: str) -> None:
-    write_junit(make_results(failed(samples, name)), options)
+def test_in_junit_xml(options: ReportOptions, name: str) -> None:
+    write_junit(results_of(failed(name)), options)
     suite = ET.parse(options.junit).getroot().find("testsuite")
     assert suite is not None
     assert suite.get("name") == name
@@ -97,10 +95,8 @@ class Shown(HTMLParser):
 
 
 @with_names
-def test_in_html(samples: Samples, make_results: Make, options: ReportOptions, name: str) -> None:
-    plain, named = (
-        Shown(b"".join(page(make_results(failed(samples, each)), options).body).decode()) for each in ("plain", name)
-    )
+def test_in_html(options: ReportOptions, name: str) -> None:
+    plain, named = (Shown(b"".join(page(results_of(failed(each)), options).body).decode()) for each in ("plain", name))
     assert name in named.text
     assert named.elements == plain.elements
 
@@ -120,35 +116,31 @@ def assert_plain(markdown: str, name: str, plain: str) -> None:
 
 
 @with_names
-def test_in_the_job_summary(
-    samples: Samples, make_results: Make, options: ReportOptions, tmp_path: Path, name: str
-) -> None:
+def test_in_the_job_summary(options: ReportOptions, tmp_path: Path, name: str) -> None:
     texts = []
     for each in ("plain", name):
         file = tmp_path / "summary.md"
         file.unlink(missing_ok=True)
         environment = {**options.environment, "GITHUB_STEP_SUMMARY": str(file)}
-        write_summary(make_results(failed(samples, each)), replace(options, environment=environment))
+        write_summary(results_of(failed(each)), replace(options, environment=environment))
         texts.append(file.read_text(encoding="utf-8"))
     plain, named = texts
     assert_plain(named, name, plain)
 
 
 @with_names
-def test_in_a_comparison(samples: Samples, name: str) -> None:
+def test_in_a_comparison(name: str) -> None:
     def compared(name: str) -> str:
-        old = failed(samples, name).model_copy(update={"status": "passed", "expectations": ()})
-        return comparison_markdown(compare_outcomes([old], [failed(samples, name)], Thresholds()))
+        old = like(failed(name), status="passed", expectations=())
+        return comparison_markdown(compare_outcomes([old], [failed(name)], Thresholds()))
 
     assert_plain(compared(name), name, compared("plain"))
 
 
 @with_names
-def test_in_annotations(
-    samples: Samples, make_results: Make, options: ReportOptions, capsys: pytest.CaptureFixture[str], name: str
-) -> None:
+def test_in_annotations(options: ReportOptions, capsys: pytest.CaptureFixture[str], name: str) -> None:
     capsys.readouterr()
-    write_annotations(make_results(failed(samples, name)), replace(options, environment={"GITHUB_ACTIONS": "true"}))
+    write_annotations(results_of(failed(name)), replace(options, environment={"GITHUB_ACTIONS": "true"}))
     [line] = capsys.readouterr().out.splitlines()
     command = re.fullmatch(r"::error ([^:]*)::.*", line)
     assert command
@@ -157,15 +149,15 @@ def test_in_annotations(
 
 
 @with_names
-def test_on_the_terminal(samples: Samples, make_results: Make, options: ReportOptions, name: str) -> None:
+def test_on_the_terminal(options: ReportOptions, name: str) -> None:
     stream = io.StringIO()
-    print_results(make_results(failed(samples, name)), replace(options, environment={}), stream)
+    print_results(results_of(failed(name)), replace(options, environment={}), stream)
     assert name in " ".join(stream.getvalue().split())
 
 
 @with_names
-def test_in_the_command_that_runs_it_again(samples: Samples, options: ReportOptions, name: str) -> None:
-    words = shlex.split(rerun_command(failed(samples, name), options))
+def test_in_the_command_that_runs_it_again(options: ReportOptions, name: str) -> None:
+    words = shlex.split(rerun_command(failed(name), options))
     assert words[words.index("--only") + 1] == name
 
 

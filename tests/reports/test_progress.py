@@ -10,10 +10,8 @@ import pytest
 from sim_action.reports import Verbosity
 from sim_action.reports.progress import ProgressListener
 from sim_action.results.events import Finished, Progressed, RunEnded, Started
-from sim_action.results.results_json import Results
 from tests.outcomes import planned_gate, runs_of_gate
-
-Samples = dict[str, Results]
+from tests.reports.samples import SAMPLES
 
 
 class Terminal(io.StringIO):
@@ -28,44 +26,42 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
 
 
-def told(samples: Samples, stream: io.StringIO, verbosity: Verbosity = "normal") -> str:
+def told(stream: io.StringIO, verbosity: Verbosity = "normal") -> str:
     listener = ProgressListener(total=7, verbosity=verbosity, stream=stream)
     listener(Started(0, 1, "burger drives straight"))
     listener(Progressed(0, 1, "burger drives straight", 1.25, 31.4))
     for place, name in enumerate(("passed", "crash")):
-        listener(RunEnded(place, 1, samples[name].outcomes[0]))
-        listener(Finished(place, samples[name].outcomes[0]))
+        listener(RunEnded(place, 1, SAMPLES[name].outcomes[0]))
+        listener(Finished(place, SAMPLES[name].outcomes[0]))
     listener.close()
     return stream.getvalue()
 
 
-def test_a_line_for_each_that_is_finished(samples: Samples) -> None:
-    assert told(samples, io.StringIO()) == (
+def test_a_line_for_each_that_is_finished() -> None:
+    assert told(io.StringIO()) == (
         "[1/7] passed  burger drives straight  2.0 s simulated in 0.4 s\n[2/7] error   burger falls apart  0.7 s\n"
     )
 
 
-def test_one_rewritten_line_on_a_terminal(samples: Samples) -> None:
-    text = told(samples, Terminal())
+def test_one_rewritten_line_on_a_terminal() -> None:
+    text = told(Terminal())
     assert "\n" not in text
     assert "\r\x1b[K[0/7] burger drives straight 1.2 s (31x real time)" in text
     assert text.endswith("\r\x1b[K")
 
 
 @pytest.mark.parametrize("name", ["dumb", "unknown"])
-def test_no_control_sequence_for_a_terminal_that_knows_none(
-    samples: Samples, name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_control_sequence_for_a_terminal_that_knows_none(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", name)
-    assert told(samples, Terminal()) == told(samples, io.StringIO())
+    assert told(Terminal()) == told(io.StringIO())
 
 
-def test_nothing_when_quiet(samples: Samples) -> None:
-    assert told(samples, io.StringIO(), "quiet") == ""
-    assert told(samples, Terminal(), "quiet") == ""
+def test_nothing_when_quiet() -> None:
+    assert told(io.StringIO(), "quiet") == ""
+    assert told(Terminal(), "quiet") == ""
 
 
-def test_a_name_never_takes_two_lines(samples: Samples) -> None:
+def test_a_name_never_takes_two_lines() -> None:
     stream = Terminal()
     ProgressListener(1, "normal", stream)(Progressed(0, 1, "宽" * 500 + "\nx", 1.0, 1.0))
     line = stream.getvalue().removeprefix("\r\x1b[K")
@@ -73,10 +69,10 @@ def test_a_name_never_takes_two_lines(samples: Samples) -> None:
     assert line.count("宽") * 2 < shutil.get_terminal_size().columns
 
 
-def test_hostile_names_command_nothing(samples: Samples, hostile: str) -> None:
+def test_hostile_names_command_nothing() -> None:
     stream = io.StringIO()
     listener = ProgressListener(1, "normal", stream)
-    listener(RunEnded(0, 1, samples["hostile"].outcomes[0]))
+    listener(RunEnded(0, 1, SAMPLES["hostile"].outcomes[0]))
     (line,) = stream.getvalue().splitlines()
     assert line.startswith("[1/1] failed  a|b")
     assert "##[" not in line

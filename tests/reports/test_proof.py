@@ -8,9 +8,10 @@ import pytest
 
 from sim_action.reports.proof import finding_text, headline, print_proof
 from sim_action.results.proof import ProvenScenario
+from tests.outcomes import like
 from tests.reports.proofs import PROOF, PROVEN, UNKNOWN, expected
 
-GOOD = PROVEN.model_copy(update={"expectations": PROVEN.expectations[:1]})
+GOOD = like(PROVEN, expectations=PROVEN.expectations[:1])
 
 
 def test_the_report() -> None:
@@ -60,7 +61,7 @@ def test_the_report() -> None:
 )
 def test_the_reason_why_nothing_is_known(keys: dict[str, object], counts: dict[str, int], reason: str) -> None:
     settled = expected("settled", finding="unknown", **keys)
-    assert finding_text(settled, UNKNOWN.model_copy(update=counts)) == f"unknown: {reason}"
+    assert finding_text(settled, like(UNKNOWN, **counts)) == f"unknown: {reason}"
 
 
 def test_a_limit_that_is_far_away_has_no_exact_share() -> None:
@@ -77,7 +78,7 @@ def test_symbols_that_a_stream_cannot_show_are_letters() -> None:
 
 
 def test_a_headline_without_scenarios() -> None:
-    empty = PROOF.model_copy(update={"scenarios": ()})
+    empty = like(PROOF, scenarios=())
     assert headline(empty) == "0 expectations check nothing, 0 notice something"
 
 
@@ -89,12 +90,12 @@ def test_the_headline_counts_everything() -> None:
 
 def test_an_interruption_is_told() -> None:
     stream = io.StringIO()
-    scenario = PROVEN.model_copy(update={"unfinished": 3})
-    interrupted = PROOF.model_copy(update={"interrupted": True, "scenarios": (scenario,)})
+    scenario = like(PROVEN, unfinished=3)
+    interrupted = like(PROOF, interrupted=True, scenarios=(scenario,))
     print_proof(interrupted, {}, stream)
     assert "  3 mutants had not ended when the call was interrupted\n" in stream.getvalue()
     assert headline(interrupted).startswith("interrupted before 3 mutants had ended: 1 expectation checks nothing")
-    complete = PROOF.model_copy(update={"interrupted": True})
+    complete = like(PROOF, interrupted=True)
     assert headline(complete).startswith("interrupted: 1 expectation")
 
 
@@ -105,5 +106,5 @@ def test_the_headline_is_green_only_if_every_expectation_notices(
     scenarios: tuple[ProvenScenario, ...], colour: str
 ) -> None:
     stream = io.StringIO()
-    print_proof(PROOF.model_copy(update={"scenarios": scenarios}), {"FORCE_COLOR": "1"}, stream)
+    print_proof(like(PROOF, scenarios=scenarios), {"FORCE_COLOR": "1"}, stream)
     assert stream.getvalue().splitlines()[-1].startswith(f"\x1b[{colour}m")

@@ -16,8 +16,8 @@ from sim_action.reports import ReportOptions
 from sim_action.reports.junit import write_junit
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
-
-Samples = dict[str, Results]
+from tests.outcomes import like
+from tests.reports.samples import SAMPLES, results_of
 
 
 def mikepenz(root: ET.Element) -> list[str]:
@@ -55,11 +55,11 @@ def dorny(root: ET.Element) -> list[str]:
 REPORTERS = [mikepenz, enricomi, dorny]
 
 
-def alike(samples: Samples, name: str, line: int, file: str = "scenarios/two.sim.yml") -> Outcome:
+def alike(name: str, line: int, file: str = "scenarios/two.sim.yml") -> Outcome:
     """Return a scenario with the same expectations as each other one."""
-    outcome = samples["failed"].outcomes[2]
-    expected = [each.model_copy(update={"location": Location(file, line, 5)}) for each in outcome.expectations]
-    return outcome.model_copy(update={"name": name, "file": file, "line": line, "expectations": tuple(expected)})
+    outcome = SAMPLES["failed"].outcomes[2]
+    expected = [like(each, location=Location(file, line, 5)) for each in outcome.expectations]
+    return like(outcome, name=name, file=file, line=line, expectations=tuple(expected))
 
 
 def titles_of(reporter: Callable[[ET.Element], list[str]], results: Results, options: ReportOptions) -> list[str]:
@@ -70,13 +70,9 @@ def titles_of(reporter: Callable[[ET.Element], list[str]], results: Results, opt
 @pytest.mark.parametrize("strict", [False, True])
 @pytest.mark.parametrize("reporter", REPORTERS)
 def test_scenarios_of_one_file_have_different_titles_that_name_them(
-    reporter: Callable[[ET.Element], list[str]],
-    strict: bool,
-    samples: Samples,
-    make_results: Callable[..., Results],
-    options: ReportOptions,
+    reporter: Callable[[ET.Element], list[str]], strict: bool, options: ReportOptions
 ) -> None:
-    results = make_results(alike(samples, "drives", 3), alike(samples, "turns", 20))
+    results = results_of(alike("drives", 3), alike("turns", 20))
     first, second = titles_of(reporter, results, replace(options, junit_strict=strict))
     assert first != second
     assert "drives" in first
@@ -86,16 +82,14 @@ def test_scenarios_of_one_file_have_different_titles_that_name_them(
 
 @pytest.mark.parametrize("reporter", REPORTERS)
 def test_titles_are_unique_in_every_report(
-    reporter: Callable[[ET.Element], list[str]], kind: str, samples: Samples, options: ReportOptions
+    reporter: Callable[[ET.Element], list[str]], kind: str, options: ReportOptions
 ) -> None:
-    titles = titles_of(reporter, samples[kind], options)
+    titles = titles_of(reporter, SAMPLES[kind], options)
     assert len(set(titles)) == len(titles)
 
 
-def test_titles_as_a_reviewer_sees_them(
-    samples: Samples, make_results: Callable[..., Results], options: ReportOptions
-) -> None:
-    results = make_results(alike(samples, "drives", 3))
+def test_titles_as_a_reviewer_sees_them(options: ReportOptions) -> None:
+    results = results_of(alike("drives", 3))
     assert [titles_of(reporter, results, options) for reporter in REPORTERS] == [
         ["scenarios/two.sim.yml.drives: travel at least 1.5 m"],
         ["drives: travel at least 1.5 m (scenarios/two)"],

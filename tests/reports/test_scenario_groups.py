@@ -7,8 +7,9 @@ import pytest
 from sim_action.core.errors import Location
 from sim_action.reports.scenario_groups import grouped_scenarios, nearest_expectation, relative_margin, worst_first
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Status
-from sim_action.results.results_json import Results
 from sim_action.state.verdict import Judged, Verdict
+from tests.outcomes import like
+from tests.reports.samples import SAMPLES
 
 
 def expected(margin: float | None = None, limit: float | None = None, *, passed: bool = False) -> ExpectationOutcome:
@@ -48,7 +49,7 @@ def test_variations_of_a_scenario_are_together_and_others_alone() -> None:
 
 
 def test_an_expectation_that_was_never_judged_explains_a_variation_that_did_not_pass() -> None:
-    unjudged = expected().model_copy(update={"verdict": Verdict(False, message="never checked", judged=Judged())})
+    unjudged = like(expected(), verdict=Verdict(False, message="never checked", judged=Judged()))
     passed = outcome("a[x=1]", expected(0.1, 1.0, passed=True), status="passed")
     unread = outcome("a[x=2]", expected(0.001, 1.0, passed=True), unjudged, status="not_exercised")
     (group,) = grouped_scenarios([passed, unread])
@@ -65,8 +66,8 @@ def test_the_worst_missed_its_limit_by_most_and_what_has_no_verdict_is_worse() -
     (group,) = grouped_scenarios([passed, near, far])
     assert group.worst is far
     assert group.passed == "1 of 3 passed"
-    crashed = outcome("a[x=4]", status="error").model_copy(
-        update={"failures": (Failure(kind="crash", title="SIGSEGV", message="gone"),)}
+    crashed = like(
+        outcome("a[x=4]", status="error"), failures=(Failure(kind="crash", title="SIGSEGV", message="gone"),)
     )
     (group,) = grouped_scenarios([far, crashed, outcome("a[x=5]", status="skipped")])
     assert group.worst is crashed
@@ -76,7 +77,7 @@ def test_the_worst_missed_its_limit_by_most_and_what_has_no_verdict_is_worse() -
 
 
 def test_what_was_cut_off_makes_no_variation_the_worst() -> None:
-    cut = expected().model_copy(update={"verdict": Verdict(False, None, 10.0, -9.0, "m", cut_off=True)})
+    cut = like(expected(), verdict=Verdict(False, None, 10.0, -9.0, "m", cut_off=True))
     near, far = outcome("a[x=1]", cut, expected(-0.1, 1.0)), outcome("a[x=2]", expected(-0.2, 1.0))
     (group,) = grouped_scenarios([near, far])
     assert group.worst is far
@@ -95,7 +96,7 @@ def test_scenarios_with_failures_come_first_in_the_order_of_the_call() -> None:
 
 def held(margin: float, time: float | None = None, *, goal: bool = False, name: str = "travel") -> ExpectationOutcome:
     verdict = Verdict(True, None, 2.0, margin, "m", time, "told", goal=goal)
-    return expected().model_copy(update={"verdict": verdict, "name": name})
+    return like(expected(), verdict=verdict, name=name)
 
 
 def test_of_those_that_passed_the_worst_came_nearest_to_its_limit() -> None:
@@ -114,7 +115,7 @@ def test_a_goal_says_nothing_by_its_margin_but_by_its_time_where_there_is_nothin
     (group,) = grouped_scenarios(goals)
     assert group.worst_text == "[x=3.0], at 3.00 s (travel)"
     throughout = outcome("a[x=4]", held(1e-9, 9.0, goal=True), held(0.5, 1.0, name="upright"), status="passed")
-    (group,) = grouped_scenarios([throughout, throughout.model_copy(update={"name": "a[x=5]"})])
+    (group,) = grouped_scenarios([throughout, like(throughout, name="a[x=5]")])
     assert group.worst_text == "[x=4], margin 0.5 m (upright)"
 
 
@@ -130,8 +131,8 @@ def test_without_a_margin_the_worst_is_but_named() -> None:
     assert group.worst_text == "[x=1]"
 
 
-def test_a_warning_of_several_variations_is_one(samples: dict[str, Results]) -> None:
-    _, group = grouped_scenarios(samples["audited"].outcomes)
+def test_a_warning_of_several_variations_is_one() -> None:
+    _, group = grouped_scenarios(SAMPLES["audited"].outcomes)
     assert [(warning.rule, runs) for warning, runs in group.warnings] == [
         ("segment-beyond-run", 1),
         ("nothing-to-touch", 2),
@@ -153,7 +154,7 @@ def test_runs_are_ordered_by_status_and_then_by_margin() -> None:
 
 def test_a_count_of_contacts_that_holds_says_nothing_about_how_near_a_run_was() -> None:
     verdict = Verdict(True, 0.0, 0.0, 0.0, "contacts", 1.0, "touched nothing")
-    untouched = expected().model_copy(update={"name": "no_collision", "verdict": verdict})
+    untouched = like(expected(), name="no_collision", verdict=verdict)
     clearance = expected(0.3, 0.1, passed=True)
     assert nearest_expectation(outcome("a", untouched, clearance, status="passed")) is clearance
     assert nearest_expectation(outcome("a", untouched, status="passed")) is untouched

@@ -10,8 +10,8 @@ import pytest
 from sim_action.reports import ReportOptions, Verbosity
 from sim_action.reports.terminal import print_results
 from sim_action.results.results_json import Results
-
-Samples = dict[str, Results]
+from tests.outcomes import like
+from tests.reports.samples import SAMPLES
 
 
 @pytest.fixture(autouse=True)
@@ -30,55 +30,53 @@ def printed(
 
 
 @pytest.mark.parametrize("verbosity", ["quiet", "verbose"])
-def test_verbosity(
-    verbosity: Verbosity, samples: Samples, options: ReportOptions, golden: Callable[[str, str], None]
-) -> None:
-    golden(f"failed-{verbosity}.txt", printed(samples["failed"], options, verbosity))
+def test_verbosity(verbosity: Verbosity, options: ReportOptions, golden: Callable[[str, str], None]) -> None:
+    golden(f"failed-{verbosity}.txt", printed(SAMPLES["failed"], options, verbosity))
 
 
 def test_verbose_output_shows_the_moments_at_which_each_expectation_was_judged(
-    samples: Samples, options: ReportOptions, golden: Callable[[str, str], None]
+    options: ReportOptions, golden: Callable[[str, str], None]
 ) -> None:
-    golden("not-exercised-verbose.txt", printed(samples["not-exercised"], options, "verbose"))
+    golden("not-exercised-verbose.txt", printed(SAMPLES["not-exercised"], options, "verbose"))
 
 
-def test_quiet_output_shows_what_was_never_judged(samples: Samples, options: ReportOptions) -> None:
-    text = printed(samples["not-exercised"], options, "quiet")
+def test_quiet_output_shows_what_was_never_judged(options: ReportOptions) -> None:
+    text = printed(SAMPLES["not-exercised"], options, "quiet")
     assert "∅ range stays above 0.2 m: never checked: sensor 'lidar' had no reading" in text
     assert "burger may miss readings" not in text
 
 
-def test_golden(kind: str, samples: Samples, options: ReportOptions, golden: Callable[[str, str], None]) -> None:
-    golden(f"{kind}.txt", printed(samples[kind], options))
+def test_golden(kind: str, options: ReportOptions, golden: Callable[[str, str], None]) -> None:
+    golden(f"{kind}.txt", printed(SAMPLES[kind], options))
 
 
-def test_worst_stands_last(samples: Samples, options: ReportOptions) -> None:
-    lines = printed(samples["failed"], options).splitlines()
+def test_worst_stands_last(options: ReportOptions) -> None:
+    lines = printed(SAMPLES["failed"], options).splitlines()
     titles = [line[0] for line in lines if line[:2] in {"✓ ", "✗ "}]
     assert titles == ["✓", "✗", "✗"]
 
 
-def test_what_ended_a_run_stands_before_what_that_cut_off(samples: Samples, options: ReportOptions) -> None:
-    text = printed(samples["cut"], options)
+def test_what_ended_a_run_stands_before_what_that_cut_off(options: ReportOptions) -> None:
+    text = printed(SAMPLES["cut"], options)
     assert text.index("touched wall") < text.index("when the run ended")
 
 
-def test_quiet_is_one_line_if_all_passed(samples: Samples, options: ReportOptions) -> None:
-    assert printed(samples["passed"], options, "quiet") == "1 passed in 1.2 s (1.6x real time)\n"
+def test_quiet_is_one_line_if_all_passed(options: ReportOptions) -> None:
+    assert printed(SAMPLES["passed"], options, "quiet") == "1 passed in 1.2 s (1.6x real time)\n"
 
 
-def test_quiet_prints_no_warnings_of_the_audit(samples: Samples, options: ReportOptions) -> None:
-    assert "nothing-to-touch" not in printed(samples["audited"], options, "quiet")
+def test_quiet_prints_no_warnings_of_the_audit(options: ReportOptions) -> None:
+    assert "nothing-to-touch" not in printed(SAMPLES["audited"], options, "quiet")
 
 
-def test_notes_on_the_model_are_printed_once_for_all_scenarios(samples: Samples, options: ReportOptions) -> None:
+def test_notes_on_the_model_are_printed_once_for_all_scenarios(options: ReportOptions) -> None:
     notes = tuple(f"robot.sdf:{line}: part {line} is not simulated" for line in range(1, 10))
     made = [
-        each.model_copy(update={"name": f"drive {number}", "model_notes": notes})
-        for each in samples["passed"].outcomes
+        like(each, name=f"drive {number}", model_notes=notes)
+        for each in SAMPLES["passed"].outcomes
         for number in (1, 2)
     ]
-    results = samples["passed"].model_copy(update={"outcomes": tuple(made)})
+    results = like(SAMPLES["passed"], outcomes=tuple(made))
     text = printed(results, options)
     assert [text.count(f"  note: {note}\n") for note in notes] == [1] * 6 + [0] * 3
     assert text.count("3 more notes on the model: --verbose shows them") == 1
@@ -86,29 +84,29 @@ def test_notes_on_the_model_are_printed_once_for_all_scenarios(samples: Samples,
     assert "note" not in printed(results, options, "quiet")
 
 
-def test_ascii_stream(samples: Samples, options: ReportOptions) -> None:
-    text = printed(samples["failed"], options, encoding="ascii")
+def test_ascii_stream(options: ReportOptions) -> None:
+    text = printed(SAMPLES["failed"], options, encoding="ascii")
     assert "x no_collision: base_link touched wall" in text
     assert text.isascii()
 
 
-def test_stream_of_another_encoding_takes_any_text(samples: Samples, options: ReportOptions) -> None:
-    changed = samples["passed"].outcomes[0].model_copy(update={"name": "größer [bold]✓[/bold] :smile:"})
-    text = printed(samples["passed"].model_copy(update={"outcomes": (changed,)}), options, encoding="latin-1")
+def test_stream_of_another_encoding_takes_any_text(options: ReportOptions) -> None:
+    changed = like(SAMPLES["passed"].outcomes[0], name="größer [bold]✓[/bold] :smile:")
+    text = printed(like(SAMPLES["passed"], outcomes=(changed,)), options, encoding="latin-1")
     assert "größer [bold]\\u2713[/bold] :smile:" in text
 
 
-def test_colours_only_on_github_and_terminals(samples: Samples, options: ReportOptions) -> None:
+def test_colours_only_on_github_and_terminals(options: ReportOptions) -> None:
     on_github = {"GITHUB_ACTIONS": "true"}
-    assert "\x1b[" not in printed(samples["failed"], options)
-    assert "\x1b[32m✓" in printed(samples["failed"], replace(options, environment=on_github))
+    assert "\x1b[" not in printed(SAMPLES["failed"], options)
+    assert "\x1b[32m✓" in printed(SAMPLES["failed"], replace(options, environment=on_github))
     no_color = replace(options, environment={**on_github, "NO_COLOR": "1"})
-    assert "\x1b[" not in printed(samples["failed"], no_color)
+    assert "\x1b[" not in printed(SAMPLES["failed"], no_color)
 
 
-def test_github_obeys_no_command_of_a_stranger(samples: Samples, options: ReportOptions) -> None:
+def test_github_obeys_no_command_of_a_stranger(options: ReportOptions) -> None:
     on_github = replace(options, environment={"GITHUB_ACTIONS": "true"})
-    text = printed(samples["hostile"], on_github, "verbose")
+    text = printed(SAMPLES["hostile"], on_github, "verbose")
     stopped = re.fullmatch(r"::stop-commands::([0-9a-f]{32})\n(.*)\n::\1::\n", text, re.DOTALL)
     assert stopped
     inside = stopped.group(2)
@@ -117,22 +115,20 @@ def test_github_obeys_no_command_of_a_stranger(samples: Samples, options: Report
     assert stopped.group(1) not in inside
 
 
-def test_control_characters_do_not_reach_the_terminal(samples: Samples, options: ReportOptions) -> None:
-    text = printed(samples["hostile"], options, "verbose")
+def test_control_characters_do_not_reach_the_terminal(options: ReportOptions) -> None:
+    text = printed(SAMPLES["hostile"], options, "verbose")
     assert not set(text) & {"\x1b", "\x00", "\r", "\u202e"}
 
 
-def test_long_lines_are_left_to_the_terminal(samples: Samples, options: ReportOptions) -> None:
-    changed = samples["passed"].outcomes[0].model_copy(update={"file": "folder/" * 50})
-    text = printed(samples["passed"].model_copy(update={"outcomes": (changed,)}), options)
+def test_long_lines_are_left_to_the_terminal(options: ReportOptions) -> None:
+    changed = like(SAMPLES["passed"].outcomes[0], file="folder/" * 50)
+    text = printed(like(SAMPLES["passed"], outcomes=(changed,)), options)
     assert "folder/" * 50 in text
 
 
-def test_the_folder_of_recordings_is_told_once(samples: Samples, options: ReportOptions) -> None:
-    results = samples["passed"]
+def test_the_folder_of_recordings_is_told_once(options: ReportOptions) -> None:
+    results = SAMPLES["passed"]
     assert "recordings" not in printed(results, options)
-    recorded = [
-        made.model_copy(update={"recordings": ("recordings/a.csv", "recordings/a.tum")}) for made in results.outcomes
-    ]
-    text = printed(results.model_copy(update={"outcomes": tuple(recorded)}), options)
+    recorded = [like(made, recordings=("recordings/a.csv", "recordings/a.tum")) for made in results.outcomes]
+    text = printed(like(results, outcomes=tuple(recorded)), options)
     assert text.count(f"recordings {options.folder / 'recordings'}\n") == 1

@@ -18,6 +18,8 @@ from sim_action.reports.escaping import one_line
 from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.reports.writing import REPORTS, make_ready, write_reports
 from sim_action.results.results_json import Results
+from tests.outcomes import like
+from tests.reports.samples import SAMPLES
 
 FULL = "/dev/full"
 NO_SPACE = "no space left on device"
@@ -49,19 +51,17 @@ def written(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
 
 
-def test_the_exit_code_is_that_of_the_results_if_all_is_written(
-    samples: dict[str, Results], opened: ReportOptions
-) -> None:
-    assert write_reports(samples["passed"], opened) is ExitCode.PASSED
-    assert write_reports(samples["failed"], opened) is ExitCode.FAILED
+def test_the_exit_code_is_that_of_the_results_if_all_is_written(opened: ReportOptions) -> None:
+    assert write_reports(SAMPLES["passed"], opened) is ExitCode.PASSED
+    assert write_reports(SAMPLES["failed"], opened) is ExitCode.FAILED
     assert written(opened.folder) == {"results.json", "junit.xml", "report.html"}
 
 
 def test_a_summary_that_cannot_be_written_is_a_warning(
-    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+    opened: ReportOptions, capsys: pytest.CaptureFixture[str]
 ) -> None:
     environment = {"GITHUB_STEP_SUMMARY": FULL}
-    assert write_reports(samples["passed"], replace(opened, environment=environment)) is ExitCode.PASSED
+    assert write_reports(SAMPLES["passed"], replace(opened, environment=environment)) is ExitCode.PASSED
     shown = capsys.readouterr()
     assert shown.err == f"sim-action: warning: the summary cannot be written to {FULL}: {NO_SPACE}\n"
     assert PASSED_LINE not in shown.out
@@ -69,11 +69,11 @@ def test_a_summary_that_cannot_be_written_is_a_warning(
 
 
 def test_a_report_that_cannot_be_written_is_a_warning_and_named_nowhere(
-    samples: dict[str, Results], opened: ReportOptions, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    opened: ReportOptions, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (opened.folder / "report.html").mkdir()
     environment = {"GITHUB_OUTPUT": str(tmp_path / "outputs")}
-    assert write_reports(samples["passed"], replace(opened, environment=environment)) is ExitCode.PASSED
+    assert write_reports(SAMPLES["passed"], replace(opened, environment=environment)) is ExitCode.PASSED
     shown = capsys.readouterr()
     report = opened.folder / "report.html"
     assert shown.err == f"sim-action: warning: the HTML report cannot be written to {report}: is a directory\n"
@@ -84,30 +84,26 @@ def test_a_report_that_cannot_be_written_is_a_warning_and_named_nowhere(
 @pytest.mark.parametrize("verbosity", ["quiet", "normal"])
 @pytest.mark.parametrize("name", ["results.json", "junit.xml"])
 def test_without_a_required_file_each_verdict_is_on_standard_output(
-    name: str,
-    verbosity: str,
-    samples: dict[str, Results],
-    opened: ReportOptions,
-    capsys: pytest.CaptureFixture[str],
+    name: str, verbosity: str, opened: ReportOptions, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (opened.folder / name).mkdir()
     asked = replace(opened, verbosity=verbosity)  # type: ignore[arg-type]
-    assert write_reports(samples["passed"], asked) is ExitCode.FAILED
+    assert write_reports(SAMPLES["passed"], asked) is ExitCode.FAILED
     shown = capsys.readouterr()
     assert PASSED_LINE in shown.out.splitlines()
     assert f"cannot be written to {opened.folder / name}: is a directory" in shown.err
     assert "warning" not in shown.err
     assert written(opened.folder) == {"results.json", "junit.xml", "report.html"}
-    assert write_reports(samples["failed"], asked) is ExitCode.FAILED
+    assert write_reports(SAMPLES["failed"], asked) is ExitCode.FAILED
     lines = capsys.readouterr().out.splitlines()
     assert any(line.startswith(FAILED_LINE) for line in lines)
 
 
 def test_each_outcome_has_one_line_with_its_first_reason(
-    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+    opened: ReportOptions, capsys: pytest.CaptureFixture[str]
 ) -> None:
     asked = replace(opened, environment={"GITHUB_OUTPUT": FULL}, silenced=frozenset(REPORTS) - {"outputs"})
-    for results in samples.values():
+    for results in SAMPLES.values():
         write_reports(results, asked)
         lines = capsys.readouterr().out.splitlines()
         assert len(lines) == max(results.total, 1)
@@ -117,17 +113,17 @@ def test_each_outcome_has_one_line_with_its_first_reason(
             assert line.startswith(STATUS_DISPLAYS[outcome.status].word)
 
 
-def test_a_higher_code_of_the_results_wins(samples: dict[str, Results], opened: ReportOptions) -> None:
-    for results in samples.values():
+def test_a_higher_code_of_the_results_wins(opened: ReportOptions) -> None:
+    for results in SAMPLES.values():
         code = write_reports(results, replace(opened, environment={"GITHUB_OUTPUT": FULL}))
         assert code is max(results.exit_code, ExitCode.FAILED)
 
 
 def test_on_github_the_missing_report_is_an_annotation(
-    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+    opened: ReportOptions, capsys: pytest.CaptureFixture[str]
 ) -> None:
     environment = {"GITHUB_OUTPUT": FULL, "GITHUB_ACTIONS": "true"}
-    assert write_reports(samples["passed"], replace(opened, environment=environment)) is ExitCode.FAILED
+    assert write_reports(SAMPLES["passed"], replace(opened, environment=environment)) is ExitCode.FAILED
     shown = capsys.readouterr()
     assert f"::error title=sim-action::the outputs cannot be written to {FULL}: {NO_SPACE}" in shown.err
     assert PASSED_LINE in shown.out.splitlines()
@@ -135,10 +131,10 @@ def test_on_github_the_missing_report_is_an_annotation(
 
 @pytest.mark.usefixtures("limited_files")
 def test_a_disk_that_gets_full_leaves_no_parts_of_files(
-    samples: dict[str, Results], opened: ReportOptions, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    opened: ReportOptions, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     environment = {name: str(tmp_path / name) for name in ("GITHUB_OUTPUT", "GITHUB_STEP_SUMMARY")}
-    assert write_reports(samples["passed"], replace(opened, environment=environment)) is ExitCode.FAILED
+    assert write_reports(SAMPLES["passed"], replace(opened, environment=environment)) is ExitCode.FAILED
     shown = capsys.readouterr()
     assert shown.err.count("file too large") == 5
     assert shown.err.count("warning") == 2
@@ -148,7 +144,7 @@ def test_a_disk_that_gets_full_leaves_no_parts_of_files(
 
 
 def test_a_folder_that_may_not_be_written_to_is_a_reason(
-    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+    opened: ReportOptions, capsys: pytest.CaptureFixture[str]
 ) -> None:
     make_ready(opened)
     opened.folder.chmod(0o500)
@@ -157,7 +153,7 @@ def test_a_folder_that_may_not_be_written_to_is_a_reason(
         # Root may write anywhere.
         os.seteuid(65534)
     try:
-        assert write_reports(samples["passed"], opened) is ExitCode.FAILED
+        assert write_reports(SAMPLES["passed"], opened) is ExitCode.FAILED
     finally:
         os.seteuid(user)
         opened.folder.chmod(0o700)
@@ -167,10 +163,10 @@ def test_a_folder_that_may_not_be_written_to_is_a_reason(
 
 
 def test_without_free_descriptors_each_verdict_is_on_standard_output(
-    samples: dict[str, Results], opened: ReportOptions, capfd: pytest.CaptureFixture[str]
+    opened: ReportOptions, capfd: pytest.CaptureFixture[str]
 ) -> None:
     make_ready(opened)
-    write_reports(samples["passed"], opened)
+    write_reports(SAMPLES["passed"], opened)
     capfd.readouterr()
     taken = []
     import resource
@@ -181,7 +177,7 @@ def test_without_free_descriptors_each_verdict_is_on_standard_output(
         while True:
             taken.append(os.open(os.devnull, os.O_RDONLY))
     except OSError:
-        code = write_reports(samples["passed"], opened)
+        code = write_reports(SAMPLES["passed"], opened)
     finally:
         for descriptor in taken:
             os.close(descriptor)
@@ -193,30 +189,28 @@ def test_without_free_descriptors_each_verdict_is_on_standard_output(
 
 
 def test_on_github_a_line_stands_for_an_annotation_that_cannot_be_imported(
-    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+    opened: ReportOptions, capsys: pytest.CaptureFixture[str]
 ) -> None:
     environment = {"GITHUB_OUTPUT": FULL, "GITHUB_ACTIONS": "true"}
     options = replace(opened, environment=environment, silenced=opened.silenced | {"annotations"})
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(sys.modules, "sim_action.reports.github.annotations", None)
-        assert write_reports(samples["passed"], options) is ExitCode.FAILED
+        assert write_reports(SAMPLES["passed"], options) is ExitCode.FAILED
     shown = capsys.readouterr()
     assert f"sim-action: the outputs cannot be written to {FULL}: {NO_SPACE}" in shown.err
     assert PASSED_LINE in shown.out.splitlines()
 
 
-def test_an_output_folder_that_vanished_is_made_again(samples: dict[str, Results], opened: ReportOptions) -> None:
+def test_an_output_folder_that_vanished_is_made_again(opened: ReportOptions) -> None:
     opened.folder.rmdir()
-    assert write_reports(samples["passed"], opened) is ExitCode.PASSED
+    assert write_reports(SAMPLES["passed"], opened) is ExitCode.PASSED
     assert written(opened.folder) == {"results.json", "junit.xml", "report.html", ".gitignore"}
 
 
-def test_a_file_in_place_of_the_folder_is_a_reason(
-    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_file_in_place_of_the_folder_is_a_reason(opened: ReportOptions, capsys: pytest.CaptureFixture[str]) -> None:
     opened.folder.rmdir()
     opened.folder.touch()
-    assert write_reports(samples["passed"], opened) is ExitCode.FAILED
+    assert write_reports(SAMPLES["passed"], opened) is ExitCode.FAILED
     shown = capsys.readouterr()
     assert PASSED_LINE in shown.out.splitlines()
     assert "not a directory" in shown.err
@@ -224,11 +218,7 @@ def test_a_file_in_place_of_the_folder_is_a_reason(
 
 @pytest.mark.parametrize("name", ["report", "junit", "terminal"])
 def test_a_fault_of_one_report_loses_no_other(
-    name: str,
-    samples: dict[str, Results],
-    opened: ReportOptions,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    name: str, opened: ReportOptions, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     load, empty = type(REPORTS).load, dict[str, object]()
 
@@ -236,7 +226,7 @@ def test_a_fault_of_one_report_loses_no_other(
         return empty[wanted] if wanted == name else load(REPORTS, wanted)
 
     monkeypatch.setattr(type(REPORTS), "load", faulty)
-    assert write_reports(samples["passed"], opened) is ExitCode.INTERNAL
+    assert write_reports(SAMPLES["passed"], opened) is ExitCode.INTERNAL
     shown = capsys.readouterr()
     assert f"an internal error of sim-action: KeyError: '{name}'; please report it" in shown.err
     assert (PASSED_LINE in shown.out.splitlines()) == (name == "junit")
@@ -245,16 +235,13 @@ def test_a_fault_of_one_report_loses_no_other(
 
 
 def test_a_lack_of_memory_is_a_reason_and_no_fault(
-    samples: dict[str, Results],
-    opened: ReportOptions,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    opened: ReportOptions, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def exhausted(*_: object) -> None:
         raise MemoryError
 
     monkeypatch.setattr(Results, "write", exhausted)
-    assert write_reports(samples["passed"], opened) is ExitCode.FAILED
+    assert write_reports(SAMPLES["passed"], opened) is ExitCode.FAILED
     assert capsys.readouterr().err.endswith("results.json: out of memory\n")
 
 
@@ -264,56 +251,51 @@ def test_the_junit_comes_before_the_large_report() -> None:
 
 
 def test_text_that_the_file_system_cannot_name_is_a_reason(
-    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+    opened: ReportOptions, capsys: pytest.CaptureFixture[str]
 ) -> None:
     asked = replace(opened, junit=opened.folder / "\ud800.xml")
-    assert write_reports(samples["passed"], asked) is ExitCode.FAILED
+    assert write_reports(SAMPLES["passed"], asked) is ExitCode.FAILED
     shown = capsys.readouterr()
     assert "surrogates not allowed" in shown.err
     assert PASSED_LINE in shown.out.splitlines()
 
 
 def test_a_full_disk_behind_standard_output_is_a_warning(
-    samples: dict[str, Results],
-    opened: ReportOptions,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    opened: ReportOptions, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     full = os.fdopen(os.open(FULL, os.O_WRONLY), "w")
     with monkeypatch.context() as patched:
         patched.setattr(sys, "stdout", full)
-        assert write_reports(samples["passed"], opened) is ExitCode.PASSED
+        assert write_reports(SAMPLES["passed"], opened) is ExitCode.PASSED
         assert NO_SPACE in capsys.readouterr().err
         (opened.folder / "junit.xml").unlink()
         (opened.folder / "junit.xml").mkdir()
-        assert write_reports(samples["passed"], opened) is ExitCode.FAILED
+        assert write_reports(SAMPLES["passed"], opened) is ExitCode.FAILED
     assert PASSED_LINE in capsys.readouterr().err.splitlines()
     with pytest.raises(OSError, match="No space"):
         full.close()
 
 
 def test_the_lines_of_verdicts_are_no_workflow_commands(
-    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+    opened: ReportOptions, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    nasty = samples["passed"].outcomes[0].model_copy(update={"name": "a\n::error::b ##[error]c"})
-    results = samples["passed"].model_copy(update={"outcomes": (nasty,)})
+    nasty = like(SAMPLES["passed"].outcomes[0], name="a\n::error::b ##[error]c")
+    results = like(SAMPLES["passed"], outcomes=(nasty,))
     silenced = frozenset(REPORTS) - {"outputs"}
     write_reports(results, replace(opened, environment={"GITHUB_OUTPUT": FULL}, silenced=silenced))
     assert capsys.readouterr().out == "passed  a ::error::b # #[error]c\n"
 
 
-def test_the_junit_is_whole_if_another_report_is_missing(samples: dict[str, Results], opened: ReportOptions) -> None:
+def test_the_junit_is_whole_if_another_report_is_missing(opened: ReportOptions) -> None:
     (opened.folder / "report.html").mkdir()
-    write_reports(samples["failed"], opened)
+    write_reports(SAMPLES["failed"], opened)
     assert junitparser.JUnitXml.fromfile(str(opened.junit)).failures
 
 
-def test_no_report_names_a_file_that_was_removed(
-    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_report_names_a_file_that_was_removed(opened: ReportOptions, capsys: pytest.CaptureFixture[str]) -> None:
     named = {"trace": "traces/a.npz", "replay": "replays/a.json.gz", "recordings": ("recordings/a.csv",)}
-    outcome = samples["passed"].outcomes[0].model_copy(update=named)
-    results = samples["passed"].model_copy(update={"outcomes": (outcome,)})
+    outcome = like(SAMPLES["passed"].outcomes[0], **named)
+    results = like(SAMPLES["passed"], outcomes=(outcome,))
     (opened.folder / "recordings").mkdir()
     (opened.folder / "recordings/a.csv").touch()
     assert write_reports(results, opened) is ExitCode.PASSED

@@ -17,6 +17,7 @@ from sim_action.sensors.odometry import Odometry
 from sim_action.state.trace import FloatArray
 from sim_action.state.trace_records import BodyRecord, CommandedTwists, SensorRecord
 from sim_action.world.scene import Scene
+from tests.outcomes import like
 from tests.traces import contact, scene, trace
 
 MOMENTS = 16
@@ -43,8 +44,8 @@ def run() -> RecordedRun:
 def _scene() -> Scene:
     made = scene()
     wall, ball, _ = made.world.objects
-    ahead = wall.model_copy(update={"pose": Placement(x=2.0)})
-    return replace(made, world=made.world.model_copy(update={"objects": (ahead, ball)}))
+    ahead = like(wall, pose=Placement(x=2.0))
+    return replace(made, world=like(made.world, objects=(ahead, ball)))
 
 
 def rolling() -> BodyRecord:
@@ -65,8 +66,8 @@ def with_bodies(made: RecordedRun, **bodies: BodyRecord) -> RecordedRun:
 def appearing(time: float) -> RecordedRun:
     """The same, in which wall and ball are not there before a time in s."""
     made = run()
-    late = tuple(body.model_copy(update={"appears": time}) for body in made.scene.world.objects)
-    world = made.scene.world.model_copy(update={"objects": late})
+    late = tuple(like(body, appears=time) for body in made.scene.world.objects)
+    world = like(made.scene.world, objects=late)
     # Before that, an engine has them where nothing meets them.
     ball = made.trace.bodies["ball"]
     away = np.where(ball.time[:, None] < time - 1e-6, [0.0, 0.0, 1e6], ball.position_xyz)

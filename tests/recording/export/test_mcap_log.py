@@ -20,6 +20,7 @@ from sim_action.robot.reading.loading import load_model
 from sim_action.state.command import LinkWrench
 from sim_action.world import Body
 from sim_action.world.shapes import Cylinder, Ramp
+from tests.outcomes import like
 from tests.recording.export.logs import read
 from tests.recording.export.runs import MOMENTS, TIME, run, sensing_run
 
@@ -125,7 +126,7 @@ def test_what_is_touched_is_marked_where_it_was_last_touched() -> None:
 
 def test_who_touches_nothing_in_an_empty_world_has_no_markers() -> None:
     made = run()
-    scene = replace(made.scene, world=made.scene.world.model_copy(update={"objects": ()}))
+    scene = replace(made.scene, world=like(made.scene.world, objects=()))
     log = read(replace(made, scene=scene, trace=replace(made.trace, contacts=(), bodies={})))
     assert {"/contacts", "/world"}.isdisjoint(log)
 
@@ -143,7 +144,7 @@ def test_a_cylinder_and_a_ramp_are_there_to_be_seen() -> None:
     made = run()
     post = Body(name="post", cylinder=Cylinder(radius=0.25, height=2.0))
     ramp = Body(name="ramp", ramp=Ramp(length=2.0, width=1.0, height=0.5))
-    scene = replace(made.scene, world=made.scene.world.model_copy(update={"objects": (post, ramp)}))
+    scene = replace(made.scene, world=like(made.scene.world, objects=(post, ramp)))
     (told,) = read(replace(made, scene=scene, trace=replace(made.trace, contacts=(), bodies={})))["/world"]
     first, second = told.message.markers
     assert (first.header.frame_id, first.type) == ("post", 3)

@@ -23,6 +23,7 @@ from sim_action.recording.export.video import (
     shown_moments,
     write_text,
 )
+from tests.outcomes import like
 from tests.recording.export.runs import TIME, appearing, run, standing, with_bodies
 from tests.traces import burger
 
@@ -96,7 +97,7 @@ def test_bodies_that_move_are_shown_where_they_are() -> None:
 
 def test_bodies_are_shown_once_they_have_appeared() -> None:
     late = appearing(TIME[15])
-    empty = replace(late.scene, world=late.scene.world.model_copy(update={"objects": ()}))
+    empty = replace(late.scene, world=like(late.scene.world, objects=()))
     there, shown, nothing = (
         list(pictures(made, 10)) for made in (run(), late, replace(with_bodies(late), scene=empty))
     )

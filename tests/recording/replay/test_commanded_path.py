@@ -12,6 +12,7 @@ from sim_action.commands.waypoints import Waypoint, WaypointCommands
 from sim_action.recording.replay.build import MAX_PATH_POINTS, commanded_path
 from sim_action.simulation.recorder import TWIST_NAMES
 from sim_action.state.trace_records import CommandedValues
+from tests.outcomes import like
 from tests.traces import START, expectation, scenario
 
 DRIVE = scenario(expectation(Upright()))
@@ -34,7 +35,7 @@ def test_twists_lead_along_an_arc() -> None:
 
 def test_waypoints_are_the_path() -> None:
     drives = WaypointCommands(waypoints=(Waypoint(x=1.0, y=0.0), Waypoint(x=1.0, y=2.0)))
-    path = commanded_path(DRIVE.model_copy(update={"commands": (drives,)}), START, twists((0.0, 1.0, 0.0)), TIME)
+    path = commanded_path(like(DRIVE, commands=(drives,)), START, twists((0.0, 1.0, 0.0)), TIME)
     assert [point[:2] for point in path[1:]] == [(1.0, 0.0), (1.0, 2.0)]
 
 

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from sim_action.recording.replay.scans import MAX_RANGES, ScanData, stored_scans, thinning
 from sim_action.sensors.reading_log import ReadingLog
+from tests.outcomes import like
 from tests.recording.replay import logs
 
 LINKS = {"base_footprint": 0, "base_scan": 1}
@@ -87,4 +88,4 @@ def test_what_no_lidar_stores_is_refused(change: dict[str, Any]) -> None:
 @pytest.mark.parametrize("change", [{"ranges": (1, 2)}, {"rays": 2}])
 def test_scans_that_are_not_complete_are_noticed(change: dict[str, Any]) -> None:
     (found,) = stored(logs.lidar("front", 1, lambda _: [1.0]))
-    assert not found.model_copy(update=change).is_whole
+    assert not like(found, **change).is_whole

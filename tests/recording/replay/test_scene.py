@@ -23,6 +23,7 @@ from sim_action.scenario.loading import build_scene
 from sim_action.world import World
 from sim_action.world.parts import BoxPart
 from tests.mesh_files import HALF, obj, stl
+from tests.outcomes import like
 from tests.scenarios import LEAST, load
 from tests.traces import scene
 
@@ -81,7 +82,7 @@ def test_the_burger_is_there_with_its_wheels() -> None:
 
 def test_scenes_of_one_robot_and_world_are_drawn_once() -> None:
     here = scene()
-    there = replace(here, robot=here.robot.model_copy(update={"pose": Placement(x=2.0, yaw=1.0)}))
+    there = replace(here, robot=like(here.robot, pose=Placement(x=2.0, yaw=1.0)))
     assert scenery(there, ["ball"]) is scenery(here, ["ball"])
     assert scenery(here, []) != scenery(here, ["ball"])
     assert len(scenery(replace(here, world=World()), []).bodies) == 0

@@ -8,6 +8,7 @@ from sim_action.recording.replay.build import joined_touches, strongest_touches
 from sim_action.recording.replay.columns import Column
 from sim_action.recording.replay.replay_data import MAX_CONTACTS
 from sim_action.state.observation import Contact
+from tests.outcomes import like
 from tests.traces import contact
 
 RATE = 240
@@ -114,6 +115,6 @@ def test_the_place_of_a_force_moves_with_it() -> None:
     assert x == pytest.approx([1.1, 2.067, 3.033, 4.0], abs=1e-3)
     assert (y.tolist(), z.tolist()) == ([1.5] * 4, [0.1] * 4)
     assert found.is_whole
-    assert not found.model_copy(update={"period": None}).is_whole
-    short = found.places[0].model_copy(update={"deltas": (1,)})
-    assert not found.model_copy(update={"places": (short, *found.places[1:])}).is_whole
+    assert not like(found, period=None).is_whole
+    short = like(found.places[0], deltas=(1,))
+    assert not like(found, places=(short, *found.places[1:])).is_whole

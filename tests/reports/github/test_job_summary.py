@@ -14,66 +14,63 @@ from sim_action.reports import ReportOptions
 from sim_action.reports.github.job_summary import MAX_BYTES, summary, write_summary
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results
+from tests.outcomes import like
 from tests.reports.replays import replay, signal
-
-Samples = dict[str, Results]
-MakeResults = Callable[..., Results]
+from tests.reports.samples import HOSTILE, SAMPLES, results_of
 
 ON_GITHUB = {"GITHUB_SERVER_URL": "https://github.com", "GITHUB_REPOSITORY": "a/b", "GITHUB_SHA": "c0ffee"}
 
 
-def test_golden(kind: str, samples: Samples, options: ReportOptions, golden: Callable[[str, str], None]) -> None:
-    golden(f"{kind}.md", summary(samples[kind], replace(options, environment=ON_GITHUB)))
+def test_golden(kind: str, options: ReportOptions, golden: Callable[[str, str], None]) -> None:
+    golden(f"{kind}.md", summary(SAMPLES[kind], replace(options, environment=ON_GITHUB)))
 
 
-def test_appends_to_the_file(samples: Samples, options: ReportOptions, tmp_path: Path) -> None:
+def test_appends_to_the_file(options: ReportOptions, tmp_path: Path) -> None:
     file = tmp_path / "summary.md"
     file.write_text("before\n")
-    write_summary(samples["passed"], replace(options, environment={"GITHUB_STEP_SUMMARY": str(file)}))
+    write_summary(SAMPLES["passed"], replace(options, environment={"GITHUB_STEP_SUMMARY": str(file)}))
     assert file.read_text(encoding="utf-8").startswith("before\n## ✅ The scenario passed\n")
 
 
-def test_nothing_without_a_file(samples: Samples, options: ReportOptions, tmp_path: Path) -> None:
-    write_summary(samples["passed"], options)
+def test_nothing_without_a_file(options: ReportOptions, tmp_path: Path) -> None:
+    write_summary(SAMPLES["passed"], options)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_worst_first(samples: Samples, make_results: MakeResults, options: ReportOptions) -> None:
+def test_worst_first(options: ReportOptions) -> None:
     kinds = ("passed", "warning", "failed", "crash")
-    outcomes = [samples[kind].outcomes[0].model_copy(update={"name": kind}) for kind in kinds]
-    headings = [line for line in summary(make_results(*outcomes), options).splitlines() if line.startswith("### ")]
+    outcomes = [like(SAMPLES[kind].outcomes[0], name=kind) for kind in kinds]
+    headings = [line for line in summary(results_of(*outcomes), options).splitlines() if line.startswith("### ")]
     assert headings == ["### 💥 crash", "### ❌ failed", "### ⚠️ warning", "### ✅ passed"]
 
 
-def test_the_row_of_a_scenario_tells_what_ended_it_not_what_that_cut_off(
-    samples: Samples, options: ReportOptions
-) -> None:
-    overview, table = (line for line in summary(samples["cut"], options).splitlines() if "touched wall" in line)
+def test_the_row_of_a_scenario_tells_what_ended_it_not_what_that_cut_off(options: ReportOptions) -> None:
+    overview, table = (line for line in summary(SAMPLES["cut"], options).splitlines() if "touched wall" in line)
     assert "when the run ended" not in overview
     assert table.startswith("| ❌ | **no_collision**")
 
 
-def test_what_passed_is_folded_and_warnings_are_not(samples: Samples, options: ReportOptions) -> None:
-    assert "<summary>Measurements of passed scenarios (1)</summary>" in summary(samples["passed"], options)
-    assert "what passed" not in summary(samples["warning"], options)
+def test_what_passed_is_folded_and_warnings_are_not(options: ReportOptions) -> None:
+    assert "<summary>Measurements of passed scenarios (1)</summary>" in summary(SAMPLES["passed"], options)
+    assert "what passed" not in summary(SAMPLES["warning"], options)
 
 
-def test_details_are_closed(kind: str, samples: Samples, options: ReportOptions) -> None:
-    tokens = MarkdownIt("commonmark").enable("table").parse(summary(samples[kind], options))
+def test_details_are_closed(kind: str, options: ReportOptions) -> None:
+    tokens = MarkdownIt("commonmark").enable("table").parse(summary(SAMPLES[kind], options))
     html = "".join(token.content for token in tokens if token.type == "html_block")
     assert html.count("<details>") == html.count("</details>")
 
 
-def test_lines_link_to_their_commit(samples: Samples, options: ReportOptions) -> None:
-    text = summary(samples["failed"], replace(options, environment=ON_GITHUB))
+def test_lines_link_to_their_commit(options: ReportOptions) -> None:
+    text = summary(SAMPLES["failed"], replace(options, environment=ON_GITHUB))
     assert "(https://github.com/a/b/blob/c0ffee/scenarios/straight.sim.yml#L8)" in text
 
 
-def test_500_scenarios_fit_failures_first(samples: Samples, make_results: MakeResults, options: ReportOptions) -> None:
-    passed = samples["passed"].outcomes[0].model_copy(update={"output": "x" * 10_000})
-    failed = samples["failed"].outcomes[0]
-    failing = [failed.model_copy(update={"name": f"failing {number}"}) for number in range(100)]
-    text = summary(make_results(*[passed] * 400, *failing), options)
+def test_500_scenarios_fit_failures_first(options: ReportOptions) -> None:
+    passed = like(SAMPLES["passed"].outcomes[0], output="x" * 10_000)
+    failed = SAMPLES["failed"].outcomes[0]
+    failing = [like(failed, name=f"failing {number}") for number in range(100)]
+    text = summary(results_of(*[passed] * 400, *failing), options)
     assert len(text.encode()) < MAX_BYTES
     assert all(f"### ❌ failing {number}\n" in text for number in range(100))
     assert text.index("### ❌ failing 99") < text.index("### ✅")
@@ -82,36 +79,30 @@ def test_500_scenarios_fit_failures_first(samples: Samples, make_results: MakeRe
 
 
 @pytest.mark.parametrize("count", [1, 3, 20_000])
-def test_what_is_huge_fits(count: int, make_results: MakeResults, options: ReportOptions, tmp_path: Path) -> None:
+def test_what_is_huge_fits(count: int, options: ReportOptions, tmp_path: Path) -> None:
     file = tmp_path / "summary.md"
     file.write_text("x" * 500_000)
     failures = tuple(Failure(kind="script", title="t", message="|" * 9_000, details="`" * 90_000) for _ in range(30))
     outcome = Outcome(name="n" * 120, file="f", status="error", failures=failures, output="#" * 64_000)
-    write_summary(make_results(*[outcome] * count), replace(options, environment={"GITHUB_STEP_SUMMARY": str(file)}))
+    write_summary(results_of(*[outcome] * count), replace(options, environment={"GITHUB_STEP_SUMMARY": str(file)}))
     assert 500_000 < file.stat().st_size <= MAX_BYTES
 
 
-def test_no_room_is_no_error(samples: Samples, options: ReportOptions) -> None:
-    assert summary(samples["failed"], options, most_bytes=100) == ""
+def test_no_room_is_no_error(options: ReportOptions) -> None:
+    assert summary(SAMPLES["failed"], options, most_bytes=100) == ""
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
 @given(text=st.one_of(st.text(), st.text(alphabet="|`<>@#[]()\n\r\\_* ")))
-def test_hostile_text_changes_no_structure(
-    text: str, samples: Samples, make_results: MakeResults, options: ReportOptions
-) -> None:
-    def structure(hostile: str) -> list[str]:
-        outcome = samples["failed"].outcomes[0]
+def test_hostile_text_changes_no_structure(text: str, options: ReportOptions) -> None:
+    def structure() -> list[str]:
+        outcome = SAMPLES["failed"].outcomes[0]
         expectations = tuple(
-            expected.model_copy(update={"name": hostile, "verdict": replace(expected.verdict, message=hostile)})
+            like(expected, name=HOSTILE, verdict=replace(expected.verdict, message=HOSTILE))
             for expected in outcome.expectations
         )
-        changed = {"name": hostile, "expectations": expectations, "notes": (hostile,), "output": f"a{hostile}"}
-        tokens = (
-            MarkdownIt("commonmark")
-            .enable("table")
-            .parse(summary(make_results(outcome.model_copy(update=changed)), options))
-        )
+        changed = {"name": HOSTILE, "expectations": expectations, "notes": (HOSTILE,), "output": f"a{HOSTILE}"}
+        tokens = MarkdownIt("commonmark").enable("table").parse(summary(results_of(like(outcome, **changed)), options))
         return [token.type for token in tokens]
 
     assert structure(f"a{text}") == structure("a")
@@ -122,37 +113,33 @@ def with_replays(results: Results, options: ReportOptions, name: str = "distance
     path = "replays/all.json.gz"
     curves = (signal(name, [0.0, 0.5, 1.0, 1.12], expectation=number, lower=1.5) for number in range(4))
     write_replay(replay(*curves), options.folder / path)
-    return results.model_copy(
-        update={"outcomes": tuple(outcome.model_copy(update={"replay": path}) for outcome in results.outcomes)}
-    )
+    return like(results, outcomes=tuple(like(outcome, replay=path) for outcome in results.outcomes))
 
 
-def test_golden_with_charts(samples: Samples, options: ReportOptions, golden: Callable[[str, str], None]) -> None:
-    golden("charts.md", summary(with_replays(samples["failed"], options), replace(options, environment=ON_GITHUB)))
+def test_golden_with_charts(options: ReportOptions, golden: Callable[[str, str], None]) -> None:
+    golden("charts.md", summary(with_replays(SAMPLES["failed"], options), replace(options, environment=ON_GITHUB)))
 
 
-def test_what_failed_is_drawn_and_what_held_is_not(samples: Samples, options: ReportOptions) -> None:
-    text = summary(with_replays(samples["failed"], options), options)
+def test_what_failed_is_drawn_and_what_held_is_not(options: ReportOptions) -> None:
+    text = summary(with_replays(SAMPLES["failed"], options), options)
     wall, straight = text.split("### ❌ ")[1:]
     assert (wall.count("```mermaid"), straight.count("```mermaid")) == (2, 1)
-    assert "mermaid" not in summary(with_replays(samples["passed"], options), options)
+    assert "mermaid" not in summary(with_replays(SAMPLES["passed"], options), options)
 
 
-def test_the_moment_of_each_failure_leads_to_its_replay(samples: Samples, options: ReportOptions) -> None:
-    text = summary(with_replays(samples["failed"], options), options)
+def test_the_moment_of_each_failure_leads_to_its_replay(options: ReportOptions) -> None:
+    text = summary(with_replays(SAMPLES["failed"], options), options)
     assert "replay: <code>report.html&#35;scenario=burger%20drives%20straight&amp;t=30</code>" in text
 
 
-def test_without_replays_there_are_no_charts(samples: Samples, options: ReportOptions) -> None:
-    assert "mermaid" not in summary(samples["failed"], options)
+def test_without_replays_there_are_no_charts(options: ReportOptions) -> None:
+    assert "mermaid" not in summary(SAMPLES["failed"], options)
 
 
-def test_a_page_has_few_charts_however_many_fail(
-    samples: Samples, make_results: MakeResults, options: ReportOptions
-) -> None:
-    failed = samples["failed"].outcomes[0]
-    outcomes = [failed.model_copy(update={"name": f"failing {number}"}) for number in range(100)]
-    text = summary(with_replays(make_results(*outcomes), options), options)
+def test_a_page_has_few_charts_however_many_fail(options: ReportOptions) -> None:
+    failed = SAMPLES["failed"].outcomes[0]
+    outcomes = [like(failed, name=f"failing {number}") for number in range(100)]
+    text = summary(with_replays(results_of(*outcomes), options), options)
     assert text.count("```mermaid") == 16
     assert text.index("### ❌ failing 8\n") > text.rindex("```mermaid")
     assert len(text.encode()) < MAX_BYTES
@@ -160,15 +147,15 @@ def test_a_page_has_few_charts_however_many_fail(
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=25)
 @given(name=st.text(min_size=1, max_size=200).filter(lambda text: text.encode(errors="ignore").decode() == text))
-def test_the_name_of_a_curve_ends_no_chart(name: str, samples: Samples, options: ReportOptions) -> None:
-    text = summary(with_replays(samples["failed"], options, name), options)
+def test_the_name_of_a_curve_ends_no_chart(name: str, options: ReportOptions) -> None:
+    text = summary(with_replays(SAMPLES["failed"], options, name), options)
     tokens = MarkdownIt("commonmark").enable("table").parse(text)
     fences = [token for token in tokens if token.type == "fence" and token.info == "mermaid"]
     assert [len(fence.content.splitlines()) for fence in fences] == [7, 7, 7]
 
 
-def test_how_to_run_it_again_can_be_copied(samples: Samples, options: ReportOptions) -> None:
-    tokens = MarkdownIt("commonmark").enable("table").parse(summary(samples["failed"], options))
+def test_how_to_run_it_again_can_be_copied(options: ReportOptions) -> None:
+    tokens = MarkdownIt("commonmark").enable("table").parse(summary(SAMPLES["failed"], options))
     commands = [token.content for token in tokens if token.type == "fence" and token.info == "sh"]
     assert commands == [
         'sim-action run scenarios/wall.sim.yml --only "burger stops before the wall" --backend pybullet\n',
@@ -176,6 +163,6 @@ def test_how_to_run_it_again_can_be_copied(samples: Samples, options: ReportOpti
     ]
 
 
-def test_what_held_is_folded_beside_what_failed(samples: Samples, options: ReportOptions) -> None:
-    text = summary(samples["failed"], options)
+def test_what_held_is_folded_beside_what_failed(options: ReportOptions) -> None:
+    text = summary(SAMPLES["failed"], options)
     assert "<summary>1 expectation held</summary>" in text

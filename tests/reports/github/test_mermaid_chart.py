@@ -16,9 +16,10 @@ from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.replay_file import write_replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.github.mermaid_chart import chart, load_replay, sampled, signal_of_verdict
-from sim_action.results.results_json import Results
 from sim_action.state.verdict import Signal, Verdict
+from tests.outcomes import like
 from tests.reports.replays import replay, signal
+from tests.reports.samples import SAMPLES
 
 TIME = np.linspace(0.0, 6.0, 7)
 VALUES = np.array([0.0, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0])
@@ -175,8 +176,6 @@ def test_nothing_that_a_file_may_hold_breaks_it(rows: list[tuple[float, float]],
     assert len(text) < 3_000
 
 
-Samples = dict[str, Results]
-
 SHORT = Verdict(False, 1.12, 1.5, -0.38, "m", 3.0)
 
 
@@ -185,26 +184,26 @@ def stored(options: ReportOptions, made: Replay, name: str = "replays/a.json.gz"
     return name
 
 
-def test_what_a_run_has_left_is_read(samples: Samples, options: ReportOptions) -> None:
+def test_what_a_run_has_left_is_read(options: ReportOptions) -> None:
     made = replay(signal("travelled", [0.0, 1.0, 1.12, 1.12], lower=1.5))
-    outcome = samples["passed"].outcomes[0].model_copy(update={"replay": stored(options, made)})
+    outcome = like(SAMPLES["passed"].outcomes[0], replay=stored(options, made))
     assert load_replay(outcome, options) == made
 
 
-def test_what_has_left_nothing_has_no_curves(samples: Samples, options: ReportOptions) -> None:
-    assert load_replay(samples["passed"].outcomes[0], options) is None
+def test_what_has_left_nothing_has_no_curves(options: ReportOptions) -> None:
+    assert load_replay(SAMPLES["passed"].outcomes[0], options) is None
 
 
 @pytest.mark.parametrize("name", ["../a.json.gz", "replays/none.json.gz", "/etc/passwd", "replays/\0"])
-def test_a_file_from_elsewhere_is_not_read(name: str, samples: Samples, options: ReportOptions) -> None:
+def test_a_file_from_elsewhere_is_not_read(name: str, options: ReportOptions) -> None:
     stored(options, replay(), "../a.json.gz")
-    assert load_replay(samples["passed"].outcomes[0].model_copy(update={"replay": name}), options) is None
+    assert load_replay(like(SAMPLES["passed"].outcomes[0], replay=name), options) is None
 
 
-def test_a_file_that_is_no_replay_is_none(samples: Samples, options: ReportOptions) -> None:
+def test_a_file_that_is_no_replay_is_none(options: ReportOptions) -> None:
     (options.folder / "replays").mkdir(parents=True)
     (options.folder / "replays/a.json.gz").write_bytes(b"not a replay")
-    outcome = samples["passed"].outcomes[0].model_copy(update={"replay": "replays/a.json.gz"})
+    outcome = like(SAMPLES["passed"].outcomes[0], replay="replays/a.json.gz")
     assert load_replay(outcome, options) is None
 
 

@@ -15,6 +15,7 @@ from sim_action.reports.proof import (
     write_proof_summary,
 )
 from sim_action.results.proof import Proof
+from tests.outcomes import like
 from tests.reports.proofs import FAILED, INVALID, PROOF, PROVEN, UNKNOWN, expected
 
 
@@ -23,12 +24,10 @@ def options(folder: Path, **environment: str) -> ReportOptions:
 
 
 def proof(*scenarios: object, **changes: object) -> Proof:
-    return PROOF.model_copy(update={"scenarios": scenarios, **changes})
+    return like(PROOF, scenarios=scenarios, **changes)
 
 
-GOOD = UNKNOWN.model_copy(
-    update={"name": "good", "expectations": (expected("reach", finding="notices", noticed=("a",)),)}
-)
+GOOD = like(UNKNOWN, name="good", expectations=(expected("reach", finding="notices", noticed=("a",)),))
 
 
 def test_the_summary_has_what_to_do_first(tmp_path: Path) -> None:

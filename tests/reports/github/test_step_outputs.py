@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from sim_action.reports import ReportOptions
 from sim_action.reports.github.step_outputs import outputs, write_outputs
-from sim_action.results.results_json import Results
+from tests.outcomes import like
+from tests.reports.samples import SAMPLES
 
 
 def read_back(text: str) -> dict[str, str]:
@@ -25,10 +26,10 @@ def read_back(text: str) -> dict[str, str]:
     return entries
 
 
-def test_what_later_steps_can_ask_for(samples: dict[str, Results], options: ReportOptions, tmp_path: Path) -> None:
+def test_what_later_steps_can_ask_for(options: ReportOptions, tmp_path: Path) -> None:
     file = tmp_path / "output"
     file.write_text("before<<x\n1\nx\n")
-    write_outputs(samples["failed"], replace(options, environment={"GITHUB_OUTPUT": str(file)}))
+    write_outputs(SAMPLES["failed"], replace(options, environment={"GITHUB_OUTPUT": str(file)}))
     assert read_back(file.read_text()) == {
         "before": "1",
         "conclusion": "failure",
@@ -51,56 +52,50 @@ def test_what_later_steps_can_ask_for(samples: dict[str, Results], options: Repo
     }
 
 
-def test_the_report_opens_at_what_decided_why_the_worst_scenario_failed(
-    samples: dict[str, Results], options: ReportOptions
-) -> None:
-    replayed = [outcome.model_copy(update={"replay": "replays/a.json.gz"}) for outcome in samples["cut"].outcomes]
-    found = samples["cut"].model_copy(update={"outcomes": (*samples["passed"].outcomes, *replayed)})
+def test_the_report_opens_at_what_decided_why_the_worst_scenario_failed(options: ReportOptions) -> None:
+    replayed = [like(outcome, replay="replays/a.json.gz") for outcome in SAMPLES["cut"].outcomes]
+    found = like(SAMPLES["cut"], outcomes=(*SAMPLES["passed"].outcomes, *replayed))
     assert outputs(found, options)["report-fragment"] == "#scenario=burger%20hits%20the%20wall&t=3.2"
-    passed = found.model_copy(update={"outcomes": found.outcomes[:1]})
+    passed = like(found, outcomes=found.outcomes[:1])
     assert outputs(passed, options)["report-fragment"] == ""
     told = outputs(found, replace(options, silenced=frozenset({"report"})))
     assert (told["report-path"], told["report-fragment"]) == ("", "")
-    [parted] = [
-        outcome.model_copy(update={"replay": "replays/a.json.gz"}) for outcome in samples["flaky"].outcomes[1:2]
-    ]
-    flaky = found.model_copy(update={"outcomes": (*samples["passed"].outcomes, parted)})
+    [parted] = [like(outcome, replay="replays/a.json.gz") for outcome in SAMPLES["flaky"].outcomes[1:2]]
+    flaky = like(found, outcomes=(*SAMPLES["passed"].outcomes, parted))
     assert outputs(flaky, options)["report-fragment"] == "#scenario=burger%20wanders&t=0.3"
 
 
-def test_travelled_of_one_scenario(samples: dict[str, Results], options: ReportOptions) -> None:
-    assert outputs(samples["passed"], options)["travelled"] == "1.5012"
-    assert outputs(samples["crash"], options)["travelled"] == ""
+def test_travelled_of_one_scenario(options: ReportOptions) -> None:
+    assert outputs(SAMPLES["passed"], options)["travelled"] == "1.5012"
+    assert outputs(SAMPLES["crash"], options)["travelled"] == ""
 
 
-def test_conclusions(samples: dict[str, Results], options: ReportOptions) -> None:
-    conclusions = {kind: outputs(results, options)["conclusion"] for kind, results in samples.items()}
+def test_conclusions(options: ReportOptions) -> None:
+    conclusions = {kind: outputs(results, options)["conclusion"] for kind, results in SAMPLES.items()}
     assert conclusions["passed"] == conclusions["warning"] == "success"
     assert conclusions["crash"] == conclusions["invalid"] == "failure"
     assert conclusions["interrupted"] == "cancelled"
 
 
-def test_nothing_without_a_file(samples: dict[str, Results], options: ReportOptions, tmp_path: Path) -> None:
-    write_outputs(samples["passed"], options)
+def test_nothing_without_a_file(options: ReportOptions, tmp_path: Path) -> None:
+    write_outputs(SAMPLES["passed"], options)
     assert list(tmp_path.iterdir()) == []
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
 @given(folder=st.text(st.characters(exclude_characters="\0\r", exclude_categories=["Cs"]), min_size=1))
-def test_no_path_forges_an_output(
-    folder: str, samples: dict[str, Results], options: ReportOptions, tmp_path: Path
-) -> None:
+def test_no_path_forges_an_output(folder: str, options: ReportOptions, tmp_path: Path) -> None:
     file = tmp_path / "output"
     file.write_text("")
     environment = {"GITHUB_OUTPUT": str(file)}
-    write_outputs(samples["passed"], replace(options, junit=Path(folder), environment=environment))
+    write_outputs(SAMPLES["passed"], replace(options, junit=Path(folder), environment=environment))
     read = read_back(file.read_bytes().decode())
-    assert set(read) == set(outputs(samples["passed"], options))
+    assert set(read) == set(outputs(SAMPLES["passed"], options))
     assert read["junit-path"] == str(Path(folder).absolute())
 
 
-def test_delimiters_are_not_to_be_guessed(samples: dict[str, Results], options: ReportOptions, tmp_path: Path) -> None:
+def test_delimiters_are_not_to_be_guessed(options: ReportOptions, tmp_path: Path) -> None:
     file = tmp_path / "output"
-    write_outputs(samples["passed"], replace(options, environment={"GITHUB_OUTPUT": str(file)}))
+    write_outputs(SAMPLES["passed"], replace(options, environment={"GITHUB_OUTPUT": str(file)}))
     delimiters = re.findall(r"<<(.+)", file.read_text())
     assert len(delimiters) == len(set(delimiters))

@@ -11,6 +11,7 @@ from sim_action.results.results_json import Results
 from sim_action.scenario.source import Varied
 from sim_action.scenario.variations.gate import Gate, PlannedGate
 from sim_action.state.verdict import Verdict
+from tests.outcomes import like
 
 FILE = "push.sim.yml"
 PASSES = {"passes": {"at_least": 0.9, "confidence": 0.95}}
@@ -29,18 +30,25 @@ def run(number: int, margin: float | None, **changes: Any) -> Outcome:
         verdict=verdict,
     )
     crash = Failure(kind="crash", title="SIGSEGV", message="the process ended")
-    return Outcome(
-        name=f"push[friction={friction:.3g},yaw={number - 10}deg]",
-        file=FILE,
-        group="push",
-        gate="push",
-        variation=(Varied("world.ground.friction", friction), Varied("robot.pose.yaw", yaw), Varied("floor", "wet")),
-        status="error" if margin is None else "passed" if margin >= 0 else "failed",
-        expectations=() if margin is None else (expected,),
-        failures=(crash,) if margin is None else (),
-        digest=None if margin is None else f"{number:064x}",
-        engine="pybullet 3.2.7",
-    ).model_copy(update=changes)
+    return like(
+        Outcome(
+            name=f"push[friction={friction:.3g},yaw={number - 10}deg]",
+            file=FILE,
+            group="push",
+            gate="push",
+            variation=(
+                Varied("world.ground.friction", friction),
+                Varied("robot.pose.yaw", yaw),
+                Varied("floor", "wet"),
+            ),
+            status="error" if margin is None else "passed" if margin >= 0 else "failed",
+            expectations=() if margin is None else (expected,),
+            failures=(crash,) if margin is None else (),
+            digest=None if margin is None else f"{number:064x}",
+            engine="pybullet 3.2.7",
+        ),
+        **changes,
+    )
 
 
 def grid_of_runs() -> list[Outcome]:

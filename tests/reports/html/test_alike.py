@@ -17,7 +17,7 @@ from sim_action.reports.html.suite import alike
 from sim_action.reports.html.top_view import RunLook
 from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.results.outcome import Outcome
-from tests.outcomes import outcome
+from tests.outcomes import like, outcome
 from tests.reports.html.gates import failed_gate, run
 
 
@@ -25,7 +25,7 @@ def failed(file: str, body: str = "", time: float | None = 1.5, **changes: Any) 
     made = outcome(file, holds=False)
     [expected] = made.expectations
     verdict = replace(expected.verdict, body=body, time=time, **changes)
-    return made.model_copy(update={"expectations": (expected.model_copy(update={"verdict": verdict}),)})
+    return like(made, expectations=(like(expected, verdict=verdict),))
 
 
 def said(*outcomes: Outcome, seen: Sequence[RunLook] = (), worlds: Sequence[str] = ()) -> list[str]:
@@ -93,7 +93,7 @@ def test_scenarios_that_missed_the_same_expectation_stand_together() -> None:
 
 def test_the_expectation_that_failed_first_is_the_cause() -> None:
     late, early = failed("a.sim.yml", "wall", 9.0), failed("a.sim.yml", time=2.0)
-    both = late.model_copy(update={"expectations": (*late.expectations, *early.expectations)})
+    both = like(late, expectations=(*late.expectations, *early.expectations))
     [words] = said(both, failed("b.sim.yml", time=2.5))
     assert words.endswith("a at 2.00 s; b at 2.50 s")
 

@@ -9,7 +9,7 @@ import pytest
 from sim_action.reports.html.base_run import ScenarioChange, scenario_changes
 from sim_action.results.comparison import compare_outcomes
 from sim_action.results.outcome import Outcome
-from tests.outcomes import outcome
+from tests.outcomes import like, outcome
 
 
 def change(old: Outcome, new: Outcome) -> ScenarioChange:
@@ -21,7 +21,7 @@ def with_margin(margin: float) -> Outcome:
     [expected] = made.expectations
     verdict = expected.verdict
     smaller = type(verdict)(True, 1.5 + margin, 1.5, margin, "m", 2.0, "travelled enough")
-    return made.model_copy(update={"expectations": (expected.model_copy(update={"verdict": smaller}),)})
+    return like(made, expectations=(like(expected, verdict=smaller),))
 
 
 def test_another_verdict_is_the_change() -> None:
@@ -39,8 +39,8 @@ def limited(limit: float, measured: float = 1.5) -> Outcome:
     made = outcome("a.sim.yml", holds=limit <= measured)
     [expected] = made.expectations
     verdict = type(expected.verdict)(limit <= measured, measured, limit, measured - limit, "m", 2.0, "travelled 1.5 m")
-    named = expected.model_copy(update={"verdict": verdict, "name": f"travel {limit} m"})
-    return made.model_copy(update={"expectations": (named,)})
+    named = like(expected, verdict=verdict, name=f"travel {limit} m")
+    return like(made, expectations=(named,))
 
 
 def test_a_stricter_limit_is_named_as_the_reason_of_a_failure() -> None:
@@ -59,22 +59,20 @@ def test_a_limit_that_is_not_the_reason_of_a_failure_is_not_in_the_table() -> No
     old, new = limited(1.0), limited(1.6)
     [before], [late] = old.expectations, new.expectations
     # Another expectation failed, and ended the run.
-    hit = before.model_copy(update={"name": "no_collision", "assertion": "no_collision"})
+    hit = like(before, name="no_collision", assertion="no_collision")
     missed = replace(before.verdict, passed=False, measured=1.0, limit=0.0, margin=-1.0, unit="contacts")
-    cut = late.model_copy(update={"verdict": replace(late.verdict, cut_off=True)})
-    both = old.model_copy(update={"expectations": (hit, before)})
-    ended = new.model_copy(update={"expectations": (hit.model_copy(update={"verdict": missed}), cut)})
+    cut = like(late, verdict=replace(late.verdict, cut_off=True))
+    both = like(old, expectations=(hit, before))
+    ended = like(new, expectations=(like(hit, verdict=missed), cut))
     found = change(both, ended)
     assert found.gist == "newly fails"
     assert "stricter limit" in found.words
-    alone = new.model_copy(update={"expectations": (cut,)})
+    alone = like(new, expectations=(cut,))
     assert change(old, alone).gist == "newly fails"
 
 
 def test_a_slower_run_is_a_change() -> None:
-    fast, slow = (
-        outcome("a.sim.yml").model_copy(update={"real_time_factor": factor, "sim_time": 10.0}) for factor in (40.0, 2.0)
-    )
+    fast, slow = (like(outcome("a.sim.yml"), real_time_factor=factor, sim_time=10.0) for factor in (40.0, 2.0))
     assert change(fast, slow).gist == "slower"
 
 
@@ -87,16 +85,13 @@ def test_a_margin_that_shrinks() -> None:
 def test_an_expectation_that_is_gone() -> None:
     new = with_margin(1.0)
     [expected] = new.expectations
-    old = new.model_copy(update={"expectations": (expected, expected.model_copy(update={"name": "stays up"}))})
+    old = like(new, expectations=(expected, like(expected, name="stays up")))
     assert change(old, new).kind == "weaker"
 
 
 @pytest.mark.parametrize(("digest", "kind"), [("a", "unchanged"), ("b", "moves differently")])
 def test_another_motion(digest: str, kind: str) -> None:
-    old, new = (
-        outcome("a.sim.yml").model_copy(update={"digest": each, "engine": "PyBullet 3", "seed": 1})
-        for each in ("a", digest)
-    )
+    old, new = (like(outcome("a.sim.yml"), digest=each, engine="PyBullet 3", seed=1) for each in ("a", digest))
     assert change(old, new).kind == kind
 
 

@@ -16,14 +16,14 @@ from sim_action.reports.html.document import Page
 from sim_action.reports.html.report import page, write_html
 from sim_action.results.earlier_run import EarlierRun
 from sim_action.results.outcome import Outcome, Repeats
-from tests.outcomes import gate_results, outcome, planned_gate, results, runs_of_gate
+from tests.outcomes import gate_results, like, outcome, planned_gate, results, runs_of_gate
 from tests.replays import drive, kept
 
 
 def run(folder: Path, name: str, distance: float, *, holds: bool = True, **stated: object) -> Outcome:
     replay = kept(drive(distance=distance), folder, name)
     known = {"name": name, "replay": replay, "digest": f"{distance}", "engine": "PyBullet 3"}
-    return outcome("a.sim.yml", holds=holds).model_copy(update={**known, **stated})
+    return like(outcome("a.sim.yml", holds=holds), **known, **stated)
 
 
 def options(folder: Path, *old: Outcome) -> ReportOptions:
@@ -133,8 +133,8 @@ def test_golden_trajectories_are_ghosts(tmp_path: Path) -> None:
     times = Column(scale=1.0, first=0, deltas=(1, 1))
     golden = GoldenData(expectation=0, time=times, base=(ahead, still, still, still))
     made = run(tmp_path, "a", 1.0)
-    wide = golden.model_copy(update={"position": 0.25, "yaw": 0.1})
-    kept(drive().model_copy(update={"golden": (golden, wide)}), tmp_path, "a")
+    wide = like(golden, position=0.25, yaw=0.1)
+    kept(like(drive(), golden=(golden, wide)), tmp_path, "a")
     found = page(results(made), options(tmp_path))
     [[one, other]] = ghosts(found)
     assert (one["label"], one["replay"], other["label"]) == ("golden trajectory", "golden-s0-1", "golden trajectory 2")
@@ -179,7 +179,7 @@ def test_the_first_repetition_that_differs_is_a_ghost_drawn_at_once(tmp_path: Pa
     other = kept(drive(distance=1.2), tmp_path, "a-run-2")
     repeats = Repeats(count=3, agreed=2, digests=2, replay=other)
     flaky = run(tmp_path, "a", 1.0, repeats=repeats)
-    gone = run(tmp_path, "b", 1.0, repeats=repeats.model_copy(update={"replay": "replays/gone.json.gz"}))
+    gone = run(tmp_path, "b", 1.0, repeats=like(repeats, replay="replays/gone.json.gz"))
     found = page(results(flaky, gone), options(tmp_path))
     [[ghost], none] = ghosts(found)
     assert (ghost["label"], ghost["replay"], ghost["shown"]) == ("another repetition", "repetition-s0", True)

@@ -11,6 +11,7 @@ from sim_action.recording.replay.columns import Column, TextColumn
 from sim_action.recording.replay.replay_data import ChannelData, GoldenData, Replay
 from sim_action.reports.html.ghosts import golden_replay, motion_of
 from sim_action.reports.html.parting import parting
+from tests.outcomes import like
 from tests.replays import drive
 
 TIMES = Column(scale=1.0, first=0, deltas=(1, 1))
@@ -54,8 +55,8 @@ def test_a_channel_that_only_one_run_has_is_zero_in_the_ghost() -> None:
         return ChannelData(group=group, name=name, unit="rad/s", values=values, commanded=commanded)
 
     named = (turning("angular z"), turning("linear x", commanded=True), turning("range", group="front"))
-    ours = drive().model_copy(update={"channels": named})
-    theirs = drive().model_copy(update={"channels": (turning("linear y"),)})
+    ours = like(drive(), channels=named)
+    theirs = like(drive(), channels=(turning("linear y"),))
     found = motion_of(theirs, ours).channels
     assert [(channel.group, channel.name) for channel in found] == [("base", "linear y"), ("base", "angular z")]
     assert found[1].values.decoded(61).tolist() == [0.0] * 61

@@ -18,6 +18,7 @@ from sim_action.results.events import Finished, RunEnded, Started
 from sim_action.results.journal import Journal
 from sim_action.results.journal_follower import JournalFollower
 from sim_action.results.journal_records import Planned
+from tests.outcomes import like
 from tests.reports.html.gates import gated, run
 from tests.results.test_journal import FAILED, header, outcome, unheard
 
@@ -70,7 +71,7 @@ def test_a_gate_counts_in_place_of_its_runs(tmp_path: Path) -> None:
     made = [run(number, -0.1 if number == 1 else 0.5) for number in range(3)]
     results = gated({"passes": {"at_least": 0.2, "confidence": 0.5}, "runs": 3}, *made)
     planned = tuple(Planned.of(each) for each in (*made, outcome("a")))
-    begin = Journal(tmp_path, header().model_copy(update={"gates": results.gates, "planned": planned}), unheard, 0.0)
+    begin = Journal(tmp_path, like(header(), gates=results.gates, planned=planned), unheard, 0.0)
     for place, each in enumerate(made[:2]):
         begin(Finished(place, each))
     shown = state(tmp_path)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sim_action.reports import ReportOptions
 from sim_action.reports.html.notebook import outcome_page
-from tests.outcomes import outcome
+from tests.outcomes import like, outcome
 from tests.replays import drive, kept
 
 
@@ -16,7 +16,7 @@ def options(folder: Path) -> ReportOptions:
 
 def test_a_run_of_a_gate_is_shown_alone(tmp_path: Path) -> None:
     name = kept(drive(), tmp_path, "cart")
-    ran = outcome("cart.sim.yml").model_copy(update={"replay": name, "gate": "often", "group": "cart"})
+    ran = like(outcome("cart.sim.yml"), replay=name, gate="often", group="cart")
     made = outcome_page(ran, options(tmp_path))
     assert made is not None
     text = made.text()

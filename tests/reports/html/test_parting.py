@@ -13,12 +13,12 @@ from sim_action.recording.replay.replay_data import ChannelData, Replay
 from sim_action.reports.html.parting import Parting, Tolerance, commands_until, parting, same_motion_text
 from sim_action.results.outcome import ExpectationOutcome
 from sim_action.state.verdict import Verdict
-from tests.outcomes import outcome
+from tests.outcomes import like, outcome
 from tests.replays import drive
 
 
 def with_frames(replay: Replay, **changed: object) -> Replay:
-    return replay.model_copy(update={"frames": replay.frames.model_copy(update=changed)})
+    return like(replay, frames=like(replay.frames, **changed))
 
 
 def turned(yaw: float, sign: float = 1.0) -> Replay:
@@ -53,7 +53,7 @@ def test_a_heading_counts_and_a_quaternion_is_its_negative() -> None:
     # Between two moments of the change of sign, too.
     once = turned(0.5, sign=-1.0)
     moments = once.frames.time
-    shifted = with_frames(once, time=moments.model_copy(update={"first": moments.first + 167}))
+    shifted = with_frames(once, time=like(moments, first=moments.first + 167))
     assert parting(turned(0.5), shifted) is None
 
 
@@ -85,12 +85,12 @@ def test_joints_count_where_no_base_moves() -> None:
     assert found.words == "by more than 0.5 deg"
     (wheel, *rest) = arm.scene.links[::-1]
     assert wheel.joint is not None
-    slider = wheel.model_copy(update={"joint": wheel.joint.model_copy(update={"type": "prismatic"})})
-    slid = arm.model_copy(update={"scene": arm.scene.model_copy(update={"links": (*rest[::-1], slider)})})
+    slider = like(wheel, joint=like(wheel.joint, type="prismatic"))
+    slid = like(arm, scene=like(arm.scene, links=(*rest[::-1], slider)))
     found = parting(slid, bent)
     assert found is not None
     assert found.words == "by more than 5 mm"
-    renamed = bent.model_copy(update={"joint_names": ("other",)})
+    renamed = like(bent, joint_names=("other",))
     assert parting(arm, renamed) is None
 
 
@@ -101,7 +101,7 @@ def test_what_was_not_compared_is_not_said_to_move_alike() -> None:
     )
     arm = drive(distance=0.0)
     assert same_motion_text(arm, arm, Tolerance()) == "The motions are the same, up to 5 mm or 0.5 deg"
-    body = with_frames(drive().model_copy(update={"joint_names": ()}), joints=())
+    body = with_frames(like(drive(), joint_names=()), joints=())
     assert same_motion_text(body, body, Tolerance()) == "The motions are the same, up to 5 mm or 0.5 deg"
 
 
@@ -112,7 +112,7 @@ def test_a_larger_tolerance_of_the_scenario_counts() -> None:
             name="agreement", assertion="agreement", severity="error", location=Location("a"), verdict=verdict
         )
 
-    made = outcome("a.sim.yml").model_copy(update={"expectations": (agreed(0.2, "m"), agreed(1e-4, "rad"))})
+    made = like(outcome("a.sim.yml"), expectations=(agreed(0.2, "m"), agreed(1e-4, "rad")))
     tolerance = Tolerance.of(made)
     assert tolerance.words == "200 mm or 0.5 deg"
     assert Tolerance.of(outcome("a.sim.yml")) == Tolerance()
@@ -133,7 +133,7 @@ def told(values: list[float], commanded: float, *, name: str = "linear x", unit:
         commanded=True,
     )
     aim = Column.encoded(np.full(count, commanded), 1e-3)
-    return with_frames(replay, commanded=(aim,)).model_copy(update={"channels": (channel,)})
+    return like(with_frames(replay, commanded=(aim,)), channels=(channel,))
 
 
 @pytest.mark.parametrize(
@@ -164,7 +164,7 @@ def test_the_first_command_that_differs_is_named(
 
 def test_a_part_of_a_twist_that_is_not_stored_is_zero() -> None:
     straight, turning = told([0.5, 0.5, 0.5], 1.0), told([0.1, 0.1, 0.1], 1.0, name="angular z", unit="rad/s")
-    both = straight.model_copy(update={"channels": (*straight.channels, *turning.channels)})
+    both = like(straight, channels=(*straight.channels, *turning.channels))
     assert commands_until(both, straight, 2.0) == "angular z 5.73 deg/s, before 0 deg/s, at 0.00 s"
     assert commands_until(straight, both, 2.0) == "angular z 0 deg/s, before 5.73 deg/s, at 0.00 s"
 

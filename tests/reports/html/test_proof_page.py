@@ -10,7 +10,7 @@ from sim_action.recording.replay.replay_file import write_replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.html.document import Page
 from sim_action.reports.html.proof_page import ShownScenario, proof_page, write_proof_page
-from tests.outcomes import outcome
+from tests.outcomes import like, outcome
 from tests.reports.proofs import FAILED, PROOF, PROVEN, UNKNOWN
 from tests.reports.replays import replay
 
@@ -25,7 +25,7 @@ def shown(folder: Path) -> list[ShownScenario]:
     runs = []
     for number, name in enumerate(names):
         write_replay(replay(), folder / f"replays/{number}.json.gz")
-        runs.append(outcome("a.sim.yml").model_copy(update={"name": name, "replay": f"replays/{number}.json.gz"}))
+        runs.append(like(outcome("a.sim.yml"), name=name, replay=f"replays/{number}.json.gz"))
     return [ShownScenario(UNKNOWN), ShownScenario(FAILED), ShownScenario(PROVEN, runs[0], runs[1:])]
 
 
@@ -73,7 +73,7 @@ def test_every_link_inside_the_page_has_its_target(tmp_path: Path) -> None:
 
 
 def test_a_page_without_any_run_is_written(tmp_path: Path) -> None:
-    empty = PROOF.model_copy(update={"scenarios": (FAILED.model_copy(update={"file": ""}),)})
+    empty = like(PROOF, scenarios=(like(FAILED, file=""),))
     write_proof_page(empty, [ShownScenario(empty.scenarios[0])], options(tmp_path), tmp_path)
     text = (tmp_path / "report.html").read_text()
     assert "<nav" not in text
@@ -82,10 +82,10 @@ def test_a_page_without_any_run_is_written(tmp_path: Path) -> None:
 
 def test_names_are_escaped(tmp_path: Path) -> None:
     hostile = "</script><img src=x>"
-    scenario = PROVEN.model_copy(update={"name": hostile, "file": hostile})
+    scenario = like(PROVEN, name=hostile, file=hostile)
     text = proof_page(
         PROOF,
-        [ShownScenario(scenario, None, [outcome("a.sim.yml").model_copy(update={"name": hostile})] * 3)],
+        [ShownScenario(scenario, None, [like(outcome("a.sim.yml"), name=hostile)] * 3)],
         options(tmp_path),
         tmp_path,
     ).text()

@@ -13,7 +13,7 @@ from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.replay_file import ReplayReader
 from sim_action.recording.replay.scene_data import MAX_TEXT_LENGTH
 from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json, stored_replay
-from tests.outcomes import outcome
+from tests.outcomes import like, outcome
 from tests.replays import MESH, drive, kept
 
 
@@ -29,16 +29,16 @@ def test_a_block_comes_apart_again_and_is_always_the_same() -> None:
 def test_a_replay_of_another_scenario_is_left_out(tmp_path: Path) -> None:
     ran = outcome("a.sim.yml")
     for name in (None, ran.name, "another one"):
-        file = kept(drive().model_copy(update={"scenario": name}), tmp_path, "a")
-        replay, missing = stored_replay(ran.model_copy(update={"replay": file}), tmp_path, ReplayReader())
+        file = kept(like(drive(), scenario=name), tmp_path, "a")
+        replay, missing = stored_replay(like(ran, replay=file), tmp_path, ReplayReader())
         assert (replay is None) == (name == "another one")
         assert ("it is of another scenario, 'another one'" in missing) == (replay is None)
 
 
 def test_a_long_name_of_a_scenario_is_compared_as_far_as_it_is_stored(tmp_path: Path) -> None:
-    ran = outcome("a.sim.yml").model_copy(update={"name": "n" * 2 * MAX_TEXT_LENGTH})
-    file = kept(drive().model_copy(update={"scenario": ran.name[:MAX_TEXT_LENGTH]}), tmp_path, "a")
-    replay, _ = stored_replay(ran.model_copy(update={"replay": file}), tmp_path, ReplayReader())
+    ran = like(outcome("a.sim.yml"), name="n" * 2 * MAX_TEXT_LENGTH)
+    file = kept(like(drive(), scenario=ran.name[:MAX_TEXT_LENGTH]), tmp_path, "a")
+    replay, _ = stored_replay(like(ran, replay=file), tmp_path, ReplayReader())
     assert replay is not None
 
 
@@ -78,8 +78,8 @@ def test_beyond_the_room_that_there_is_nothing_is_taken(monkeypatch: pytest.Monk
 
 def test_meshes_take_of_the_room_but_once(monkeypatch: pytest.MonkeyPatch) -> None:
     replay = drive()
-    rough = replay.scene.meshes[MESH].model_copy(update={"points": tuple(i * i % 7919 for i in range(30_000))})
-    large = replay.model_copy(update={"scene": replay.scene.model_copy(update={"meshes": {MESH: rough}})})
+    rough = like(replay.scene.meshes[MESH], points=tuple(i * i % 7919 for i in range(30_000)))
+    large = like(replay, scene=like(replay.scene, meshes={MESH: rough}))
     replay_blocks = ReplayBlocks()
     assert replay_blocks.add("first", large)
     assert (

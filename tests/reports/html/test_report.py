@@ -19,11 +19,10 @@ from sim_action.reports.html.report import page, write_html
 from sim_action.reports.links import replay_link
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
+from tests.outcomes import like
 from tests.replays import drive, kept
 from tests.reports.html.gates import failed_gate
-
-Samples = dict[str, Results]
-MakeResults = Callable[..., Results]
+from tests.reports.samples import HOSTILE, SAMPLES, results_of
 
 ON_GITHUB = {"GITHUB_SERVER_URL": "https://github.com", "GITHUB_REPOSITORY": "a/b", "GITHUB_SHA": "c0ffee"}
 
@@ -32,25 +31,21 @@ def body(results: Results, options: ReportOptions) -> str:
     return b"".join(page(results, options).body).decode()
 
 
-def test_golden(kind: str, samples: Samples, options: ReportOptions, golden: Callable[[str, str], None]) -> None:
-    golden(f"{kind}.html", f"{body(samples[kind], replace(options, environment=ON_GITHUB))}\n")
+def test_golden(kind: str, options: ReportOptions, golden: Callable[[str, str], None]) -> None:
+    golden(f"{kind}.html", f"{body(SAMPLES[kind], replace(options, environment=ON_GITHUB))}\n")
 
 
-def test_golden_of_a_run_that_was_kept(
-    samples: Samples, make_results: MakeResults, options: ReportOptions, golden: Callable[[str, str], None]
-) -> None:
-    golden("replay.html", f"{body(make_results(ran(samples, options)), options)}\n")
+def test_golden_of_a_run_that_was_kept(options: ReportOptions, golden: Callable[[str, str], None]) -> None:
+    golden("replay.html", f"{body(results_of(ran(options)), options)}\n")
 
 
-def ran(samples: Samples, options: ReportOptions) -> Outcome:
+def ran(options: ReportOptions) -> Outcome:
     options.folder.mkdir()
-    return samples["cut"].outcomes[0].model_copy(update={"replay": kept(drive(), options.folder, "cut")})
+    return like(SAMPLES["cut"].outcomes[0], replay=kept(drive(), options.folder, "cut"))
 
 
-def test_the_page_is_one_file_with_all_that_it_needs(
-    samples: Samples, make_results: MakeResults, options: ReportOptions
-) -> None:
-    results = make_results(ran(samples, options))
+def test_the_page_is_one_file_with_all_that_it_needs(options: ReportOptions) -> None:
+    results = results_of(ran(options))
     write_html(results, options)
     text = (options.folder / "report.html").read_text(encoding="utf-8")
     assert not re.findall(r"(?:src|href)=[\"'](?!#|data:|https://github)", text)
@@ -58,19 +53,17 @@ def test_the_page_is_one_file_with_all_that_it_needs(
     assert 'id="meshes"' in text
 
 
-def test_failures_first(samples: Samples, make_results: MakeResults, options: ReportOptions) -> None:
-    outcomes = [samples[kind].outcomes[0].model_copy(update={"name": kind}) for kind in ("passed", "failed", "crash")]
-    names = re.findall(r"<h2[^>]*>(.*?)</h2>", body(make_results(*outcomes), options))
+def test_failures_first(options: ReportOptions) -> None:
+    outcomes = [like(SAMPLES[kind].outcomes[0], name=kind) for kind in ("passed", "failed", "crash")]
+    names = re.findall(r"<h2[^>]*>(.*?)</h2>", body(results_of(*outcomes), options))
     assert names == ["All scenarios", "crash", "failed", "passed"]
 
 
-def test_links_tell_runs_of_one_name_apart(samples: Samples, make_results: MakeResults, options: ReportOptions) -> None:
-    passed, failed, crash = (
-        samples[kind].outcomes[0].model_copy(update={"name": "a"}) for kind in ("passed", "failed", "crash")
-    )
-    first = passed.model_copy(update={"replay": "replays/a.json.gz"})
-    second = failed.model_copy(update={"replay": "replays/a-2.json.gz"})
-    entries = json.loads(page(make_results(first, second, crash), options).index)["scenarios"]
+def test_links_tell_runs_of_one_name_apart(options: ReportOptions) -> None:
+    passed, failed, crash = (like(SAMPLES[kind].outcomes[0], name="a") for kind in ("passed", "failed", "crash"))
+    first = like(passed, replay="replays/a.json.gz")
+    second = like(failed, replay="replays/a-2.json.gz")
+    entries = json.loads(page(results_of(first, second, crash), options).index)["scenarios"]
     numbers = {entry["status"]: entry["number"] for entry in entries}
     assert numbers == {"error": 3, "failed": 2, "passed": 1}
     assert [replay_link(each, options) for each in (first, second)] == [
@@ -80,59 +73,51 @@ def test_links_tell_runs_of_one_name_apart(samples: Samples, make_results: MakeR
 
 
 @pytest.mark.parametrize("time", [math.nan, math.inf, -math.inf])
-def test_a_time_that_is_none_leaves_the_index_what_a_browser_can_read(
-    time: float, samples: Samples, make_results: MakeResults, options: ReportOptions
-) -> None:
-    cut, parted = samples["cut"].outcomes[0], samples["flaky"].outcomes[1]
-    judged = [
-        expected.model_copy(update={"verdict": replace(expected.verdict, time=time)}) for expected in cut.expectations
-    ]
-    failed = [failure.model_copy(update={"time": time}) for failure in parted.failures]
-    strange = cut.model_copy(update={"expectations": tuple(judged)}), parted.model_copy(update={"failures": failed})
+def test_a_time_that_is_none_leaves_the_index_what_a_browser_can_read(time: float, options: ReportOptions) -> None:
+    cut, parted = SAMPLES["cut"].outcomes[0], SAMPLES["flaky"].outcomes[1]
+    judged = [like(expected, verdict=replace(expected.verdict, time=time)) for expected in cut.expectations]
+    failed = [like(failure, time=time) for failure in parted.failures]
+    strange = like(cut, expectations=tuple(judged)), like(parted, failures=failed)
 
     def refuse(constant: str) -> None:
         raise ValueError(constant)
 
-    json.loads(page(make_results(*strange), options).index, parse_constant=refuse)
+    json.loads(page(results_of(*strange), options).index, parse_constant=refuse)
 
 
-def test_nothing_of_a_stranger_is_markup(hostile: str, samples: Samples, options: ReportOptions) -> None:
-    text = page(samples["hostile"], options).text()
+def test_nothing_of_a_stranger_is_markup(options: ReportOptions) -> None:
+    text = page(SAMPLES["hostile"], options).text()
     assert "<b>" not in text.replace("<b>warning", "")
     assert "\x1b" not in text
     assert "\u202e" not in text
-    assert hostile.split()[1] == "<b>&</b>"
+    assert HOSTILE.split()[1] == "<b>&</b>"
 
 
 @pytest.mark.parametrize("where", ["../elsewhere.json.gz", "replays/missing.json.gz", "/etc/passwd", "a\x00b"])
 def test_a_replay_that_is_not_below_the_results_is_not_looked_for(
-    where: str, samples: Samples, make_results: MakeResults, options: ReportOptions, tmp_path: Path
+    where: str, options: ReportOptions, tmp_path: Path
 ) -> None:
-    lost = ran(samples, options).model_copy(update={"replay": where})
+    lost = like(ran(options), replay=where)
     kept(drive(), tmp_path, "elsewhere")
-    found = page(make_results(lost), options)
+    found = page(results_of(lost), options)
     shown = found.text()
     assert "The replay file of this run is missing" in shown
     assert not found.blocks
 
 
-def test_a_replay_that_is_none_is_told_and_the_rest_is_there(
-    samples: Samples, make_results: MakeResults, options: ReportOptions
-) -> None:
-    broken = ran(samples, options)
+def test_a_replay_that_is_none_is_told_and_the_rest_is_there(options: ReportOptions) -> None:
+    broken = ran(options)
     with whole_file(options.folder / "replays/cut.json.gz") as file:
         file.write(b"no gzip")
-    found = page(make_results(broken), options)
+    found = page(results_of(broken), options)
     shown = found.text()
     assert "The replay cannot be read:" in shown
     assert "base_link touched wall" in shown
 
 
-def test_what_finds_no_room_has_no_replay_and_says_so(
-    samples: Samples, make_results: MakeResults, options: ReportOptions, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_finds_no_room_has_no_replay_and_says_so(options: ReportOptions, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sim_action.reports.html.replay_blocks.MAX_REPLAY_BYTES", 100)
-    found = page(make_results(ran(samples, options)), options)
+    found = page(results_of(ran(options)), options)
     shown = found.text()
     assert "The replay of this run is not included" in shown
     assert "<svg" not in b"".join(found.body).decode()
@@ -140,24 +125,22 @@ def test_what_finds_no_room_has_no_replay_and_says_so(
 
 
 def test_of_thousands_the_worst_are_told_and_the_rest_is_counted(
-    samples: Samples, make_results: MakeResults, options: ReportOptions, monkeypatch: pytest.MonkeyPatch
+    options: ReportOptions, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sim_action.reports.html.report.MAX_PAGE_SCENARIOS", 2)
-    outcomes = [samples[kind].outcomes[0].model_copy(update={"name": kind}) for kind in ("passed", "failed", "crash")]
-    found = body(make_results(*outcomes), options)
+    outcomes = [like(SAMPLES[kind].outcomes[0], name=kind) for kind in ("passed", "failed", "crash")]
+    found = body(results_of(*outcomes), options)
     assert re.findall(r"<h2[^>]*>(.*?)</h2>", found) == ["All scenarios", "crash", "failed"]
     assert "1 more scenario in results.json; this page shows the worst 2" in found
     assert re.findall(r'href="#(s\d+)"', found) == ["s0", "s1"] * 2
 
 
-def test_variations_stand_together_with_their_count(samples: Samples, options: ReportOptions) -> None:
-    assert "2 of 4 passed" in body(samples["varied"], options)
+def test_variations_stand_together_with_their_count(options: ReportOptions) -> None:
+    assert "2 of 4 passed" in body(SAMPLES["varied"], options)
 
 
-def test_the_same_results_make_the_same_page(
-    samples: Samples, make_results: MakeResults, options: ReportOptions
-) -> None:
-    results = make_results(ran(samples, options))
+def test_the_same_results_make_the_same_page(options: ReportOptions) -> None:
+    results = results_of(ran(options))
     assert page(results, options).text() == page(results, options).text()
 
 
@@ -178,10 +161,8 @@ def test_the_worst_runs_of_a_gate_have_a_replay_first(options: ReportOptions, mo
     options.folder.mkdir()
     gate = failed_gate()
     name = kept(drive(), options.folder, "push")
-    runs = tuple(
-        each if each.statistics is not None else each.model_copy(update={"replay": name}) for each in gate.outcomes
-    )
-    results = gate.model_copy(update={"outcomes": runs})
+    runs = tuple(each if each.statistics is not None else like(each, replay=name) for each in gate.outcomes)
+    results = like(gate, outcomes=runs)
     monkeypatch.setattr("sim_action.reports.html.replay_blocks.MAX_REPLAY_BYTES", 8_000)
     found = page(results, options)
     kept_runs = [key for key in found.blocks if key.startswith("replay-")]

@@ -10,7 +10,7 @@ from sim_action.recording.replay.sightings import SightingData
 from sim_action.reports import ReportOptions
 from sim_action.reports.html.scenario_article import run_reasons
 from sim_action.results.outcome import Failure, Outcome
-from tests.outcomes import outcome
+from tests.outcomes import like, outcome
 
 
 @pytest.mark.parametrize(("count", "shown", "left"), [(20, 20, ""), (23, 20, "3 more errors are in results.json.")])
@@ -28,8 +28,8 @@ def test_the_first_twenty_errors_are_shown(count: int, shown: int, left: str, op
 def test_a_failure_names_the_sensor_that_saw_its_body_first(body: str, words: str, options: ReportOptions) -> None:
     made = outcome("a.sim.yml", holds=False)
     [expected] = made.expectations
-    hit = expected.model_copy(update={"verdict": replace(expected.verdict, body=body)})
+    hit = like(expected, verdict=replace(expected.verdict, body=body))
     seen = {"pallet": SightingData(sensor="skirt", kind="lidar", time=1.4)}
-    html = run_reasons(made.model_copy(update={"expectations": (hit,)}), options, seen)
+    html = run_reasons(like(made, expectations=(hit,)), options, seen)
     assert ("first seen" in html) == bool(words)
     assert words in html

@@ -10,6 +10,7 @@ import pytest
 
 from sim_action.recording.replay.sightings import BlindData, ObstacleData, SightingData
 from sim_action.reports.html.scenario_article import direction, sightings
+from tests.outcomes import like
 from tests.replays import drive
 
 LIDAR = SightingData(sensor="front", kind="lidar", time=0.4, distance=1.42, angle=-0.0349)
@@ -22,7 +23,7 @@ BOTH = (
 
 
 def said(*obstacles: ObstacleData, unread: tuple[str, ...] = (), body: str = "wall") -> list[str]:
-    html = sightings(drive(body=body).model_copy(update={"obstacles": obstacles, "unread": unread}))
+    html = sightings(like(drive(body=body), obstacles=obstacles, unread=unread))
     return [unescape(re.sub("<[^>]*>", "", item)) for item in re.findall("<li>.*?</li>", html)]
 
 
@@ -35,7 +36,7 @@ def said(*obstacles: ObstacleData, unread: tuple[str, ...] = (), body: str = "wa
         ),
         (ObstacleData(body=0, seen=(BUMPER,)), "wall was first seen by bumper (contact) at 2.30 s."),
         (
-            ObstacleData(body=0, seen=(BUMPER.model_copy(update={"every": 8}),)),
+            ObstacleData(body=0, seen=(like(BUMPER, every=8),)),
             "wall was first seen by bumper (contact, 1 of 8 readings looked at) at 2.30 s.",
         ),
         (
@@ -68,7 +69,7 @@ def test_sensors_that_nothing_reads_are_named() -> None:
 
 
 def test_names_are_text() -> None:
-    hostile = drive(body="<script>").model_copy(update={"obstacles": (ObstacleData(body=0, seen=(LIDAR,)),)})
+    hostile = like(drive(body="<script>"), obstacles=(ObstacleData(body=0, seen=(LIDAR,)),))
     assert "<script>" not in sightings(hostile)
 
 

@@ -14,7 +14,7 @@ from sim_action.reports.html.suite import margin_bar, nearest_cell, sort_margin,
 from sim_action.reports.html.top_view import RunLook, small_path
 from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.results.outcome import Failure, Outcome
-from tests.outcomes import outcome, unjudged
+from tests.outcomes import like, outcome, unjudged
 from tests.replays import drive
 from tests.reports.html.gates import failed_gate, run
 
@@ -26,14 +26,14 @@ def article(*outcomes: Outcome, changes: dict[int, ScenarioChange] | None = None
 
 def crashed(file: str) -> Outcome:
     failure = Failure(kind="crash", title="SIGSEGV", message="the process ended")
-    return outcome(file).model_copy(update={"status": "error", "expectations": (), "failures": (failure,)})
+    return like(outcome(file), status="error", expectations=(), failures=(failure,))
 
 
 def with_margin(margin: float, limit: float = 2.0, *, goal: bool = False, file: str = "a.sim.yml") -> Outcome:
     made = outcome(file, holds=margin >= 0)
     [expected] = made.expectations
     verdict = replace(expected.verdict, margin=margin, limit=limit, goal=goal)
-    return made.model_copy(update={"expectations": (expected.model_copy(update={"verdict": verdict}),)})
+    return like(made, expectations=(like(expected, verdict=verdict),))
 
 
 def test_there_is_a_row_for_each_scenario_the_worst_first() -> None:
@@ -48,7 +48,7 @@ def test_there_is_a_row_for_each_scenario_the_worst_first() -> None:
 
 
 def test_rows_name_the_tags_of_their_scenarios() -> None:
-    tagged = outcome("a.sim.yml").model_copy(update={"tags": ("nightly", "slow")})
+    tagged = like(outcome("a.sim.yml"), tags=("nightly", "slow"))
     assert re.findall(r'data-tags="([^"]*)"', article(tagged, outcome("b.sim.yml"))) == ["nightly slow"]
 
 
@@ -148,6 +148,6 @@ def test_a_small_path_runs_from_its_start_to_its_end() -> None:
     ]
     ahead = drive(distance=2.0)
     x, y, *rest = ahead.frames.base
-    left = ahead.model_copy(update={"frames": ahead.frames.model_copy(update={"base": (y, x, *rest)})})
+    left = like(ahead, frames=like(ahead.frames, base=(y, x, *rest)))
     # Upwards: the end is higher on the page.
     assert re.findall(r'cy="(\d+)"', small_path(left, "passed")) == ["350", "50"]

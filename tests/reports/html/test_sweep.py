@@ -12,6 +12,7 @@ import pytest
 from sim_action.reports.html.sweep import has_plot, parameters, sweep
 from sim_action.results.outcome import Outcome
 from sim_action.scenario.source import Varied
+from tests.outcomes import like
 from tests.reports.html.gates import run
 
 
@@ -69,8 +70,8 @@ def test_a_goal_that_came_true_has_no_margin() -> None:
     def met(number: int, margin: float) -> Outcome:
         made = run(number, margin)
         [expected] = made.expectations
-        goal = expected.model_copy(update={"verdict": replace(expected.verdict, goal=True)})
-        return made.model_copy(update={"expectations": (goal,)})
+        goal = like(expected, verdict=replace(expected.verdict, goal=True))
+        return like(made, expectations=(goal,))
 
     data = sweep([met(0, 0.15), met(1, -0.3), met(2, 0.001)], {}, None)
     assert data is not None

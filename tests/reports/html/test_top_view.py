@@ -21,7 +21,7 @@ from sim_action.recording.replay.scene_data import (
     PolylineMark,
 )
 from sim_action.reports.html.top_view import Frame, SceneOutlines, drawing, outline
-from tests.outcomes import outcome
+from tests.outcomes import like, outcome
 from tests.replays import GREY, HERE, MESH, drive
 
 
@@ -64,7 +64,7 @@ def test_a_goal_that_was_missed_is_told_apart(holds: bool, kind: str) -> None:
 def test_tolerances_of_a_path_and_of_a_heading_are_areas() -> None:
     path = PolylineMark(kind="polyline", points=((0.0, 1.0, 0.0), (1.0, 1.0, 0.0)), tolerance=0.2, expectation=0)
     arrow = ArrowMark(kind="arrow", x=0.0, y=2.0, yaw=0.0, tolerance=0.5, expectation=0)
-    replay = drive(distance=3.0).model_copy(update={"marks": (path, arrow)})
+    replay = like(drive(distance=3.0), marks=(path, arrow))
     svg = ET.fromstring(drawing(replay, outcome("a.sim.yml", holds=False)))
     [band] = [shape for shape in svg if shape.get("class") == "band missed"]
     assert (band.attrib["points"], band.attrib["stroke-width"]) == ("0,-1 1,-1", "0.4")
@@ -75,7 +75,7 @@ def test_tolerances_of_a_path_and_of_a_heading_are_areas() -> None:
 
 def test_a_line_around_a_far_body_does_not_widen_the_view() -> None:
     far = PolylineMark(kind="polyline", points=((0.0, 90.0, 0.0), (1.0, 90.0, 0.0)), is_aside=True)
-    plain, added = (drive().model_copy(update={"marks": marks}) for marks in ((), (far,)))
+    plain, added = (like(drive(), marks=marks) for marks in ((), (far,)))
     views = [ET.fromstring(drawing(replay, outcome("a.sim.yml"))).attrib["viewBox"] for replay in (plain, added)]
     assert views[0] == views[1]
 
@@ -87,7 +87,7 @@ def test_marks_that_move_with_a_link_are_drawn_where_they_are_at_the_end() -> No
     line = PolylineMark(kind="polyline", points=((0.0, 1.0, 0.0), (1.0, 1.0, 0.0)), link=0, expectation=1)
     square = PolygonMark(kind="polygon", points=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), link=0, expectation=1)
     arrow = ArrowMark(kind="arrow", x=0.0, y=2.0, yaw=0.0, link=0, expectation=1)
-    replay = moved.model_copy(update={"marks": (circle, line, square, arrow)})
+    replay = like(moved, marks=(circle, line, square, arrow))
     svg = ET.fromstring(drawing(replay, outcome("a.sim.yml")))
     [goal] = [shape for shape in svg if shape.tag == "circle" and "goal" in shape.attrib["class"]]
     assert (float(goal.attrib["cx"]), float(goal.attrib["cy"])) == (3.5, -0.25)
@@ -161,7 +161,7 @@ def test_links_go_where_the_base_goes() -> None:
 def test_drawings_that_share_outlines_are_those_made_alone() -> None:
     shared = SceneOutlines()
     first = drive(distance=1.0)
-    again = drive(distance=2.0).model_copy(update={"scene": first.scene})
+    again = like(drive(distance=2.0), scene=first.scene)
     other = drive(distance=2.0, body="crate")
     for replay in (first, again, other, first):
         expected = outcome("a.sim.yml")

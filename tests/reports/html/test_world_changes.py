@@ -6,6 +6,7 @@ import pytest
 
 from sim_action.recording.replay.scene_data import BodyData, SceneData
 from sim_action.reports.html.ghosts import world_changes
+from tests.outcomes import like
 from tests.replays import drive
 
 SCENE = drive().scene
@@ -13,15 +14,15 @@ WALL, *OTHERS = SCENE.bodies
 
 
 def with_bodies(*bodies: BodyData) -> SceneData:
-    return SCENE.model_copy(update={"bodies": bodies})
+    return like(SCENE, bodies=bodies)
 
 
 def named(*names: str) -> list[BodyData]:
-    return [WALL.model_copy(update={"name": name}) for name in names]
+    return [like(WALL, name=name) for name in names]
 
 
-MOVED = WALL.model_copy(update={"pose": (WALL.pose[0] + 0.2, *WALL.pose[1:])})
-TURNED = WALL.model_copy(update={"pose": (*WALL.pose[:3], 0.0, 0.0, 0.7071, 0.7071)})
+MOVED = like(WALL, pose=(WALL.pose[0] + 0.2, *WALL.pose[1:]))
+TURNED = like(WALL, pose=(*WALL.pose[:3], 0.0, 0.0, 0.7071, 0.7071))
 
 
 @pytest.mark.parametrize(
@@ -33,9 +34,9 @@ TURNED = WALL.model_copy(update={"pose": (*WALL.pose[:3], 0.0, 0.0, 0.7071, 0.70
         (with_bodies(*named(*"abcde")), with_bodies(*named("a")), "b, c, d and 1 more are new"),
         (with_bodies(MOVED), with_bodies(WALL), "wall starts 0.2 m elsewhere"),
         (with_bodies(TURNED), with_bodies(WALL), "wall starts turned by 90 deg"),
-        (with_bodies(WALL.model_copy(update={"shapes": ()})), with_bodies(WALL), "wall has another shape"),
+        (with_bodies(like(WALL, shapes=())), with_bodies(WALL), "wall has another shape"),
         (drive(robot="husky").scene, SCENE, "the robot is husky, not cart"),
-        (SCENE.model_copy(update={"links": SCENE.links[:1]}), SCENE, "the model of the robot differs"),
+        (like(SCENE, links=SCENE.links[:1]), SCENE, "the model of the robot differs"),
         (with_bodies(*named("a\n<b>\u202e" + 60 * "c")), with_bodies(), f"a <b>{34 * 'c'}… is new"),
     ],
 )
@@ -44,11 +45,11 @@ def test_what_differs_is_named(ours: SceneData, theirs: SceneData, words: str) -
 
 
 def test_a_difference_below_the_tolerance_of_a_motion_is_none() -> None:
-    near = WALL.model_copy(update={"pose": (WALL.pose[0] + 0.004, *WALL.pose[1:])})
+    near = like(WALL, pose=(WALL.pose[0] + 0.004, *WALL.pose[1:]))
     assert world_changes(with_bodies(near), with_bodies(WALL)) == ""
 
 
 def test_a_body_that_only_has_another_colour_is_the_same() -> None:
-    shapes = tuple(shape.model_copy(update={"color": (0.1, 0.2, 0.3)}) for shape in WALL.shapes)
+    shapes = tuple(like(shape, color=(0.1, 0.2, 0.3)) for shape in WALL.shapes)
     assert shapes != WALL.shapes
-    assert world_changes(with_bodies(WALL.model_copy(update={"shapes": shapes})), with_bodies(WALL)) == ""
+    assert world_changes(with_bodies(like(WALL, shapes=shapes)), with_bodies(WALL)) == ""
