@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel
 
 from sim_action.core.errors import Location
+from sim_action.core.records import replace
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
+from sim_action.reports import ReportOptions
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.over_variations import over_variations
 from sim_action.results.results_json import Results
@@ -25,6 +27,12 @@ Model = TypeVar("Model", bound=BaseModel)
 def like(model: Model, **values: object) -> Model:
     """Return a copy with other values, which are not validated."""
     return model.model_copy(update=values)
+
+
+def report_options(folder: Path, **stated: Any) -> ReportOptions:
+    """Of a call whose output folder is the workspace."""
+    made = ReportOptions(folder, folder / "junit.xml", junit_strict=False, environment={}, workspace=folder)
+    return replace(made, **stated)
 
 
 def outcome(

@@ -18,7 +18,6 @@ from sim_action.app.live import LivePages
 from sim_action.app.loopback import Answer
 from sim_action.recording.replay.columns import Column
 from sim_action.recording.replay.replay_data import SignalData
-from sim_action.reports import ReportOptions
 from sim_action.reports.html import document
 from sim_action.reports.html.notebook import outcome_page, player_frame, report_frame
 from sim_action.reports.html.report import page, write_html
@@ -32,7 +31,7 @@ from sim_action.state.verdict import Verdict
 from tests.integration.test_bolted_contacts import ARM, BASE, INERTIAL
 from tests.integration.test_examples import sim_action
 from tests.integration.test_live import serving
-from tests.outcomes import outcome, results
+from tests.outcomes import outcome, report_options, results
 from tests.replays import drive, kept, seen
 from tests.reports.html.gates import grid_of_runs, inconclusive_gate
 
@@ -103,10 +102,6 @@ def look(check: str, report: Path) -> None:
     assert looked(report, check) == {check: ""}
 
 
-def options(folder: Path) -> ReportOptions:
-    return ReportOptions(folder, folder / "junit.xml", junit_strict=False, environment={}, workspace=folder)
-
-
 LIVE = "progress leads to a report that offers what is new"
 ACCESSIBLE = "axe finds nothing"
 CHECKS = [
@@ -162,7 +157,7 @@ def test_a_base_run(tmp_path: Path) -> None:
         for folder, distance, holds in (("old", 1.5, True), ("new", 1.0, False))
     )
     against = EarlierRun("old", (before,), {id(before): tmp_path / "old"})
-    write_html(results(now), replace(options(tmp_path / "new"), against=against))
+    write_html(results(now), replace(report_options(tmp_path / "new"), against=against))
     checks = [
         "the base run is a ghost, by mouse",
         "the ghost of an address is drawn, by keys",
@@ -179,7 +174,7 @@ def test_a_base_run_that_ended_earlier(tmp_path: Path) -> None:
         for folder, motion in (("old", drive(seconds=1.5)), ("new", drive(seconds=3.0, distance=1.5)))
     )
     against = EarlierRun("old", (before,), {id(before): tmp_path / "old"})
-    write_html(results(now), replace(options(tmp_path / "new"), against=against))
+    write_html(results(now), replace(report_options(tmp_path / "new"), against=against))
     look("a ghost that ended earlier is said to", tmp_path / "new/report.html")
 
 
@@ -190,7 +185,7 @@ def test_a_report_in_a_notebook(broken: Path, tmp_path: Path) -> None:
 
 def test_an_outcome_in_a_notebook(tmp_path: Path) -> None:
     ran = outcome("cart.sim.yml").model_copy(update={"replay": kept(drive(), tmp_path, "cart")})
-    made = outcome_page(ran, options(tmp_path))
+    made = outcome_page(ran, report_options(tmp_path))
     assert made is not None
     # A frame of a page that trusts nothing: it has no origin.
     frame = player_frame(made.text()).replace("<iframe", '<iframe sandbox="allow-scripts"')
@@ -262,7 +257,7 @@ time_limit: 2 s
 def test_without_the_viewer(broken: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(broken.parent, tmp_path / "results")
     monkeypatch.setattr(document, "viewer", lambda: None)
-    write_html(Results.read(broken.parent / "results.json"), options(tmp_path / "results"))
+    write_html(Results.read(broken.parent / "results.json"), report_options(tmp_path / "results"))
     look("without the viewer it is seen from above", tmp_path / "results/report.html")
 
 
@@ -295,14 +290,14 @@ def test_hostile_names(tmp_path: Path) -> None:
     far = outcome(f"{HOSTILE}.sim.yml").model_copy(
         update={"name": "far", "replay": kept(replay.model_copy(update={"frames": frames}), tmp_path, "far")}
     )
-    write_html(results(hostile, far), options(tmp_path))
+    write_html(results(hostile, far), report_options(tmp_path))
     checks = ("hostile names stay text", "places and times far from zero stop nothing")
     assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
 
 
 def test_what_the_robot_saw(tmp_path: Path) -> None:
     ran = outcome("a.sim.yml", holds=False).model_copy(update={"name": "a", "replay": kept(seen(), tmp_path, "a")})
-    write_html(results(ran), options(tmp_path))
+    write_html(results(ran), report_options(tmp_path))
     checks = [
         "layers are chosen by keys, and the address keeps them",
         "sensors are in step with the clock",
@@ -320,7 +315,7 @@ def test_runs_of_one_name(tmp_path: Path) -> None:
         )
         for file, holds, stem in (("first", True, "burger"), ("second", False, "burger-2"))
     ]
-    write_html(results(*ran), options(tmp_path))
+    write_html(results(*ran), report_options(tmp_path))
     checks = ["a link tells runs of one name apart", "a joint is plotted with its command"]
     assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
 
@@ -335,7 +330,7 @@ def test_words_of_plots(tmp_path: Path) -> None:
     frames = replay.frames.model_copy(update={"base": (replay.frames.base[0], drift, *replay.frames.base[2:])})
     moved = replay.model_copy(update={"signals": (gap, height), "frames": frames})
     ran = outcome("a.sim.yml").model_copy(update={"name": "burger", "replay": kept(moved, tmp_path, "burger")})
-    write_html(results(ran), options(tmp_path))
+    write_html(results(ran), report_options(tmp_path))
     look("words of plots do not overlap, and time axes agree", tmp_path / "report.html")
 
 
@@ -343,7 +338,7 @@ def test_a_gate(tmp_path: Path) -> None:
     gate = inconclusive_gate()
     replay = kept(drive(), tmp_path, "push")
     runs = [each.model_copy(update={"replay": replay}) if "yaw=-8deg" in each.name else each for each in gate.outcomes]
-    write_html(gate.model_copy(update={"outcomes": tuple(runs)}), options(tmp_path))
+    write_html(gate.model_copy(update={"outcomes": tuple(runs)}), report_options(tmp_path))
     checks = [
         "a point of a sweep opens its run",
         "a sweep is used by keys alone",
@@ -358,7 +353,7 @@ def test_folded_runs(tmp_path: Path) -> None:
     gate = inconclusive_gate()
     scenarios = [outcome(f"{name}.sim.yml") for name in ("first", "second")]
     ran = gate.model_copy(update={"outcomes": (*gate.outcomes, *grid_of_runs(), *scenarios)})
-    write_html(ran, options(tmp_path))
+    write_html(ran, report_options(tmp_path))
     checks = [
         "keys go past folded rows, and back",
         "keys go into a group that is open",
@@ -387,7 +382,7 @@ def test_a_suite(tmp_path: Path) -> None:
     before = tuple(ran("old", number, holds=True) for number in bad)
     now = (ran("new", number, holds=number not in bad) for number in range(66))
     against = EarlierRun("old", before, {id(each): tmp_path / "old" for each in before})
-    write_html(results(*now), replace(options(tmp_path / "new"), against=against))
+    write_html(results(*now), replace(report_options(tmp_path / "new"), against=against))
     report = tmp_path / "new/report.html"
     assert report.stat().st_size < 3_000_000
     checks = [
@@ -402,7 +397,7 @@ def test_a_suite(tmp_path: Path) -> None:
 
 def test_one_scenario_fits_its_budget(broken: Path) -> None:
     [longest] = [one for one in Results.read(broken.parent / "results.json").outcomes if one.name == "burger pushes on"]
-    alone = page(results(longest), options(broken.parent))
+    alone = page(results(longest), report_options(broken.parent))
     assert longest.sim_time == 30.0
     built = document.viewer()
     assert built is not None

@@ -25,7 +25,7 @@ def several() -> Comparison:
     """Some of everything."""
     passed, failed = SAMPLES["passed"].outcomes[0], SAMPLES["failed"].outcomes[2]
     tight, fast = _with_margin(passed, 0.3), {"real_time_factor": 40.0, "sim_time": 60.0, "digest": "f0"}
-    slow = like(_with_margin(passed, 0.1), **fast, real_time_factor=10.0, digest="f1")
+    slow = like(_with_margin(passed, 0.1), **{**fast, "real_time_factor": 10.0, "digest": "f1"})
     crash = SAMPLES["crash"].outcomes[0]
     old = [_named("breaks", passed), _named("fixed", failed), _named("tight", like(tight, **fast))]
     old += [_named("removed", passed), _named("same", passed), _named("still", failed), _named("otherwise", failed)]

@@ -15,7 +15,7 @@ from junitparser import Error, Failure, JUnitXml, TestSuite
 from sim_action.core.errors import Location
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import plain_text
-from sim_action.reports.junit import write_junit
+from sim_action.reports.junit import PackedParts, write_junit
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.results_json import Results
 from tests.outcomes import like
@@ -207,3 +207,11 @@ def test_any_text_survives_as_text(text: str, options: ReportOptions) -> None:
     failure = written(results_of(like(outcome, **changed)), options).find(".//failure")
     assert failure is not None
     assert failure.get("message") == plain_text(text)
+
+
+def test_what_was_added_comes_back_in_its_order() -> None:
+    parts, added = PackedParts(), [str(number).encode() * 50_000 for number in range(30)]
+    assert not b"".join(parts)
+    for part in added:
+        parts.add(part)
+    assert b"".join(parts) == b"".join(parts) == b"".join(added)

@@ -12,6 +12,8 @@ from typing import Any
 import pytest
 
 from sim_action.recording.replay.build import replay_of
+from sim_action.recording.replay.columns import Column
+from sim_action.recording.replay.replay_data import GoldenData
 from sim_action.recording.replay.replay_file import (
     MAX_UNPACKED_BYTES,
     ReplayError,
@@ -276,3 +278,28 @@ def test_a_second_scene_in_a_file_counts_as_without_a_reader_that_knows_the_firs
     with pytest.raises(ReplayError) as after:
         reader.read(path)
     assert str(after.value) == str(alone.value)
+
+
+AT_REST = Column(scale=1.0, first=0)
+TIMES = Column(scale=0.1, first=0, deltas=(1, 1))
+
+
+@pytest.mark.parametrize(
+    ("time", "column", "index", "fits"),
+    [
+        (TIMES, AT_REST, 0, True),
+        (TIMES, Column(scale=1.0, first=0, deltas=(1, -1)), 0, True),
+        (TIMES, Column(scale=1.0, first=0, deltas=(1,)), 0, False),
+        (TIMES, AT_REST, 1, False),
+        (TIMES, Column(scale=1e300, first=2**53), 0, False),
+        (TIMES, Column(scale=1.0, first=0, gaps=((1, 1),)), 0, False),
+        (Column(scale=1e9, first=0, deltas=(1, 1)), AT_REST, 0, False),
+        (Column(scale=0.1, first=0, deltas=(1, 0)), AT_REST, 0, False),
+        (Column(scale=0.1, first=0, deltas=(1, 1), gaps=((0, 1),)), AT_REST, 0, False),
+    ],
+)
+def test_its_columns_fit_its_times_and_its_joints_those_of_the_run(
+    time: Column, column: Column, index: int, fits: bool
+) -> None:
+    golden = GoldenData(expectation=0, time=time, base=(AT_REST, AT_REST, AT_REST, column), joints=((index, AT_REST),))
+    assert golden.fits(joints=1) is fits

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from sim_action.core.field_types import Placement
-from sim_action.core.geometry import Pose
+from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.core.records import replace
-from sim_action.recording.replay.sightings import ObstacleData, obstacles_of
+from sim_action.recording.replay.sightings import ObstacleData, distance_to, obstacles_of
 from sim_action.sensors.lidar import Lidar
 from sim_action.sensors.reading_log import ReadingLog
 from sim_action.state.readings import LidarScan
@@ -19,6 +19,7 @@ from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.state.trace_records import BodyRecord, ClearanceRecord, Nearness
 from sim_action.world import Body, Sphere, World
+from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart
 from sim_action.world.scene import Scene
 from tests import traces
 from tests.recording.replay import logs
@@ -170,3 +171,36 @@ def test_a_body_whose_quaternion_changes_sign_is_seen_between_two_moments() -> N
     scans = [logs.scan((step + 0.5) / 30, [1.9, math.inf]) for step in range(30, 40)]
     (found,) = seen(film, where(long), logs.log(Lidar(rays=2), "front", scans))
     assert [one.time for one in found.seen] == [pytest.approx(30.5 / 30, abs=1e-4)]
+
+
+TURNED = Pose((1.0, 0.0, 0.0), quaternion_from_rpy(0.0, 0.0, math.pi / 2))
+CORNERS = tuple((x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0))
+TRIANGLE = SurfacePart(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.array([[0, 1, 2]]))
+
+
+@pytest.mark.parametrize(
+    ("part", "point", "expected"),
+    [
+        (BoxPart((2.0, 4.0, 6.0)), (2.0, 0.0, 0.0), 1.0),
+        (BoxPart((2.0, 4.0, 6.0)), (4.0, 6.0, 3.0), 5.0),
+        (BoxPart((2.0, 4.0, 6.0)), (0.9, 0.0, 0.0), -0.1),
+        (BoxPart((2.0, 4.0, 6.0), TURNED), (1.0, 2.0, 0.0), 1.0),
+        (CylinderPart(0.5, 2.0), (0.0, 1.5, 0.0), 1.0),
+        (CylinderPart(0.5, 2.0), (3.5, 0.0, 5.0), 5.0),
+        (SpherePart(0.5, TURNED), (1.0, 0.0, 2.0), 1.5),
+        (HullPart(CORNERS), (0.0, 2.5, 0.0), 1.5),
+        (HullPart(CORNERS), (4.0, 5.0, 0.0), 5.0),
+        (TRIANGLE, (0.2, 0.2, -0.7), 0.7),
+        (TRIANGLE, (-3.0, 0.5, 4.0), 5.0),
+        (TRIANGLE, (4.0, 0.0, 4.0), 5.0),
+        (GridPart((2.0, 2.0), np.full((3, 3), 0.5)), (0.3, -0.4, 0.7), 0.2),
+    ],
+)
+def test_distances(part: Part, point: tuple[float, float, float], expected: float) -> None:
+    assert distance_to([part], np.array([point, point])) == pytest.approx([expected, expected])
+
+
+def test_the_nearest_part_counts() -> None:
+    parts = [SpherePart(0.5), SpherePart(0.5, Pose((2.0, 0.0, 0.0)))]
+    assert distance_to(parts, np.array([[1.6, 0.0, 0.0], [0.0, 1.0, 0.0]])) == pytest.approx([-0.1, 0.5])
+    assert len(distance_to(parts, np.empty((0, 3)))) == 0

@@ -16,7 +16,7 @@ from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results
 from tests.outcomes import like
 from tests.reports.replays import replay, signal
-from tests.reports.samples import HOSTILE, SAMPLES, results_of
+from tests.reports.samples import SAMPLES, results_of
 
 ON_GITHUB = {"GITHUB_SERVER_URL": "https://github.com", "GITHUB_REPOSITORY": "a/b", "GITHUB_SHA": "c0ffee"}
 
@@ -95,13 +95,13 @@ def test_no_room_is_no_error(options: ReportOptions) -> None:
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
 @given(text=st.one_of(st.text(), st.text(alphabet="|`<>@#[]()\n\r\\_* ")))
 def test_hostile_text_changes_no_structure(text: str, options: ReportOptions) -> None:
-    def structure() -> list[str]:
+    def structure(hostile: str) -> list[str]:
         outcome = SAMPLES["failed"].outcomes[0]
         expectations = tuple(
-            like(expected, name=HOSTILE, verdict=replace(expected.verdict, message=HOSTILE))
+            like(expected, name=hostile, verdict=replace(expected.verdict, message=hostile))
             for expected in outcome.expectations
         )
-        changed = {"name": HOSTILE, "expectations": expectations, "notes": (HOSTILE,), "output": f"a{HOSTILE}"}
+        changed = {"name": hostile, "expectations": expectations, "notes": (hostile,), "output": f"a{hostile}"}
         tokens = MarkdownIt("commonmark").enable("table").parse(summary(results_of(like(outcome, **changed)), options))
         return [token.type for token in tokens]
 

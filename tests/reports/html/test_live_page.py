@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from sim_action.core.records import replace
-from sim_action.reports import ReportOptions
 from sim_action.reports.html import live_page
 from sim_action.reports.html.document import Page
 from sim_action.reports.html.live_page import live_report, live_state, progress_page
@@ -18,13 +17,9 @@ from sim_action.results.events import Finished, RunEnded, Started
 from sim_action.results.journal import Journal
 from sim_action.results.journal_follower import JournalFollower
 from sim_action.results.journal_records import Planned
-from tests.outcomes import like
+from tests.outcomes import like, report_options
 from tests.reports.html.gates import gated, run
 from tests.results.test_journal import FAILED, header, outcome, unheard
-
-
-def options(folder: Path) -> ReportOptions:
-    return ReportOptions(folder, folder / "junit.xml", junit_strict=False, environment={}, workspace=folder)
 
 
 def begun(folder: Path, names: tuple[str, ...] = ("a", "b", "c")) -> Journal:
@@ -46,7 +41,7 @@ def reported(folder: Path) -> Page:
     follower = looked(folder)
     assert follower.recorded is not None
     results = follower.recorded.results() if follower.is_over else follower.recorded.results_so_far()
-    return live_report(results, live_page.Finished.of(follower), options(folder))
+    return live_report(results, live_page.Finished.of(follower), report_options(folder))
 
 
 def names(shown: dict[str, Any]) -> dict[str, list[str]]:

@@ -7,16 +7,11 @@ import re
 from pathlib import Path
 
 from sim_action.recording.replay.replay_file import write_replay
-from sim_action.reports import ReportOptions
 from sim_action.reports.html.document import Page
 from sim_action.reports.html.proof_page import ShownScenario, proof_page, write_proof_page
-from tests.outcomes import like, outcome
+from tests.outcomes import like, outcome, report_options
 from tests.reports.proofs import FAILED, PROOF, PROVEN, UNKNOWN
 from tests.reports.replays import replay
-
-
-def options(folder: Path) -> ReportOptions:
-    return ReportOptions(folder, folder / "junit.xml", junit_strict=False, environment={}, workspace=folder)
 
 
 def shown(folder: Path) -> list[ShownScenario]:
@@ -30,7 +25,7 @@ def shown(folder: Path) -> list[ShownScenario]:
 
 
 def page(folder: Path) -> Page:
-    return proof_page(PROOF, shown(folder), options(folder), folder)
+    return proof_page(PROOF, shown(folder), report_options(folder), folder)
 
 
 def test_the_findings_are_plain_html(tmp_path: Path) -> None:
@@ -74,7 +69,7 @@ def test_every_link_inside_the_page_has_its_target(tmp_path: Path) -> None:
 
 def test_a_page_without_any_run_is_written(tmp_path: Path) -> None:
     empty = like(PROOF, scenarios=(like(FAILED, file=""),))
-    write_proof_page(empty, [ShownScenario(empty.scenarios[0])], options(tmp_path), tmp_path)
+    write_proof_page(empty, [ShownScenario(empty.scenarios[0])], report_options(tmp_path), tmp_path)
     text = (tmp_path / "report.html").read_text()
     assert "<nav" not in text
     assert "No mutants" in text
@@ -86,7 +81,7 @@ def test_names_are_escaped(tmp_path: Path) -> None:
     text = proof_page(
         PROOF,
         [ShownScenario(scenario, None, [like(outcome("a.sim.yml"), name=hostile)] * 3)],
-        options(tmp_path),
+        report_options(tmp_path),
         tmp_path,
     ).text()
     assert "<img" not in text

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import replace
+from html import unescape
 
 import pytest
 
-from sim_action.recording.replay.sightings import SightingData
+from sim_action.recording.replay.sightings import BlindData, ObstacleData, SightingData
 from sim_action.reports import ReportOptions
-from sim_action.reports.html.scenario_article import run_reasons
+from sim_action.reports.html.scenario_article import direction, run_reasons, sightings
 from sim_action.results.outcome import Failure, Outcome
 from tests.outcomes import like, outcome
+from tests.replays import drive
 
 
 @pytest.mark.parametrize(("count", "shown", "left"), [(20, 20, ""), (23, 20, "3 more errors are in results.json.")])
@@ -33,3 +37,81 @@ def test_a_failure_names_the_sensor_that_saw_its_body_first(body: str, words: st
     html = run_reasons(like(made, expectations=(hit,)), options, seen)
     assert ("first seen" in html) == bool(words)
     assert words in html
+
+
+LIDAR = SightingData(sensor="front", kind="lidar", time=0.4, distance=1.42, angle=-0.0349)
+BUMPER = SightingData(sensor="bumper", kind="contact", time=2.3)
+
+BOTH = (
+    "wall was first seen by front (lidar) at 0.40 s, 1.42 m away 2 deg to the right, then by bumper (contact) "
+    "at 2.30 s; the robot touched it at 2.31 s, 1.91 s later."
+)
+
+
+def said(*obstacles: ObstacleData, unread: tuple[str, ...] = (), body: str = "wall") -> list[str]:
+    html = sightings(like(drive(body=body), obstacles=obstacles, unread=unread))
+    return [unescape(re.sub("<[^>]*>", "", item)) for item in re.findall("<li>.*?</li>", html)]
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "words"),
+    [
+        (
+            ObstacleData(body=0, touched=2.31, seen=(LIDAR, BUMPER)),
+            BOTH,
+        ),
+        (ObstacleData(body=0, seen=(BUMPER,)), "wall was first seen by bumper (contact) at 2.30 s."),
+        (
+            ObstacleData(body=0, seen=(like(BUMPER, every=8),)),
+            "wall was first seen by bumper (contact, 1 of 8 readings looked at) at 2.30 s.",
+        ),
+        (
+            ObstacleData(body=0, touched=2.3),
+            (
+                "wall was not seen by any lidar or contact sensor, in the readings that are kept; "
+                "the robot touched it at 2.30 s."
+            ),
+        ),
+        (
+            ObstacleData(body=0, touched=2.3, seen=(BUMPER,)),
+            "wall was first seen by bumper (contact) at 2.30 s; the robot touched it at 2.30 s.",
+        ),
+    ],
+)
+def test_the_first_sensor_is_named_with_its_time(obstacle: ObstacleData, words: str) -> None:
+    assert said(obstacle) == [words]
+
+
+@pytest.mark.parametrize(("every", "words"), [(1, "lidar"), (2, "lidar, 1 of 2 readings looked at")])
+def test_a_lidar_that_did_not_see_a_body_is_named(every: int, words: str) -> None:
+    blind = (BlindData(sensor="<mast>", every=every), BlindData(sensor="rear"))
+    (told,) = said(ObstacleData(body=0, touched=2.3, seen=(LIDAR,), blind=blind))
+    assert f"2 deg to the right; <mast> ({words}), rear (lidar) did not see it; the robot" in told
+
+
+def test_sensors_that_nothing_reads_are_named() -> None:
+    (words,) = said(unread=("front", "<b>"))
+    assert words.endswith("reads it: front, <b>. Add trace: true to a sensor to see here what it measures.")
+
+
+def test_names_are_text() -> None:
+    hostile = like(drive(body="<script>"), obstacles=(ObstacleData(body=0, seen=(LIDAR,)),))
+    assert "<script>" not in sightings(hostile)
+
+
+def test_without_obstacles_there_is_no_section() -> None:
+    assert sightings(drive()) == ""
+
+
+@pytest.mark.parametrize(
+    ("degrees", "words"),
+    [
+        (0.4, "straight ahead"),
+        (12.4, "12 deg to the left"),
+        (-90.0, "90 deg to the right"),
+        (179.9, "behind"),
+        (-179.9, "behind"),
+    ],
+)
+def test_directions(degrees: float, words: str) -> None:
+    assert direction(math.radians(degrees)) == words

@@ -3,34 +3,37 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from sim_action.recording.replay.columns import Column
-from sim_action.recording.replay.replay_data import GoldenData
+from sim_action.recording.replay.columns import Column, TextColumn
+from sim_action.recording.replay.replay_data import ChannelData, GoldenData, Replay
+from sim_action.recording.replay.scene_data import BodyData, SceneData
 from sim_action.reports import ReportOptions
 from sim_action.reports.html.document import Page
+from sim_action.reports.html.ghosts import golden_replay, motion_of, world_changes
+from sim_action.reports.html.parting import parting
 from sim_action.reports.html.report import page, write_html
 from sim_action.results.earlier_run import EarlierRun
 from sim_action.results.outcome import Outcome, Repeats
-from tests.outcomes import gate_results, like, outcome, planned_gate, results, runs_of_gate
+from tests.outcomes import gate_results, like, outcome, planned_gate, report_options, results, runs_of_gate
 from tests.replays import drive, kept
 
 
 def run(folder: Path, name: str, distance: float, *, holds: bool = True, **stated: object) -> Outcome:
     replay = kept(drive(distance=distance), folder, name)
     known = {"name": name, "replay": replay, "digest": f"{distance}", "engine": "PyBullet 3"}
-    return like(outcome("a.sim.yml", holds=holds), **known, **stated)
+    return like(outcome("a.sim.yml", holds=holds), **{**known, **stated})
 
 
 def options(folder: Path, *old: Outcome) -> ReportOptions:
     against = EarlierRun("old", old, {id(each): folder / "old" for each in old}) if old else None
-    return ReportOptions(
-        folder, folder / "j.xml", junit_strict=False, environment={}, workspace=folder, against=against
-    )
+    return report_options(folder, against=against)
 
 
 def ghosts(found: Page) -> list[list[dict[str, Any]]]:
@@ -191,3 +194,99 @@ def test_what_differs_in_the_world_of_the_base_run_is_named(tmp_path: Path) -> N
     kept(drive(distance=1.0, body="crate"), tmp_path / "old", "a")
     found = page(results(new), options(tmp_path, old))
     assert "Since the base run: in its world, <b>wall is new, crate is gone</b>; " in body(found)
+
+
+TIMES = Column(scale=1.0, first=0, deltas=(1, 1))
+STILL = Column(scale=1.0, first=0)
+
+
+def golden(metres_a_second: float, yaw: float = 0.0, joints: tuple[tuple[int, Column], ...] = ()) -> GoldenData:
+    ahead = Column(scale=metres_a_second, first=0, deltas=(1, 1))
+    heading = Column(scale=yaw or 1.0, first=int(yaw > 0))
+    return GoldenData(expectation=0, time=TIMES, base=(ahead, STILL, STILL, heading), joints=joints)
+
+
+def test_it_has_the_motion_of_the_file_and_is_a_valid_replay() -> None:
+    replay = drive()
+    found = golden_replay(replay, golden(0.5, yaw=1.0))
+    count = found.frames.count
+    assert found.frames.base[0].decoded(count).tolist() == [0.0, 0.5, 1.0]
+    assert found.frames.base[5].decoded(count)[0] == pytest.approx(math.sin(0.5), abs=1e-5)
+    assert found.scene.bodies == ()
+    assert Replay.model_validate_json(motion_of(found, drive()).model_dump_json()) is not None
+
+
+def test_joints_that_the_file_does_not_have_stay_as_at_the_start() -> None:
+    replay = drive()
+    assert golden_replay(replay, golden(0.5)).frames.joints[0].decoded(3).tolist() == [0.0, 0.0, 0.0]
+    turning = Column(scale=0.1, first=0, deltas=(1, 1))
+    assert golden_replay(replay, golden(0.5, joints=((0, turning),))).frames.joints == (turning,)
+
+
+def test_a_run_parts_from_it() -> None:
+    replay = drive()
+    assert parting(replay, golden_replay(replay, golden(0.5))) is None
+    found = parting(replay, golden_replay(replay, golden(0.6)))
+    assert found is not None
+    assert found.time == 1.0
+
+
+def test_a_channel_that_only_one_run_has_is_zero_in_the_ghost() -> None:
+    def turning(name: str, *, group: str = "base", commanded: bool = False) -> ChannelData:
+        values = TextColumn.encoded(np.full(61, 0.5), 1e-3)
+        return ChannelData(group=group, name=name, unit="rad/s", values=values, commanded=commanded)
+
+    named = (turning("angular z"), turning("linear x", commanded=True), turning("range", group="front"))
+    ours = like(drive(), channels=named)
+    theirs = like(drive(), channels=(turning("linear y"),))
+    found = motion_of(theirs, ours).channels
+    assert [(channel.group, channel.name) for channel in found] == [("base", "linear y"), ("base", "angular z")]
+    assert found[1].values.decoded(61).tolist() == [0.0] * 61
+    # Nothing is known of the channels of a golden trajectory.
+    assert motion_of(golden_replay(ours, golden(0.5)), ours).channels == ()
+
+
+SCENE = drive().scene
+WALL, *OTHERS = SCENE.bodies
+
+
+def with_bodies(*bodies: BodyData) -> SceneData:
+    return like(SCENE, bodies=bodies)
+
+
+def named(*names: str) -> list[BodyData]:
+    return [like(WALL, name=name) for name in names]
+
+
+MOVED = like(WALL, pose=(WALL.pose[0] + 0.2, *WALL.pose[1:]))
+TURNED = like(WALL, pose=(*WALL.pose[:3], 0.0, 0.0, 0.7071, 0.7071))
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "words"),
+    [
+        (SCENE, SCENE, ""),
+        (SCENE, with_bodies(*OTHERS), "wall is new"),
+        (with_bodies(*OTHERS), SCENE, "wall is gone"),
+        (with_bodies(*named(*"abcde")), with_bodies(*named("a")), "b, c, d and 1 more are new"),
+        (with_bodies(MOVED), with_bodies(WALL), "wall starts 0.2 m elsewhere"),
+        (with_bodies(TURNED), with_bodies(WALL), "wall starts turned by 90 deg"),
+        (with_bodies(like(WALL, shapes=())), with_bodies(WALL), "wall has another shape"),
+        (drive(robot="husky").scene, SCENE, "the robot is husky, not cart"),
+        (like(SCENE, links=SCENE.links[:1]), SCENE, "the model of the robot differs"),
+        (with_bodies(*named("a\n<b>\u202e" + 60 * "c")), with_bodies(), f"a <b>{34 * 'c'}… is new"),
+    ],
+)
+def test_what_differs_is_named(ours: SceneData, theirs: SceneData, words: str) -> None:
+    assert world_changes(ours, theirs) == words
+
+
+def test_a_difference_below_the_tolerance_of_a_motion_is_none() -> None:
+    near = like(WALL, pose=(WALL.pose[0] + 0.004, *WALL.pose[1:]))
+    assert world_changes(with_bodies(near), with_bodies(WALL)) == ""
+
+
+def test_a_body_that_only_has_another_colour_is_the_same() -> None:
+    shapes = tuple(like(shape, color=(0.1, 0.2, 0.3)) for shape in WALL.shapes)
+    assert shapes != WALL.shapes
+    assert world_changes(with_bodies(like(WALL, shapes=shapes)), with_bodies(WALL)) == ""

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 from sim_action.reports import console
-from sim_action.reports.html.notebook import _STYLES, HtmlConsole, player_frame, report_frame
+from sim_action.reports.html.notebook import _STYLES, HtmlConsole, outcome_page, player_frame, report_frame
+from tests.outcomes import like, outcome, report_options
+from tests.replays import drive, kept
 
 MIN_CONTRAST = 3.5
 THEMES = ["#ffffff", "#111111", "#1e1e1e"]
@@ -54,3 +57,22 @@ def test_empty_lines_are_shown_between_others() -> None:
 @pytest.mark.parametrize("frame", [report_frame, player_frame])
 def test_a_page_stays_in_its_frame(frame: Callable[[str], str]) -> None:
     assert frame('<p title="x">').endswith('srcdoc="&lt;p title=&quot;x&quot;&gt;"></iframe>')
+
+
+def test_a_run_of_a_gate_is_shown_alone(tmp_path: Path) -> None:
+    name = kept(drive(), tmp_path, "cart")
+    ran = like(outcome("cart.sim.yml"), replay=name, gate="often", group="cart")
+    made = outcome_page(ran, report_options(tmp_path))
+    assert made is not None
+    text = made.text()
+    assert '<html lang="en" data-embed>' in text
+    assert text.count("<article") == 1
+    assert "<nav" not in text
+
+
+def test_a_run_without_a_replay_has_no_page(tmp_path: Path) -> None:
+    assert outcome_page(outcome("a.sim.yml"), report_options(tmp_path)) is None
+    lost = outcome("a.sim.yml", replay="replays/lost.json.gz")
+    assert outcome_page(lost, report_options(tmp_path)) is None
+    outside = outcome("a.sim.yml", replay="../cart.json.gz")
+    assert outcome_page(outside, report_options(tmp_path)) is None
