@@ -28,7 +28,7 @@ HAS_NODE = $(WITH_NODE) node -e 'process.exit(parseInt(process.versions.node) < 
 # A shell that forbids bytecode would have each of the thousands of processes of a test run compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: viewer screenshots demo demo-pictures check check-tests test for-tests bytecode soak coverage lint lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots accuracy picture bench fuzz mutants workflow lock clean
+.PHONY: viewer screenshots demo demo-pictures check check-tests test for-tests bytecode soak coverage lint house lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots accuracy picture bench fuzz mutants workflow lock clean
 
 demo: $(VENV)/.installed ## run the scenario at the top of README.md
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
@@ -65,6 +65,10 @@ lint-style: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m tools.style
 	$(BIN)/python -m tools.release check
+	$(BIN)/python -m tools.house --enforced
+
+house: $(VENV)/.dev ## measure the size and the order of the code against its limits; `-v` of tools.house lists the places
+	$(BIN)/python -m tools.house
 
 lint-layers: $(VENV)/.dev
 	$(BIN)/lint-imports
