@@ -26,7 +26,7 @@ GATED: Final = {
     "commands/onnx_network.py": "Workspace.file",
     "core/user_scripts.py": "Workspace.file",
     "meshes/__init__.py": "Packages.file, or Workspace.file for meshes of the world",
-    "meshes/mesh_colours.py": "beside a mesh that was let through: only a name without folders, and no link",
+    "meshes/collada.py": "beside a mesh that was let through: only a name without folders, and no link",
     "robot/reading/control_tags.py": "Packages.file",
     "robot/documents/package_search.py": "Packages.may_read, or the environment of the job names the folder",
     "robot/reading/xacro_documents.py": "Packages.file",
@@ -38,8 +38,7 @@ GATED: Final = {
     "scenario/variations/values.py": "Workspace.file",
     "scenario/watched_files.py": "Packages.may_read for each path, with links resolved",
     "state/golden_trajectory.py": "Workspace.file",
-    "world/shape_files/heightfield.py": "Workspace.file",
-    "world/shape_files/occupancy_map.py": "Workspace.file",
+    "world/shape_files/grids.py": "Workspace.file",
     "world/shape_files/shape_error.py": "Workspace.file",
 }
 """Modules that open a file that a scenario or a model names -> the check that comes first."""

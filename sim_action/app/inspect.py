@@ -22,9 +22,9 @@ from sim_action.drives.skid import mecanum_names
 from sim_action.drives.undercarriage import unrolling_pair
 from sim_action.drives.wheels import Wheel, opposed_note, wheels_on_ground
 from sim_action.results.masking import Mask
-from sim_action.robot.model.findings import ALLOWABLE
+from sim_action.robot.model.findings import ALLOWABLE, Finding
 from sim_action.robot.model.kinematics import link_poses, robot_box
-from sim_action.robot.model.robot_model import WORLD, Finding, Joint, JointType, Link, RobotModel
+from sim_action.robot.model.robot_model import WORLD, Joint, JointType, Link, RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
 from sim_action.world import Physics, World

@@ -10,7 +10,7 @@ from sim_action.core.geometry import Twist
 from sim_action.core.wording import with_article
 from sim_action.robot.model.kinematics import why_no_frame
 from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, is_finite
-from sim_action.world.disturbance import MAX_FORCE
+from sim_action.world.physics import MAX_FORCE
 from sim_action.world.scene import Scene
 
 MAX_PARTS: Final = 1000

@@ -23,7 +23,7 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.kinematics import why_no_frame
 from sim_action.state.command import WORLD_FRAME, LinkWrench
 from sim_action.world.claims import ClaimFinding, Findings, Setting
-from sim_action.world.disturbance import NewtonMetres, Newtons
+from sim_action.world.physics import NewtonMetres, Newtons
 from sim_action.world.scene import Scene
 
 _NONE: Final = (0.0, 0.0, 0.0)

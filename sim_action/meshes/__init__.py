@@ -19,8 +19,7 @@ from sim_action.meshes.collada import read_collada
 from sim_action.meshes.collision_hulls import MeshFacts, facts_of
 from sim_action.meshes.hull_file import FORMAT, CleanMesh, read_clean_mesh, write_clean_mesh
 from sim_action.meshes.mesh import MAX_BYTES, MAX_TRIANGLES, Mesh, MeshError
-from sim_action.meshes.obj import read_obj
-from sim_action.meshes.stl import read_stl
+from sim_action.meshes.obj_and_stl import read_obj, read_stl
 
 __all__ = [
     "MAX_BYTES",

@@ -2,6 +2,9 @@
 
 The unit of the file is applied but `up_axis` is ignored, as in RViz, MoveIt and PyBullet. Each instance of a geometry
 becomes a part of its own, where PyBullet takes one hull of all.
+
+The colour of a mesh file is the diffuse colour of the material with the most faces. A material with a picture has none
+of its own. A material file is opened only beside its mesh, and no link is followed.
 """
 
 from __future__ import annotations
@@ -12,7 +15,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 from xml.etree.ElementTree import Element
 
-from sim_action.meshes.collada_document import Document, parse
 from sim_action.meshes.mesh import (
     Mesh,
     MeshError,
@@ -30,6 +32,154 @@ if TYPE_CHECKING:
 
     Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
     """The points (P, 3) and the triangles (T, 3), which are rows of the points."""
+
+
+import warnings
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree as ET
+from xml.parsers import expat
+
+from sim_action.core.wording import shown
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+import re
+from collections import Counter
+from pathlib import Path
+
+from sim_action.core.files import open_regular
+
+_MAX_ELEMENT_DEPTH: Final = 200
+_MAX_ELEMENTS: Final = 200_000
+_MAX_ATTRIBUTES: Final = 1_000_000
+
+Lines = dict[Element, int]
+
+
+def parse(data: bytes) -> tuple[Element, Lines]:
+    """Return the root element and the line of each element. Tags lose their namespace. Raises MeshError."""
+    return _Parser().parse(data)
+
+
+class _Parser:
+    """The parser of one file."""
+
+    def __init__(self) -> None:
+        self._builder = ET.TreeBuilder()
+        self._expat = expat.ParserCreate()
+        self._expat.buffer_text = True
+        self._expat.StartElementHandler, self._expat.EndElementHandler = self._start, self._end
+        self._expat.CharacterDataHandler, self._expat.StartDoctypeDeclHandler = self._builder.data, self._doctype
+        self._lines: Lines = {}
+        self._depth = 0
+
+    def parse(self, data: bytes) -> tuple[Element, Lines]:
+        if (
+            data.count(b"=") > _MAX_ATTRIBUTES
+        ):  # all attributes of an element are in memory before its handler is called
+            raise MeshError("too-large-mesh", f"more than {_MAX_ATTRIBUTES:,} attributes")
+        try:
+            self._expat.Parse(data, True)
+            return self._builder.close(), self._lines
+        except expat.ExpatError as error:
+            message = f"is not well-formed XML: {expat.errors.messages[error.code]}"
+            raise MeshError("broken-mesh", message, error.lineno) from None
+        except (LookupError, UnicodeError) as error:  # an encoding that Python does not know
+            raise MeshError("broken-mesh", f"{error}; save it as UTF-8", 1) from None
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        self._depth += 1
+        if self._depth > _MAX_ELEMENT_DEPTH:
+            self._refuse("broken-mesh", f"more than {_MAX_ELEMENT_DEPTH} nested elements")
+        if len(self._lines) == _MAX_ELEMENTS:
+            self._refuse("too-large-mesh", f"more than {_MAX_ELEMENTS:,} elements")
+        element = self._builder.start(tag.rpartition(":")[2], attributes)
+        self._lines[element] = self._expat.CurrentLineNumber
+
+    def _end(self, tag: str) -> None:
+        self._depth -= 1
+        self._builder.end(tag.rpartition(":")[2])
+
+    def _doctype(self, *_: object) -> None:
+        self._refuse("broken-mesh", "a DOCTYPE is not allowed in a mesh")
+
+    def _refuse(self, rule: str, message: str) -> None:
+        raise MeshError(rule, message, self._expat.CurrentLineNumber)
+
+
+class Document:
+    """The elements of a file, by identifier."""
+
+    def __init__(self, root: Element, lines: Lines) -> None:
+        self.root = root
+        self._lines = lines
+        self._by_id: dict[tuple[str, str], Element] = {}
+        self._numbers: dict[Element, NDArray[np.float64]] = {}
+        for element in lines:
+            if "id" in element.attrib:
+                self._by_id.setdefault((element.tag, element.attrib["id"]), element)
+
+    def error(self, element: Element, message: str, rule: str = "broken-mesh") -> MeshError:
+        """Return an error that names an element and its line."""
+        return MeshError(rule, f"<{element.tag[:40]}>: {message}", self._lines[element])
+
+    def named(self, element: Element, attribute: str, tag: str) -> Element:
+        """Return the element that an attribute refers to. Raises MeshError."""
+        name = element.get(attribute, "")
+        found = self._by_id.get((tag, name[1:])) if name.startswith("#") else None
+        if found is None:
+            raise self.error(element, f"{attribute}={shown(name)}: the file has no <{tag}> with this id")
+        return found
+
+    def whole(self, element: Element, attribute: str, *, otherwise: int) -> int:
+        """Return an attribute that is a whole number from 0. Raises MeshError."""
+        text = element.get(attribute, str(otherwise)).strip()
+        if not (text.isascii() and text.isdigit() and len(text) < 10):
+            raise self.error(element, f"{attribute}={shown(text)}: expected a whole number from 0")
+        return int(text)
+
+    def positive(self, element: Element, attribute: str) -> float:
+        """Return an attribute that is a number greater than 0. Raises MeshError."""
+        text = element.get(attribute, "1")
+        try:
+            number = float(text)
+        except ValueError:
+            number = math.nan
+        if not 0 < number < math.inf:
+            raise self.error(element, f"{attribute}={shown(text)}: expected a number greater than 0")
+        return number
+
+    def numbers(self, element: Element) -> NDArray[np.float64]:
+        """Return the numbers in the text of an element. Raises MeshError."""
+        import numpy as np
+
+        text = element.text or ""
+        if not text.strip():
+            return np.zeros(0)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # raised for text that is not a number
+            try:
+                return np.fromstring(text, sep=" ")
+            except (ValueError, DeprecationWarning):
+                raise self.error(element, "expected numbers, found other text") from None
+
+    def numbers_once(self, element: Element) -> NDArray[np.float64]:
+        """Return the same from a cache, for an element with several references."""
+        if element not in self._numbers:
+            self._numbers[element] = self.numbers(element)
+        return self._numbers[element]
+
+    def rows(self, element: Element) -> NDArray[np.int64]:
+        """Return the whole numbers from 0 in the text of an element. Raises MeshError."""
+        import numpy as np
+
+        found = self.numbers(element)
+        if not ((found >= 0) & (found < 2**31) & (found == np.floor(found))).all():
+            raise self.error(element, "expected whole numbers from 0", "mesh-index")
+        return found.astype(np.int64)
 
 
 def read_collada(data: bytes) -> Mesh:
@@ -282,3 +432,85 @@ def _input(document: Document, element: Element, semantic: str) -> Element:
     if found is None:
         raise document.error(element, f'it has no <input semantic="{semantic}">')
     return found
+
+
+Colour = tuple[float, float, float]
+"""Red, green and blue, each 0 to 1."""
+
+_MAX_MATERIAL_BYTES: Final = 1_000_000
+_MAX_FILES: Final = 8
+
+
+def colour_of(path: Path, data: bytes) -> Colour | None:
+    """Return the colour of a mesh file with these bytes, which were read as a mesh before; None if it has none."""
+    kind = path.suffix.lower()
+    if kind == ".obj":
+        return _of_obj(path, data)
+    return _of_collada(data) if kind == ".dae" else None
+
+
+def _of_obj(path: Path, data: bytes) -> Colour | None:
+    head, *parts = b"\n".join((b"", data)).split(b"\nusemtl ")
+    faces = Counter[bytes]()
+    for part in parts:
+        faces[part.partition(b"\n")[0].strip()] += part.count(b"\nf ")
+    if not faces:
+        return None
+    name = faces.most_common(1)[0][0]
+    named = head.split(b"\nmtllib ")[1 : _MAX_FILES + 1]
+    libraries = [library.partition(b"\n")[0].strip() for library in named]
+    known = dict(pair for library in libraries for pair in _materials(_beside(path, library)))
+    return known.get(name)
+
+
+def _beside(path: Path, name: bytes) -> bytes:
+    """Return the content of a file in the folder of a mesh; empty if there is none of this name."""
+    plain = Path(name.decode(errors="replace")).name
+    try:
+        with open_regular(path.parent / plain, follow_link=False) as file:
+            return file.read(_MAX_MATERIAL_BYTES)
+    except (OSError, ValueError):  # a NUL in the name
+        return b""
+
+
+def _materials(text: bytes) -> Iterator[tuple[bytes, Colour | None]]:
+    for part in re.split(rb"^[ \t]*newmtl[ \t]+", text, flags=re.MULTILINE)[1:]:
+        name, _, rest = part.partition(b"\n")
+        stated = re.search(rb"^[ \t]*Kd[ \t]+([^\r\n]+)", rest, re.MULTILINE)
+        has_picture = re.search(rb"^[ \t]*map_Kd\b", rest, re.MULTILINE)
+        yield name.strip(), None if stated is None or has_picture else stated_colour(stated[1].decode(errors="replace"))
+
+
+def _of_collada(data: bytes) -> Colour | None:
+    root, _ = parse(data)
+    faces = Counter[str]()
+    for surface in root.iterfind("library_geometries/geometry/mesh/*"):
+        if surface.tag in _SURFACES:
+            count = surface.get("count", "")
+            faces[surface.get("material", "")] += int(count) if count.isdecimal() and len(count) < 10 else 0
+    if not faces:
+        return None
+    symbol = faces.most_common(1)[0][0]
+    bound = {each.get("symbol"): each.get("target", "").removeprefix("#") for each in root.iter("instance_material")}
+    effects = {
+        material.get("id"): effect.get("url", "").removeprefix("#")
+        for material in root.iterfind("library_materials/material")
+        for effect in material.iterfind("instance_effect")
+    }
+    colours = {
+        effect.get("id"): effect.findtext("profile_COMMON/technique/*/diffuse/color")
+        for effect in root.iterfind("library_effects/effect")
+    }
+    return stated_colour(colours.get(effects.get(bound.get(symbol, symbol))) or "")
+
+
+def stated_colour(text: str) -> Colour | None:
+    """Return the first three numbers of a text, from 0 to 1; None if they are no numbers."""
+    try:
+        red, green, blue = (float(word) for word in text.split()[:3])
+    except ValueError:
+        return None
+    if not math.isfinite(red + green + blue):
+        return None
+    red, green, blue = (min(1.0, max(0.0, part)) for part in (red, green, blue))
+    return red, green, blue

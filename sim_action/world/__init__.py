@@ -12,12 +12,10 @@ from pydantic import Field, model_validator
 
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Vector3
-from sim_action.world.body import Body, path_of, placed
+from sim_action.world.body import Body, Inertia, Shape, path_of, placed
 from sim_action.world.body_path import PathPoint
-from sim_action.world.compound import Inertia, Shape
-from sim_action.world.disturbance import Disturbance
 from sim_action.world.ground import GROUND, Ground, Patch
-from sim_action.world.physics import GRAVITY, MAX_PHYSICS_RATE_HZ, MAX_SPEED, Gravity, Physics
+from sim_action.world.physics import GRAVITY, MAX_PHYSICS_RATE_HZ, MAX_SPEED, Disturbance, Gravity, Physics
 from sim_action.world.shapes import Cylinder, File, Heightfield, MeshFile, OccupancyMap, Ramp, Sphere, Stairs
 
 __all__ = [

@@ -20,7 +20,7 @@ from sim_action.world import Body, Physics, World
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from sim_action.robot.model.mjcf_data import Keyframe
+    from sim_action.robot.model.robot_model import Keyframe
     from sim_action.world.parts import Part
 
 
@@ -130,7 +130,7 @@ class Scene:
         """The keyframe of the model at which the robot begins, if the scenario names one."""
         if self.robot.keyframe is None:
             return None
-        from sim_action.robot.model.mjcf_data import keyframe_of
+        from sim_action.robot.model.robot_model import keyframe_of
 
         return keyframe_of(self.model.keyframes, self.robot.keyframe)
 

@@ -14,8 +14,7 @@ from pydantic import ValidationError
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import recognise
 from sim_action.drives.mecanum import NOT_LEVEL, MecanumDrive
-from sim_action.robot.model.mjcf_data import Mjcf
-from sim_action.robot.model.robot_model import Plugin, RobotModel
+from sim_action.robot.model.robot_model import Mjcf, Plugin, RobotModel
 from sim_action.state.command import JointTargets
 from tests.drives.carts import FOUR, RADIUS, cart, wheel
 from tests.traces import scene

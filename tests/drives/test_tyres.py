@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from sim_action.core.geometry import Pose, Vector3, quaternion_from_rpy, rotate
 from sim_action.drives.tyres import NotRound, Tyre, tyre_of
 from sim_action.meshes.collision_hulls import shrunk
-from sim_action.robot.model.robot_model import Joint, Link, Shape, Visual
-from sim_action.robot.reading.mesh_references import ENGINE_MARGIN_M
+from sim_action.robot.model.robot_model import ENGINE_MARGIN_M, Joint, Link, Shape, Visual
 from tests.drives.carts import LYING
 from tests.soak import examples
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.meshes.mesh_colours import Colour, colour_of
+from sim_action.meshes.collada import Colour, colour_of
 
 OBJ = b"mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl few\nf 1 2 3\nusemtl many\nf 1 2 3\nf 1 3 2\n"
 MTL = b"newmtl few\nKd 1 0 0\n\nnewmtl many\nKa 1 1 1\nKd 0 0.5 1\n"

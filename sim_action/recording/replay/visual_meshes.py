@@ -12,11 +12,10 @@ import numpy as np
 
 from sim_action.core.content_cache import Entry, cache_folder
 from sim_action.meshes import MeshError, mesh_bytes, parsed_mesh
+from sim_action.meshes.collada import Colour, colour_of, stated_colour
 from sim_action.meshes.hull_file import read_hull_points
-from sim_action.meshes.mesh_colours import Colour, colour_of, stated_colour
 from sim_action.recording.replay.surfaces import Triangles, hull_surface, simplified
-from sim_action.robot.model.mjcf_data import MESH_OF_TEXT, Mjcf
-from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_model import MESH_OF_TEXT, Mjcf, RobotModel
 
 # The version of cache entries; a new number makes older ones unused.
 _VERSION: Final = 3

@@ -20,7 +20,7 @@ from sim_action.robot.documents.urdf_elements import (
     is_numbers,
 )
 from sim_action.robot.documents.xml_document import ModelDocument
-from sim_action.robot.model.robot_model import Finding
+from sim_action.robot.model.findings import Finding
 
 _REQUIRED: Final = {
     "link": ("name",),

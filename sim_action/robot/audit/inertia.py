@@ -17,7 +17,8 @@ from sim_action.core.geometry import Vector3
 from sim_action.robot.audit.joints import is_free_base
 from sim_action.robot.documents.urdf_elements import MOMENTS, child_of, number, origin, parent_of
 from sim_action.robot.documents.xml_document import ModelDocument
-from sim_action.robot.model.robot_model import WORLD, Finding, Link, Shape
+from sim_action.robot.model.findings import Finding
+from sim_action.robot.model.robot_model import WORLD, Link, Shape
 
 # Exporters round: smaller deviations are not reported.
 _ROUNDING: Final = 1e-3

@@ -13,7 +13,8 @@ from sim_action.robot.audit.shapes import MAX_PART_SIZE_M
 from sim_action.robot.documents.urdf_elements import BALLS, child_of, number, parent_of, vector
 from sim_action.robot.documents.urdf_elements import limits as limits_of
 from sim_action.robot.documents.xml_document import ModelDocument
-from sim_action.robot.model.robot_model import MOVING_TYPES, Finding
+from sim_action.robot.model.findings import Finding
+from sim_action.robot.model.robot_model import MOVING_TYPES
 
 LIMITED: Final = ("revolute", "prismatic")
 """Joint types that must have position limits."""

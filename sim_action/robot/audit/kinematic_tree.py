@@ -17,7 +17,8 @@ from sim_action.core.wording import FirstFew, did_you_mean, nearest
 from sim_action.robot.documents.series_joints import SERIES, part_names
 from sim_action.robot.documents.urdf_elements import BALLS, child_of, parent_of
 from sim_action.robot.documents.xml_document import ModelDocument
-from sim_action.robot.model.robot_model import MOVING_TYPES, Finding, RobotModel
+from sim_action.robot.model.findings import Finding
+from sim_action.robot.model.robot_model import MOVING_TYPES, RobotModel
 
 _JOINT_TYPES: Final = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar", "universal", *BALLS)
 

@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 from sim_action.core.geometry import ZERO
 from sim_action.robot.documents.urdf_elements import SHAPES, number, vector
 from sim_action.robot.documents.xml_document import ModelDocument
-from sim_action.robot.model.robot_model import Finding
+from sim_action.robot.model.findings import Finding
 
 MAX_PART_SIZE_M: Final = 50.0
 """A part of a robot that is larger was probably drawn in millimetres."""

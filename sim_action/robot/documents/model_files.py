@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.robot.documents.package_search import PACKAGE_FILE, is_model
-from sim_action.robot.documents.packages import Found, PackageError, Packages
-from sim_action.robot.documents.references import Note
+from sim_action.robot.documents.packages import Found, Note, PackageError, Packages
 from sim_action.robot.documents.xml_document import ModelDocument, read_document
 
 Version = tuple[int, int]

@@ -14,8 +14,7 @@ from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import shown
 from sim_action.robot.documents.urdf_elements import UNLIMITED, is_numbers
-from sim_action.robot.model.findings import finding
-from sim_action.robot.model.robot_model import Finding
+from sim_action.robot.model.findings import Finding, finding
 
 Subject = TypeVar("Subject")
 Result = TypeVar("Result")

@@ -18,8 +18,7 @@ from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location, ModelError
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass, field, replace
-from sim_action.robot.model.findings import finding, refuse_errors
-from sim_action.robot.model.robot_model import Finding
+from sim_action.robot.model.findings import Finding, finding, refuse_errors
 
 MAX_BYTES: Final = 20_000_000
 """The largest size of a model, all its files together."""

@@ -8,17 +8,33 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Final
+from typing import Final, Literal
 
 from sim_action.core.errors import Location, Problem, RefusedModel
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import escaped_line
-from sim_action.robot.model.robot_model import Finding, Level
 
 # Each finding is a line in every report.
 _MAX_REPORTED: Final = 100
 
 _MAX_LINES: Final = 8
+
+
+Level = Literal["fatal", "error", "warning"]
+"""fatal: cannot be simulated; error: refused unless allowed, as it is probably not what was meant; warning: a note."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A violation of a rule of the audit, and its place."""
+
+    rule: str
+    level: Level
+    message: str
+    location: Location
+
+    def __str__(self) -> str:
+        return f"{self.location}: {self.message} [{self.rule}]"
 
 
 @dataclass(frozen=True, slots=True)

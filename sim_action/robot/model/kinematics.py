@@ -10,7 +10,7 @@ from sim_action.core import geometry, units
 from sim_action.core.geometry import ZERO, Box, Pose, Vector3
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
-from sim_action.robot.model.robot_model import WORLD, Joint, Reading, RobotModel, Shape
+from sim_action.robot.model.robot_model import ENGINE_MARGIN_M, WORLD, Joint, Reading, RobotModel, Shape
 
 if TYPE_CHECKING:
     import numpy as np
@@ -123,7 +123,6 @@ def shape_points(shape: Shape) -> NDArray[np.float64]:
     import numpy as np
 
     from sim_action.meshes.hull_file import read_unshrunk_points
-    from sim_action.robot.reading.mesh_references import ENGINE_MARGIN_M
 
     if shape.corners:
         points = np.frombuffer(shape.corners, np.float32).reshape(-1, 3).astype(np.float64)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final, Literal
+from typing import Final, Literal
 
 from sim_action.core import geometry, units
 from sim_action.core.errors import Location
@@ -14,10 +14,108 @@ from sim_action.core.geometry import ZERO, Pose, Quaternion, Vector3
 from sim_action.core.records import dataclass, field
 from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
+from sim_action.robot.model.findings import Finding
 
-if TYPE_CHECKING:
-    from sim_action.robot.model.mjcf_data import Keyframe, Mjcf, Motor
-    from sim_action.robot.reading.srdf import Srdf
+MESH_OF_TEXT: Final = "mjcf:"
+"""Prefix in `Visual.file` of the name of a mesh that an MJCF text contains."""
+
+
+MotorKind = Literal["position", "velocity", "effort"]
+
+
+@dataclass(frozen=True, slots=True)
+class Motor:
+    """The motor of a joint as an MJCF model states it. The engine simulates it with its own gains and limits.
+
+    Attributes:
+        actuator: its name in the model.
+        kind: the quantity that its control sets: it is a position servo, a velocity servo, or exerts an effort.
+        tendon: the fixed tendon on which it acts, together with its other joints; empty if it acts on the joint.
+    """
+
+    actuator: str
+    kind: MotorKind
+    tendon: str = ""
+
+    @property
+    def text(self) -> str:
+        """Its kind, its name and its tendon."""
+        kind = "motor" if self.kind == "effort" else f"{self.kind} servo"
+        return f"{kind} '{self.actuator}'{f' on tendon {self.tendon!r}' if self.tendon else ''}"
+
+
+@dataclass(frozen=True, slots=True)
+class Keyframe:
+    """A state of the robot that an MJCF model names.
+
+    Attributes:
+        joints: joint name -> rad (m if prismatic).
+        base: pose of the base link, world frame; None if it is fixed.
+        controls: actuator name -> control, in the actuator's own unit; empty if the keyframe states none.
+        place: where it stands; None if that is unknown.
+        flaw: the reason why it cannot be used; then it has no positions.
+    """
+
+    joints: Mapping[str, float]
+    base: Pose | None = None
+    controls: Mapping[str, float] = field(default_factory=dict)
+    place: Location | None = None
+    flaw: str = ""
+
+
+def keyframe_of(keyframes: Mapping[str, Keyframe], wanted: str | int) -> Keyframe | None:
+    """Return a keyframe by its name, or by its number in the file, from 0 on; None if there is none."""
+    if str(wanted) in keyframes:
+        return keyframes[str(wanted)]
+    if isinstance(wanted, int) and wanted < len(keyframes):
+        return list(keyframes.values())[wanted]
+    return None
+
+
+MeshBytes = tuple[bytes, bytes]
+"""The points (P, 3) of a mesh as 32-bit floats, and its triangles (T, 3) as 32-bit integers."""
+
+
+@dataclass(frozen=True, slots=True)
+class FloorLook:
+    """The look of the floor: one colour, or squares of two; red, green and blue from 0 to 1.
+
+    Attributes:
+        other: the colour of every other square; None without squares.
+        square: m, the side of a square.
+    """
+
+    color: tuple[float, float, float]
+    other: tuple[float, float, float] | None = None
+    square: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Mjcf:
+    """The input of MuJoCo for a model in its own format; it names no file.
+
+    Attributes:
+        text: the model with its included files.
+        models: name in the text -> text of each model to attach.
+        meshes: mesh name -> its surface, for meshes that collide or have a mass.
+        looked_at: geoms that are only drawn.
+        actuators: names of all actuators; joints without one are passive if there is any.
+        floor: m, height of the horizontal plane of the file, which is at the height 0 of the scenario; 0 without one.
+        floor_look: how the file draws that plane; None if it does not say.
+        excluded: pairs of bodies that <exclude> lets pass through each other.
+        paired: pairs of geoms that <pair> lets collide, whatever their contype and conaffinity.
+    """
+
+    text: str
+    models: Mapping[str, bytes] = field(repr=False)
+    meshes: Mapping[str, MeshBytes] = field(repr=False)
+    looked_at: frozenset[str] = frozenset()
+    actuators: tuple[str, ...] = ()
+    floor: float = 0.0
+    excluded: frozenset[frozenset[str]] = frozenset()
+    paired: frozenset[frozenset[str]] = frozenset()
+    floor_look: FloorLook | None = None
+
 
 Reading = Literal["position", "velocity", "effort"]
 
@@ -41,9 +139,10 @@ MOVING_TYPES: Final[frozenset[JointType]] = frozenset({"revolute", "continuous",
 # Nearer to a quarter turn about y, the angles about x and z cannot be told apart.
 _POLE: Final = 1 - 1e-12
 
+# PyBullet adds this margin around every hull. Without a correction, a wheel would roll more than 2 % too far.
+ENGINE_MARGIN_M: Final = 0.001
+
 Color = tuple[float, float, float]
-Level = Literal["fatal", "error", "warning"]
-"""fatal: cannot be simulated; error: refused unless allowed, as it is probably not what was meant; warning: a note."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,19 +339,6 @@ def ball_orientation(positions: Vector3) -> Quaternion:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
-    """A violation of a rule of the audit, and its place."""
-
-    rule: str
-    level: Level
-    message: str
-    location: Location
-
-    def __str__(self) -> str:
-        return f"{self.location}: {self.message} [{self.rule}]"
-
-
-@dataclass(frozen=True, slots=True)
 class Plugin:
     """A plugin that the model asks Gazebo to load, or a controller in a parameter file that such a plugin names.
 
@@ -290,6 +376,23 @@ class CommandedJoint:
     interfaces: frozenset[str]
     tag: str
     location: Location
+
+
+@dataclass(frozen=True)
+class Srdf:
+    """The content of an SRDF.
+
+    Attributes:
+        groups: group name -> its joints, in the order of the model.
+        states: (group, state) -> joint -> position in rad (m).
+        disabled: pairs of links that pass through each other.
+        passive: joints without a motor.
+    """
+
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    states: Mapping[tuple[str, str], Mapping[str, float]] = field(default_factory=dict)
+    disabled: frozenset[frozenset[str]] = frozenset()
+    passive: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.robot.built_in import BUILT_IN, FOLDER
 from sim_action.robot.documents.packages import PackageError, Packages
 from sim_action.robot.documents.xml_document import ModelDocument, read_document
-from sim_action.robot.model.findings import limited_notes
-from sim_action.robot.model.robot_model import Finding, RobotModel
+from sim_action.robot.model.findings import Finding, limited_notes
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.reading.urdf import model_of, read_urdf
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def _told_once(findings: Iterable[Finding]) -> Iterator[Finding]:
 def _check_keyframe(name: str | int, model: RobotModel) -> None:
     if not model.keyframes:
         raise ModelError(f"the model has no keyframes; remove 'keyframe: {name}'")
-    from sim_action.robot.model.mjcf_data import keyframe_of
+    from sim_action.robot.model.robot_model import keyframe_of
 
     found = keyframe_of(model.keyframes, name)
     if found is None:
@@ -166,7 +166,7 @@ def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:
 
         collect_files(path, packages)
         return (f"links and joints of {robot.model}: MuJoCo reads the file when the scenario runs",)
-    from sim_action.robot.reading.xacro_check import check_xacro_text
+    from sim_action.robot.reading.xacro_documents import check_xacro_text
 
     return check_xacro_text(path, robot.args, packages)
 

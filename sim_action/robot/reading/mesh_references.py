@@ -15,13 +15,12 @@ from sim_action.robot.audit.shapes import MAX_PART_SIZE_M
 from sim_action.robot.documents.packages import PackageError, Packages
 from sim_action.robot.documents.urdf_elements import vector
 from sim_action.robot.documents.xml_document import ModelDocument
-from sim_action.robot.model.robot_model import Finding
+from sim_action.robot.model.findings import Finding
+from sim_action.robot.model.robot_model import ENGINE_MARGIN_M
 
 if TYPE_CHECKING:
     from sim_action.meshes import CleanMesh
 
-# PyBullet adds this margin around every hull. Without a correction, a wheel would roll more than 2 % too far.
-ENGINE_MARGIN_M: Final = 0.001
 # A smaller mesh consists of that margin only.
 _MIN_MESH_SIZE_M: Final = 0.001
 _ODD_SHAPES: Final = {

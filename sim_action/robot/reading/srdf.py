@@ -10,29 +10,11 @@ from typing import Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core.errors import ModelError, Problem, RefusedModel
-from sim_action.core.records import dataclass, field
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.robot.documents.xml_document import ModelDocument, read_document
-from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel, Srdf
 
 _MAX_PROBLEMS: Final = 100
-
-
-@dataclass(frozen=True)
-class Srdf:
-    """The content of an SRDF.
-
-    Attributes:
-        groups: group name -> its joints, in the order of the model.
-        states: (group, state) -> joint -> position in rad (m).
-        disabled: pairs of links that pass through each other.
-        passive: joints without a motor.
-    """
-
-    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    states: Mapping[tuple[str, str], Mapping[str, float]] = field(default_factory=dict)
-    disabled: frozenset[frozenset[str]] = frozenset()
-    passive: frozenset[str] = frozenset()
 
 
 def read_srdf(path: Path, model: RobotModel) -> Srdf:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final, cast
 from xml.etree.ElementTree import Element
@@ -11,8 +11,8 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Box, Vector3
 from sim_action.core.records import replace
 from sim_action.core.workspace import Workspace
+from sim_action.robot.audit import elements, inertia, joints, kinematic_tree, shapes, unsupported_parts
 from sim_action.robot.audit.inertia import proportions
-from sim_action.robot.audit.stages import audit
 from sim_action.robot.documents.packages import Packages
 from sim_action.robot.documents.series_joints import Series, expand_series
 from sim_action.robot.documents.urdf_elements import (
@@ -31,7 +31,7 @@ from sim_action.robot.documents.urdf_elements import (
     vector,
 )
 from sim_action.robot.documents.xml_document import ModelDocument, read_document
-from sim_action.robot.model.findings import refuse_errors
+from sim_action.robot.model.findings import Finding, refuse_errors
 from sim_action.robot.model.robot_model import (
     Color,
     Joint,
@@ -56,6 +56,55 @@ from sim_action.robot.reading.engine_urdf import (
     with_static_base,
 )
 from sim_action.robot.reading.mesh_references import Meshes, resolve_meshes
+
+Check = Callable[[ModelDocument], Iterator[Finding]]
+
+# A stage relies on the facts that the stages before it have established.
+STAGES: Final[tuple[tuple[Check, ...], ...]] = (
+    (elements.root, elements.required_attributes, elements.required_children),
+    (elements.default_expressions, elements.numbers, unsupported_parts.coefficients),
+    (
+        kinematic_tree.names,
+        kinematic_tree.joint_types,
+        kinematic_tree.tree,
+        kinematic_tree.joint_counts,
+        shapes.kinds,
+    ),
+    (
+        joints.axes,
+        joints.limits,
+        joints.motors,
+        joints.passive,
+        joints.mimics,
+        joints.mimic_limits,
+        shapes.sizes,
+        shapes.extents,
+        shapes.presence,
+        inertia.masses,
+        inertia.tensors,
+        inertia.presence,
+        unsupported_parts.references,
+        unsupported_parts.frictions,
+        unsupported_parts.unsupported_tags,
+        elements.restitutions,
+        shapes.angles,
+        joints.limit_units,
+        elements.misspelled_tags,
+        unsupported_parts.misspelled_parts,
+        elements.repeated_inertials,
+    ),
+)
+
+
+def audit(document: ModelDocument) -> list[Finding]:
+    """Return the findings of all stages, up to and including the first stage with a fatal finding."""
+    findings = list(document.findings)
+    for stage in STAGES:
+        findings += [finding for check in stage for finding in check(document)]
+        if any(finding.level == "fatal" for finding in findings):
+            break
+    return findings
+
 
 _LENGTHS: Final = {"size": 3}
 

@@ -91,11 +91,11 @@ def _parts(body: Body, workspace: Workspace) -> Iterator[Part]:
         for number, shape in enumerate(body.shapes):
             yield from _parts_of_shape(shape, number, workspace, moves=body.mass is not None)
     elif body.heightfield is not None:
-        from sim_action.world.shape_files.heightfield import grid_of
+        from sim_action.world.shape_files.grids import grid_of
 
         yield grid_of(body.heightfield, workspace)
     elif body.map is not None:
-        from sim_action.world.shape_files.occupancy_map import walls
+        from sim_action.world.shape_files.grids import walls
 
         yield from walls(body.map, workspace)
 

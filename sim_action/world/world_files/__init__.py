@@ -22,8 +22,7 @@ from sim_action.robot.documents.model_files import NEWEST
 from sim_action.robot.documents.packages import Packages
 from sim_action.robot.documents.sdf_elements import Notes, flag_attribute, numbers_of, pose_of
 from sim_action.robot.documents.xml_document import ModelDocument, read_document
-from sim_action.robot.model.findings import refuse_errors
-from sim_action.robot.model.robot_model import Finding
+from sim_action.robot.model.findings import Finding, refuse_errors
 from sim_action.robot.reading.sdf.composition import Entry
 from sim_action.robot.reading.sdf.worlds import SdfWorld, base_pose, is_ground, read_sdf_world
 from sim_action.world import GRAVITY, Ground, World

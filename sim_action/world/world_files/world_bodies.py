@@ -6,16 +6,18 @@ of its own, with the name `model/link`. Joints that move are losses: the links t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 from xml.etree.ElementTree import Element
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from sim_action.core import geometry
 from sim_action.core.errors import Location
 from sim_action.core.field_types import Placement
-from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.geometry import Pose, Quaternion, Vector3
 from sim_action.core.records import dataclass
 from sim_action.robot.documents.sdf_elements import SdfProblem, flag_attribute, number_of, text_of
 from sim_action.robot.model.robot_model import WORLD
@@ -23,6 +25,7 @@ from sim_action.robot.reading.sdf.auto_inertia import auto_inertia
 from sim_action.robot.reading.sdf.composition import SEPARATOR, Entry, Scope
 from sim_action.robot.reading.sdf.worlds import SdfWorld
 from sim_action.world import Body, Inertia
+from sim_action.world.mass_properties import displaced, symmetric, turned_tensor, uniform_properties
 from sim_action.world.parts import Part
 from sim_action.world.world_files.losses import LossList
 from sim_action.world.world_files.tags import lost_tags, lost_tags_below
@@ -152,7 +155,6 @@ class BodyReader:
         total = sum(weight.mass for weight in weights)
         if len(weights) == 1 and weights[0].centre is None and weights[0].inertia is None:
             return {"mass": total}
-        from sim_action.world.world_files.inertials import Lump, joined, lump_of
 
         lumps = []
         for link, weight in zip(group.links, weights, strict=True):
@@ -190,15 +192,12 @@ class BodyReader:
         stated = inertial.find("inertia")
         if stated is None:
             return _Weight(mass, own.position_xyz if inertial.find("pose") is not None else None, None)
-        from sim_action.world.world_files.inertials import stated_tensor
 
         moments = {name: number_of(stated, name, 1.0 if name[1] == name[2] else 0.0) for name in _MOMENTS}
         return _Weight(mass, own.position_xyz, stated_tensor(moments, own.orientation_xyzw))
 
     def _computed_weight(self, model: Entry, link: Entry, inertial: Element, frame: Pose) -> _Weight:
         """Return the weight of <inertial auto>. Raises SdfProblem."""
-        from sim_action.world.world_files.inertials import stated_tensor
-
         in_body = geometry.compose(geometry.inverse(frame), self._world.link_pose(model, link))
         collisions = [
             (holder, geometry.compose(in_body, self._in_link(link, holder)))
@@ -257,3 +256,37 @@ def _is_of(shape: PlacedShape, link: Entry) -> bool:
 def _is_nothing(pose: Pose) -> bool:
     x, y, z, _ = pose.orientation_xyzw
     return all(abs(part) < _NOTHING for part in (*pose.position_xyz, x, y, z))
+
+
+@dataclass(frozen=True, eq=False)
+class Lump:
+    """A mass in kg, its centre in m, and its inertia (3, 3) about that in kg m^2."""
+
+    mass: float
+    centre_xyz: Vector3
+    inertia: NDArray[np.float64]
+
+
+def lump_of(mass: float, parts: Sequence[Part], otherwise: Vector3) -> Lump:
+    """Return a mass of uniform density in parts; without parts, at a point."""
+    if not parts:
+        return Lump(mass, otherwise, np.zeros((3, 3)))
+    centre, inertia = uniform_properties(parts)
+    x, y, z = centre.tolist()
+    return Lump(mass, (x, y, z), mass * inertia)
+
+
+def joined(lumps: Sequence[Lump]) -> Lump:
+    """Return several masses as one."""
+    total = sum(lump.mass for lump in lumps)
+    centre = sum(lump.mass / total * np.array(lump.centre_xyz) for lump in lumps)
+    arms = [np.array(lump.centre_xyz) - centre for lump in lumps]
+    inertia = sum(lump.inertia + lump.mass * displaced(arm) for lump, arm in zip(lumps, arms, strict=True))
+    x, y, z = np.asarray(centre).tolist()
+    return Lump(total, (x, y, z), np.asarray(inertia))
+
+
+def stated_tensor(moments: Mapping[str, float], orientation: Quaternion) -> NDArray[np.float64]:
+    """Return the tensor of stated moments, whose axes have an orientation, in the outer axes."""
+    entries = symmetric(moments[name] for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+    return turned_tensor(entries, orientation)

@@ -29,7 +29,7 @@ from sim_action.state.observation import JointState
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
 from sim_action.state.verdict import Judged, Verdict
-from sim_action.world.disturbance import Disturbance
+from sim_action.world.physics import Disturbance
 from tests.soak import examples
 from tests.traces import START, WHEELS, contact, piece, scene, trace
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.meshes import clean_mesh
-from sim_action.robot.reading.mesh_references import ENGINE_MARGIN_M
+from sim_action.robot.model.robot_model import ENGINE_MARGIN_M
 from tests.mesh_files import CORNERS, obj, stl, two_objects
 
 geoms = pytest.importorskip("sim_action.engines.mujoco.geoms", reason="mujoco is not installed")

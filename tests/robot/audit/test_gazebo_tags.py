@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.robot.model.robot_model import Finding
+from sim_action.robot.model.findings import Finding
 from sim_action.robot.reading.urdf import read_urdf
 from tests.robot.bad_models import GOOD
 

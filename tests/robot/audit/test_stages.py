@@ -10,11 +10,9 @@ import pytest
 
 from sim_action.core.errors import RefusedModel
 from sim_action.robot.audit.inertia import principal_moments
-from sim_action.robot.audit.stages import audit
 from sim_action.robot.documents.xml_document import read_document
-from sim_action.robot.model.findings import ALLOWABLE, RULES
-from sim_action.robot.model.robot_model import Finding
-from sim_action.robot.reading.urdf import read_urdf
+from sim_action.robot.model.findings import ALLOWABLE, RULES, Finding
+from sim_action.robot.reading.urdf import audit, read_urdf
 from tests.mesh_files import CORNERS, HALF, moved, obj
 from tests.robot.bad_models import BAD_MODELS, GOOD, BadModel
 

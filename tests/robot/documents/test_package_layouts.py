@@ -9,8 +9,7 @@ import pytest
 
 from sim_action.core.workspace import Workspace
 from sim_action.robot.documents.package_search import Listings, folders_below
-from sim_action.robot.documents.packages import PackageError, Packages
-from sim_action.robot.documents.references import Reference
+from sim_action.robot.documents.packages import PackageError, Packages, Reference
 from tests.ros_workspace import written
 
 

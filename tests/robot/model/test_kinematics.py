@@ -18,8 +18,7 @@ from sim_action.core.geometry import Pose, Vector3
 from sim_action.meshes.collision_hulls import shrunk
 from sim_action.meshes.hull_file import hull_lines
 from sim_action.robot.model.kinematics import Mobility, beyond_limits, link_poses, robot_box, too_fast, too_strong
-from sim_action.robot.model.robot_model import Joint, JointType, Link, RobotModel, Shape
-from sim_action.robot.reading.mesh_references import ENGINE_MARGIN_M
+from sim_action.robot.model.robot_model import ENGINE_MARGIN_M, Joint, JointType, Link, RobotModel, Shape
 from sim_action.robot.reading.urdf import read_urdf
 from tests.robot.bad_models import GOOD
 from tests.soak import examples

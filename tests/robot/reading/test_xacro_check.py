@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.robot.reading.xacro_check import check_xacro
+from sim_action.robot.reading.xacro_documents import check_xacro
 from tests.robot.xacro_models import URDF, told
 from tests.ros_workspace import NAMESPACE, RosWorkspace, ros_package, ros_workspace, written
 
@@ -126,7 +126,7 @@ def test_no_xacro_is_imported_to_look_at_a_file(ros: RosWorkspace) -> None:
     import subprocess
 
     code = (
-        "import sys; from pathlib import Path; from sim_action.robot.reading.xacro_check import check_xacro;"
+        "import sys; from pathlib import Path; from sim_action.robot.reading.xacro_documents import check_xacro;"
         "from sim_action.robot.documents.packages import Packages; from sim_action.core.workspace import Workspace;"
         f"root = Path({str(ros.root)!r}); packages = Packages(Workspace(root, root), {{}}, {{}});"
         f"check = check_xacro(Path({str(ros.rover)!r}), [], packages); assert not check.problems;"

@@ -11,8 +11,7 @@ import pytest
 from sim_action.core.errors import Location
 from sim_action.robot.reading import xacro_documents, xacro_expansion
 from sim_action.robot.reading.xacro_documents import XacroError
-from sim_action.robot.reading.xacro_errors import explain_xacro_error
-from sim_action.robot.reading.xacro_expansion import expand
+from sim_action.robot.reading.xacro_expansion import expand, explain_xacro_error
 from tests.robot.xacro_models import URDF, element, expanded, refusal, told
 from tests.ros_workspace import NAMESPACE, RosWorkspace, ros_workspace, written
 

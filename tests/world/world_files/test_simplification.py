@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sim_action.world.parts import GridPart, SurfacePart, grid_surface
-from sim_action.world.world_files.simplification import MAX_TRIANGLES, simplified
+from sim_action.world.world_files.world_shapes import MAX_TRIANGLES, simplified
 
 
 def bumpy(samples: int, size: float) -> SurfacePart:

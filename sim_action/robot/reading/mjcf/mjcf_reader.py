@@ -22,17 +22,17 @@ from sim_action.core.records import replace
 from sim_action.robot.audit.elements import no_bounce
 from sim_action.robot.documents.packages import Packages
 from sim_action.robot.documents.xml_document import shown_file
-from sim_action.robot.model.findings import finding, refuse_errors
+from sim_action.robot.model.findings import Finding, finding, refuse_errors
 from sim_action.robot.model.kinematics import joint_motion
-from sim_action.robot.model.mjcf_data import MESH_OF_TEXT, Motor
 from sim_action.robot.model.robot_model import (
+    MESH_OF_TEXT,
     WORLD,
     Color,
-    Finding,
     Joint,
     JointType,
     Link,
     Mimic,
+    Motor,
     RobotModel,
     Shape,
     Surface,

@@ -9,8 +9,7 @@ import mujoco
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
-from sim_action.robot.model.mjcf_data import Keyframe, Motor, MotorKind
-from sim_action.robot.model.robot_model import Joint, ball_angles
+from sim_action.robot.model.robot_model import Joint, Keyframe, Motor, MotorKind, ball_angles
 from sim_action.robot.reading.mjcf.mujoco_spec import Built
 
 _NO_COMMAND: Final = (

@@ -21,14 +21,18 @@ from sim_action.robot.documents.model_files import NEWEST
 from sim_action.robot.documents.packages import Packages
 from sim_action.robot.documents.sdf_elements import Notes
 from sim_action.robot.documents.xml_document import ModelDocument
-from sim_action.robot.model.findings import refuse_errors
-from sim_action.robot.model.robot_model import WORLD, Finding
+from sim_action.robot.model.findings import Finding, refuse_errors
+from sim_action.robot.model.robot_model import WORLD
 from sim_action.robot.reading.sdf.composition import SEPARATOR, Assembly, Entry, Scope
 from sim_action.robot.reading.sdf.frames import Frames
-from sim_action.robot.reading.sdf.joints import JointWriter, ResolvedJoint, resolve_joint
-from sim_action.robot.reading.sdf.links import LinkWriter
+from sim_action.robot.reading.sdf.links_and_joints import (
+    JointWriter,
+    LinkWriter,
+    ResolvedJoint,
+    UrdfWriter,
+    resolve_joint,
+)
 from sim_action.robot.reading.sdf.sdf_files import read_sdf_file
-from sim_action.robot.reading.sdf.urdf_writer import UrdfWriter
 from sim_action.robot.reading.sdf.worlds import robot_scope
 
 _MIN_ROTATION_RAD: Final = 1e-6

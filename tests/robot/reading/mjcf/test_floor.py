@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.robot.model.mjcf_data import FloorLook
+from sim_action.robot.model.robot_model import FloorLook
 from tests.robot.reading.mjcf.test_mjcf_reader import read
 
 TEXTURE = '<texture name="t" type="2d" builtin="{kind}" rgb1=".2 .4 .6" rgb2="0 0.5 1" width="8" height="8"/>'

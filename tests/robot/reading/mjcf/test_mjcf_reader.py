@@ -12,8 +12,7 @@ import pytest
 from sim_action.core.errors import ModelError
 from sim_action.core.workspace import Workspace
 from sim_action.robot.model.kinematics import link_poses
-from sim_action.robot.model.mjcf_data import Motor
-from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_model import Motor, RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
 from tests.mesh_files import CORNERS, obj, stl

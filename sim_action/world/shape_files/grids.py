@@ -1,4 +1,7 @@
-"""Read occupancy maps of ROS's map_server: a YAML file and an image become walls (its documentation, section 3)."""
+"""Read occupancy maps of ROS's map_server (its documentation, section 3) and heightfields.
+
+A YAML file and an image become walls; rows of heights or an image become a grid.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +22,8 @@ from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import read_document
 from sim_action.core.yaml_errors import spec_errors
-from sim_action.world import OccupancyMap
-from sim_action.world.parts import BoxPart
+from sim_action.world import Heightfield, OccupancyMap
+from sim_action.world.parts import BoxPart, GridPart
 from sim_action.world.shape_files.grey_images import MAX_BYTES, Grey, ImageError, read_image
 from sim_action.world.shape_files.shape_error import ShapeError, found_file, read_bytes
 
@@ -166,3 +169,35 @@ def _runs(cells: NDArray[np.bool_]) -> Iterator[tuple[int, dict[tuple[int, int],
         padded = np.concatenate(([False], cells[row], [False]))
         edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
         yield row, dict.fromkeys(zip(edges[::2], edges[1::2], strict=True))
+
+
+MAX_SAMPLES: Final = 250_000
+"""500 x 500. PyBullet takes 0.5 s to load these, and crashes with a few million."""
+
+_MIN_SAMPLES: Final = 2
+
+
+def grid_of(heightfield: Heightfield, workspace: Workspace) -> GridPart:
+    """Return the grid of a heightfield. Raises ShapeError."""
+    rows = (
+        _heights(heightfield.image, heightfield.height or 0.0, workspace)
+        if heightfield.image is not None
+        else np.array(heightfield.heights, dtype=np.float64)
+    )
+    # The first row of the file has the highest y.
+    return GridPart(heightfield.size, np.ascontiguousarray(rows[::-1]))
+
+
+def _heights(name: str, height: float, workspace: Workspace) -> NDArray[np.float64]:
+    data = read_bytes(found_file(workspace, name, "image"), name, MAX_BYTES, "image")
+    try:
+        image = read_image(data)
+    except ImageError as error:
+        raise ShapeError(f"'{name}' {error}", "image") from None
+    rows, columns = image.pixels.shape
+    if min(rows, columns) < _MIN_SAMPLES:
+        raise ShapeError(f"'{name}' has {columns} x {rows} pixels; it needs at least 2 x 2", "image")
+    if rows * columns > MAX_SAMPLES:
+        found = f"'{name}' has {columns} x {rows} pixels; at most {MAX_SAMPLES:,} samples are simulated"
+        raise ShapeError(f"{found}: scale it down", "image")
+    return image.pixels.astype(np.float64) * (height / image.white)
