@@ -7,7 +7,12 @@ shapes without contacts (see tests/integration/test_meshes.py for PyBullet). The
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import io
+import itertools
+import math
+import re
+from array import array
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -15,11 +20,22 @@ from typing import Final
 from sim_action.core.content_cache import Entry
 from sim_action.core.files import read_at_most
 from sim_action.core.geometry import Vector3
+from sim_action.core.wording import shown
 from sim_action.meshes.collada import read_collada
 from sim_action.meshes.collision_hulls import MeshFacts, facts_of
 from sim_action.meshes.hull_file import FORMAT, CleanMesh, read_clean_mesh, write_clean_mesh
-from sim_action.meshes.mesh import MAX_BYTES, MAX_TRIANGLES, Mesh, MeshError
-from sim_action.meshes.obj_and_stl import read_obj, read_stl
+from sim_action.meshes.mesh import (
+    MAX_BINARY_TRIANGLES,
+    MAX_BYTES,
+    MAX_POINTS,
+    MAX_TRIANGLES,
+    Mesh,
+    MeshError,
+    mesh_of,
+    refuse_more_parts,
+    refuse_more_points,
+    refuse_more_triangles,
+)
 
 __all__ = [
     "MAX_BYTES",
@@ -34,10 +50,6 @@ __all__ = [
     "read_mesh",
 ]
 
-READERS: Final[Mapping[str, Callable[[bytes], Mesh]]] = MappingProxyType(
-    {"stl": read_stl, "obj": read_obj, "dae": read_collada}
-)
-"""File extension -> reader."""
 
 _LFS_POINTER: Final = b"version https://git-lfs"
 
@@ -98,3 +110,223 @@ def mesh_bytes(path: Path) -> bytes:
         message = f"is larger than {MAX_BYTES // 1_000_000} MB; a few thousand triangles are enough for collisions"
         raise MeshError("too-large-mesh", message)
     return data
+
+
+_HEADER_BYTES: Final = 84
+_TRIANGLE_BYTES: Final = 50
+
+_VERTEX: Final = rb"\s+vertex\s+(\S+)\s+(\S+)\s+(\S+)"
+_FACET: Final = re.compile(
+    rb"\s*facet\s+normal\s+\S+\s+\S+\s+\S+\s+outer\s+loop" + 3 * _VERTEX + rb"\s+endloop\s+endfacet(?=\s)",
+    re.IGNORECASE,
+)
+_BEGIN: Final = re.compile(rb"\s*solid(?:[ \t][^\n]*|\r)?\n", re.IGNORECASE)
+_NOTHING: Final = re.compile(rb"\s*\Z")
+_END: Final = re.compile(rb"\s*endsolid(?:[ \t][^\n]*|\r)?(?:\n|$)", re.IGNORECASE)
+
+
+def read_stl(data: bytes) -> Mesh:
+    """Read the bytes of a file. Raises MeshError."""
+    count = int.from_bytes(data[_HEADER_BYTES - 4 : _HEADER_BYTES], "little")
+    size = _HEADER_BYTES + count * _TRIANGLE_BYTES
+    # The size distinguishes the two. The start does not: many binary headers begin with "solid", too.
+    if len(data) == size:
+        return _read_binary(data, count)
+    if _BEGIN.match(data) and b"\0" not in data:
+        return _read_ascii(data)
+    if len(data) < _HEADER_BYTES:
+        raise MeshError(
+            "broken-mesh", f"is not an STL file: it has only {len(data)} bytes and does not begin with 'solid'"
+        )
+    message = f"its header announces {count:,} triangles, which need {size:,} bytes, but it has {len(data):,}"
+    raise MeshError("broken-mesh", f"is not an STL file, or was cut off: {message}")
+
+
+def _read_binary(data: bytes, count: int) -> Mesh:
+    import numpy as np
+
+    refuse_more_triangles(count, MAX_BINARY_TRIANGLES)
+    # The corners as one item of 36 bytes, which are copied at once.
+    layout = np.dtype([("normal", "V12"), ("corners", "V36"), ("attributes", "V2")])
+    corners = np.frombuffer(data, layout, count, _HEADER_BYTES)["corners"].copy().view("<f4").reshape(-1, 3)
+    with np.errstate(invalid="ignore"):  # a signalling NaN
+        return mesh_of(corners, [slice(0, count)])
+
+
+def _read_ascii(data: bytes) -> Mesh:
+    import numpy as np
+
+    corners, ends, at = array("d"), [0], 0
+    while not _NOTHING.match(data, at):
+        at = _read_solid(data, at, corners)
+        ends.append(len(corners) // 9)
+        refuse_more_parts(len(ends) - 1)
+    parts = [slice(start, end) for start, end in itertools.pairwise(ends)]
+    return mesh_of(np.array(corners).reshape(-1, 3), parts)
+
+
+def _read_solid(data: bytes, at: int, corners: array[float]) -> int:
+    """Read one solid and return its end."""
+    begin = _BEGIN.match(data, at)
+    if begin is None:
+        raise _unexpected(data, at, "'solid' or the end of the file")
+    at = begin.end()
+    while facet := _FACET.match(data, at):
+        corners.extend(_coordinates(facet, data))
+        refuse_more_triangles(len(corners) // 9)
+        at = facet.end()
+    end = _END.match(data, at)
+    if end is None:
+        raise _unexpected(data, at, "a whole facet or 'endsolid'")
+    return end.end()
+
+
+def _coordinates(facet: re.Match[bytes], data: bytes) -> tuple[float, ...]:
+    try:
+        found = tuple(map(float, facet.groups()))
+    except ValueError:
+        found = (math.nan,)
+    if not math.isfinite(sum(found)):
+        raise MeshError("broken-mesh", "a facet has a vertex that is not three finite numbers", _line(data, facet))
+    return found
+
+
+def _unexpected(data: bytes, at: int, wanted: str) -> MeshError:
+    rest = data[at : at + 200].lstrip()
+    found = shown(rest.split(b"\n")[0].decode("latin-1").strip()) if rest else "nothing: was the file cut off?"
+    line = data.count(b"\n", 0, at + len(data[at : at + 200]) - len(rest)) + 1
+    return MeshError("broken-mesh", f"expected {wanted}, found {found}", line)
+
+
+def _line(data: bytes, match: re.Match[bytes]) -> int:
+    return data.count(b"\n", 0, match.start(1)) + 1
+
+
+# Keywords that start a part; like in PyBullet, each part becomes a hull.
+_BEGINS_A_PART: Final = (b"o", b"g")
+
+_MAX_LINES: Final = 5_000_000
+
+_MAX_SHOWN_DIGITS: Final = 30
+
+_MAX_STATEMENT_CHARACTERS: Final = 1_000_000
+"""Limit in characters, more than any real face needs."""
+
+
+def read_obj(data: bytes) -> Mesh:
+    """Read the bytes of a file. Raises MeshError."""
+    if b"\0" in data:
+        raise MeshError("broken-mesh", "is not an OBJ file: it contains NUL bytes")
+    if data.count(b"\n") > _MAX_LINES:
+        raise MeshError("too-large-mesh", f"has more than {_MAX_LINES:,} lines")
+    reader = _Reader()
+    for number, words in _statements(data):
+        reader.take(words, number)
+    return reader.mesh()
+
+
+def _statements(data: bytes) -> Iterator[tuple[int, list[bytes]]]:
+    """Yield the words of each statement and its last line; a backslash continues it on the next line."""
+    waiting: list[bytes] = []
+    for number, line in enumerate(io.BytesIO(data), start=1):
+        if len(line) > _MAX_STATEMENT_CHARACTERS or len(waiting) > _MAX_STATEMENT_CHARACTERS:
+            raise MeshError(
+                "too-large-mesh", f"a statement of more than {_MAX_STATEMENT_CHARACTERS:,} characters", number
+            )
+        words = line.split()
+        if words and words[-1].endswith(b"\\"):
+            waiting += [word for word in (*words[:-1], words[-1][:-1]) if word]
+        elif waiting:
+            yield number, waiting + words
+            waiting = []
+        elif words:
+            yield number, words
+    if waiting:
+        raise MeshError("broken-mesh", "the last line ends with a continuation backslash: was the file cut off?")
+
+
+class _Reader:
+    """The reader of one file."""
+
+    def __init__(self) -> None:
+        self._coordinates = array("d")
+        self._points = 0
+        # Point numbers as in the file: from 1.
+        self._corners = array("q")
+        self._starts = [0]
+        # The highest point number used before its definition, and its line.
+        self._ahead = (0, 0)
+
+    def take(self, words: list[bytes], line: int) -> None:
+        keyword = words[0]
+        if keyword == b"v":
+            self._take_point(words, line)
+        elif keyword == b"f":
+            self._take_face(words, line)
+        elif keyword in _BEGINS_A_PART and self._starts[-1] < len(self._corners):
+            self._starts.append(len(self._corners))
+            refuse_more_parts(len(self._starts))
+
+    def mesh(self) -> Mesh:
+        import numpy as np
+
+        if self._ahead[0] > self._points:
+            raise self._no_such_point(*self._ahead)
+        triangles = np.array(self._corners, np.int64).reshape(-1, 3) - 1
+        parts = np.split(triangles, [start // 3 for start in self._starts[1:]])
+        return mesh_of(np.array(self._coordinates).reshape(-1, 3), parts)
+
+    def _take_point(self, words: list[bytes], line: int) -> None:
+        try:
+            x, y, z = map(float, words[1:4])
+        except ValueError:
+            x = y = z = math.nan
+        if not math.isfinite(x + y + z):
+            raise MeshError("broken-mesh", f"{_quoted(words)}: expected three finite numbers", line)
+        self._coordinates.extend((x, y, z))
+        self._points += 1
+        refuse_more_points(self._points)
+
+    def _take_face(self, words: list[bytes], line: int) -> None:
+        if len(words) < 4:  # an edge, which some programs leave in the file
+            return
+        try:
+            # In 1/2/3 only the first number refers to a point.
+            named = [int(word.split(b"/", 1)[0]) for word in words[1:]]
+        except ValueError:
+            raise MeshError("broken-mesh", f"{_quoted(words)}: expected whole numbers as corners", line) from None
+        if min(named) < 1 or max(named) > self._points:
+            named = [self._counted_from_1(point, line) for point in named]
+        first, *others = named
+        for second, third in itertools.pairwise(others):
+            self._corners.extend((first, second, third))
+        refuse_more_triangles(len(self._corners) // 3)
+
+    def _counted_from_1(self, point: int, line: int) -> int:
+        """Return the number of a point with a negative index or a definition further down."""
+        if point == 0 or point < -self._points or point > MAX_POINTS:
+            raise self._no_such_point(point, line)
+        if point > max(self._points, self._ahead[0]):
+            self._ahead = (point, line)
+        return point if point > 0 else self._points + 1 + point
+
+    def _no_such_point(self, point: int, line: int) -> MeshError:
+        named = f"{point:,}"
+        named = named if len(named) <= _MAX_SHOWN_DIGITS else f"{named[:_MAX_SHOWN_DIGITS]}..."
+        if point == 0:
+            known = "points are numbered from 1"
+        elif point > MAX_POINTS:
+            known = f"at most {MAX_POINTS:,} are read"
+        else:
+            known = f"there are only {self._points:,}"
+        return MeshError("mesh-index", f"a face refers to point {named}, but {known}; export the mesh again", line)
+
+
+def _quoted(words: list[bytes]) -> str:
+    return shown(b" ".join(words)[:100].decode("latin-1"))
+
+
+READERS: Final[Mapping[str, Callable[[bytes], Mesh]]] = MappingProxyType(
+    {"stl": read_stl, "obj": read_obj, "dae": read_collada}
+)
+"""File extension -> reader."""

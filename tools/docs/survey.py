@@ -34,8 +34,7 @@ from urllib.parse import unquote
 from sim_action.app.inspect import inspect_model
 from sim_action.core.errors import ModelError, RefusedModel
 from sim_action.core.workspace import Workspace
-from sim_action.robot.documents.model_files import find_model_file
-from sim_action.robot.documents.packages import PackageError, Packages
+from sim_action.robot.documents.packages import PackageError, Packages, find_model_file
 from sim_action.robot.model.robot_spec import Robot
 from tools.docs.generators.markdown import table
 

@@ -9,8 +9,7 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.geometry import ZERO
 from sim_action.core.wording import did_you_mean
-from sim_action.robot.audit.shapes import MAX_PART_SIZE_M
-from sim_action.robot.documents.urdf_elements import BALLS, child_of, number, parent_of, vector
+from sim_action.robot.documents.urdf_elements import BALLS, MAX_PART_SIZE_M, child_of, number, parent_of, vector
 from sim_action.robot.documents.urdf_elements import limits as limits_of
 from sim_action.robot.documents.xml_document import ModelDocument
 from sim_action.robot.model.findings import Finding

@@ -53,6 +53,9 @@ UNLIMITED: Final = 1e16
 MAX_NUMBER: Final = 1e18
 """The largest number that is accepted: squares of larger numbers overflow."""
 
+MAX_PART_SIZE_M: Final = 50.0
+"""A part of a robot that is larger was probably drawn in millimetres."""
+
 NUMBERS: Final = ("mu1", "mu2", "kp", "kd")
 """The numbers that are read from the <gazebo> tag of a link."""
 

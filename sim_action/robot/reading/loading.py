@@ -190,7 +190,7 @@ def srdf_problems(robot: Robot, workspace: Workspace) -> Iterator[tuple[tuple[st
 
 
 def _srdf_file(name: str, packages: Packages) -> Path:
-    from sim_action.robot.documents.model_files import find_model_file
+    from sim_action.robot.documents.packages import find_model_file
 
     if name.endswith(".xacro"):
         expanded = name.removesuffix(".xacro")
@@ -206,7 +206,7 @@ def _srdf_file(name: str, packages: Packages) -> Path:
 
 
 def _path(name: str, packages: Packages) -> Path:
-    from sim_action.robot.documents.model_files import find_model_file, is_folder, is_model_folder
+    from sim_action.robot.documents.packages import find_model_file, is_folder, is_model_folder
 
     place = packages.workspace.directory / name
     if "/" not in name and "." not in name and not is_folder(place):
@@ -224,7 +224,7 @@ def _path(name: str, packages: Packages) -> Path:
 
 def _next_step(name: str, place: Path, packages: Packages) -> str:
     """Return the end of a message about a path that is no model file: a similar name, or the files in the folder."""
-    from sim_action.robot.documents.model_files import model_files_in
+    from sim_action.robot.documents.packages import model_files_in
 
     try:
         found = place.resolve()

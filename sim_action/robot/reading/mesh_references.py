@@ -11,9 +11,8 @@ from xml.etree.ElementTree import Element
 from sim_action.core.content_cache import cache_folder
 from sim_action.core.geometry import Box, Vector3
 from sim_action.core.records import dataclass
-from sim_action.robot.audit.shapes import MAX_PART_SIZE_M
 from sim_action.robot.documents.packages import PackageError, Packages
-from sim_action.robot.documents.urdf_elements import vector
+from sim_action.robot.documents.urdf_elements import MAX_PART_SIZE_M, vector
 from sim_action.robot.documents.xml_document import ModelDocument
 from sim_action.robot.model.findings import Finding
 from sim_action.robot.model.robot_model import ENGINE_MARGIN_M

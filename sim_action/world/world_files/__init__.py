@@ -18,8 +18,7 @@ from sim_action.core import geometry
 from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass, field
-from sim_action.robot.documents.model_files import NEWEST
-from sim_action.robot.documents.packages import Packages
+from sim_action.robot.documents.packages import NEWEST, Packages
 from sim_action.robot.documents.sdf_elements import Notes, flag_attribute, numbers_of, pose_of
 from sim_action.robot.documents.xml_document import ModelDocument, read_document
 from sim_action.robot.model.findings import Finding, refuse_errors

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import RefusedModel
-from sim_action.robot.audit.inertia import principal_moments
+from sim_action.robot.audit.links import principal_moments
 from sim_action.robot.documents.xml_document import read_document
 from sim_action.robot.model.findings import ALLOWABLE, RULES, Finding
 from sim_action.robot.reading.urdf import audit, read_urdf

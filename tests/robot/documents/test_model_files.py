@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.workspace import Workspace
-from sim_action.robot.documents.model_files import find_model_file, parsed_version
-from sim_action.robot.documents.packages import PackageError, Packages
+from sim_action.robot.documents.packages import PackageError, Packages, find_model_file, parsed_version
 from tests.ros_workspace import written
 
 

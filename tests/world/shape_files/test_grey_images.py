@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.world.shape_files.grey_images import ImageError, read_image
+from sim_action.world.shape_files.grids import ImageError, read_image
 from tests.soak import examples
 from tests.worlds import pgm, png
 

@@ -14,8 +14,7 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.records import dataclass, field
 from sim_action.robot.audit.kinematic_tree import MAX_NAME_BYTES
-from sim_action.robot.documents.model_files import Version, find_model_file
-from sim_action.robot.documents.packages import PackageError, Packages
+from sim_action.robot.documents.packages import PackageError, Packages, Version, find_model_file
 from sim_action.robot.documents.sdf_elements import (
     MODEL_FRAME,
     Notes,

@@ -17,8 +17,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import ZERO, Pose
 from sim_action.core.records import dataclass
 from sim_action.robot.audit.unsupported_parts import note_parts
-from sim_action.robot.documents.model_files import NEWEST
-from sim_action.robot.documents.packages import Packages
+from sim_action.robot.documents.packages import NEWEST, Packages
 from sim_action.robot.documents.sdf_elements import Notes
 from sim_action.robot.documents.xml_document import ModelDocument
 from sim_action.robot.model.findings import Finding, refuse_errors

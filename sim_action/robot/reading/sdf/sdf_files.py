@@ -21,7 +21,7 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import shown
-from sim_action.robot.documents.model_files import Version, parsed_version
+from sim_action.robot.documents.packages import Version, parsed_version
 from sim_action.robot.documents.sdf_elements import MODEL_FRAME
 from sim_action.robot.documents.xml_document import MAX_BYTES, MAX_ELEMENTS, ModelDocument, read_document
 from sim_action.robot.model.findings import refuse_errors

@@ -17,8 +17,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import did_you_mean
-from sim_action.robot.documents.model_files import Version
-from sim_action.robot.documents.packages import Packages
+from sim_action.robot.documents.packages import Packages, Version
 from sim_action.robot.documents.sdf_elements import Notes, SdfProblem, pose_of, text_of
 from sim_action.robot.documents.xml_document import ModelDocument
 from sim_action.robot.model.findings import refuse_errors

@@ -1,4 +1,6 @@
-"""Check masses and moments of inertia: present, physically possible, and in proportion to the size of the link.
+"""Check links: their shapes (kinds, sizes, units), and their masses and moments of inertia.
+
+Inertias must be present, physically possible, and in proportion to the size of the link.
 
 The bounds on proportions are wide, because exporters round and shapes are simplified. A link that weighs almost
 nothing compared to the model may have a placeholder inertia. No real robot in pybullet_data comes near the bounds.
@@ -13,12 +15,110 @@ from typing import Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
-from sim_action.core.geometry import Vector3
+from sim_action.core.geometry import ZERO, Vector3
 from sim_action.robot.audit.joints import is_free_base
-from sim_action.robot.documents.urdf_elements import MOMENTS, child_of, number, origin, parent_of
+from sim_action.robot.documents.urdf_elements import (
+    MAX_PART_SIZE_M,
+    MOMENTS,
+    SHAPES,
+    child_of,
+    number,
+    origin,
+    parent_of,
+    vector,
+)
 from sim_action.robot.documents.xml_document import ModelDocument
 from sim_action.robot.model.findings import Finding
 from sim_action.robot.model.robot_model import WORLD, Link, Shape
+
+# Beyond this size, a part that is this many times as large as all usual ones was probably drawn in millimetres.
+_MAX_USUAL_SIZE_M: Final = 10.0
+_MAX_RATIO: Final = 100.0
+
+_TURN: Final = 6.3
+"""360 deg in rad, rounded up."""
+
+KINDS: Final = (*SHAPES, "mesh")
+
+
+def kinds(document: ModelDocument) -> Iterator[Finding]:
+    """Yield shapes that URDF does not define. Only the first child of <geometry> is read."""
+    for holder in document.elements("link/collision/geometry", "link/visual/geometry"):
+        shape = next(iter(holder), None)
+        if shape is not None and shape.tag not in KINDS:
+            message = f"unknown shape <{shape.tag}>; the shapes are {', '.join(KINDS)}"
+            yield document.finding("unknown-shape", shape, message)
+
+
+def sizes(document: ModelDocument) -> Iterator[Finding]:
+    """Yield shapes with a size that is not greater than 0."""
+    for shape in _shapes(document):
+        if is_empty(shape):
+            message = f"<{shape.tag}> has no size, so nothing can touch it: it is ignored"
+            yield document.finding("empty-shape", shape, message)
+            continue
+        for name, lengths in _lengths(shape).items():
+            if min(lengths) <= 0:
+                found = f'<{shape.tag} {name}="{shape.attrib[name]}">'
+                wanted = f"the {name} must be greater than 0" if name != "size" else "all sizes must be greater than 0"
+                yield document.finding("bad-shape", shape, f"{found}: {wanted}")
+
+
+def is_empty(shape: Element) -> bool:
+    """Return True if all sizes of a shape are 0; a cylinder or capsule has none without a radius."""
+    lengths = _lengths(shape)
+    return bool(lengths) and not any(lengths.get("radius", next(iter(lengths.values()))))
+
+
+def extents(document: ModelDocument) -> Iterator[Finding]:
+    """Yield shapes and offsets that are too large for a robot."""
+    sizes = {shape: _extent(shape) for shape in _shapes(document)}
+    usual = max((size for size in sizes.values() if size <= _MAX_USUAL_SIZE_M), default=0.0)
+    # A mesh can be larger than the other parts.
+    is_known = usual > 0 and document.root.find("link/collision/geometry/mesh") is None
+    for shape, size in sizes.items():
+        if size > MAX_PART_SIZE_M:
+            message = f"<{shape.tag}> is {size:g} m large; models are in metres: is it in millimetres?"
+            yield document.finding("absurd-size", shape, message)
+        elif is_known and size > _MAX_USUAL_SIZE_M and size > _MAX_RATIO * usual:
+            message = f"<{shape.tag}> is {size:g} m large, but the other parts at most {usual:g} m"
+            yield document.finding("absurd-size", shape, f"{message}: is it in millimetres?")
+    for element in document.elements("joint/origin", "link/collision/origin", "link/inertial/origin"):
+        offset = max(map(abs, vector(element, "xyz", (0.0, 0.0, 0.0))))
+        if offset > MAX_PART_SIZE_M:
+            message = f"<origin> is {offset:g} m away; URDF is in metres: is it in millimetres?"
+            yield document.finding("absurd-size", element, message)
+
+
+def angles(document: ModelDocument) -> Iterator[Finding]:
+    """Yield origins that are rotated by more than a full turn."""
+    for element in document.elements("joint/origin", "link/collision/origin", "link/inertial/origin"):
+        largest = max(map(abs, vector(element, "rpy", ZERO)))
+        if largest > _TURN:
+            message = f"<origin> is rotated by {largest:g} rad, more than a full turn: is it in degrees?"
+            yield document.finding("odd-angle", element, message)
+
+
+def collisions(document: ModelDocument) -> Iterator[Finding]:
+    """Yield a finding if no link has a collision shape."""
+    if document.root.find("link/collision") is None:
+        message = "no link has a <collision>: the robot falls through the ground"
+        yield document.finding("no-collision-shape", document.root, message)
+
+
+def _shapes(document: ModelDocument) -> Iterator[Element]:
+    return document.elements(*(f"link/collision/geometry/{tag}" for tag in SHAPES))
+
+
+def _extent(shape: Element) -> float:
+    return max((max(sizes) * (2 if name == "radius" else 1) for name, sizes in _lengths(shape).items()), default=0.0)
+
+
+def _lengths(shape: Element) -> dict[str, tuple[float, ...]]:
+    named = {name: number(shape, name) for name in ("radius", "length")}
+    lengths: dict[str, tuple[float, ...]] = {name: (value,) for name, value in named.items() if value is not None}
+    return lengths | ({"size": vector(shape, "size", (0.0, 0.0, 0.0))} if shape.tag == "box" else {})
+
 
 # Exporters round: smaller deviations are not reported.
 _ROUNDING: Final = 1e-3
@@ -147,7 +247,7 @@ def _last_digit(text: str) -> float:
     return float(Decimal(1).scaleb(exponent)) if value and isinstance(exponent, int) and exponent < 0 else 0.0
 
 
-def presence(document: ModelDocument) -> Iterator[Finding]:
+def inertials(document: ModelDocument) -> Iterator[Finding]:
     """Yield links without <inertial>, and a model in which no link has a mass."""
     joints = list(document.elements("joint"))
     is_fixed = any(link.attrib["name"] == WORLD for link in document.elements("link"))
