@@ -415,7 +415,7 @@ UNUSED_IN_A_RUN = (
     "state.golden_trajectory",
     "state.motion_record",
     "world.overlap_depth",
-    "world.shape_files.heightfield",
+    "world.shape_files.grids",
 )
 
 
