@@ -25,8 +25,7 @@ from sim_action.drives.wheels import held_joints
 from sim_action.engines.engine import UNLIMITED_EFFORT
 from sim_action.engines.mujoco.names import engine_name
 from sim_action.engines.mujoco.scene import IMPEDANCE, STEPS_TO_CONVERGE, CompiledScene, solver_parameters
-from sim_action.robot.model.robot_model import MotorKind
-from sim_action.robot.model.robot_model import Joint, RobotModel
+from sim_action.robot.model.robot_model import Joint, MotorKind, RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import FloatArray
 from sim_action.world.scene import Scene
