@@ -1,1 +1,1 @@
-"""The scripts of the actions. Those of the set-up need the standard library alone."""
+"""The scripts of the actions. The set-up scripts need the standard library alone."""

@@ -4,8 +4,8 @@
     environment.py install         makes the environment, unless an earlier step of the job has made it
     environment.py add FOLDER ...  installs an engine that was left out, when it is first imported
 
-LOCK names the lock file; for INPUT_EXTRAS, those beside it are used. This needs the standard library alone. `look` and
-`install` write outputs of their step.
+LOCK names the lock file; for INPUT_EXTRAS, the lock files next to it are used. This needs the standard library alone.
+`look` and `install` write outputs of their step.
 """
 
 from __future__ import annotations
@@ -177,7 +177,7 @@ def _made(packages: Sequence[Entry], plan: Plan, temp: Path) -> tuple[Path, int,
 
 def _unpacked(packages: Sequence[Entry], source: Path, temp: Path) -> tuple[Path, int]:
     """Return a new environment with the packages, and the size of their wheels in bytes."""
-    # The name is new each time: no other process has or gets this folder, and what is in a cache is not in it.
+    # The name is new each time: no other process has or gets this folder, and it holds nothing of a cache.
     folder = Path(tempfile.mkdtemp(dir=temp, prefix=f"{_PREFIX}{locks.digest(packages)[:12]}-"))
     try:
         venv.EnvBuilder(symlinks=sys.platform != "win32", with_pip=False).create(folder)
@@ -206,7 +206,7 @@ def _remove_unused(kept: Path) -> None:
     """Remove the wheels of other installations that no job has used for a month; only self-hosted runners keep any."""
     try:
         os.utime(kept)
-        old = [each for each in kept.parent.iterdir() if each.stat().st_mtime < time.time() - _MAX_UNUSED_S]
+        old = [folder for folder in kept.parent.iterdir() if folder.stat().st_mtime < time.time() - _MAX_UNUSED_S]
     except OSError:
         return  # another job removes them, too
     for folder in old:
@@ -232,15 +232,15 @@ def _mark(folder: Path, packages: Sequence[Entry]) -> None:
 
 def _ready(packages: Sequence[Entry], temp: Path) -> Path | None:
     """Return an environment of this job that has all of the packages, the one with the fewest others."""
-    found = []
+    environments = []
     for marker in sorted(temp.glob(f"{_PREFIX}*/{_MARKER}")):
         try:
             present = set(locks.entries(marker.read_text(encoding="utf-8")))
         except (OSError, ValueError, LockError):
             continue
         if present >= set(packages) and _python(marker.parent).exists():
-            found.append((len(present), marker.parent))
-    return min(found, default=(0, None))[1]
+            environments.append((len(present), marker.parent))
+    return min(environments, default=(0, None))[1]
 
 
 _PACKAGES: Final = ("purelib", "platlib")

@@ -73,16 +73,16 @@ def entries(text: str) -> tuple[Entry, ...]:
 def entries_here(locks: Iterable[Path]) -> tuple[Entry, ...]:
     """Return the packages of several lock files that this system needs, each once. Raises LockError."""
     system = this_system()
-    found = (entry for lock in locks for entry in entries(lock.read_text(encoding="utf-8")))
-    return tuple(dict.fromkeys(entry for entry in found if entry.holds(system)))
+    packages = (entry for lock in locks for entry in entries(lock.read_text(encoding="utf-8")))
+    return tuple(dict.fromkeys(entry for entry in packages if entry.holds(system)))
 
 
 def chosen_locks(lock: Path, extras: str) -> list[Path]:
-    """Return the lock files of extras, which are beside `lock`; without extras, `lock`. Raises LockError."""
+    """Return the lock files of extras, next to `lock`; without extras, `lock`. Raises LockError."""
     names = sorted(set(re.split(r"[\s,]+", extras)) - {""})
     if not set(names) <= set(EXTRAS):
-        found = ", ".join(repr(name) for name in names if name not in EXTRAS)
-        raise LockError(f"the input extras must be empty, or some of {', '.join(EXTRAS)}; found {found}")
+        unknown = ", ".join(repr(name) for name in names if name not in EXTRAS)
+        raise LockError(f"the input extras must be empty, or some of {', '.join(EXTRAS)}; found {unknown}")
     return [lock.with_name(f"{lock.stem}-{name}{lock.suffix}") for name in names] or [lock]
 
 
@@ -103,7 +103,7 @@ def engines_of(packages: Iterable[Entry]) -> tuple[str, ...]:
 
 
 def without_engines(packages: Iterable[Entry], left_out: Iterable[str]) -> tuple[Entry, ...]:
-    """Return the packages without those of some engines."""
+    """Return the packages without some engines."""
     names = {ENGINES[engine] for engine in left_out}
     return tuple(entry for entry in packages if entry.name not in names)
 
@@ -115,15 +115,15 @@ def normalized(name: str) -> str:
 
 def wheels_of(folder: Path) -> dict[tuple[str, str], list[Path]]:
     """Return the wheels in a folder by their name and version; a folder that cannot be read has none."""
-    found: dict[tuple[str, str], list[Path]] = {}
+    by_name: dict[tuple[str, str], list[Path]] = {}
     try:
         wheels = sorted(folder.glob("*.whl"))
     except OSError:
         return {}
     for wheel in wheels:
         name, _, rest = wheel.name.partition("-")
-        found.setdefault((normalized(name), rest.partition("-")[0]), []).append(wheel)
-    return found
+        by_name.setdefault((normalized(name), rest.partition("-")[0]), []).append(wheel)
+    return by_name
 
 
 def _entry(text: str) -> Entry:

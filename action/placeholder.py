@@ -42,7 +42,7 @@ def write(engine: str, package: str, version: str, command: Sequence[str], folde
 
 
 def replace(engine: str, staging: Path, folder: Path) -> None:
-    """Move the files of an unpacked engine into a folder of packages; those that Python looks for come last.
+    """Move the files of an unpacked engine into a folder of packages; the files that Python looks for come last.
 
     Files that another process has moved there already stay as they are. Raises OSError.
     """

@@ -1,4 +1,4 @@
-"""ROS 2 for the action's input `ros2`: that of the runner, else wheels in an environment of their own.
+"""ROS 2 for the action's input `ros2`: the runner's, else wheels in an environment of their own.
 
     ros2.py look      prints the ROS 2 of the runner, or the plan of the installation and the cache to use
     ros2.py install   installs the wheels of the lock file that LOCK names
@@ -29,7 +29,7 @@ from sim_action.core.errors import UsageError
 from sim_action.ros.ros2.installation import PYTHON_VARIABLE, NotInstalled, Ros2, find_ros
 
 LOCKS: Final = {"jazzy": "requirements-ros2.lock", "kilted": "requirements-ros2-kilted.lock"}
-"""Distribution -> the lock file of its wheels. The first one is that of `true`."""
+"""Distribution -> the lock file of its wheels. `true` takes the first one."""
 
 _ANY: Final = "true"
 _WITH_WHEELS: Final = ("Linux", "X64")

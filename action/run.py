@@ -38,7 +38,7 @@ class InputError(Exception):
 
 @dataclass(frozen=True)
 class Subcommand:
-    """The way from inputs to a command line. An empty input is left out: defaults are those of the command line.
+    """The way from inputs to a command line. An empty input is left out: the command line has the defaults.
 
     Attributes:
         arguments: inputs with one argument per line.
@@ -193,8 +193,8 @@ def one_of(allowed: tuple[str, ...], name: str, inputs: Mapping[str, str]) -> st
     """Return the value of an input. Raises InputError."""
     value = inputs[name].strip()
     if value not in allowed:
-        found = f"'{value}'" if value else "empty"
-        raise InputError(f"the input {name} must be {' or '.join(allowed)}, and is {found}")
+        shown_value = f"'{value}'" if value else "empty"
+        raise InputError(f"the input {name} must be {' or '.join(allowed)}, and is {shown_value}")
     return value
 
 
@@ -211,8 +211,8 @@ def enter(folder: str) -> None:
     author may be a stranger.
     """
     try:
-        if found := _left_workspace(folder, os.environ.get("GITHUB_WORKSPACE", "")):
-            raise InputError(f"the input working-directory {found}; name a folder of the workspace")
+        if problem := _left_workspace(folder, os.environ.get("GITHUB_WORKSPACE", "")):
+            raise InputError(f"the input working-directory {problem}; name a folder of the workspace")
         os.chdir(folder)
     except FileNotFoundError:
         hint = similar_path(Path(folder)) or "; name a folder that is checked out, from its top"
@@ -237,7 +237,7 @@ def _left_workspace(folder: str, workspace: str) -> str | None:
 def set_up_time(instants: str) -> str:
     """Return the times of the steps before this one, as text.
 
-    `instants` in s: the start, with Python, before and after the installation, and of that of ROS 2 if there is one.
+    `instants` in s: the start, with Python, before and after the installation, and of the ROS 2 step, if any.
     """
     start, with_python, began, installed, *of_ros = map(float, instants.split())
     parts = {"Python": with_python - start, "install": installed - began}

@@ -83,8 +83,8 @@ def download(packages: Sequence[Entry], folder: Path) -> None:
 
 def are_there(packages: Iterable[Entry], folder: Path) -> bool:
     """Return True if a folder has a wheel of each package; the content of the wheels is not checked."""
-    found = wheels_of(folder)
-    return all((entry.name, entry.version) in found for entry in packages)
+    present = wheels_of(folder)
+    return all((entry.name, entry.version) in present for entry in packages)
 
 
 @dataclass(frozen=True)
@@ -102,10 +102,10 @@ class Target:
 
 def install(packages: Iterable[Entry], wheels: Path, target: Target) -> int:
     """Check and unpack the wheels of packages, and return their size in bytes. Raises WheelError, OSError."""
-    found = wheels_of(wheels)
+    present = wheels_of(wheels)
     pairs: list[tuple[Entry, Path]] = []
     for entry in packages:
-        match found.get((entry.name, entry.version), []):
+        match present.get((entry.name, entry.version), []):
             case [wheel]:
                 pairs.append((entry, wheel))
             case several:

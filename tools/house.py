@@ -136,7 +136,7 @@ class House:
     @cached_property
     def imports(self) -> list[Import]:
         """The imports of modules of the package, each name on its own."""
-        return [found for module in self.nodes for found in self._imports_of(module)]
+        return [one for module in self.nodes for one in self._imports_of(module)]
 
     @cached_property
     def graph(self) -> dict[str, set[str]]:
@@ -222,7 +222,7 @@ class House:
         yield from sorted({line.partition("/")[0] for line in listed.stdout.splitlines()})
 
     def rows(self, names: Container[str] = LIMITS) -> list[Row]:
-        """Return the table; `names`: those of its rows."""
+        """Return the table; `names`: its rows."""
         lines = sum(text.count("\n") for text in self.sources.values())
         tests = sum(path.read_text(encoding="utf-8").count("\n") for path in (self.root / "tests").rglob("*.py"))
         places: dict[str, Callable[[], Iterator[str]]] = {

@@ -12,6 +12,7 @@ from tools.style import (
     help_violations,
     size_violations,
     violations,
+    wording_violations,
 )
 
 
@@ -64,3 +65,25 @@ def test_modules_and_folders_have_a_size() -> None:
 
 def test_a_check_of_no_files_is_a_violation() -> None:
     assert "sim_action, action, tools: no Python file found, nothing was checked there" in violations([])
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "advice"),
+    [
+        ("problems = f()", "found = f()", "name the thing; 'found' can be anything"),
+        ("for part in parts: ...", "for each in parts: ...", "name the thing; 'each' can be anything"),
+        ("def f(pose): ...", "def f(given): ...", "name the thing; 'given' can be anything"),
+        ("a = 1  # the limit", "a = 1  # that of the limit", "avoid 'that of' in docstrings and comments"),
+        ('"""The rest."""', '"""Return what\nis left."""', "avoid 'what is' in docstrings and comments"),
+        (
+            '"""See the page."""',
+            '"""See Engine.step."""',
+            "use @override without a docstring in place of 'See Engine.step.'",
+        ),
+        ("a, b = b, a", "a, b = f(), 1", "assign unrelated values one by one, not as a tuple"),
+        ("a, b = f(1), f(2)", "a, b = f(1), g(2)", "assign unrelated values one by one, not as a tuple"),
+    ],
+)
+def test_names_docstrings_comments_and_tuples(good: str, bad: str, advice: str) -> None:
+    assert list(wording_violations("a.py", f"{good}\n")) == []
+    assert list(wording_violations("a.py", f"{bad}\n")) == [f"a.py:1: {advice}"]

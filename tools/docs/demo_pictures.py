@@ -54,8 +54,8 @@ def red_run() -> Iterator[tuple[Path, WorkflowResult]]:
 def summary_page(markdown: str) -> str:
     """Return a page with the job summary, similar to GitHub's."""
     # The kernel of this machine is of no interest.
-    known = markdown.replace(platform.platform(), platform.system())
-    body: str = MarkdownIt("commonmark", {"html": True}).enable("table").render(known)
+    neutral = markdown.replace(platform.platform(), platform.system())
+    body: str = MarkdownIt("commonmark", {"html": True}).enable("table").render(neutral)
     if library := os.environ.get("MERMAID"):
         body += f"<script src='{Path(library).resolve().as_uri()}'></script><script>{CHARTS}</script>"
     return body
@@ -90,7 +90,7 @@ def main() -> None:
     """Run the demo with its patch and take all pictures."""
     (DEMO / "images").mkdir(exist_ok=True)
     with red_run() as (repository, result):
-        [annotation] = [found for found in result.jobs["simulation"].annotations if found.level == "error"]
+        [annotation] = [note for note in result.jobs["simulation"].annotations if note.level == "error"]
         pages = {
             "summary": summary_page(result.jobs["simulation"].summary),
             "annotation": annotation_page(annotation, (repository / str(annotation.file)).read_text(encoding="utf-8")),

@@ -73,10 +73,10 @@ def generated() -> dict[Path, str]:
 
 
 def _filled(page: Path) -> str:
-    def block(found: re.Match[str]) -> str:
-        if found[2] not in BLOCKS:  # one that another program writes: tools/docs/robots.py
-            return found[0]
-        return f"{found[1]}{_with_relative_links(BLOCKS[found[2]](*found[3].split()), page)}{found[4]}"
+    def block(match: re.Match[str]) -> str:
+        if match[2] not in BLOCKS:  # one that another program writes: tools/docs/robots.py
+            return match[0]
+        return f"{match[1]}{_with_relative_links(BLOCKS[match[2]](*match[3].split()), page)}{match[4]}"
 
     return BLOCK.sub(block, page.read_text(encoding="utf-8"))
 

@@ -90,8 +90,8 @@ def run() -> tuple[str, str]:
             check=False,
         )
         # Which kernel this machine has is of no use to anybody.
-        told = summary.read_text(encoding="utf-8").replace(platform.platform(), platform.system())
-        return f"$ sim-action run simulation\n{ran.stdout}", told
+        text = summary.read_text(encoding="utf-8").replace(platform.platform(), platform.system())
+        return f"$ sim-action run simulation\n{ran.stdout}", text
 
 
 def draw_terminal(output: str) -> None:
@@ -99,7 +99,7 @@ def draw_terminal(output: str) -> None:
     console = Console(record=True, width=COLUMNS, file=io.StringIO(), force_terminal=True)
     console.print(Text.from_ansi(output))
     svg = console.export_svg(title="sim-action", theme=DIMMED_MONOKAI, unique_id="terminal")
-    # The fonts would be fetched from elsewhere by whoever looks at it.
+    # The fonts would be fetched from elsewhere by every reader.
     svg = svg.replace(" https://www.textualize.io", "")
     svg = re.sub(r"@font-face \{.*?\}\s*", "", svg, flags=re.DOTALL).replace("Fira Code", "ui-monospace")
     TERMINAL.write_text(svg, encoding="utf-8")

@@ -31,27 +31,27 @@ _NO_FIGURES: Final = "| # / # | # |"
 
 def rows(costs: dict[str, StepCost]) -> Iterator[tuple[str, ...]]:
     """Yield a row for each robot; without its cost, the times stay open."""
-    for known in (*OUR_ROBOTS, *ROBOTS):
-        model = load_model(known.robot, WORKSPACE)
-        yield (*_facts(known, model), *_figures(costs.get(known.name)))
+    for entry in (*OUR_ROBOTS, *ROBOTS):
+        model = load_model(entry.robot, WORKSPACE)
+        yield (*_facts(entry, model), *_figures(costs.get(entry.name)))
     yield (f"{REFUSED.name}<br>`{REFUSED.model}`", "refused", "", "", _refusal(REFUSED), "", "")
 
 
-def _facts(known: KnownRobot, model: RobotModel) -> tuple[str, ...]:
+def _facts(entry: KnownRobot, model: RobotModel) -> tuple[str, ...]:
     return (
-        f"{known.name}<br>`{known.model}`",
-        "<br>".join(_keys(known)) or "none",
+        f"{entry.name}<br>`{entry.model}`",
+        "<br>".join(_keys(entry)) or "none",
         _mass(model),
         f"{len(model.joints)}, {len(model.moving_joints)} move",
         rules_cell(Counter(finding.rule for finding in model.findings)),
     )
 
 
-def _keys(known: KnownRobot) -> Iterator[str]:
+def _keys(entry: KnownRobot) -> Iterator[str]:
     """Yield the keys that the model needs to be accepted; paths are relative to pybullet_data."""
-    if known.robot.allow:
-        yield f"`allow: [{', '.join(known.robot.allow)}]`"
-    if known.robot.base == "fixed":
+    if entry.robot.allow:
+        yield f"`allow: [{', '.join(entry.robot.allow)}]`"
+    if entry.robot.base == "fixed":
         yield "`base: fixed`"
 
 
@@ -61,13 +61,13 @@ def _mass(model: RobotModel) -> str:
     return f"{model.mass:.4g} kg" + (f" + {negligible * 1000:.2g} g" if negligible > 1e-9 else "")
 
 
-def _refusal(known: KnownRobot) -> str:
+def _refusal(entry: KnownRobot) -> str:
     try:
-        load_model(known.robot, WORKSPACE)
+        load_model(entry.robot, WORKSPACE)
     except RefusedModel as refused:
         (problem,) = refused.problems
         return f"{Path(problem.location.file).name}:{problem.location.line}: {problem.message}"
-    raise AssertionError(f"{known.name} is no longer refused")
+    raise AssertionError(f"{entry.name} is no longer refused")
 
 
 def _figures(cost: StepCost | None) -> tuple[str, str]:
@@ -92,7 +92,7 @@ def main() -> None:
             if without_figures(PAGE.read_text("utf-8")) != page({})
             else 0
         )
-    PAGE.write_text(page({known.name: step_cost(known) for known in (*OUR_ROBOTS, *ROBOTS)}), encoding="utf-8")
+    PAGE.write_text(page({entry.name: step_cost(entry) for entry in (*OUR_ROBOTS, *ROBOTS)}), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -103,7 +103,7 @@ def compared(folder: Path) -> Path:
 
 
 def main() -> None:
-    """Take all pictures in light colours, or in those of the argument: `light` or `dark`."""
+    """Take all pictures in light colours, or in the colours of the argument: `light` or `dark`."""
     browser = shutil.which("chromium") or shutil.which("google-chrome")
     if browser is None:
         raise SystemExit("there is neither chromium nor google-chrome to look at the report with")

@@ -38,7 +38,7 @@ _OTHER_FOLDERS: Final = frozenset({"tests", "node_modules", "_site", "dist", "bu
 _HIDDEN_FOLDERS: Final = frozenset({".github"})
 
 _ASSIGNMENT: Final = re.compile(r'^__version__ = "(?P<found>[^"\n]*)"', re.MULTILINE)
-# The places that name the tag that moves, and those that name one release.
+# The places that name the tag that moves, and the places that name one release.
 _MOVING: Final = (
     re.compile(r"sim-action/sim-action(?:/[\w-]+)?@(?P<found>v\d[\w.]*)"),
     re.compile(r"`@?(?P<found>v\d+)`"),
@@ -92,11 +92,11 @@ def moving_tag(version: str) -> str:
 
 def read_version(root: Path = ROOT) -> str:
     """Return the version in the package. Raise ReleaseError if there is none of the form 1.2.3."""
-    found = _ASSIGNMENT.search((root / _PACKAGE).read_text(encoding="utf-8"))
-    if found is None:
+    assignment = _ASSIGNMENT.search((root / _PACKAGE).read_text(encoding="utf-8"))
+    if assignment is None:
         raise ReleaseError('there is no line such as __version__ = "1.2.3"')
-    _numbers(found["found"])
-    return found["found"]
+    _numbers(assignment["found"])
+    return assignment["found"]
 
 
 def sections(changelog: str) -> list[Section]:
@@ -109,13 +109,13 @@ def notes(changelog: str, version: str) -> str:
 
     Raise ReleaseError if there is no such section, or if it is too long.
     """
-    found = next((section for section in sections(changelog) if section.name == version), None)
-    if found is None or not found.text:
+    section = next((part for part in sections(changelog) if part.name == version), None)
+    if section is None or not section.text:
         raise ReleaseError(f"{CHANGELOG} has no text for {version}; run: python -m tools.release cut {version}")
-    if len(found.text) > MAX_NOTES_LENGTH:
-        length = f"{len(found.text):,} characters; GitHub allows {MAX_NOTES_LENGTH:,}"
-        raise ReleaseError(f"{CHANGELOG}:{found.line}: the text of {version} has {length}")
-    return _RELATIVE_LINK.sub(rf"](https://github.com/{REPOSITORY}/blob/v{version}/\1)", found.text) + "\n"
+    if len(section.text) > MAX_NOTES_LENGTH:
+        length = f"{len(section.text):,} characters; GitHub allows {MAX_NOTES_LENGTH:,}"
+        raise ReleaseError(f"{CHANGELOG}:{section.line}: the text of {version} has {length}")
+    return _RELATIVE_LINK.sub(rf"](https://github.com/{REPOSITORY}/blob/v{version}/\1)", section.text) + "\n"
 
 
 def problems(root: Path = ROOT, tag: str | None = None) -> Iterator[Problem]:
@@ -146,10 +146,10 @@ def cut(root: Path, version: str, day: str) -> list[str]:
         before = texts.get(document, document.read_text(encoding="utf-8"))
         checked = before[: len(before) - len(_unchecked_end(document, before))]
         texts[document] = _with_version(checked, version) + before[len(checked) :]
-    changed = {each: text for each, text in texts.items() if text != each.read_text(encoding="utf-8")}
-    for each, text in changed.items():
-        each.write_text(text, encoding="utf-8")
-    return sorted(each.relative_to(root).as_posix() for each in changed)
+    changed = {path: text for path, text in texts.items() if text != path.read_text(encoding="utf-8")}
+    for path, text in changed.items():
+        path.write_text(text, encoding="utf-8")
+    return sorted(path.relative_to(root).as_posix() for path in changed)
 
 
 def _numbers(version: str) -> tuple[int, ...]:
@@ -185,10 +185,10 @@ def _changelog_problems(changelog: str, version: str, *, released: bool) -> Iter
 def _document_problems(path: str, text: str, version: str) -> Iterator[Problem]:
     for patterns, expected in _rules(version):
         for pattern in patterns:
-            for found in pattern.finditer(text):
-                if found["found"] != expected:
-                    message = f'{found["found"]} must be {expected}, because __version__ is "{version}"'
-                    yield Problem(path, _line(text, found.start("found")), message)
+            for match in pattern.finditer(text):
+                if match["found"] != expected:
+                    message = f'{match["found"]} must be {expected}, because __version__ is "{version}"'
+                    yield Problem(path, _line(text, match.start("found")), message)
 
 
 def _rules(version: str) -> list[tuple[tuple[re.Pattern[str], ...], str]]:
@@ -208,15 +208,15 @@ def _with_version(text: str, version: str) -> str:
 
 
 def _replaced(pattern: re.Pattern[str], text: str, expected: str) -> str:
-    def replaced(found: re.Match[str]) -> str:
-        start, end = found.span("found")
-        return found[0][: start - found.start()] + expected + found[0][end - found.start() :]
+    def replaced(match: re.Match[str]) -> str:
+        start, end = match.span("found")
+        return match[0][: start - match.start()] + expected + match[0][end - match.start() :]
 
     return pattern.sub(replaced, text)
 
 
 def _documents(root: Path) -> Iterator[Path]:
-    """Yield the files that can name a version, without those of tests and of other projects."""
+    """Yield the files that can name a version, without tests and other projects."""
     for folder, names, files in os.walk(root):
         names[:] = sorted(
             name
@@ -247,8 +247,8 @@ def _cut_changelog(changelog: str, version: str, day: str) -> str:
     for section in listed:
         if section.name != _UNRELEASED and _numbers(section.name) >= _numbers(version):
             raise ReleaseError(f"{CHANGELOG}:{section.line}: {section.name} is not older than {version}")
-    heading = next(found for found in _HEADING.finditer(changelog) if found["name"] == _UNRELEASED)
-    after = next((found.start() for found in _HEADING.finditer(changelog) if found.start() > heading.end()), None)
+    heading = next(match for match in _HEADING.finditer(changelog) if match["name"] == _UNRELEASED)
+    after = next((later.start() for later in _HEADING.finditer(changelog) if later.start() > heading.end()), None)
     rest = changelog[after:] if after is not None else ""
     cut_section = f"## {version} ({day})\n\n{_ordered(unreleased.text)}\n"
     return changelog[: heading.start()] + f"## {_UNRELEASED}\n\n" + cut_section + (f"\n{rest}" if rest else "")
@@ -269,9 +269,9 @@ def _ordered(text: str) -> str:
 
 def _divided(headings: re.Pattern[str], text: str) -> list[tuple[re.Match[str], str]]:
     """Return each heading of a text with the lines up to the next one."""
-    found = list(headings.finditer(text))
-    ends = [heading.start() for heading in found[1:]] + [len(text)]
-    return [(heading, text[heading.end() : end].strip()) for heading, end in zip(found, ends, strict=False)]
+    matches = list(headings.finditer(text))
+    ends = [heading.start() for heading in matches[1:]] + [len(text)]
+    return [(heading, text[heading.end() : end].strip()) for heading, end in zip(matches, ends, strict=False)]
 
 
 def _line(text: str, position: int) -> int:
@@ -304,12 +304,12 @@ def _run(options: argparse.Namespace, root: Path) -> int:
         for path in cut(root, options.version, options.date):
             print(f"wrote {path}")
         return 0
-    found = list(problems(root, options.tag))
-    for problem in found:
+    disagreements = list(problems(root, options.tag))
+    for problem in disagreements:
         print(problem)
-    if not found:
+    if not disagreements:
         print(f"release: everything agrees on version {read_version(root)}")
-    return 1 if found else 0
+    return 1 if disagreements else 0
 
 
 if __name__ == "__main__":

@@ -102,7 +102,7 @@ def _status_row(status: DisplayStatus, display: StatusDisplay) -> tuple[str, ...
     outcome = Outcome(name="a", file="a", status=in_results)
     failures = (Failure(kind=kind, title=kind, message=kind) for kind in kinds)
     failed = [outcome.model_copy(update={"failures": (failure,)}) for failure in failures]
-    codes = {each.exit_code for each in failed or [outcome]}
+    codes = {failure.exit_code for failure in failed or [outcome]}
     shown = f"`{in_results}`" if status == in_results else f"`{in_results}` with a warning"
     element = f"`{display.junit}`" if display.junit else ""
     symbols = f"`{display.symbol}` {display.icon}"

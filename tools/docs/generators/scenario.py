@@ -256,23 +256,23 @@ def _block(path: Path, language: str, text: str) -> str:
 
 def attributes(*types: type) -> str:
     """Return a section for each type with its attributes, from its docstring."""
-    return "\n".join(_type_section(each) for each in types)
+    return "\n".join(_type_section(kind) for kind in types)
 
 
-def _type_section(each: type) -> str:
-    text, _, listed = (inspect.getdoc(each) or "").partition("\nAttributes:\n")
+def _type_section(kind: type) -> str:
+    text, _, listed = (inspect.getdoc(kind) or "").partition("\nAttributes:\n")
     heads = re.findall(r"^ {4}(\w[\w, ]*): (.*(?:\n {8}.*)*)", listed, re.MULTILINE)
-    rows = [(f"`{name}`", " ".join(meaning.split())) for name, meaning in (*heads, *_members(each))]
-    return f"### `{each.__name__}`\n\n{text.rstrip()}\n" + (
+    rows = [(f"`{name}`", " ".join(meaning.split())) for name, meaning in (*heads, *_members(kind))]
+    return f"### `{kind.__name__}`\n\n{text.rstrip()}\n" + (
         f"\n{table(('attribute', 'meaning'), rows)}" if rows else ""
     )
 
 
-def _members(each: type) -> Iterable[tuple[str, str]]:
+def _members(kind: type) -> Iterable[tuple[str, str]]:
     """Yield properties and methods of a type of arrays: the name or the call, and the docstring."""
-    for name, member in vars(each).items():
+    for name, member in vars(kind).items():
         function = member.fget if isinstance(member, property) else getattr(member, "func", member)
-        if each in _WITH_MEMBERS and inspect.isfunction(function) and not name.startswith("_"):
+        if kind in _WITH_MEMBERS and inspect.isfunction(function) and not name.startswith("_"):
             parameters = list(inspect.signature(function).parameters)[1:]
             call = f"({', '.join(parameters)})" if function is member else ""
             yield f"{name}{call}", inspect.getdoc(function) or ""
