@@ -158,22 +158,9 @@ _UNSUPPORTED: Final[Mapping[str, Mapping[str, Default]]] = MappingProxyType(
 
 _OTHERS: Final = (
     *("material", "visual", "collision", "surface", "laserRetro", "inertial", "pose", "light", "projector", "battery"),
-    *(
-        "sensor",
-        "plugin",
-        "static",
-        "minDepth",
-        "maxContacts",
-        "stopCfm",
-        "stopErp",
-        "stopKp",
-        "stopKd",
-        "fudgeFactor",
-        "provideFeedback",
-    ),
-    *("implicitSpringDamper", "cfmDamping", "disableFixedJointLumping", "preserveFixedJoint", "velocity_decay"),
-    *("particle_emitter", "audio_source", "audio_sink", "physics", "axis", "frame", "fudgeFactor"),
-    "provideFeedback",
+    *("sensor", "plugin", "static", "minDepth", "maxContacts", "stopCfm", "stopErp", "stopKp", "stopKd", "fudgeFactor"),
+    *("provideFeedback", "implicitSpringDamper", "cfmDamping", "disableFixedJointLumping", "preserveFixedJoint"),
+    *("velocity_decay", "particle_emitter", "audio_source", "audio_sink", "physics", "axis", "frame"),
 )
 """Known parts with a meaning of their own, or none for the motion."""
 

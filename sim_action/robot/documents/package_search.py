@@ -169,7 +169,7 @@ def _stated_name(file: Path) -> str:
         data = read_at_most(file, _MAX_PACKAGE_BYTES)
     except OSError:
         return ""
-    return _NameReader().read(data) if data else ""
+    return _name_in(data) if data else ""
 
 
 class PackageNames:
@@ -198,38 +198,25 @@ class _DoctypeFound(Exception):
     """The file has a DOCTYPE, whose entities can expand without bound."""
 
 
-class _NameReader:
-    """Reads the text of <package><name>."""
+def _name_in(data: bytes) -> str:
+    """Return the text of <package><name>; empty if it cannot be read."""
+    parser, opened, texts = expat.ParserCreate(), list[str](), list[str]()
 
-    def __init__(self) -> None:
-        self._open: list[str] = []
-        self._name = ""
+    def add(text: str) -> None:
+        if opened == ["package", "name"]:
+            texts.append(text)
 
-    def read(self, data: bytes) -> str:
-        """Return the name; empty if it cannot be read."""
-        parser = expat.ParserCreate()
-        parser.StartElementHandler = self._start
-        parser.EndElementHandler = self._end
-        parser.CharacterDataHandler = self._text
-        parser.StartDoctypeDeclHandler = self._doctype
-        try:
-            parser.Parse(data, True)
-        except (expat.ExpatError, LookupError, ValueError, _DoctypeFound):
-            return ""
-        return self._name.strip()
-
-    def _start(self, tag: str, _attributes: dict[str, str]) -> None:
-        self._open.append(tag)
-
-    def _end(self, _tag: str) -> None:
-        self._open.pop()
-
-    def _text(self, text: str) -> None:
-        if self._open == ["package", "name"]:
-            self._name += text
-
-    def _doctype(self, *_: object) -> None:
+    def refuse(*_: object) -> None:
         raise _DoctypeFound
+
+    parser.StartElementHandler = lambda tag, _: opened.append(tag)
+    parser.EndElementHandler = lambda _: opened.pop()
+    parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = add, refuse
+    try:
+        parser.Parse(data, True)
+    except (expat.ExpatError, LookupError, ValueError, _DoctypeFound):
+        return ""
+    return "".join(texts).strip()
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Final
+from typing import Final, NoReturn
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 from xml.parsers import expat
@@ -77,6 +77,11 @@ class ModelDocument:
     def finding(self, rule: str, element: Element, message: str) -> Finding:
         """Return a finding at an element."""
         return finding(rule, message, self.places[element])
+
+    def refuse(self, rule: str, element: Element, message: str) -> NoReturn:
+        """Raise RefusedModel with a finding at an element; the rule is fatal."""
+        refuse_errors([self.finding(rule, element, message)])
+        raise AssertionError("a fatal finding raises")
 
     def elements(self, *paths: str) -> Iterator[Element]:
         """Yield all elements at the paths below the root, in the order of the paths."""

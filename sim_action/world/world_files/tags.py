@@ -44,139 +44,101 @@ _DRAWN: Final = Row("none", "it is only drawn")
 _SOLVER: Final = Row("none", "it is a parameter of Gazebo's engine")
 _PLUGINS: Final = Row("none", "only plugins use it, and they are reported")
 
+_SOUND: Final = Row("none", "there is no sound")
+_CLOCK: Final = Row("none", "the clock starts at 0")
+_WIND: Final = Row("lost", "there is no wind", ("false",), moving=True)
+_SELF_COLLIDE: Final = Row("lost", "links that move as one body do not touch each other", ("false",), moving=True)
+_ONE_BODY: Final = Row("lost", "the links that it joins move as one body", moving=True)
+_DAMPED: Final = Row("lost", "the motion is not damped", ("0",), moving=True)
+_SLIP: Final = Row("lost", "contacts do not slip", ("0",))
+_TORSION: Final = Row("lost", "a contact does not resist a turn", ("0",))
+_NO_RADIUS: Final = Row("none", "it acts only with a radius, which is reported")
+_BITMASK: Final = Row("lost", "it collides with everything", ("65535", "0xffff", "0xFFFF"))
+
+
+def _rows(row: Row, tags: str) -> dict[str, Row]:
+    return dict.fromkeys(tags.split(), row)
+
+
 _TAGS: Final[Mapping[str, Mapping[str, Row]]] = MappingProxyType(
     {
         "world": {
-            "include": READ,
-            "model": READ,
-            "gravity": READ,
-            "state": READ,
-            "plugin": READ,
+            **_rows(READ, "include model gravity state plugin frame"),
+            **_rows(_DRAWN, "light scene gui road"),
+            **_rows(_PLUGINS, "magnetic_field spherical_coordinates atmosphere"),
             "physics": _SOLVER,
-            "light": _DRAWN,
-            "scene": _DRAWN,
-            "gui": _DRAWN,
-            "road": _DRAWN,
-            "audio": Row("none", "there is no sound"),
-            "magnetic_field": _PLUGINS,
-            "spherical_coordinates": _PLUGINS,
-            "atmosphere": _PLUGINS,
+            "audio": _SOUND,
             "wind": Row("none", "a wind other than 0 is a remark; it acts only on models with <enable_wind>"),
-            "frame": READ,
             "actor": Row("lost", "nothing can touch or see it"),
             "population": Row("lost", "its models are missing"),
             "joint": Row("lost", "the models are not joined"),
         },
-        "include": {
-            "uri": READ,
-            "name": READ,
-            "pose": READ,
-            "static": READ,
-            "plugin": READ,
-            "placement_frame": READ,
-            "merge": READ,
-        },
+        "include": _rows(READ, "uri name pose static plugin placement_frame merge"),
         "model": {
-            "static": READ,
-            "pose": READ,
-            "link": READ,
-            "model": READ,
-            "include": READ,
-            "plugin": READ,
+            **_rows(READ, "static pose link model include plugin frame"),
+            **_rows(_ONE_BODY, "joint gripper"),
             "allow_auto_disable": _SOLVER,
-            "self_collide": Row("lost", "links that move as one body do not touch each other", ("false",), moving=True),
-            "frame": READ,
-            "enable_wind": Row("lost", "there is no wind", ("false",), moving=True),
-            "joint": Row("lost", "the links that it joins move as one body", moving=True),
-            "gripper": Row("lost", "the links that it joins move as one body", moving=True),
+            "self_collide": _SELF_COLLIDE,
+            "enable_wind": _WIND,
         },
         "link": {
-            "pose": READ,
-            "inertial": READ,
-            "collision": READ,
-            "visual": _DRAWN,
-            "light": _DRAWN,
-            "projector": _DRAWN,
-            "particle_emitter": _DRAWN,
+            **_rows(READ, "pose inertial collision velocity_decay"),
+            **_rows(_DRAWN, "visual light projector particle_emitter"),
+            **_rows(_SOUND, "audio_sink audio_source"),
             "sensor": Row("none", "it is a remark; without a plugin it publishes nothing for nodes"),
             "battery": _PLUGINS,
-            "audio_sink": Row("none", "there is no sound"),
-            "audio_source": Row("none", "there is no sound"),
             "must_be_base_link": _SOLVER,
-            "self_collide": Row("lost", "links that move as one body do not touch each other", ("false",), moving=True),
+            "self_collide": _SELF_COLLIDE,
             "gravity": Row("lost", "the body falls", ("true",), moving=True),
             "kinematic": Row("lost", "the body obeys forces", ("false",), moving=True),
-            "enable_wind": Row("lost", "there is no wind", ("false",), moving=True),
-            "velocity_decay": READ,
+            "enable_wind": _WIND,
         },
-        "velocity_decay": {
-            "linear": Row("lost", "the motion is not damped", ("0",), moving=True),
-            "angular": Row("lost", "the motion is not damped", ("0",), moving=True),
-        },
+        "velocity_decay": _rows(_DAMPED, "linear angular"),
         "collision": {
-            "pose": READ,
-            "geometry": READ,
-            "surface": READ,
+            **_rows(READ, "pose geometry surface"),
             "max_contacts": _SOLVER,
             "laser_retro": Row("lost", "lidars measure no intensity", ("0",)),
         },
         "surface": {
-            "friction": READ,
-            "bounce": READ,
-            "contact": READ,
+            **_rows(READ, "friction bounce contact"),
             "soft_contact": Row("lost", "contacts are hard"),
         },
         "friction": {
-            "ode": READ,
+            **_rows(READ, "ode torsional"),
             "bullet": Row("none", "Gazebo's default engine reads the tags of <ode>"),
-            "torsional": READ,
         },
         "ode": {
-            "mu": READ,
-            "mu2": READ,
+            **_rows(READ, "mu mu2"),
+            **_rows(_SLIP, "slip1 slip2"),
             "fdir1": Row("none", "it matters only if <mu> and <mu2> differ, which is reported"),
-            "slip1": Row("lost", "contacts do not slip", ("0",)),
-            "slip2": Row("lost", "contacts do not slip", ("0",)),
         },
         "torsional": {
-            "coefficient": Row("none", "it acts only with a radius, which is reported"),
-            "use_patch_radius": Row("none", "it acts only with a radius, which is reported"),
-            "patch_radius": Row("lost", "a contact does not resist a turn", ("0",)),
-            "surface_radius": Row("lost", "a contact does not resist a turn", ("0",)),
-            "ode": Row("none", "it acts only with a radius, which is reported"),
+            **_rows(_NO_RADIUS, "coefficient use_patch_radius ode"),
+            **_rows(_TORSION, "patch_radius surface_radius"),
         },
         "bounce": {
             "restitution_coefficient": Row("lost", "nothing bounces", ("0",)),
             "threshold": Row("none", "it acts only with a restitution, which is reported"),
         },
         "contact": {
-            "ode": _SOLVER,
-            "bullet": _SOLVER,
-            "poissons_ratio": _SOLVER,
-            "elastic_modulus": _SOLVER,
-            "collide_bitmask": Row("lost", "it collides with everything", ("65535", "0xffff", "0xFFFF")),
-            "category_bitmask": Row("lost", "it collides with everything", ("65535", "0xffff", "0xFFFF")),
+            **_rows(_SOLVER, "ode bullet poissons_ratio elastic_modulus"),
+            **_rows(_BITMASK, "collide_bitmask category_bitmask"),
             "collide_without_contact": Row("lost", "it collides like any other shape", ("false",)),
             "collide_without_contact_bitmask": Row("none", "it acts only with <collide_without_contact>"),
         },
         "mesh": {
-            "uri": READ,
-            "scale": READ,
+            **_rows(READ, "uri scale"),
             "submesh": Row("lost", "the shape cannot be a part of a file"),
         },
         "state": {
+            **_rows(_CLOCK, "sim_time real_time wall_time iterations"),
             "model": READ,
-            "sim_time": Row("none", "the clock starts at 0"),
-            "real_time": Row("none", "the clock starts at 0"),
-            "wall_time": Row("none", "the clock starts at 0"),
-            "iterations": Row("none", "the clock starts at 0"),
             "light": _DRAWN,
             "insertions": Row("lost", "its models are missing"),
             "deletions": Row("lost", "its models still exist"),
         },
         "state/model": {
-            "pose": READ,
-            "link": READ,
+            **_rows(READ, "pose link"),
             "scale": Row("lost", "the model has its own size", ("1 1 1",)),
             "joint": Row("lost", "joints start at home"),
             "model": Row("lost", "the nested model is at the pose of its own file"),

@@ -7,14 +7,18 @@ from pathlib import Path
 import pytest
 
 from sim_action.robot.model.findings import Finding
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.reading.urdf import read_urdf
 from tests.robot.bad_models import GOOD
+from tests.ros_workspace import written
+
+
+def read(folder: Path, more: str) -> RobotModel:
+    return read_urdf(written(folder / "robot.urdf", GOOD.replace("</robot>", f"{more}</robot>")))
 
 
 def findings(folder: Path, more: str) -> tuple[Finding, ...]:
-    path = folder / "robot.urdf"
-    path.write_text(GOOD.replace("</robot>", f"{more}</robot>"), encoding="utf-8")
-    return read_urdf(path).findings
+    return read(folder, more).findings
 
 
 def rules(folder: Path, more: str) -> list[str]:
@@ -76,11 +80,8 @@ def test_a_misspelled_part_is_named_with_the_nearest_name(typo: str, meant: str,
 
 
 def test_a_static_model_has_a_fixed_base(tmp_path: Path) -> None:
-    path = tmp_path / "robot.urdf"
-    path.write_text(GOOD.replace("</robot>", "<gazebo><static>true</static></gazebo></robot>"), encoding="utf-8")
-    model = read_urdf(path)
+    model = read(tmp_path, "<gazebo><static>true</static></gazebo>")
     assert (model.root, model.findings) == ("world", ())
     joint = next(joint for joint in model.joints if joint.parent == "world")
     assert (joint.child, joint.type) == ("base", "fixed")
-    path.write_text(GOOD.replace("</robot>", "<gazebo><static>false</static></gazebo></robot>"), encoding="utf-8")
-    assert read_urdf(path).root == "base"
+    assert read(tmp_path, "<gazebo><static>false</static></gazebo>").root == "base"

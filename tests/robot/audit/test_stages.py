@@ -15,29 +15,25 @@ from sim_action.robot.model.findings import ALLOWABLE, RULES, Finding
 from sim_action.robot.reading.urdf import audit, read_urdf
 from tests.mesh_files import CORNERS, HALF, moved, obj
 from tests.robot.bad_models import BAD_MODELS, GOOD, BadModel
+from tests.ros_workspace import written
 
 
 def findings(folder: Path, text: str) -> list[Finding]:
-    path = folder / "robot.urdf"
-    path.write_text(text, encoding="utf-8")
-    return audit(read_document(path))
+    return audit(read_document(written(folder / "robot.urdf", text)))
 
 
 def test_a_good_model_has_no_findings(tmp_path: Path) -> None:
     assert findings(tmp_path, GOOD) == []
 
 
-@pytest.mark.parametrize("material", ['<material name="">', "<material>"])
-def test_a_material_without_a_name_is_no_concern(material: str, tmp_path: Path) -> None:
-    # The URDF exporter of SolidWorks writes an empty name, always; what is to be seen is not simulated.
-    visual = f'<visual><geometry><box size="1 1 1"/></geometry>{material}<color rgba="1 0 0 1"/></material></visual>'
-    assert findings(tmp_path, GOOD.replace("</link>", f"{visual}</link>")) == []
+VISUAL = (
+    '<visual><geometry><box size="1 1 1"/></geometry><material{}><color rgba="1 0 0 1"/></material></visual></link>'
+)
 
 
 @pytest.mark.parametrize("bad", BAD_MODELS, ids=lambda bad: bad.name)
 def test_a_bad_model_breaks_its_rule_on_its_line(bad: BadModel, tmp_path: Path) -> None:
-    path = tmp_path / "robot.urdf"
-    path.write_text(bad.text, encoding="utf-8")
+    path = written(tmp_path / "robot.urdf", bad.text)
     if RULES[bad.rule].level == "warning":
         (found,) = read_urdf(path).findings
         assert (found.rule, found.location.line) == (bad.rule, bad.line)
@@ -101,68 +97,35 @@ def test_both_zeros_of_a_limit_are_told_at_once_and_not_of_a_joint_that_is_held(
 
 
 def test_every_rule_has_a_model_that_breaks_it() -> None:
-    # What takes packages or xacro is in test_package_layouts.py, test_urdf.py and test_expansion.py.
-    elsewhere = {"package-folder", "file-spelling"}
-    elsewhere |= {"several-packages", "xacro-warning", "bad-xacro", "unknown-argument", "missing-include"}
-    # What only SDF can do is in test_bad_sdf.py and test_sdf.py.
+    # Rules of packages and xacro are in test_package_layouts.py, test_urdf.py and test_xacro_errors.py.
+    elsewhere = {"package-folder", "file-spelling", "several-packages", "xacro-warning"}
+    elsewhere |= {"bad-xacro", "unknown-argument", "missing-include"}
+    # Rules of SDF are in reading/sdf.
     elsewhere |= {"unknown-frame", "frame-loop", "include-loop", "unsupported-part", "unsupported-joint"}
     elsewhere |= {"default-inertia", "turned-base", "shared-friction"}
-    # What takes mesh files is in test_meshes.py and test_references.py.
-    elsewhere |= {
-        "unknown-mesh-format",
-        "broken-mesh",
-        "empty-mesh",
-        "mesh-index",
-        "too-large-mesh",
-        "concave-mesh",
-        "flat-mesh",
-        "tiny-mesh",
-    }
+    # Rules of mesh files are in test_bad_meshes.py and test_mesh_references.py.
+    elsewhere |= {"unknown-mesh-format", "broken-mesh", "empty-mesh", "mesh-index"}
+    elsewhere |= {"too-large-mesh", "concave-mesh", "flat-mesh", "tiny-mesh"}
     assert {bad.rule for bad in BAD_MODELS} == set(RULES) - elsewhere
-
-
-@pytest.mark.parametrize(
-    "part",
-    [
-        '<contact><restitution value="0"/></contact>',
-        '<contact><restitution value="0.0"/><lateral_friction value="0.8"/></contact>',
-    ],
-)
-def test_a_restitution_of_zero_is_no_finding(part: str, tmp_path: Path) -> None:
-    assert findings(tmp_path, GOOD.replace("</link>", f"{part}</link>", 1)) == []
-    text = "<gazebo reference='base'><restitution_coefficient>0</restitution_coefficient></gazebo></robot>"
-    assert findings(tmp_path, GOOD.replace("</robot>", text)) == []
 
 
 @pytest.mark.parametrize("rule", sorted({*ALLOWABLE} - {"unsupported-part", "unsupported-joint"}))
 def test_an_error_can_be_let_go_and_is_told_all_the_same(rule: str, tmp_path: Path) -> None:
     bad = next(bad for bad in BAD_MODELS if bad.rule == rule)
-    path = tmp_path / "robot.urdf"
-    path.write_text(bad.text, encoding="utf-8")
+    path = written(tmp_path / "robot.urdf", bad.text)
     others = {"zero-mass": "massless-model", "massless-model": "zero-mass"}
     model = read_urdf(path, allow=[rule, others.get(rule, rule)])
     assert rule in {finding.rule for finding in model.findings}
 
 
 @pytest.mark.parametrize(
-    ("text", "wanted"),
-    [
-        ("1 1 1 1", "3 finite numbers, found 4"),
-        ("1, 2, 3", "3 finite numbers, separated by spaces, not commas"),
-        ("1 2 1e999", "3 finite numbers of at most 1e+18"),
-        ("1 2 -1E19", "3 finite numbers of at most 1e+18"),
-        ("1 2 inf", "3 finite numbers"),
-        ("1 2 x", "3 finite numbers"),
-    ],
-)
-def test_what_is_wrong_with_numbers_is_said(text: str, wanted: str, tmp_path: Path) -> None:
-    (found,) = findings(tmp_path, GOOD.replace("1 2 3", text))
-    assert found.message == f'<origin xyz="{text}">: expected {wanted}'
-
-
-@pytest.mark.parametrize(
     ("old", "new"),
     [
+        ("</link>", '<contact><restitution value="0"/></contact></link>'),
+        ("</link>", '<contact><restitution value="0.0"/><lateral_friction value="0.8"/></contact></link>'),
+        ("</robot>", "<gazebo reference='base'><restitution_coefficient>0</restitution_coefficient></gazebo></robot>"),
+        ("</link>", VISUAL.format(' name=""')),  # the exporter of SolidWorks always writes an empty name
+        ("</link>", VISUAL.format("")),
         ('lower="-1" upper="2"', 'lower="-1e16" upper="1e16"'),
         ('lower="-1" upper="2"', 'lower="-12.566" upper="12.566"'),
         ('rpy="0 0 0"', 'rpy="0 -6.2832 6.2832"'),
@@ -178,21 +141,44 @@ def test_what_is_rare_but_right_is_not_told(old: str, new: str, tmp_path: Path) 
     assert findings(tmp_path, GOOD.replace(old, new)) == []
 
 
-def test_a_tag_that_is_nearly_right_is_named(tmp_path: Path) -> None:
-    (found,) = findings(tmp_path, GOOD.replace("<dynamics", "<dynamic"))
-    assert found.message == "unknown element <dynamic> in <joint> is ignored; did you mean <dynamics>?"
-
-
-def test_a_long_text_in_the_place_of_a_number_is_cut(tmp_path: Path) -> None:
-    (found,) = findings(tmp_path, GOOD.replace('value="2"', f'value="{"9" * 10_000}"'))
-    assert found.message == f'<mass value="{"9" * 100}...">: expected a finite number of at most 1e+18'
-
-
-def test_what_hangs_on_an_unknown_link_is_no_loop(tmp_path: Path) -> None:
-    (found,) = findings(tmp_path, GOOD.replace('<parent link="base"/>', '<parent link="bas"/>'))
-    assert found.rule == "unknown-link"
-    unknown = "joint 'shoulder' names the unknown link 'bas'"
-    assert found.message == f"{unknown}; did you mean 'base'? (allowed: base, upper)"
+@pytest.mark.parametrize(
+    ("old", "new", "rule", "message"),
+    [
+        (
+            "<dynamics",
+            "<dynamic",
+            "unknown-tag",
+            "unknown element <dynamic> in <joint> is ignored; did you mean <dynamics>?",
+        ),
+        (
+            'value="2"',
+            f'value="{"9" * 10_000}"',
+            "bad-number",
+            f'<mass value="{"9" * 100}...">: expected a finite number of at most 1e+18',
+        ),
+        # The link below it is not reported as a loop.
+        (
+            '<parent link="base"/>',
+            '<parent link="bas"/>',
+            "unknown-link",
+            "joint 'shoulder' names the unknown link 'bas'; did you mean 'base'? (allowed: base, upper)",
+        ),
+        *(
+            ("1 2 3", text, "bad-number", f'<origin xyz="{text}">: expected {wanted}')
+            for text, wanted in {
+                "1 1 1 1": "3 finite numbers, found 4",
+                "1, 2, 3": "3 finite numbers, separated by spaces, not commas",
+                "1 2 1e999": "3 finite numbers of at most 1e+18",
+                "1 2 -1E19": "3 finite numbers of at most 1e+18",
+                "1 2 inf": "3 finite numbers",
+                "1 2 x": "3 finite numbers",
+            }.items()
+        ),
+    ],
+)
+def test_a_finding_says_what_is_wrong(old: str, new: str, rule: str, message: str, tmp_path: Path) -> None:
+    (found,) = findings(tmp_path, GOOD.replace(old, new))
+    assert (found.rule, found.message) == (rule, message)
 
 
 def test_all_that_a_stage_finds_is_told_at_once(tmp_path: Path) -> None:
@@ -207,8 +193,7 @@ def test_a_placeholder_is_told_where_it_counts(others: str, rules: list[str], tm
     imu = f'<mass value="0.001"/>{inertia}</inertial><collision><geometry><box size="1e-2 1e-2 1e-2"/></geometry>'
     text = GOOD.replace(f'<mass value="1"/>{inertia}</inertial>', f"{imu}</collision>")
     assert text != GOOD
-    path = tmp_path / "robot.urdf"
-    path.write_text(text.replace('value="2"', f'value="{others}"'), encoding="utf-8")
+    path = written(tmp_path / "robot.urdf", text.replace('value="2"', f'value="{others}"'))
     assert [finding.rule for finding in read_urdf(path).findings] == rules
 
 
@@ -236,7 +221,7 @@ def test_principal_moments_are_eigenvalues(
     moments: tuple[float, ...], principal: tuple[float, float, float], tmp_path: Path
 ) -> None:
     names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    element = next(read_document(_written(tmp_path)).elements("link/inertial/inertia"))
+    element = next(read_document(written(tmp_path / "good.urdf", GOOD)).elements("link/inertial/inertia"))
     element.attrib.update({name: str(value) for name, value in zip(names, moments, strict=True)})
     assert principal_moments(element) == pytest.approx(principal, abs=1e-12)
 

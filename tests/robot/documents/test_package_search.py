@@ -10,20 +10,7 @@ import pytest
 from sim_action.robot.documents import package_search
 from sim_action.robot.documents.package_search import folders_below, package_name
 from sim_action.robot.documents.packages import PackageError
-from tests.ros_workspace import RosWorkspace, ros_package, ros_workspace, written
-
-
-@pytest.fixture
-def ros(tmp_path: Path) -> RosWorkspace:
-    return ros_workspace(tmp_path)
-
-
-@pytest.fixture
-def elsewhere(tmp_path: Path) -> Path:
-    """A folder beside the repository."""
-    folder = tmp_path.resolve() / "elsewhere"
-    folder.mkdir()
-    return folder
+from tests.ros_workspace import RosWorkspace, ros_package, written
 
 
 @pytest.mark.parametrize(

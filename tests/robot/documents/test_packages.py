@@ -13,33 +13,57 @@ from sim_action.core.files import read_at_most
 from sim_action.core.workspace import Workspace
 from sim_action.robot.documents import package_search
 from sim_action.robot.documents.packages import PackageError, Packages
-from tests.ros_workspace import RosWorkspace, gazebo_model, ros_package, ros_workspace, written
+from tests.ros_workspace import RosWorkspace, gazebo_model, ros_package, written
+
+BOTH = {"AMENT_PREFIX_PATH": "{e}", "ROS_PACKAGE_PATH": "{e}/src"}
+
+SEARCHES = {
+    "across the workspace": ("", "rover_sensors", "w/src/rover_sensors", {}),
+    "own package": ("w/src/a_copy/rover_description", "rover_description", "w/src/rover_description", {}),
+    "name of package.xml": ("w/src/checkout=rover_arm", "rover_arm", "w/src/checkout", {}),
+    "name of the folder": ("w/src/checkout=rover_arm", "checkout", "", {}),
+    **{
+        f"below {tool}": (f"w/{tool}/rover_arm", "rover_arm", "", {})
+        for tool in (".hidden", "node_modules", "build", "install", "devel", "log")
+    },
+    "below a root": ("e/roots/stack/arm", "arm", "e/roots/stack/arm", {"ROS_PACKAGE_PATH": "{e}/absent:{e}/roots"}),
+    "a root that is a package": ("e/arm", "arm", "e/arm", {"ROS_PACKAGE_PATH": "{e}/roots:{e}/arm"}),
+    "a package in another one": ("e/outer e/outer/inner", "inner", "", {"ROS_PACKAGE_PATH": "{e}"}),
+    "first prefix": ("e/o/share/arm e/u/share/arm", "arm", "e/o/share/arm", {"AMENT_PREFIX_PATH": "{e}/o:{e}/u"}),
+    "workspace first": ("e/share/rover_sensors e/src/rover_sensors", "rover_sensors", "w/src/rover_sensors", BOTH),
+    "ROS_PACKAGE_PATH before AMENT_PREFIX_PATH": ("e/share/arm e/src/arm", "arm", "e/src/arm", BOTH),
+    "relative entries": ("e/arm", "arm", "", {"ROS_PACKAGE_PATH": "{relative}", "AMENT_PREFIX_PATH": "::."}),
+    **{
+        f"a path, {name!r}": ("e/share/a/b", name, "", {"AMENT_PREFIX_PATH": "{e}"})
+        for name in ("..", ".", "", "a/b", "/etc", "a\0b")
+    },
+}
+"""Packages besides those of the workspace, a name, the folder that is found (empty: none), and the environment.
+
+w: the workspace; e: a folder beside it.
+"""
 
 
-@pytest.fixture
-def ros(tmp_path: Path) -> RosWorkspace:
-    return ros_workspace(tmp_path)
+@pytest.mark.parametrize("search", SEARCHES.values(), ids=SEARCHES)
+def test_a_package_is_found_by_name(
+    search: tuple[str, str, str, dict[str, str]], ros: RosWorkspace, elsewhere: Path
+) -> None:
+    made, name, expected, variables = search
 
+    def place(text: str) -> Path:
+        return {"w": ros.root, "e": elsewhere}[text[0]] / text[2:]
 
-@pytest.fixture
-def elsewhere(tmp_path: Path) -> Path:
-    """A folder beside the repository."""
-    folder = tmp_path.resolve() / "elsewhere"
-    folder.mkdir()
-    return folder
-
-
-def test_a_package_is_found_across_the_workspace(ros: RosWorkspace) -> None:
-    found = ros.packages().find("rover_sensors", ros.rover)
-    assert found.path == ros.sensors
-    assert found.notes == ()
-
-
-def test_the_name_is_what_package_xml_says(ros: RosWorkspace) -> None:
-    folder = ros_package(ros.root / "src/checkout", "rover_arm")
-    assert ros.packages().find("rover_arm", ros.rover).path == folder
-    with pytest.raises(PackageError):
-        ros.packages().find("checkout", ros.rover)
+    for package in made.split():
+        folder, _, stated = package.partition("=")
+        ros_package(place(folder), stated or None)
+    folders = {"e": elsewhere, "relative": os.path.relpath(elsewhere)}
+    packages = ros.packages(environment={key: value.format(**folders) for key, value in variables.items()})
+    if expected:
+        found = packages.find(name, ros.rover)
+        assert (found.path, found.notes) == (place(expected), ())
+    else:
+        with pytest.raises(PackageError):
+            packages.find(name, ros.rover)
 
 
 def test_the_map_of_the_scenario_comes_first(ros: RosWorkspace) -> None:
@@ -77,13 +101,6 @@ def test_a_map_to_no_folder_is_refused(
     assert raised.value.rule == rule
 
 
-def test_a_file_means_its_own_package_whatever_else_has_its_name(ros: RosWorkspace) -> None:
-    ros_package(ros.root / "src/a_copy/rover_description")
-    found = ros.packages().find("rover_description", ros.rover)
-    assert found.path == ros.description
-    assert found.notes == ()
-
-
 def test_a_folder_without_package_xml_serves_as_a_package_with_a_note(ros: RosWorkspace) -> None:
     robot = ros.write("rover_arm/urdf/robot.urdf", "<robot/>")
     found = ros.packages().find("rover_arm", robot)
@@ -108,11 +125,8 @@ def test_of_two_packages_of_one_name_the_nearer_wins_with_a_warning(ros: RosWork
         )
     ]
     assert ros.packages().find("rover_arm", ros.root / "another/robot.urdf").path == far
-
-
-def test_equally_near_packages_are_always_taken_in_the_same_order(ros: RosWorkspace) -> None:
-    ros_package(ros.root / "src/b/rover_arm")
-    first = ros_package(ros.root / "src/a/rover_arm")
+    # Of equally near ones, the first in the order of the alphabet.
+    first = ros_package(ros.root / "src/aa/rover_arm")
     assert ros.packages().find("rover_arm", ros.rover).path == first
 
 
@@ -122,13 +136,6 @@ def test_the_warning_stands_beside_the_file_too(ros: RosWorkspace) -> None:
     found = ros.packages().resolve("package://rover_arm/arm.stl", ros.rover)
     assert found.path == ros.root / "src/x/rover_arm/arm.stl"
     assert found.notes != ()
-
-
-@pytest.mark.parametrize("place", [".hidden", "node_modules", "build", "install", "devel", "log"])
-def test_what_tools_make_is_not_looked_into(place: str, ros: RosWorkspace) -> None:
-    ros_package(ros.root / place / "rover_arm")
-    with pytest.raises(PackageError):
-        ros.packages().find("rover_arm", ros.rover)
 
 
 @pytest.mark.parametrize("marker", ["CATKIN_IGNORE", "COLCON_IGNORE", "AMENT_IGNORE"])
@@ -152,49 +159,6 @@ def test_links_to_folders_are_not_followed(ros: RosWorkspace, elsewhere: Path) -
     with pytest.raises(PackageError):
         ros.packages().find("rover_arm", ros.rover)
     assert ros.packages().find("rover_sensors", ros.rover).notes == ()
-
-
-def test_ros_package_path_has_roots_and_packages(ros: RosWorkspace, elsewhere: Path) -> None:
-    below = ros_package(elsewhere / "roots/stack/rover_arm")
-    itself = ros_package(elsewhere / "rover_head")
-    environment = {"ROS_PACKAGE_PATH": f"{elsewhere}/absent:{elsewhere}/roots:{itself}"}
-    packages = ros.packages(environment=environment)
-    assert packages.find("rover_arm", ros.rover).path == below
-    assert packages.find("rover_head", ros.rover).path == itself
-
-
-def test_below_a_package_of_ros_package_path_there_is_no_other(ros: RosWorkspace, elsewhere: Path) -> None:
-    ros_package(ros_package(elsewhere / "outer") / "inner")
-    with pytest.raises(PackageError):
-        ros.packages(environment={"ROS_PACKAGE_PATH": str(elsewhere)}).find("inner", ros.rover)
-
-
-def test_ament_prefixes_have_packages_in_share(ros: RosWorkspace, elsewhere: Path) -> None:
-    overlay = ros_package(elsewhere / "overlay/share/rover_arm")
-    ros_package(elsewhere / "underlay/share/rover_arm")
-    environment = {"AMENT_PREFIX_PATH": f"{elsewhere}/overlay:{elsewhere}/underlay"}
-    assert ros.packages(environment=environment).find("rover_arm", ros.rover).path == overlay
-
-
-def test_the_workspace_comes_before_what_is_installed(ros: RosWorkspace, elsewhere: Path) -> None:
-    ros_package(elsewhere / "share/rover_sensors")
-    ros_package(elsewhere / "src/rover_sensors")
-    environment = {"AMENT_PREFIX_PATH": str(elsewhere), "ROS_PACKAGE_PATH": str(elsewhere / "src")}
-    assert ros.packages(environment=environment).find("rover_sensors", ros.rover).path == ros.sensors
-
-
-def test_ros_package_path_comes_before_ament(ros: RosWorkspace, elsewhere: Path) -> None:
-    ros_package(elsewhere / "share/rover_arm")
-    first = ros_package(elsewhere / "src/rover_arm")
-    environment = {"AMENT_PREFIX_PATH": str(elsewhere), "ROS_PACKAGE_PATH": str(elsewhere / "src")}
-    assert ros.packages(environment=environment).find("rover_arm", ros.rover).path == first
-
-
-def test_relative_entries_of_the_environment_mean_nothing(ros: RosWorkspace, elsewhere: Path) -> None:
-    ros_package(elsewhere / "rover_arm")
-    environment = {"ROS_PACKAGE_PATH": os.path.relpath(elsewhere), "AMENT_PREFIX_PATH": "::."}
-    with pytest.raises(PackageError):
-        ros.packages(environment=environment).find("rover_arm", ros.rover)
 
 
 def test_a_missing_package_is_told_with_who_refers_to_it_and_where_it_was_looked_for(ros: RosWorkspace) -> None:
@@ -225,13 +189,6 @@ def test_a_package_of_the_caller_comes_first_and_may_be_outside(ros: RosWorkspac
     for path in (".git/config", "../beside.stl"):
         with pytest.raises(PackageError, match="outside the workspace"):
             packages.resolve(f"package://rover_sensors/{path}", ros.rover)
-
-
-@pytest.mark.parametrize("name", ["..", ".", "", "a/b", "/etc", "a\0b"])
-def test_a_name_is_no_path(name: str, ros: RosWorkspace, elsewhere: Path) -> None:
-    (elsewhere / "share/a/b").mkdir(parents=True)
-    with pytest.raises(PackageError):
-        ros.packages(environment={"AMENT_PREFIX_PATH": str(elsewhere)}).find(name, ros.rover)
 
 
 def test_what_was_found_is_kept(ros: RosWorkspace) -> None:

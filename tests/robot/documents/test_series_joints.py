@@ -12,14 +12,14 @@ from sim_action.robot.model.kinematics import link_poses
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.reading.urdf import read_urdf
 from tests.robot.bad_models import GOOD
+from tests.ros_workspace import written
 
 _LIMIT = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
 
 
 def read(folder: Path, kind: str, more: str = "", axis: str = "0 0 2") -> RobotModel:
     text = GOOD.replace("revolute", kind).replace(_LIMIT, more).replace("0 0 2", axis)
-    (folder / "robot.urdf").write_text(text)
-    model = read_urdf(folder / "robot.urdf")
+    model = read_urdf(written(folder / "robot.urdf", text))
     assert model.findings == ()
     return model
 

@@ -11,48 +11,41 @@ from sim_action.robot.documents.urdf_elements import axis
 from sim_action.robot.model.robot_model import RobotModel, Surface
 from sim_action.robot.reading.urdf import read_urdf
 from tests.robot.bad_models import GOOD
+from tests.ros_workspace import written
 from tests.work import work_of
 
 
 def read(folder: Path, more: str) -> RobotModel:
-    path = folder / "robot.urdf"
-    path.write_text(GOOD.replace("</robot>", f"{more}</robot>"), encoding="utf-8")
-    return read_urdf(path)
+    return read_urdf(written(folder / "robot.urdf", GOOD.replace("</robot>", f"{more}</robot>")))
 
 
 def surface(folder: Path, more: str) -> Surface:
     return read(folder, f'<gazebo reference="upper">{more}</gazebo>').links_by_name["upper"].surface
 
 
-def test_a_model_that_says_nothing_has_the_friction_that_bullet_assumes(tmp_path: Path) -> None:
-    assert surface(tmp_path, "<material>Gazebo/Blue</material>") == Surface(0.5, None, 1.0)
-
-
 @pytest.mark.parametrize(
-    ("tags", "friction"),
+    ("tags", "expected"),
     [
-        ("<mu1>0.3</mu1>", 0.3),
-        ("<mu1>0.3</mu1><mu2>0.7</mu2>", 0.3),
-        ("<mu2> 0.7 </mu2>", 0.7),
-        ('<mu1 value="0.2"/>', 0.2),
-        ("<mu1>0</mu1>", 0.0),
+        # Bullet assumes this friction.
+        ("<material>Gazebo/Blue</material>", Surface(0.5, None, 1.0)),
+        ("<mu1>0.3</mu1>", Surface(0.3)),
+        ("<mu1>0.3</mu1><mu2>0.7</mu2>", Surface(0.3)),
+        ("<mu2> 0.7 </mu2>", Surface(0.7)),
+        ('<mu1 value="0.2"/>', Surface(0.2)),
+        ("<mu1>0</mu1>", Surface(0.0)),
         # There the lesser of two counts: as grippy as the ground.
-        ("<mu1>100000.0</mu1>", 1.0),
+        ("<mu1>100000.0</mu1>", Surface(1.0)),
+        ("<kp>500000.0</kp><kd>10.0</kd>", Surface(0.5, 5e5, 10.0)),
     ],
 )
-def test_friction(tags: str, friction: float, tmp_path: Path) -> None:
-    assert surface(tmp_path, tags).friction == friction
-
-
-def test_a_spring_is_read_with_its_damping(tmp_path: Path) -> None:
-    assert surface(tmp_path, "<kp>500000.0</kp><kd>10.0</kd>") == Surface(0.5, 5e5, 10.0)
+def test_the_surface_of_a_link_is_read(tags: str, expected: Surface, tmp_path: Path) -> None:
+    assert surface(tmp_path, tags) == expected
 
 
 def test_the_contact_element_that_bullet_knows_says_the_same(tmp_path: Path) -> None:
-    path = tmp_path / "robot.urdf"
     contact = '<contact><lateral_friction value="1.5"/><stiffness value="3000"/><damping value="7"/></contact>'
     text = GOOD.replace('<link name="upper">', f'<link name="upper">{contact}')
-    path.write_text(text, encoding="utf-8")
+    path = written(tmp_path / "robot.urdf", text)
     assert read_urdf(path).links_by_name["upper"].surface == Surface(1.5, 3000.0, 7.0)
     path.write_text(text.replace("</robot>", '<gazebo reference="upper"><mu1>0.1</mu1></gazebo></robot>'))
     assert read_urdf(path).links_by_name["upper"].surface == Surface(0.1, 3000.0, 7.0)
@@ -71,8 +64,7 @@ def test_plugins_keep_what_they_were_given(tmp_path: Path) -> None:
         '<gazebo reference="upper"><sensor><plugin filename="gz-sim-imu-system"/></sensor></gazebo>',
     )
     (drive,) = model.plugins
-    assert drive.name == "gazebo_ros_diff_drive"
-    assert drive.title == "drive"
+    assert (drive.name, drive.title) == ("gazebo_ros_diff_drive", "drive")
     assert drive.parameters == (("leftJoint", "a"), ("joint", "b"), ("joint", "c"), ("empty", ""))
     assert drive.texts("joint") == ("b", "c")
     assert drive.texts("rightJoint") == ()

@@ -30,41 +30,20 @@ ARM = RobotModel(
 )
 
 
-def test_the_root_is_the_link_that_is_no_child() -> None:
-    assert ARM.root == "base"
+def test_a_model_has_a_root_a_mass_and_parts_by_name_and_survives_pickling() -> None:
+    assert (ARM.root, ARM.mass) == ("base", 3.5)
+    assert (ARM.links_by_name["upper"].mass, ARM.joints_by_name["wrist"].child) == (1.5, "hand")
+    assert pickle.loads(pickle.dumps(ARM)) == ARM
 
 
-def test_links_without_a_mass_weigh_nothing() -> None:
-    assert ARM.mass == 3.5
-
-
-def test_parts_are_found_by_name() -> None:
-    assert ARM.links_by_name["upper"].mass == 1.5
-    assert ARM.joints_by_name["wrist"].child == "hand"
-
-
-@pytest.mark.parametrize(
-    ("kind", "moves"),
-    [
-        ("revolute", True),
-        ("continuous", True),
-        ("prismatic", True),
-        ("fixed", False),
-        ("floating", False),
-        ("planar", False),
-    ],
-)
-def test_a_joint_moves_if_one_motor_could_move_it(kind: JointType, moves: bool) -> None:
-    assert joint("a", kind, "b", "c").moves is moves
+@pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic", "fixed", "floating", "planar"])
+def test_a_joint_moves_if_one_motor_could_move_it(kind: JointType) -> None:
+    assert joint("a", kind, "b", "c").moves is (kind in {"revolute", "continuous", "prismatic"})
 
 
 def test_moving_joints_keep_the_order_of_the_file() -> None:
     joints = (joint("b", "prismatic", "base", "upper"), joint("a", "continuous", "upper", "hand"))
     assert [j.name for j in dataclasses.replace(ARM, joints=joints).moving_joints] == ["b", "a"]
-
-
-def test_a_model_survives_pickling() -> None:
-    assert pickle.loads(pickle.dumps(ARM)) == ARM
 
 
 # --- ball joints ---

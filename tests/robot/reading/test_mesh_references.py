@@ -10,6 +10,7 @@ from sim_action import meshes
 from sim_action.core.errors import RefusedModel
 from sim_action.robot.reading.urdf import read_urdf
 from tests.robot.bad_models import GOOD
+from tests.ros_workspace import written
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 CUBE = SQUARE + SQUARE.replace(" 0\n", " 1\n") + "f 1 2 3 4\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n"
@@ -17,9 +18,8 @@ CUBE = SQUARE + SQUARE.replace(" 0\n", " 1\n") + "f 1 2 3 4\nf 5 6 7 8\nf 1 2 6 
 
 def model(folder: Path, name: str, text: str, scale: str = "") -> Path:
     (folder / name).write_text(text)
-    path = folder / "robot.urdf"
-    path.write_text(GOOD.replace('<sphere radius="0.5"/>', f'<mesh filename="{name}"{scale}/>'))
-    return path
+    mesh = f'<mesh filename="{name}"{scale}/>'
+    return written(folder / "robot.urdf", GOOD.replace('<sphere radius="0.5"/>', mesh))
 
 
 @pytest.mark.parametrize(
@@ -48,8 +48,7 @@ def test_a_mesh_is_refused_on_the_line_that_names_it(
 def test_a_scale_that_is_no_three_numbers_is_refused_on_its_line(tag: str, scale: str, tmp_path: Path) -> None:
     (tmp_path / "part.obj").write_text(CUBE)
     mesh = f'<{tag}><geometry><mesh filename="part.obj" scale="{scale}"/></geometry></{tag}>'
-    path = tmp_path / "robot.urdf"
-    path.write_text(GOOD.replace("</link>", f"\n{mesh}</link>", 1))
+    path = written(tmp_path / "robot.urdf", GOOD.replace("</link>", f"\n{mesh}</link>", 1))
     line = path.read_text().partition("scale=")[0].count("\n") + 1
     with pytest.raises(RefusedModel) as refused:
         read_urdf(path)

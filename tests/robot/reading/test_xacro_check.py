@@ -3,18 +3,12 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
 import pytest
 
 from sim_action.robot.reading.xacro_documents import check_xacro
 from tests.robot.xacro_models import URDF, told
-from tests.ros_workspace import NAMESPACE, RosWorkspace, ros_package, ros_workspace, written
-
-
-@pytest.fixture
-def ros(tmp_path: Path) -> RosWorkspace:
-    return ros_workspace(tmp_path)
+from tests.ros_workspace import NAMESPACE, RosWorkspace, ros_package, written
 
 
 def test_a_sound_robot_has_no_problems_and_says_that_it_was_not_run(ros: RosWorkspace) -> None:

@@ -13,12 +13,7 @@ from sim_action.robot.reading import xacro_documents, xacro_expansion
 from sim_action.robot.reading.xacro_documents import XacroError
 from sim_action.robot.reading.xacro_expansion import expand, explain_xacro_error
 from tests.robot.xacro_models import URDF, element, expanded, refusal, told
-from tests.ros_workspace import NAMESPACE, RosWorkspace, ros_workspace, written
-
-
-@pytest.fixture
-def ros(tmp_path: Path) -> RosWorkspace:
-    return ros_workspace(tmp_path)
+from tests.ros_workspace import NAMESPACE, RosWorkspace, written
 
 
 @pytest.mark.parametrize(

@@ -15,12 +15,7 @@ from sim_action.core.errors import Location
 from sim_action.robot.reading.xacro_documents import XacroError
 from sim_action.robot.reading.xacro_expansion import Argument, expand
 from tests.robot.xacro_models import URDF, element, expanded, refusal
-from tests.ros_workspace import NAMESPACE, RosWorkspace, ros_package, ros_workspace, written
-
-
-@pytest.fixture
-def ros(tmp_path: Path) -> RosWorkspace:
-    return ros_workspace(tmp_path)
+from tests.ros_workspace import NAMESPACE, RosWorkspace, ros_package, written
 
 
 def test_a_robot_of_two_packages_becomes_a_urdf(ros: RosWorkspace) -> None:

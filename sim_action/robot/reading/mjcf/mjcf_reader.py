@@ -147,11 +147,12 @@ class _Reader:
     """Reads links and joints of a compiled model."""
 
     def __init__(self, model: Any, built: Built) -> None:
-        import mujoco
+        from mujoco import mjtJoint
 
         from sim_action.robot.reading.mjcf.motors import largest_efforts, motors_of
 
-        single = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
+        self._types: Any = mjtJoint
+        single = {int(mjtJoint.mjJNT_HINGE), int(mjtJoint.mjJNT_SLIDE)}
         # Lists, because reading single numbers of MuJoCo's arrays takes far longer.
         self._kinds, self._first_joints = model.jnt_type.tolist(), model.body_jntadr.tolist()
         self._joint_names = _names(model, model.name_jntadr)
@@ -165,12 +166,10 @@ class _Reader:
 
     def links(self) -> tuple[Link, ...]:
         """Return all links, with one for the world if the robot is fixed to it."""
-        import mujoco
-
         links = tuple(map(self._link, range(1, self._model.nbody)))
         tops = [body for body in range(1, self._model.nbody) if not self._model.body_parentid[body]]
         links = links if any(map(self._is_free, tops)) else (Link(WORLD, None), *links)
-        if mujoco.mjtJoint.mjJNT_BALL not in self._model.jnt_type:
+        if self._types.mjJNT_BALL not in self._model.jnt_type:
             return links
         # Between the parts of ball joints.
         return (*links, *(Link(joint.child, None) for joint in self.joints() if joint.child not in self._bodies))
@@ -185,10 +184,8 @@ class _Reader:
         return None if body is None else self._joint_names[self._first_joints[body]]
 
     def _is_free(self, body: int) -> bool:
-        import mujoco
-
         first = self._first_joints[body]
-        return bool(first >= 0 and self._kinds[first] == int(mujoco.mjtJoint.mjJNT_FREE))
+        return bool(first >= 0 and self._kinds[first] == int(self._types.mjJNT_FREE))
 
     def _link(self, body: int) -> Link:
         model = self._model
@@ -227,9 +224,7 @@ class _Reader:
 
     def _joints(self, body: int) -> Iterator[Joint]:
         """Yield the joints between a body and its parent: one, several in series, or a fixed joint without any."""
-        import mujoco
-
-        model, kinds = self._model, mujoco.mjtJoint
+        model, kinds = self._model, self._types
         first, count = model.body_jntadr[body], model.body_jntnum[body]
         numbers = list(range(first, first + count))
         if numbers and self._kinds[numbers[0]] == int(kinds.mjJNT_FREE):
@@ -256,11 +251,9 @@ class _Reader:
         return refusal(f"{found}: {remedy}, or replace it by three hinges", place)
 
     def _joint(self, number: int, parent: str, child: str, origin: Pose) -> Joint:
-        import mujoco
-
         model = self._model
         limited = bool(model.jnt_limited[number])
-        turns = self._kinds[number] == int(mujoco.mjtJoint.mjJNT_HINGE)
+        turns = self._kinds[number] == int(self._types.mjJNT_HINGE)
         kind: JointType = ("revolute" if limited else "continuous") if turns else "prismatic"
         x, y, z = model.jnt_axis[number].tolist()
         ax, ay, az = model.jnt_pos[number].tolist()

@@ -24,7 +24,6 @@ from sim_action.core.wording import shown
 from sim_action.robot.documents.packages import Version, parsed_version
 from sim_action.robot.documents.sdf_elements import MODEL_FRAME
 from sim_action.robot.documents.xml_document import MAX_BYTES, MAX_ELEMENTS, ModelDocument, read_document
-from sim_action.robot.model.findings import refuse_errors
 
 _OLDEST_VERSION: Final[Version] = (1, 3)
 
@@ -48,7 +47,7 @@ def read_sdf_file(path: Path, document: ModelDocument | None = None) -> SdfFile:
     if root.tag != "sdf":
         message = f"the root element of an SDF file is <sdf>, but this file has <{root.tag}>"
         hint = "; an SDF file can include only SDF: convert the file" if root.tag == "robot" else ""
-        refuse_errors([document.finding("not-a-robot", root, message + hint)])
+        document.refuse("not-a-robot", root, message + hint)
     version = sdf_version(document)
     document = upgraded(document, version)
     return SdfFile(path, version, _only_model(document), document)
@@ -58,12 +57,11 @@ def sdf_version(document: ModelDocument) -> Version:
     """Return the version that a document states. Raises ModelError if it is missing or not supported."""
     stated = document.root.get("version")
     if stated is None:
-        problem = document.finding("missing-part", document.root, "<sdf> has no attribute 'version'")
-        refuse_errors([problem])
-    version = parsed_version(stated or "")
+        document.refuse("missing-part", document.root, "<sdf> has no attribute 'version'")
+    version = parsed_version(stated)
     if version < _OLDEST_VERSION:
         message = f"SDF {shown(stated)} is not supported; versions 1.3 to 1.11 are: convert it with 'gz sdf -p'"
-        refuse_errors([document.finding("not-a-robot", document.root, message)])
+        document.refuse("not-a-robot", document.root, message)
     return version
 
 
@@ -73,13 +71,13 @@ def _only_model(document: ModelDocument) -> Element:
     if world is not None:
         names = ", ".join(f"'{model.get('name', '')}'" for model in world.findall("model")) or "none"
         message = f"this SDF describes a world with the models {names}; name file and robot in the section world"
-        refuse_errors([document.finding("not-a-robot", world, f"{message}: world: {{file: ..., robot: NAME}}")])
+        document.refuse("not-a-robot", world, f"{message}: world: {{file: ..., robot: NAME}}")
     if not models:
-        refuse_errors([document.finding("not-a-robot", root, "this SDF has no <model>; one is required")])
+        document.refuse("not-a-robot", root, "this SDF has no <model>; one is required")
     if len(models) > 1:
         names = ", ".join(f"'{model.get('name', '')}'" for model in models)
         message = f"this SDF has {len(models)} models: {names}; a robot must be one model, which may contain others"
-        refuse_errors([document.finding("not-a-robot", models[1], message)])
+        document.refuse("not-a-robot", models[1], message)
     return models[0]
 
 

@@ -94,8 +94,7 @@ def read_sdf_world(path: Path, document: ModelDocument, packages: Packages, note
     element = world_of(document)
     if element is None:
         message = "this file has no <world>; name a .world or .sdf file with one"
-        refuse_errors([document.finding("not-a-robot", document.root, message)])
-        raise AssertionError("a fatal finding raises")
+        document.refuse("not-a-robot", document.root, message)
     version = _BARE_VERSION if document.root is element else sdf_version(document)
     document = upgraded(document, version)
     kept = Element("world", element.attrib)
@@ -125,8 +124,7 @@ def robot_scope(
     if entry is None or entry.scope is None:
         refuse_errors(others.findings)
         message = f"the world has no model '{name}'{did_you_mean(name, world.models)}"
-        refuse_errors([document.finding("not-a-robot", world.element, message)])
-        raise AssertionError("a fatal finding raises")
+        document.refuse("not-a-robot", world.element, message)
     inner = entry.scope
     model = Element("model", {**inner.element.attrib, "name": name})
     more = entry.element.findall("plugin") if entry.element is not inner.element else []
