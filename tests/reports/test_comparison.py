@@ -85,14 +85,6 @@ def test_golden_markdown(several: Comparison, golden: Callable[[str, str], None]
     golden("comparison.md", comparison_markdown(several))
 
 
-def test_the_worst_is_first_in_markdown_and_last_above_the_prompt(several: Comparison) -> None:
-    looks = [row.look for row in rows(several)]
-    assert looks == sorted(looks, key=["bad", "warning", "note", "good"].index)
-    *_, worst, closing = printed(several).splitlines()
-    assert worst.startswith("✗ newly fails")
-    assert closing == headline(several)
-
-
 def test_an_expectation_that_is_no_longer_judged_is_a_warning() -> None:
     accepted = SAMPLES["not-exercised"].outcomes[0]
     travel, unread = accepted.expectations

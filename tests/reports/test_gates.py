@@ -95,18 +95,6 @@ def test_golden(gate_kind: str, options: ReportOptions, golden: Golden, capsys: 
     golden(f"gate-{gate_kind}-annotations.txt", annotated(results, options, capsys))
 
 
-def test_a_gate_is_one_test_case(gate_kind: str, options: ReportOptions) -> None:
-    root = junit(GATES[gate_kind](), options)
-    assert root.get("tests") == "1"
-    assert len(root.findall(".//testcase")) == 1
-
-
-def test_a_gate_that_did_not_pass_is_one_failure_or_error(options: ReportOptions) -> None:
-    for kind, element in (("failed", "failure"), ("inconclusive", "failure"), ("interrupted", "error")):
-        root = junit(GATES[kind](), options)
-        assert [each.tag for each in root.iter() if each.tag in ("failure", "error")] == [element]
-
-
 @pytest.mark.parametrize("strict", [False, True])
 def test_the_counts_are_properties(strict: bool, options: ReportOptions) -> None:
     root = junit(judged(passed=58, failed=3), replace(options, junit_strict=strict))
@@ -120,34 +108,19 @@ def test_the_counts_are_properties(strict: bool, options: ReportOptions) -> None
     assert float(found["lower"] or 0) < float(found["rate"] or 0) < float(found["upper"] or 0)
 
 
-def test_only_a_gate_that_did_not_pass_is_annotated(options: ReportOptions, capsys: pytest.CaptureFixture[str]) -> None:
-    assert annotated(judged(passed=60, failed=1), options, capsys) == ""
-    text = annotated(judged(passed=58, failed=3), options, capsys)
-    assert text.count("::error") == 1
-    assert "file=scenarios/slip.sim.yml,line=5," in text
-    assert "friction=0.59" in text
-
-
-def test_runs_of_a_part_have_no_say(options: ReportOptions, capsys: pytest.CaptureFixture[str]) -> None:
-    results = part(passed=18, failed=2)
-    assert results.exit_code is ExitCode.PASSED
-    assert annotated(results, options, capsys) == ""
-    assert "✗" not in printed(results, options)
-    assert printed(results, replace(options, verbosity="quiet")).startswith("no verdicts here; 20 runs of 1 gate")
-    (case,) = junit(results, options).iter("testcase")
-    assert case.find("skipped") is not None
-    assert summary(results, options).startswith("## ℹ️ No verdicts here: 20 runs for sim-action merge\n")  # noqa: RUF001 - the sign of information
-
-
-def test_a_run_of_a_part_that_could_not_run_is_reported(
-    options: ReportOptions, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("other", "code", "words"),
+    [
+        ({"failed": 2}, ExitCode.PASSED, "no verdicts here; 20 runs of 1 gate for sim-action merge in"),
+        ({"interrupted": 2}, ExitCode.INTERRUPTED, "20 runs of 1 gate for sim-action merge (2 could not run)"),
+    ],
+)
+def test_of_a_part_only_runs_that_could_not_run_count(
+    other: dict[str, int], code: ExitCode, words: str, options: ReportOptions
 ) -> None:
-    results = part(passed=18, interrupted=2)
-    assert results.exit_code is ExitCode.INTERRUPTED
-    assert annotated(results, options, capsys).count("::error") == 1
-    assert "20 runs of 1 gate for sim-action merge (2 could not run)" in printed(
-        results, replace(options, verbosity="quiet")
-    )
+    results = part(passed=18, **other)
+    assert results.exit_code is code
+    assert words in printed(results, replace(options, verbosity="quiet"))
 
 
 def test_quiet_shows_gates_that_did_not_pass_and_no_runs(options: ReportOptions) -> None:
@@ -161,13 +134,6 @@ def test_quiet_shows_gates_that_did_not_pass_and_no_runs(options: ReportOptions)
 def test_verbose_shows_every_run(options: ReportOptions) -> None:
     text = printed(judged(passed=58, failed=3), replace(options, verbosity="verbose"))
     assert text.count("slip[friction=") == 61
-
-
-def test_few_runs_are_listed_the_worst_first(options: ReportOptions) -> None:
-    lines = printed(judged(passed=40, failed=21), options).splitlines()
-    listed = [line.split("]")[0] for line in lines if "[friction=" in line]
-    assert listed == [f"    [friction={number / 100:g}" for number in range(41, 46)]
-    assert "    16 more: --verbose shows all runs, results.json has them" in lines
 
 
 def test_a_warning_counts_once_for_all_runs(options: ReportOptions, capsys: pytest.CaptureFixture[str]) -> None:

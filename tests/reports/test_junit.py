@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from junitparser import Error, Failure, JUnitXml, TestSuite
+from junitparser import Failure, JUnitXml, TestSuite
 
 from sim_action.core.errors import Location
 from sim_action.reports import ReportOptions
@@ -55,24 +55,6 @@ def test_junitparser_reads_it(options: ReportOptions) -> None:
     assert failure.message == "travelled 1.12 m of 1.5 m in 30.0 s"
 
 
-def test_an_error_for_each_reason(options: ReportOptions) -> None:
-    write_junit(SAMPLES["invalid"], options)
-    (suite,) = JUnitXml.fromfile(str(options.junit))
-    errors = [result for case in suite for result in case.result]
-    assert [type(error) for error in errors] == [Error, Error]
-    assert [error.type for error in errors] == ["invalid", "invalid"]
-
-
-def test_failure_says_message_then_its_place_as_tools_look_for_it(options: ReportOptions) -> None:
-    failure = written(SAMPLES["failed"], options).findall(".//failure")[-1]
-    assert failure.text == (
-        "travelled 1.12 m of 1.5 m in 30.0 s\n"
-        "scenarios/straight.sim.yml:8\n"
-        "at travel at least 1.5 m(scenarios/straight.sim.yml:8)\n"
-        "at scenarios.Scenario(straight.sim.yml:8)"
-    )
-
-
 @pytest.mark.parametrize(
     ("file", "frame"),
     [
@@ -103,36 +85,6 @@ def test_times_of_testcases_add_up(kind: str, options: ReportOptions) -> None:
         times = [case.attrib["time"] for case in suite.iter("testcase")]
         assert all(re.fullmatch(r"\d+\.\d{3}", time) for time in times)
         assert sum(map(float, times)) == pytest.approx(float(suite.attrib["time"]))
-
-
-def test_warning_is_no_failure_but_is_told(options: ReportOptions) -> None:
-    root = written(SAMPLES["warning"], options)
-    assert root.get("failures") == "0"
-    outputs = [element.text or "" for element in root.iter("system-out")]
-    assert any("warning: tilted 30 deg at 1.25 s" in text for text in outputs)
-
-
-def test_properties_of_testcases(options: ReportOptions) -> None:
-    case = written(SAMPLES["passed"], options).find(".//testcase")
-    assert case is not None
-    properties = {element.get("name"): element.get("value") for element in case.iter("property")}
-    assert properties["measured"] == "1.5012"
-    assert properties["limit"] == "1.5"
-    assert properties["margin"] == "0.0012"
-    assert properties["unit"] == "m"
-
-
-def test_measured_values_of_like_names_are_all_kept(options: ReportOptions) -> None:
-    suite = written(SAMPLES["failed"], replace(options, junit_strict=True)).find("testsuite")
-    assert suite is not None
-    names = [element.get("name") for element in suite.iter("property")]
-    assert {"measured: no_collision", "measured: no_collision (2)"} <= set(names)
-
-
-def test_trace_is_the_first_attachment(options: ReportOptions) -> None:
-    for output in written(SAMPLES["hostile"], options).iter("system-out"):
-        attachments = re.findall(r"\[\[ATTACHMENT\|(.+?)\]\]", output.text or "")
-        assert attachments == ["sim-results/traces/burger-drives-straight.npz"]
 
 
 def test_no_suite_is_empty(options: ReportOptions) -> None:

@@ -44,26 +44,10 @@ def test_worst_first(options: ReportOptions) -> None:
     assert headings == ["### 💥 crash", "### ❌ failed", "### ⚠️ warning", "### ✅ passed"]
 
 
-def test_the_row_of_a_scenario_tells_what_ended_it_not_what_that_cut_off(options: ReportOptions) -> None:
-    overview, table = (line for line in summary(SAMPLES["cut"], options).splitlines() if "touched wall" in line)
-    assert "when the run ended" not in overview
-    assert table.startswith("| ❌ | **no_collision**")
-
-
-def test_what_passed_is_folded_and_warnings_are_not(options: ReportOptions) -> None:
-    assert "<summary>Measurements of passed scenarios (1)</summary>" in summary(SAMPLES["passed"], options)
-    assert "what passed" not in summary(SAMPLES["warning"], options)
-
-
 def test_details_are_closed(kind: str, options: ReportOptions) -> None:
     tokens = MarkdownIt("commonmark").enable("table").parse(summary(SAMPLES[kind], options))
     html = "".join(token.content for token in tokens if token.type == "html_block")
     assert html.count("<details>") == html.count("</details>")
-
-
-def test_lines_link_to_their_commit(options: ReportOptions) -> None:
-    text = summary(SAMPLES["failed"], replace(options, environment=ON_GITHUB))
-    assert "(https://github.com/a/b/blob/c0ffee/scenarios/straight.sim.yml#L8)" in text
 
 
 def test_500_scenarios_fit_failures_first(options: ReportOptions) -> None:
@@ -127,15 +111,6 @@ def test_what_failed_is_drawn_and_what_held_is_not(options: ReportOptions) -> No
     assert "mermaid" not in summary(with_replays(SAMPLES["passed"], options), options)
 
 
-def test_the_moment_of_each_failure_leads_to_its_replay(options: ReportOptions) -> None:
-    text = summary(with_replays(SAMPLES["failed"], options), options)
-    assert "replay: <code>report.html&#35;scenario=burger%20drives%20straight&amp;t=30</code>" in text
-
-
-def test_without_replays_there_are_no_charts(options: ReportOptions) -> None:
-    assert "mermaid" not in summary(SAMPLES["failed"], options)
-
-
 def test_a_page_has_few_charts_however_many_fail(options: ReportOptions) -> None:
     failed = SAMPLES["failed"].outcomes[0]
     outcomes = [like(failed, name=f"failing {number}") for number in range(100)]
@@ -152,17 +127,3 @@ def test_the_name_of_a_curve_ends_no_chart(name: str, options: ReportOptions) ->
     tokens = MarkdownIt("commonmark").enable("table").parse(text)
     fences = [token for token in tokens if token.type == "fence" and token.info == "mermaid"]
     assert [len(fence.content.splitlines()) for fence in fences] == [7, 7, 7]
-
-
-def test_how_to_run_it_again_can_be_copied(options: ReportOptions) -> None:
-    tokens = MarkdownIt("commonmark").enable("table").parse(summary(SAMPLES["failed"], options))
-    commands = [token.content for token in tokens if token.type == "fence" and token.info == "sh"]
-    assert commands == [
-        'sim-action run scenarios/wall.sim.yml --only "burger stops before the wall" --backend pybullet\n',
-        'sim-action run scenarios/straight.sim.yml --only "burger drives straight" --backend pybullet\n',
-    ]
-
-
-def test_what_held_is_folded_beside_what_failed(options: ReportOptions) -> None:
-    text = summary(SAMPLES["failed"], options)
-    assert "<summary>1 expectation held</summary>" in text

@@ -8,11 +8,11 @@ from collections.abc import Callable
 import pytest
 
 from sim_action.reports import ReportOptions
-from sim_action.reports.html.gate_article import SHOWN_RUNS, GroupPlace, gate_article, rate_figure, variations_article
+from sim_action.reports.html.gate_article import GroupPlace, gate_article, rate_figure, variations_article
 from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.results.gate_statistics import GateStatistics
 from sim_action.results.results_json import Results
-from tests.reports.html.gates import GATES, failed_gate, inconclusive_gate, passed_gate, run
+from tests.reports.html.gates import GATES, failed_gate, run
 
 
 def written(results: Results, options: ReportOptions, replayed: frozenset[str] = frozenset({"s1"})) -> str:
@@ -26,26 +26,6 @@ def written(results: Results, options: ReportOptions, replayed: frozenset[str] =
 @pytest.mark.parametrize("kind", GATES)
 def test_golden(kind: str, options: ReportOptions, golden: Callable[[str, str], None]) -> None:
     golden(f"gate-article-{kind}.html", f"{written(GATES[kind](), options)}\n")
-
-
-def test_the_worst_runs_come_first_and_the_others_are_in_a_fold(options: ReportOptions) -> None:
-    text = written(failed_gate(), options)
-    seen, _, folded = text.partition("<details")
-    assert re.findall(r">(run \d+)</a>", seen) == [f"run {number}" for number in range(1, SHOWN_RUNS + 1)]
-    assert re.findall(r">(run \d+)</a>", folded) == [f"run {number}" for number in range(SHOWN_RUNS + 1, 31)]
-    assert "<summary>All 30 runs</summary>" in folded
-
-
-def test_a_run_without_a_replay_says_so(options: ReportOptions) -> None:
-    rows = written(inconclusive_gate(), options).split("<tr>")[2:]
-    assert '<td data-title="Replay">yes</td>' in rows[0]
-    assert all("not in this report" in row for row in rows[1:] if 'href="#s' in row)
-
-
-def test_a_failed_run_of_a_passed_gate_has_no_colour_of_a_failure(options: ReportOptions) -> None:
-    text = written(passed_gate(), options)
-    assert '<span class="mark" role="img" aria-label="failed">' in text
-    assert "mark failed" not in text
 
 
 def test_runs_that_the_page_leaves_out_are_counted(options: ReportOptions) -> None:

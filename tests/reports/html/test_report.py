@@ -135,10 +135,6 @@ def test_of_thousands_the_worst_are_told_and_the_rest_is_counted(
     assert re.findall(r'href="#(s\d+)"', found) == ["s0", "s1"] * 2
 
 
-def test_variations_stand_together_with_their_count(options: ReportOptions) -> None:
-    assert "2 of 4 passed" in body(SAMPLES["varied"], options)
-
-
 def test_the_same_results_make_the_same_page(options: ReportOptions) -> None:
     results = results_of(ran(options))
     assert page(results, options).text() == page(results, options).text()
