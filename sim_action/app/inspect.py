@@ -17,8 +17,8 @@ from sim_action.core.workspace import Workspace
 from sim_action.drives import Drive, recognise, why_not_recognised
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.ignored_statements import ignored_statements
-from sim_action.drives.likely import likely_drive
-from sim_action.drives.skid import mecanum_names
+from sim_action.drives.mecanum import MecanumDrive
+from sim_action.drives.skid import SkidSteer, mecanum_names, sides_on_ground
 from sim_action.drives.undercarriage import unrolling_pair
 from sim_action.drives.wheels import Wheel, opposed_note, wheels_on_ground
 from sim_action.results.masking import Mask
@@ -388,3 +388,19 @@ def _joint_entry(joint: Joint, start: Mapping[str, float]) -> JointEntry:
         mimics=None if joint.mimic is None else joint.mimic.joint,
         motor=None if joint.motor is None else joint.motor.text,
     )
+
+
+_PAIR: Final = 2
+
+
+def likely_drive(model: RobotModel) -> Drive | None:
+    """Return a drive with the wheels on the ground, which the owner has to confirm; None if there is none."""
+    left, right = sides_on_ground(model) or ((), ())
+    if not left:
+        return None
+    if mecanum_names(model):
+        # The front wheel of each side comes first.
+        orders = [(left, right), (left[::-1], right[::-1])] if len(left) == len(right) == _PAIR else []
+        drives = (MecanumDrive(left=(a, b), right=(c, d)) for (a, b), (c, d) in orders)
+        return next((drive for drive in drives if not any(drive.problems(model))), None)
+    return (SkidSteer if len(left) + len(right) > _PAIR else DiffDrive)(left=left, right=right)

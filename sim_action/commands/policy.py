@@ -11,6 +11,7 @@ from pydantic import BeforeValidator, Field
 from typing_extensions import override
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
+from sim_action.commands.controller_answers import Saturation
 from sim_action.commands.onnx_network import (
     INSTALL_HINT,
     PACKAGE,
@@ -39,7 +40,6 @@ from sim_action.commands.policy_terms import (
     selection_problems,
     sensor_sizes,
 )
-from sim_action.commands.saturation import Saturation
 from sim_action.commands.twist import TwistSegment
 from sim_action.core.errors import SourceProblem
 from sim_action.core.field_types import NamesFile, PositiveHertz

@@ -14,6 +14,7 @@ from sim_action.core.registry import Table
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives.plugins import (
     Kind,
+    NoDrive,
     base_mover,
     plugins_of_kind,
     source_of,
@@ -40,6 +41,7 @@ class DriveMotion(Protocol):
     @property
     def released(self) -> JointTargets:
         """The targets that end all effects of the drive other than joint motion."""
+        return JointTargets()
 
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
         """Return the joint targets of the next physics steps; fewer than `steps` if they stop changing."""
@@ -47,10 +49,6 @@ class DriveMotion(Protocol):
     @property
     def notes(self) -> tuple[str, ...]:
         """Notes on commands that the drive could not follow, each once."""
-
-
-class NoDrive(Exception):
-    """The wheels of a model do not look like a kind of drive; the message is the reason."""
 
 
 class Drive(FrozenModel):

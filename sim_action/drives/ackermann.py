@@ -1,15 +1,20 @@
-"""Ackermann steering: each steered wheel has its own angle, so that no wheel slips in a curve."""
+"""Ackermann steering: each steered wheel has its own angle, so that no wheel slips in a curve.
+
+All wheel axles meet in the centre of the curve. A curve is given by its curvature in 1/m, positive to the left: turn
+rate over forward speed.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from statistics import fmean
 from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field, ValidationError
 from typing_extensions import override
 
+from sim_action.core import units
 from sim_action.core.field_types import (
     PositiveMetres,
     PositiveMetresPerSecondSquared,
@@ -19,20 +24,9 @@ from sim_action.core.field_types import (
 from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.drives import NOT_PLANAR, Drive, is_planar
+from sim_action.drives import NOT_PLANAR, Drive, DriveMotion, is_planar
 from sim_action.drives.diff import JointNames
 from sim_action.drives.plugins import StatedSteering, steering_by_plugin
-from sim_action.drives.steering import (
-    STRAIGHT,
-    DrivenWheel,
-    Kingpin,
-    SteeringLimit,
-    limit_of,
-    steered,
-    tightest,
-    upright,
-    why_not_steering,
-)
 from sim_action.drives.undercarriage import car_joints, undercarriage
 from sim_action.drives.wheel_settings import (
     Heading,
@@ -48,6 +42,7 @@ from sim_action.drives.wheel_settings import (
     why_no_wheel,
 )
 from sim_action.drives.wheels import (
+    MIN_UPRIGHT_Z,
     Wheel,
     along,
     axle_problems,
@@ -58,7 +53,7 @@ from sim_action.drives.wheels import (
     wheels_on_ground,
 )
 from sim_action.robot.model.kinematics import Mobility
-from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_model import Joint, RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.state.sensor_inputs import PlanarWay
 from sim_action.world.physics import GRAVITY
@@ -120,7 +115,7 @@ class AckermannDrive(Drive):
 
     @classmethod
     def by_wheels(cls, model: RobotModel) -> Self:
-        """See Drive.by_wheels. Two wheels are steered, by joints with limits, and two are fixed: the driven ones."""
+        """Two wheels are steered, by joints with limits, and two are fixed: the driven ones."""
         steering, wheels = car_joints(model)
         return cls(steering=steering, wheels=wheels)
 
@@ -257,7 +252,7 @@ class AckermannDrive(Drive):
         return left if is_amid or self.track is None else math.copysign(self.track / 2, left)
 
 
-class AckermannMotion:
+class AckermannMotion(DriveMotion):
     """Forward speed and curvature, each with a ramp towards the last twist.
 
     Wheel speeds follow the current steering angle, not the angle that the steering is moving to.
@@ -286,22 +281,17 @@ class AckermannMotion:
         self._notes: dict[str, None] = {}
 
     @property
+    @override
     def joints(self) -> frozenset[str]:
-        """See DriveMotion.joints."""
         return frozenset([*(pin.joint for pin in self._kingpins), *(found.joint for found in self._wheels)])
 
     @property
+    @override
     def notes(self) -> tuple[str, ...]:
-        """See DriveMotion.notes."""
         return (*self._notes, *self._speeds.notes)
 
-    @property
-    def released(self) -> JointTargets:
-        """See DriveMotion.released."""
-        return JointTargets()
-
+    @override
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
-        """See DriveMotion.targets."""
         if not is_planar(twist):
             self._notes[NOT_PLANAR] = None
         curvature = self._wanted_curvature(twist)
@@ -357,16 +347,16 @@ class AckermannOdometry:
 
     @property
     def gears(self) -> Mapping[str, float]:
-        """See WheelMotion.gears."""
+        """The rolling distance in m for 1 rad of each wheel joint."""
         return {found.joint: found.gear for found in self.wheels}
 
     @property
     def steering(self) -> tuple[str, ...]:
-        """See WheelMotion.steering."""
+        """The joints that steer."""
         return tuple(pin.joint for pin in self.kingpins)
 
     def way(self, rolled: Mapping[str, float], steered: Mapping[str, float]) -> PlanarWay:
-        """See WheelMotion.way."""
+        """Return the motion of the reference point that fits the wheels best."""
         curvatures = [pin.curvature(pin.turns * steered[pin.joint]) for pin in self.kingpins]
         curvature = fmean(filter(math.isfinite, curvatures)) if any(map(math.isfinite, curvatures)) else 0.0
         # Least squares over all wheels; the outer wheel has the greatest weight.
@@ -374,3 +364,129 @@ class AckermannOdometry:
         ahead = sum(share * rolled[name] for name, share in shares.items())
         ahead /= sum(share**2 for share in shares.values())
         return PlanarWay(*along(self.heading, ahead, 0.0), curvature * ahead)
+
+
+# A wheel at 90 deg to the robot follows no curve.
+_MAX_ANGLE: Final = math.radians(85)
+
+# Used if no limit is stated; cars have 30 to 45 deg.
+_ASSUMED_ANGLE: Final = math.radians(45)
+STRAIGHT: Final = Wheel("", None, (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+"""Replaces the fixed axle if the model has none: at the centre of the base."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kingpin:
+    """A steering joint.
+
+    Attributes:
+        joint: name of the joint.
+        ahead: distance in m ahead of the axle that is not steered.
+        left: distance in m to the left of the base's centre line.
+        turns: 1 if the joint turns to the left, -1 if its axis points down.
+    """
+
+    joint: str
+    ahead: float
+    left: float
+    turns: float
+
+    def angle(self, curvature: float) -> float:
+        """Return the steering angle to the left in rad for a curvature."""
+        return math.atan(curvature * self.ahead / (1 - curvature * self.left))
+
+    def curvature(self, angle: float) -> float:
+        """Return the curvature for a steering angle; inf if there is none."""
+        tangent = math.tan(angle)
+        across = self.ahead + self.left * tangent
+        # At a greater angle, the centre of the curve would be on the other side.
+        return tangent / across if across * self.ahead > 0 else math.copysign(math.inf, tangent * self.ahead)
+
+
+@dataclass(frozen=True, slots=True)
+class DrivenWheel:
+    """A wheel with a motor.
+
+    Attributes:
+        joint: name of the joint that turns it.
+        gear: distance in m that it rolls forward per rad of its joint.
+        left: distance in m to the left of the base's centre line, with straight wheels.
+        kingpin: its steering joint; None if it is not steered.
+    """
+
+    joint: str
+    gear: float
+    left: float
+    kingpin: Kingpin | None
+
+    def way(self, curvature: float) -> float:
+        """Return the distance that it rolls while the centre of the robot moves 1 m."""
+        if self.kingpin is None:
+            return 1 - curvature * self.left
+        pin = self.kingpin
+        beside = self.left - pin.left
+        return math.hypot(1 - curvature * pin.left, curvature * pin.ahead) - curvature * beside
+
+
+def tightest(kingpins: Iterable[Kingpin], limit: float) -> float:
+    """Return the curvature in 1/m at which the first wheel reaches `limit` rad, to the left or right."""
+    pins = tuple(kingpins)
+    return min(abs(pin.curvature(side * limit)) for pin in pins for side in (1, -1))
+
+
+def steered(kingpins: Iterable[Kingpin], now: float, wanted: float, most: float) -> float:
+    """Return the next curvature towards the wanted one; no wheel turns by more than `most` rad."""
+    reached = wanted
+    for pin in kingpins:
+        angle, goal = pin.angle(now), pin.angle(wanted)
+        if abs(goal - angle) > most:
+            next_one = pin.curvature(angle + math.copysign(most, goal - angle))
+            reached = min(reached, next_one, key=lambda curvature: abs(curvature - now))
+    return reached
+
+
+@dataclass(frozen=True, slots=True)
+class SteeringLimit:
+    """The steering range to either side in rad and the rate in rad/s; `is_assumed` if no range is stated."""
+
+    angle: float
+    rate: float
+    is_assumed: bool
+
+    @property
+    def text(self) -> str:
+        """The limits as text."""
+        rate = "" if math.isinf(self.rate) else f", {units.display(self.rate, 'rad/s')}"
+        assumed = ", assumed" if self.is_assumed else ""
+        return f"(up to {units.display(self.angle, 'rad')}{assumed}{rate})"
+
+
+def limit_of(joints: Sequence[Joint], angle: float | None, rate: float | None) -> SteeringLimit:
+    """Return the stated limits, else the smallest limits of the joints."""
+    angles = [least for joint in joints if math.isfinite(least := min(-_lower(joint), _upper(joint)))]
+    rates = [joint.max_velocity for joint in joints if joint.max_velocity]
+    told = angle or min(angles, default=_ASSUMED_ANGLE)
+    return SteeringLimit(min(told, _MAX_ANGLE), rate or min(rates, default=math.inf), not (angle or angles))
+
+
+def upright(model: RobotModel, name: str) -> float:
+    """Return 1 if a joint turns to the left, -1 if its axis points down."""
+    return math.copysign(1.0, wheel(model, name).axis_xyz[2])
+
+
+def why_not_steering(model: RobotModel, name: str) -> str | None:
+    """Return the reason why a joint cannot steer, else None."""
+    joint = model.joints_by_name[name]
+    if joint.type == "prismatic" or abs(wheel(model, name).axis_xyz[2]) < MIN_UPRIGHT_Z:
+        return f"joint '{name}' does not turn about an upright axis: it cannot steer"
+    if not _lower(joint) < 0 < _upper(joint):
+        return f"joint '{name}' cannot steer: its limits must allow 0 and angles to both sides"
+    return None
+
+
+def _lower(joint: Joint) -> float:
+    return -math.inf if joint.lower is None else joint.lower
+
+
+def _upper(joint: Joint) -> float:
+    return math.inf if joint.upper is None else joint.upper

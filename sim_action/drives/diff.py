@@ -15,8 +15,8 @@ from sim_action.core.field_types import PositiveMetres, PositiveMetresPerSecondS
 from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.drives import NOT_PLANAR, Drive, NoDrive, is_planar
-from sim_action.drives.plugins import DIFF_PLUGINS, Kind, StatedSides, sides_by_plugin
+from sim_action.drives import NOT_PLANAR, Drive, DriveMotion, is_planar
+from sim_action.drives.plugins import DIFF_PLUGINS, Kind, NoDrive, StatedSides, sides_by_plugin
 from sim_action.drives.undercarriage import driven_pair, undercarriage
 from sim_action.drives.wheel_settings import (
     MIN_LENGTH_M,
@@ -86,7 +86,7 @@ class TwoSidedDrive(Drive):
 
     @classmethod
     def stated(cls, model: RobotModel) -> Self | None:
-        """See Drive.stated. Wheels that would roll along the line between the sides are not those of a robot."""
+        """Wheels that would roll along the line between the sides are not those of a robot."""
         drive = super().stated(model)
         return drive if drive and drive.is_across(model) else None
 
@@ -253,13 +253,13 @@ class DiffDrive(TwoSidedDrive):
 
     @classmethod
     def statement(cls, model: RobotModel) -> Self | None:
-        """See Drive.statement. Several wheels per side are skid steer."""
+        """Several wheels per side are skid steer."""
         drive = super().statement(model)
         return drive if drive and len(drive.left) == len(drive.right) == 1 else None
 
     @classmethod
     def by_wheels(cls, model: RobotModel) -> Self:
-        """See Drive.by_wheels. Two wheels are driven, none is steered, and joint names or a statement show the sides.
+        """Two wheels are driven, none is steered, and joint names or a statement show the sides.
 
         Casters, and wheels without a motor, may stand on the ground as well.
         """
@@ -282,7 +282,7 @@ class DiffDrive(TwoSidedDrive):
         return cls(left=(right,), right=(left,)) if cls(left=(left,), right=(right,)).is_swapped(model) else None
 
 
-class TwoSidedMotion:
+class TwoSidedMotion(DriveMotion):
     """Rim speeds of both sides, each with a ramp towards the last twist."""
 
     def __init__(
@@ -309,22 +309,17 @@ class TwoSidedMotion:
         self._joints = frozenset((*left, *right))
 
     @property
+    @override
     def joints(self) -> frozenset[str]:
-        """See DriveMotion.joints."""
         return self._joints
 
     @property
+    @override
     def notes(self) -> tuple[str, ...]:
-        """See DriveMotion.notes."""
         return (*(() if self._was_planar else (NOT_PLANAR,)), *self._speeds.notes)
 
-    @property
-    def released(self) -> JointTargets:
-        """See DriveMotion.released."""
-        return JointTargets()
-
+    @override
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
-        """See DriveMotion.targets."""
         self._was_planar &= is_planar(twist)
         left, right = self._wanted(twist)
         planned = []
@@ -371,7 +366,7 @@ class TwoSidedOdometry:
     steering: tuple[str, ...] = ()
 
     def way(self, rolled: Mapping[str, float], steered: Mapping[str, float]) -> PlanarWay:
-        """See WheelMotion.way."""
+        """Return the motion of the reference point that fits the wheels best."""
         left, right = (fsum(rolled[name] for name in side) / len(side) for side in (self.left, self.right))
         return PlanarWay(*along(self.heading, (left + right) / 2, 0.0), (right - left) / self.separation)
 

@@ -16,8 +16,8 @@ from sim_action.core.field_types import PositiveMetresPerSecondSquared, Positive
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.drives import Drive, NoDrive, is_level
-from sim_action.drives.plugins import StatedSides, corners_by_plugin
+from sim_action.drives import Drive, DriveMotion, is_level
+from sim_action.drives.plugins import NoDrive, StatedSides, corners_by_plugin
 from sim_action.drives.wheel_settings import (
     Heading,
     WheelRadius,
@@ -84,13 +84,13 @@ class MecanumDrive(Drive):
 
     @classmethod
     def statement(cls, model: RobotModel) -> Self | None:
-        """See Drive.statement. By their looks alone, such wheels are those of skid steer."""
+        """By their looks alone, such wheels are those of skid steer."""
         stated = corners_by_plugin(model)
         return cls._of(stated) if stated else None
 
     @classmethod
     def by_wheels(cls, model: RobotModel) -> Self:
-        """See Drive.by_wheels. Rollers are not modelled as joints."""
+        """Rollers are not modelled as joints."""
         looks = "the wheels on the ground show no rollers" if wheels_on_ground(model) else "no wheel is on the ground"
         raise NoDrive(f"no plugin or controller states four mecanum wheels, and {looks}")
 
@@ -165,7 +165,7 @@ class MecanumDrive(Drive):
         )
 
     def prepared(self, scene: Scene) -> Scene:
-        """See Drive.prepared. Sets the friction of the wheels to zero, because their rollers roll."""
+        """Sets the friction of the wheels to zero, because their rollers roll."""
         joints = scene.model.joints_by_name
         wheels = {joints[name].child for name in (*self.left, *self.right)}
         links = tuple(
@@ -230,7 +230,7 @@ def arm(wheels: Sequence[Rolling]) -> float:
     return fmean(math.hypot(placed.ahead, placed.left) for placed in wheels)
 
 
-class MecanumMotion:
+class MecanumMotion(DriveMotion):
     """Velocity over the ground and turn rate, with a ramp towards the last twist."""
 
     def __init__(
@@ -255,22 +255,22 @@ class MecanumMotion:
         self._was_level = True
 
     @property
+    @override
     def joints(self) -> frozenset[str]:
-        """See DriveMotion.joints."""
         return frozenset(found.place.joint for found in self._wheels)
 
     @property
+    @override
     def notes(self) -> tuple[str, ...]:
-        """See DriveMotion.notes."""
         return (*(() if self._was_level else (NOT_LEVEL,)), *self._speeds.notes)
 
     @property
+    @override
     def released(self) -> JointTargets:
-        """See DriveMotion.released."""
         return JointTargets(base=NO_PUSH)
 
+    @override
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
-        """See DriveMotion.targets."""
         self._was_level &= is_level(twist)
         wanted = self._wanted(twist)
         planned = []
@@ -324,11 +324,11 @@ class MecanumOdometry:
 
     @property
     def gears(self) -> Mapping[str, float]:
-        """See WheelMotion.gears."""
+        """The rolling distance in m for 1 rad of each wheel joint."""
         return {found.place.joint: found.gear for found in self.wheels}
 
     def way(self, rolled: Mapping[str, float], steered: Mapping[str, float]) -> PlanarWay:
-        """See WheelMotion.way."""
+        """Return the motion of the reference point that fits the wheels best."""
         ahead, left, turn = (
             sum(share * rolled[found.place.joint] for share, found in zip(row, self.wheels, strict=True))
             for row in self._shares

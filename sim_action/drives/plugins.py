@@ -118,6 +118,10 @@ _MECANUM_FIGURES: Final = {
 }
 
 
+class NoDrive(Exception):
+    """The wheels of a model do not look like a kind of drive; the message is the reason."""
+
+
 @dataclass(frozen=True, slots=True)
 class StatedSides:
     """The statements of a plugin: joints, parameters by YAML key, remarks on their interpretation, and its place."""

@@ -15,9 +15,8 @@ from sim_action.core import units
 from sim_action.core.field_types import NonNegativeKilogramSquareMetres, PositiveRatio
 from sim_action.core.geometry import Vector3
 from sim_action.core.records import dataclass, replace
-from sim_action.drives import NoDrive
 from sim_action.drives.diff import TwoSidedDrive
-from sim_action.drives.plugins import SKID_PLUGINS, Kind, StatedSides
+from sim_action.drives.plugins import SKID_PLUGINS, Kind, NoDrive, StatedSides
 from sim_action.drives.undercarriage import named, refuse_other_than_fixed, undercarriage
 from sim_action.drives.wheels import (
     MAX_AXLE_DEVIATION,
@@ -70,7 +69,7 @@ class SkidSteer(TwoSidedDrive):
 
     @classmethod
     def by_wheels(cls, model: RobotModel) -> Self:
-        """See Drive.by_wheels. Each side has several wheels, and none of them is steered."""
+        """Each side has several wheels, and none of them is steered."""
         wheels = refuse_other_than_fixed(undercarriage(model)).driven
         if len(wheels) < _MIN_WHEELS:
             raise NoDrive(
@@ -91,7 +90,7 @@ class SkidSteer(TwoSidedDrive):
 
     @classmethod
     def as_stated(cls, model: RobotModel, stated: StatedSides) -> Self:
-        """See TwoSidedDrive.as_stated. The separation of a plugin is the effective one."""
+        """The separation of a plugin is the effective one."""
         drive = super().as_stated(model, stated)
         return drive.model_copy(update={"slip": 1.0}) if "separation" in stated.figures else drive
 
@@ -113,7 +112,7 @@ class SkidSteer(TwoSidedDrive):
         return f" x slip {self.slip_factor(model):.4g}{worked_out}{rotors}"
 
     def prepared(self, scene: Scene) -> Scene:
-        """See Drive.prepared. Adds the inertia of the motors, and the stiffness of tyres."""
+        """Adds the inertia of the motors, and the stiffness of tyres."""
         joints = (*self.left, *self.right)
         wheels = frozenset(scene.model.joints_by_name[name].child for name in joints)
         rotors = dict.fromkeys(joints, self.rotor_inertia) if self.rotor_inertia else {}

@@ -12,8 +12,7 @@ from typing import Final
 
 from sim_action.core import units
 from sim_action.core.records import dataclass
-from sim_action.drives import NoDrive
-from sim_action.drives.plugins import joints_by_plugin
+from sim_action.drives.plugins import NoDrive, joints_by_plugin
 from sim_action.drives.tyres import Tyre
 from sim_action.drives.wheels import (
     MIN_UPRIGHT_Z,

@@ -67,8 +67,7 @@ class Camera(Sensor):
 
     @override
     def open(self, mount: Mount) -> Measure:
-        from sim_action.sensors.rendering.appearance import robot_parts, world_parts
-        from sim_action.sensors.rendering.picture import Placed, draw
+        from sim_action.sensors.rendering.picture import Placed, draw, robot_parts, world_parts
         from sim_action.sensors.rendering.pinhole import Pinhole
 
         pinhole = Pinhole(self.width, self.height, self.field_of_view, self.near, self.far)

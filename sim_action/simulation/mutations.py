@@ -86,29 +86,29 @@ class _Altered:
         return self._last[1]
 
 
-class _WithoutMotor:
+class _WithoutMotor(DriveMotion):
     """A drive with the motor of one joint off."""
 
     def __init__(self, motion: DriveMotion, joint: str) -> None:
         self._motion, self._joint = motion, joint
 
     @property
+    @override
     def joints(self) -> frozenset[str]:
-        """See DriveMotion.joints."""
         return self._motion.joints
 
     @property
+    @override
     def released(self) -> JointTargets:
-        """See DriveMotion.released."""
         return self._motion.released
 
     @property
+    @override
     def notes(self) -> tuple[str, ...]:
-        """See DriveMotion.notes."""
         return self._motion.notes
 
+    @override
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
-        """See DriveMotion.targets."""
         return [without_motor(targets, self._joint) for targets in self._motion.targets(twist, steps)]
 
 

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from sim_action.core.files import open_regular
 from sim_action.core.records import dataclass, field
-from sim_action.state.npz_file import save_arrays
 from sim_action.state.trace import FloatArray
-from sim_action.state.trace_storage import TraceError, refuse_too_large
+from sim_action.state.trace_storage import TraceError, refuse_too_large, save_arrays
 
 _POSE: Final = 7
 

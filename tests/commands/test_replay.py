@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import io
 import os
 import pickle
 import subprocess
@@ -11,11 +12,22 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sim_action.commands import OpenLoop
-from sim_action.commands.logs import TimedCommand
-from sim_action.commands.replay import Playback, ReplayCommands
+from sim_action.commands import OpenLoop, replay
+from sim_action.commands.logs import JointColumn, TimedCommand
+from sim_action.commands.replay import (
+    MAX_BYTES,
+    MAX_COLUMNS,
+    Header,
+    HeaderError,
+    Playback,
+    ReplayCommands,
+    read_csv,
+    read_header,
+)
 from sim_action.core.errors import BadSource, RecordingError
 from sim_action.core.geometry import Twist
 from sim_action.core.workspace import Workspace
@@ -337,3 +349,186 @@ def test_joints_that_a_later_row_does_not_name_keep_what_they_were_told_between_
     ]
     assert played_at([0.05, 0.2], log) == [log[0][1], JointTargets(position={"a": 2.0}, velocity={"b": 3.0})]
     assert played_at([0.2], log) == [JointTargets(position={"a": 2.0}, velocity={"b": 3.0})]
+
+
+def test_a_header_of_twists() -> None:
+    header = Header.of(["time", "angular"])
+    assert header.holds_twists
+    assert not header.joint_names
+
+
+def test_a_header_of_joints_whose_names_may_have_dots() -> None:
+    header = Header.of(["position.arm.elbow", "time", "velocity.wheel"])
+    assert not header.holds_twists
+    assert header.joint_names == {"arm.elbow", "wheel"}
+    assert header.joints == (JointColumn("position", "arm.elbow"), None, JointColumn("velocity", "wheel"))
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        (["time", "linaer"], "unknown column 'linaer'; did you mean 'linear'?"),
+        (["time", "linear", "position."], "unknown column 'position.'"),
+        (["time", "linear", ""], "unknown column ''"),
+        (["time", "linear", "linear"], "2 columns have the name 'linear'"),
+        (["time;linear;angular"], "separate columns by commas"),
+        (["linear"], "the column 'time' is missing"),
+        (["time"], "there is no command column besides 'time' (allowed: angular, effort.<joint>"),
+        (["time", "linear", "position.a"], "'linear' commands the base, 'position.a' a joint"),
+        (["time", *(f"position.{n}" for n in range(MAX_COLUMNS))], "1,001 columns; at most 1,000"),
+    ],
+)
+def test_a_header_that_tells_nothing_to_replay_is_refused(columns: list[str], message: str) -> None:
+    with pytest.raises(HeaderError) as raised:
+        Header.of(columns)
+    assert message in str(raised.value)
+
+
+def log(folder: Path, text: str | bytes) -> Path:
+    path = folder / "monday.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def moments(folder: Path, text: str | bytes) -> list[TimedCommand]:
+    return list(read_csv(log(folder, text), "logs/monday.csv"))
+
+
+def refusal(folder: Path, text: str | bytes) -> str:
+    with pytest.raises(RecordingError) as raised:
+        moments(folder, text)
+    return str(raised.value)
+
+
+def test_rows_become_twists_at_times_since_the_first(tmp_path: Path) -> None:
+    assert moments(tmp_path, "time,linear,lateral,angular\n10,1,2,3\n10.5,-.5,+0,1e-1\n") == [
+        (0.0, Twist.planar(1.0, 3.0, lateral=2.0)),
+        (0.5, Twist.planar(-0.5, 0.1)),
+    ]
+
+
+def test_rows_become_targets_of_joints_each_by_the_first_kind_that_it_has(tmp_path: Path) -> None:
+    text = "time,effort.elbow,velocity.wheel,position.elbow\n0,9,2,1\n"
+    assert moments(tmp_path, text) == [(0.0, JointTargets(position={"elbow": 1.0}, velocity={"wheel": 2.0}))]
+
+
+def test_what_editors_and_spreadsheets_add_is_no_matter(tmp_path: Path) -> None:
+    text = b'\xef\xbb\xbf time , linear \r\n\r\n "0" , "1.5"\r\n'.replace(b' "', b'"').replace(b'" ', b'"')
+    assert moments(tmp_path, text) == [(0.0, Twist.planar(1.5))]
+
+
+def test_the_largest_of_numbers_are_numbers(tmp_path: Path) -> None:
+    text = "time,linear,angular\n0,1.7e308,1.7e308\n"
+    assert moments(tmp_path, text) == [(0.0, Twist.planar(1.7e308, 1.7e308))]
+
+
+def test_columns_that_are_left_out_are_zero(tmp_path: Path) -> None:
+    assert moments(tmp_path, "angular,time\n2,0\n") == [(0.0, Twist.planar(0.0, 2.0))]
+
+
+def test_times_keep_their_last_digit_whenever_the_log_began(tmp_path: Path) -> None:
+    text = "time,linear\n1700000000.123456789,0\n1700000000.223456789,0\n"
+    assert [time for time, _ in moments(tmp_path, text)] == [0.0, 0.1]
+
+
+def test_two_commands_at_the_same_time_stay_in_their_order(tmp_path: Path) -> None:
+    assert moments(tmp_path, "time,linear\n0,1\n0,2\n") == [(0.0, Twist.planar(1.0)), (0.0, Twist.planar(2.0))]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "logs/monday.csv: the file is empty"),
+        ("\n\n", "logs/monday.csv: the file is empty"),
+        ("\ntime,linaer\n", "logs/monday.csv:2: unknown column 'linaer'; did you mean 'linear'?"),
+        ("time,linear\n", "logs/monday.csv: there is no row after the header"),
+        ("time,linear\n0,1\n\n1,fast\n", "logs/monday.csv:4: column 'linear': expected a finite number, found 'fast'"),
+        ("time,linear\n0,nan\n", "logs/monday.csv:2: column 'linear': expected a finite number, found 'nan'"),
+        ("time,linear\n0,1e999\n", "expected a finite number, found '1e999'"),
+        ("time,linear\ninf,1\n", "column 'time': expected a finite number, found 'inf'"),
+        ("time,linear\n0,\n", "column 'linear': expected a finite number, found ''"),
+        ('time,linear\n0,"1,2"\n', "column 'linear': expected a finite number, found '1,2'"),
+        ("time,linear\n0,1_0\n", "column 'linear': expected a finite number, found '1_0'"),
+        ("time,linear\n0,٣\n", "column 'linear': expected a finite number"),
+        (f"time,linear\n0,{'9' * 50_000}\n", "column 'linear': expected a finite number"),
+        (
+            "time,linear\n0,1\n2,1\n1.5,1\n",
+            "logs/monday.csv:4: column 'time': '1.5' is earlier than the previous row, 2",
+        ),
+        ("time,linear\n0,1,2\n", "logs/monday.csv:2: 3 cells, but the header has 2 columns"),
+        ('time,linear\n0,"1\n', "logs/monday.csv:2: not valid CSV"),
+        (f"time,{'x' * 200_000}\n", "not valid CSV: field larger than field limit"),
+        (b"time,linear\n0,\xff\n", "logs/monday.csv: not UTF-8 text"),
+        (b"time,linear\n0,1\x00\n", "logs/monday.csv:2:"),
+        ("time,linear\n0,\x1b[31m1\n", r"found '\x1b[31m1'"),
+    ],
+)
+def test_a_log_that_cannot_be_replayed_is_told_with_its_place(text: str | bytes, message: str, tmp_path: Path) -> None:
+    found = refusal(tmp_path, text)
+    assert message in found
+    assert found.isprintable()
+    assert len(found) < 2_500
+
+
+def test_a_gigantic_file_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "monday.csv"
+    with path.open("wb") as file:
+        file.write(b"time,linear\n0,1\n")
+        file.truncate(MAX_BYTES * 1_000)
+    with pytest.raises(RecordingError, match="the file has 25000 MB; at most 25 MB of CSV are allowed"):
+        read_header(path, "monday.csv")
+
+
+def test_more_rows_than_any_log_has_are_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(replay, "MAX_ROWS", 3)
+    assert len(moments(tmp_path, "time,linear\n" + "0,0\n" * 3)) == 3
+    assert refusal(tmp_path, "time,linear\n" + "0,0\n" * 4).startswith(
+        "logs/monday.csv:5: the log has more than 3 rows"
+    )
+
+
+def test_what_is_no_file_holds_nobody_up(tmp_path: Path) -> None:
+    pipe = tmp_path / "monday.csv"
+    os.mkfifo(pipe)
+    with pytest.raises(RecordingError, match=r"monday\.csv: the file cannot be read: it is not a regular file"):
+        read_header(pipe, "monday.csv")
+
+
+NUMBERS = st.floats(-1e6, 1e6)
+ROWS = st.lists(st.tuples(st.floats(0, 1e9), NUMBERS, NUMBERS), min_size=1).map(sorted)
+
+
+@given(ROWS)
+def test_what_is_written_is_what_is_read(rows: list[tuple[float, float, float]]) -> None:
+    text = "time,linear,angular\n" + "".join(f"{time!r},{linear!r},{angular!r}\n" for time, linear, angular in rows)
+    found = list(in_memory(text.encode()))
+    assert [command for _, command in found] == [Twist.planar(linear, angular) for _, linear, angular in rows]
+    assert [time for time, _ in found] == pytest.approx([time - rows[0][0] for time, _, _ in rows], abs=1e-6)
+
+
+@st.composite
+def files(draw: st.DrawFn) -> bytes:
+    """Return anything, or a log in which a few characters may be missing, or others."""
+    if draw(st.sampled_from((True, False, False))):
+        return draw(st.binary() | st.text(alphabet="time,linear0123456789.-+eE\n\"' ;").map(str.encode))
+    rows = draw(st.lists(st.tuples(st.integers(0, 9), st.integers(-9, 9)), min_size=1, max_size=5).map(sorted))
+    text = "time,linear\n" + "".join(f"{time},{linear}\n" for time, linear in rows)
+    start = draw(st.integers(0, len(text)))
+    end = start + draw(st.sampled_from((0, 0, 1, 5)))
+    return (text[:start] + draw(st.sampled_from(("", "", "0", "-", ".5", "\n", '"', " ", ","))) + text[end:]).encode()
+
+
+@given(files())
+def test_whatever_a_file_holds_it_is_a_log_or_an_error_for_people(data: bytes) -> None:
+    try:
+        found = list(in_memory(data))
+    except RecordingError as error:
+        assert str(error).startswith("any.csv")  # noqa: PT017 - either is right
+    else:
+        assert found
+
+
+def in_memory(data: bytes) -> list[TimedCommand]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(replay, "open_regular", lambda *_, **__: io.BytesIO(data))
+        return list(read_csv(Path("any.csv"), "any.csv"))

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from sim_action.drives.steering import DrivenWheel, Kingpin, steered, tightest
+from sim_action.drives.ackermann import DrivenWheel, Kingpin, steered, tightest
 
 LEFT, RIGHT = Kingpin("l", 0.5, 0.2, 1.0), Kingpin("r", 0.5, -0.2, 1.0)
 BEHIND = Kingpin("b", -0.5, 0.2, 1.0)

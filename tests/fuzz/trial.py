@@ -26,8 +26,7 @@ from xml.etree import ElementTree as ET
 
 from sim_action.cli.main import call
 from sim_action.commands.controller_answers import answer_problem
-from sim_action.commands.external_program import ProcessCommands
-from sim_action.commands.json_protocol import AnswerError, parse_answer
+from sim_action.commands.external_program import AnswerError, ProcessCommands, parse_answer
 from sim_action.core.errors import InternalError, InvalidScenario, Problem
 from sim_action.core.permissions import Permissions
 from sim_action.core.workspace import Workspace

@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 import pytest
 
-from sim_action.commands.pure_pursuit import Leg, Point
+from sim_action.commands.waypoints import Leg, Point
 from sim_action.core.permissions import Permissions
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate

@@ -20,8 +20,7 @@ from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.robot.model.kinematics import link_poses, robot_box
 from sim_action.robot.model.robot_model import RobotModel
-from sim_action.sensors.rendering.appearance import Part, robot_parts, world_parts
-from sim_action.sensors.rendering.picture import Placed, draw
+from sim_action.sensors.rendering.picture import Part, Placed, draw, robot_parts, world_parts
 from sim_action.sensors.rendering.pinhole import Pinhole
 from sim_action.world import placed
 

@@ -15,7 +15,7 @@ from os import path
 from pathlib import Path, PurePath
 from typing import Any, Final, Literal
 
-from sim_action.commands.stderr_tail import StderrTail
+from sim_action.commands.line_protocol import StderrTail
 from sim_action.core.errors import ScriptError, SourceProblem
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.records import dataclass

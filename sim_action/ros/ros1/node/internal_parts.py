@@ -13,8 +13,9 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.drives import Drive, NoDrive, is_level
+from sim_action.drives import Drive, is_level
 from sim_action.drives.mecanum import NOT_LEVEL
+from sim_action.drives.plugins import NoDrive
 from sim_action.drives.wheels import centre_of_mass
 from sim_action.robot.model.kinematics import Mobility
 from sim_action.robot.model.robot_model import RobotModel

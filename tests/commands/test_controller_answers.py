@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from sim_action.commands.saturation import Saturation
+from sim_action.commands.controller_answers import Saturation
 from sim_action.core.geometry import Twist
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import JointTargets
