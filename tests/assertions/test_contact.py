@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from sim_action.assertions.combined import Negation
 from sim_action.assertions.contact import Touch
@@ -290,10 +289,6 @@ def test_how_near_it_came_is_told_where_that_is_known() -> None:
     assert touch(link="*_scan").channels == Channels(contacts=True)
 
 
-def test_it_needs_a_moment() -> None:
-    assert judged(touch(), trace([])).message == "no physics step to measure"
-
-
 @pytest.mark.parametrize(
     ("keys", "path", "message"),
     [
@@ -311,33 +306,6 @@ def test_names_that_are_none_are_problems(keys: dict[str, Any], path: str, messa
     ((where, found),) = touch(**keys).problems(scene())
     assert where == (path,)
     assert found.startswith(message)
-
-
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        ({"at_least": 0}, "greater than 0"),
-        ({"at_least": 2, "at_most": 1}, "nothing is at least 2 N and at most 1 N"),
-        ({"for": 0}, "greater than 0"),
-        ({"window": 0}, "greater than 0"),
-        ({"window": 11}, "less than or equal to 10"),
-        ({"impulse": {}}, "give 'at_least', 'at_most' or both"),
-        ({"impulse": {"at_least": 2, "at_most": 1}}, "nothing is at least 2 N s and at most 1 N s"),
-        ({"impulse": {"at_least": 0}}, "greater than 0"),
-        ({"impulse": {"at_most": "1 N"}}, "is not a unit of impulse; use one of: N s, Ns"),
-    ],
-)
-def test_what_no_touch_can_be_is_refused(keys: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValidationError, match=message):
-        touch(**keys)
-
-
-def test_the_title_says_what_is_asked() -> None:
-    assert touch().title == "contact with ball"
-    asked = touch(link="*_finger", at_least="1 N", at_most="20 N", **{"for": "500 ms"})
-    assert asked.title == "contact of *_finger with ball at least 1 N, at most 20 N over 50 ms, for 0.5 s"
-    asked = touch(at_most="20 N", impulse={"at_most": 0.6}, window="1.5 s")
-    assert asked.title == "contact with ball at most 20 N over 1.5 s, impulse at most 0.6 N s within 1.5 s"
 
 
 @pytest.mark.parametrize(

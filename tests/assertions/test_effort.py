@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import pytest
-from pydantic import ValidationError
 
 from sim_action.assertions.effort import Effort
 from sim_action.assertions.monitors import State
@@ -53,23 +51,6 @@ def test_joints_may_be_named() -> None:
     assert not judged(Effort(joints=(WHEEL,), at_most=1.0), SEEN).passed
 
 
-def test_it_needs_a_moment() -> None:
-    assert judged(Effort(rms_at_most=1.0), trace([])).message == "no physics step to measure"
-
-
-@pytest.mark.parametrize(
-    ("spec", "message"),
-    [
-        ({}, "give 'at_most', 'rms_at_most' or both"),
-        ({"at_most": "-1 N m"}, "'at_most' must not be less than 0"),
-        ({"rms_at_most": "1 m"}, "'m' is not a unit of torque or force"),
-    ],
-)
-def test_limits_that_are_none_are_refused(spec: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValidationError, match=message):
-        Effort.model_validate(spec)
-
-
 def test_a_limit_in_the_unit_of_another_kind_of_joint_is_a_problem() -> None:
     ((path, message),) = Effort(at_most="5 N").problems(scene())
     assert path == ("at_most",)
@@ -77,8 +58,3 @@ def test_a_limit_in_the_unit_of_another_kind_of_joint_is_a_problem() -> None:
     assert message.endswith("; select joints of one kind with 'joints'")
     ((path, message),) = Effort(joints=("elbow",), at_most=5).problems(scene())
     assert path == ("joints", 0)
-
-
-def test_the_title_says_what_is_asked() -> None:
-    assert Effort(at_most="5 N m", rms_at_most="2 N m").title == "effort at most 5 N m, RMS at most 2 N m"
-    assert Effort(joints=("elbow", "w*"), at_most=2).title == "effort of elbow, w* at most 2"

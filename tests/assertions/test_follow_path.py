@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
 from sim_action.assertions.follow_path import (
     FollowPath,
@@ -119,22 +118,6 @@ def test_before_its_window_the_robot_goes_on_and_is_not_judged() -> None:
 def test_a_robot_that_begins_beside_the_path_is_off_it() -> None:
     verdict = judged(FollowPath(path=LINE, max_error=0.5), way((0, 1), (1, 0)))
     assert (verdict.passed, verdict.time, verdict.measured) == (False, 1.0, 1.0)
-
-
-@pytest.mark.parametrize(
-    ("keys", "problem"),
-    [
-        ({"path": LINE}, "give 'max_error', 'rms', 'end' or several of them"),
-        ({"max_error": 0.1}, "give either 'path' or 'file'"),
-        ({"path": LINE, "file": "p.csv", "max_error": 0.1}, "give either 'path' or 'file'"),
-        ({"path": LINE[:1], "max_error": 0.1}, "at least 2 items"),
-        ({"path": (LINE[0], LINE[1], LINE[1]), "max_error": 0.1}, "point 3 of the path equals the point before it"),
-        ({"path": LINE, "max_error": 0}, "greater than 0"),
-    ],
-)
-def test_what_is_no_path_is_refused(keys: dict[str, Any], problem: str) -> None:
-    with pytest.raises(ValidationError, match=problem):
-        FollowPath.model_validate(keys)
 
 
 def problems_of(folder: Path, text: str) -> list[str]:

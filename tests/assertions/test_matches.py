@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
 from sim_action.assertions.matches import Matches
 from sim_action.assertions.monitors import State
@@ -209,30 +208,6 @@ def test_the_name_of_a_file_may_have_the_variation_in_it(tmp_path: Path) -> None
     assert message.startswith("'x-friction=0.4.csv' does not exist")
     [(_, message)] = problems(tmp_path, spec)
     assert message.startswith("the scenario has no variations, so $variation")
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {},
-        {"position": 0.0},
-        {"position": 1e-5},
-        {"yaw": 1e-5},
-        {"joints": {"*": "0.01 mm"}},
-        {"position": 1.0, "trace": "x.txt"},
-        {"position": 1.0, "trace": "$name.csv"},
-        {"position": 1.0, "duration": -1.0},
-        {"position": 1.0, "rate": 1001.0},
-    ],
-)
-def test_what_asks_for_nothing_or_too_much_is_refused(wrong: dict[str, Any]) -> None:
-    with pytest.raises(ValidationError):
-        Matches.model_validate({"trace": "x.csv", **wrong})
-
-
-def test_its_title_says_how_near() -> None:
-    spec = Matches(trace="golden/x.csv", position=0.02, joints={"elbow": "2 deg"})
-    assert spec.title == "matches golden/x.csv within 0.02 m, elbow 2 deg"
 
 
 def test_its_curves_are_the_errors_at_golden_moments_with_their_limits(tmp_path: Path) -> None:

@@ -80,11 +80,6 @@ def test_names_that_are_not_there_are_problems() -> None:
     ]
 
 
-def test_the_title_says_what_may_be_touched() -> None:
-    assert NoCollision().title == "no_collision"
-    assert NoCollision(allow=("wall", "ball")).title == "no_collision but wall, ball"
-
-
 def test_it_asks_for_contacts() -> None:
     assert NoCollision().channels.contacts
 

@@ -12,7 +12,6 @@ import pytest
 
 from sim_action.assertions.monitors import State
 from sim_action.assertions.sensor import SensorReading
-from sim_action.core.errors import InvalidPart
 from sim_action.sensors import SENSORS
 from sim_action.state.readings import READING_COLUMNS
 from sim_action.state.trace import Trace
@@ -130,15 +129,6 @@ def test_what_fits_is_no_problem() -> None:
     spec = SensorReading(name="imu", reading="angular_velocity_xyz", which="z", at_most="90 deg/s")
     assert list(spec.sensor_problems(KINDS)) == []
     assert spec.title == "sensor z of imu's angular_velocity_xyz at most 90 deg/s"
-
-
-@pytest.mark.parametrize(
-    ("bounds", "problem"),
-    [({}, "give 'at_least', 'at_most' or both"), ({"at_least": "2 m", "at_most": "30 cm"}, "nothing is at least 2")],
-)
-def test_bounds_that_ask_nothing_are_refused(bounds: dict[str, Any], problem: str) -> None:
-    with pytest.raises(InvalidPart, match=problem):
-        least(**bounds)
 
 
 def test_every_kind_of_sensor_has_its_columns() -> None:

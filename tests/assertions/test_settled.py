@@ -6,7 +6,6 @@ import dataclasses
 from typing import Any
 
 import pytest
-from pydantic import ValidationError
 
 from sim_action.assertions.settled import Settled
 from sim_action.scenario.model import DrivenRobot
@@ -70,20 +69,6 @@ def test_joints_of_a_bolted_robot_count_by_themselves() -> None:
     turning = trace([1.0, 2.0, 3.0], velocity=[1.0, 1.0, 1.0])
     assert not settled().monitor(bolted, START).observe(turning).verdict().passed
     assert settled(joints=False).monitor(bolted, START).observe(turning).verdict().passed
-
-
-def test_it_needs_a_moment() -> None:
-    assert judged(settled(), trace([])) == Verdict(False, None, 1.0, None, "s", None, "no physics step to measure")
-
-
-@pytest.mark.parametrize("keys", [{"for": 0}, {"speed": 0}, {"turn_rate": "1 m/s"}, {"speed": "1 rad/s"}])
-def test_what_cannot_be_rest_is_refused(keys: dict[str, Any]) -> None:
-    with pytest.raises(ValidationError):
-        settled(**keys)
-
-
-def test_the_title_says_what_is_asked() -> None:
-    assert settled(**{"for": "500 ms"}).title == "settled for 0.5 s"
 
 
 def test_a_robot_that_jumps_is_not_at_rest() -> None:

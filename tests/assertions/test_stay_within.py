@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import pytest
-from pydantic import ValidationError
-
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.state.verdict import Verdict
 from tests.traces import judged, trace
@@ -37,30 +32,6 @@ def test_a_face_belongs_to_the_box() -> None:
 
 def test_an_axis_left_out_is_free() -> None:
     assert judged(StayWithin(z=(-0.1, 0.1)), CURVE).passed
-
-
-def test_without_a_moment_there_is_nothing_to_say() -> None:
-    assert judged(StayWithin(x=(0.0, 1.0)), trace([])).message == "no physics step to measure"
-
-
-@pytest.mark.parametrize(
-    ("spec", "message"),
-    [
-        ({}, "give at least one of 'x', 'y' and 'z'"),
-        ({"x": (1, -1)}, "the bounds of 'x' are swapped or equal: 1 m is not less than -1 m"),
-        ({"x": (1, 1)}, "the bounds of 'x' are swapped or equal: 1 m is not less than 1 m"),
-        ({"x": ("1 s", 2)}, "'s' is not a unit of length"),
-        ({"x": (1,)}, "Field required"),
-    ],
-)
-def test_boxes_that_are_none_are_refused(spec: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValidationError, match=message):
-        StayWithin.model_validate(spec)
-
-
-def test_the_title_says_what_is_asked() -> None:
-    spec = StayWithin.model_validate({"x": ("-1 m", "2 m"), "z": (0, "50 cm")})
-    assert spec.title == "stay_within x -1 m to 2 m, z 0 m to 0.5 m"
 
 
 def test_a_hair_past_a_bound_is_told_apart_from_it() -> None:
