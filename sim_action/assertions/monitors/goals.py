@@ -6,7 +6,7 @@ A margin is the distance of a signal to its limit. It is positive on the allowed
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 from sim_action.assertions.monitors import State, Truth
 from sim_action.core import units
@@ -25,8 +25,14 @@ _DIGITS: Final = 9
 
 
 @dataclass(frozen=True, slots=True)
-class Goal:
-    """The fold of a goal: it comes true at the first margin >= 0. Until then it keeps the best step."""
+class MarginFold:
+    """The fold of a margin: it ends at the first step that decides. Until then it keeps the extreme step.
+
+    Attributes:
+        margin, time: of the step that decides, or of the extreme step; None before the first one. The time is in s.
+    """
+
+    ends_as: ClassVar[State]
 
     margin: float | None = None
     time: float | None = None
@@ -34,38 +40,34 @@ class Goal:
 
     def observe(self, time: FloatArray, margin: FloatArray) -> Self:
         """Return the fold after these steps; `time` in s and `margin`, each (T,)."""
-        if self.state is State.HOLDS or not len(time):
+        if self.state is self.ends_as or not len(time):
             return self
-        met = margin >= 0
-        index = int(met.argmax()) if met.any() else int(margin.argmax())
-        best = float(margin[index])
-        if met[index]:
-            return replace(self, margin=best, time=float(time[index]), state=State.HOLDS)
-        if self.margin is None or best > self.margin:
-            return replace(self, margin=best, time=float(time[index]))
+        is_goal = self.ends_as is State.HOLDS
+        decides = margin >= 0 if is_goal else ~(margin >= 0)  # NaN breaks an invariant
+        if decides.any():
+            index = int(decides.argmax())
+            return replace(self, margin=float(margin[index]), time=float(time[index]), state=self.ends_as)
+        index = int(margin.argmax() if is_goal else margin.argmin())
+        extreme = float(margin[index])
+        if self.margin is None or (extreme > self.margin if is_goal else extreme < self.margin):
+            return replace(self, margin=extreme, time=float(time[index]))
         return self
 
 
 @dataclass(frozen=True, slots=True)
-class Invariant:
+class Goal(MarginFold):
+    """The fold of a goal: it comes true at the first margin >= 0. Until then it keeps the best step."""
+
+    ends_as: ClassVar[State] = State.HOLDS
+
+
+@dataclass(frozen=True, slots=True)
+class Invariant(MarginFold):
     """The fold of an invariant: it breaks at the first margin < 0. Until then it keeps the worst step."""
 
-    margin: float | None = None
-    time: float | None = None
-    state: State = State.HOLDS
+    ends_as: ClassVar[State] = State.BROKEN
 
-    def observe(self, time: FloatArray, margin: FloatArray) -> Self:
-        """Return the fold after these steps; `time` in s and `margin`, each (T,)."""
-        if self.state is State.BROKEN or not len(time):
-            return self
-        broken = ~(margin >= 0)  # NaN breaks it
-        index = int(broken.argmax()) if broken.any() else int(margin.argmin())
-        worst = float(margin[index])
-        if broken[index]:
-            return replace(self, margin=worst, time=float(time[index]), state=State.BROKEN)
-        if self.margin is None or worst < self.margin:
-            return replace(self, margin=worst, time=float(time[index]))
-        return self
+    state: State = State.HOLDS
 
 
 def joined(*states: State) -> State:

@@ -258,6 +258,18 @@ def parts(formula: Formula) -> tuple[Formula, ...]:
             return (formula.formula,)
 
 
+def signed_parts(formula: Formula, contrary: bool) -> tuple[tuple[Formula, bool], ...]:
+    """Return the direct subformulas of a formula, or of its negation (`contrary`).
+
+    Each comes with True if its own negation makes the whole true.
+    """
+    if isinstance(formula, Not):
+        return ((formula.formula, not contrary),)
+    if isinstance(formula, Implies):
+        return (formula.premise, not contrary), (formula.conclusion, contrary)
+    return tuple((part, contrary) for part in parts(formula))
+
+
 def everything(formula: Formula) -> Iterator[Formula]:
     """Yield a formula and all its subformulas."""
     yield formula

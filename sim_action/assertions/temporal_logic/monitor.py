@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Final, NamedTuple, Self
+from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
 from typing_extensions import override
@@ -27,6 +27,7 @@ from sim_action.assertions.temporal_logic.formula import (
     parts,
     signals,
     signals_of,
+    signed_parts,
 )
 from sim_action.assertions.temporal_logic.operators import Extreme, Outcome, Part, UntilFold, lookahead
 from sim_action.assertions.temporal_logic.robustness import Cause, Samples, values
@@ -170,15 +171,9 @@ def open_formula(formula: Formula, *, contrary: bool = False) -> Part:
     match formula:
         case Not():
             return open_formula(formula.formula, contrary=not contrary)
-        case And() | Or():
-            parts = tuple(open_formula(part, contrary=contrary) for part in formula.formulas)
+        case And() | Or() | Implies():
+            parts = tuple(open_formula(part, contrary=flip) for part, flip in signed_parts(formula, contrary))
             return BooleanPart(parts, every=isinstance(formula, And) != contrary)
-        case Implies():
-            parts = (
-                open_formula(formula.premise, contrary=not contrary),
-                open_formula(formula.conclusion, contrary=contrary),
-            )
-            return BooleanPart(parts, every=contrary)
         case Always() | Eventually():
             inner = Not(formula.formula) if contrary else formula.formula
             return Extreme.of(inner, formula.interval, greatest=isinstance(formula, Eventually) != contrary)
@@ -229,31 +224,17 @@ def _told(decisive: Cause, unit: str) -> tuple[float, float, str]:
     return decisive.left, decisive.right, message
 
 
-class Asked(NamedTuple):
-    """A comparison, and True if its negation makes the formula true."""
-
-    comparison: Comparison
-    contrary: bool
-
-
-def asked(formula: Formula, *, contrary: bool = False) -> Iterator[Asked]:
-    """Yield all comparisons of a formula, from the left."""
-    match formula:
-        case Comparison():
-            yield Asked(formula, contrary)
-        case Not():
-            yield from asked(formula.formula, contrary=not contrary)
-        case Implies():
-            yield from asked(formula.premise, contrary=not contrary)
-            yield from asked(formula.conclusion, contrary=contrary)
-        case _:
-            for part in parts(formula):
-                yield from asked(part, contrary=contrary)
+def signed_comparisons(formula: Formula, *, contrary: bool = False) -> Iterator[tuple[Comparison, bool]]:
+    """Yield all comparisons of a formula from the left, with True for those whose negation makes it true."""
+    if isinstance(formula, Comparison):
+        yield formula, contrary
+    for part, flip in signed_parts(formula, contrary):
+        yield from signed_comparisons(part, contrary=flip)
 
 
 def compared(formula: Formula, samples: Samples, units: Mapping[Comparison, str]) -> Iterator[Curve]:
     """Yield one curve for each comparison: its measured value with its limit."""
-    for comparison, contrary in dict.fromkeys(asked(formula)):
+    for comparison, contrary in dict.fromkeys(signed_comparisons(formula)):
         left, right = (values(term, samples) for term in (comparison.left, comparison.right))
         name, limit = str(comparison.left), float(right[0])
         if any(signals(comparison.right)):

@@ -29,6 +29,7 @@ from sim_action.assertions.temporal_logic.formula import (
     Term,
     Until,
     horizon,
+    signed_parts,
 )
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
@@ -141,7 +142,8 @@ def robustness(formula: Formula, samples: Samples, *, contrary: bool = False, st
         case Not():
             return robustness(formula.formula, samples, contrary=not contrary, strong=strong)
         case And() | Or() | Implies():
-            parts = (robustness(part, samples, contrary=flip, strong=strong) for part, flip in asked(formula, contrary))
+            signed = signed_parts(formula, contrary)
+            parts = (robustness(part, samples, contrary=flip, strong=strong) for part, flip in signed)
             return reduce(np.minimum if isinstance(formula, And) != contrary else np.maximum, parts)
         case Always() | Eventually():
             first, last = windows = _windows(formula.interval, samples)
@@ -169,13 +171,6 @@ def until_operands(
     before = robustness(formula.before, samples, contrary=contrary, strong=True)
     strong = not contrary or (strong and formula.interval.is_finite)
     return before, robustness(formula.then, samples, contrary=contrary, strong=strong)
-
-
-def asked(formula: And | Or | Implies, contrary: bool) -> tuple[tuple[Formula, bool], ...]:
-    """Return the parts of a formula, and True for those whose negation makes it true, or its negation (`contrary`)."""
-    if isinstance(formula, Implies):
-        return (formula.premise, not contrary), (formula.conclusion, contrary)
-    return tuple((part, contrary) for part in formula.formulas)
 
 
 def _unseen(interval: Interval, samples: Samples) -> NDArray[np.bool_]:
@@ -262,7 +257,7 @@ def cause(
         case And() | Or() | Implies():
             decisive = min if isinstance(formula, And) != contrary else max
             part, flip = decisive(
-                asked(formula, contrary),
+                signed_parts(formula, contrary),
                 key=lambda one: float(robustness(one[0], ahead, contrary=one[1], strong=strong)[0]),
             )
             return cause(part, ahead, contrary=flip, strong=strong)

@@ -17,7 +17,6 @@ from sim_action.assertions.temporal_logic.formula import (
     Implies,
     Interval,
     Negative,
-    Not,
     Number,
     Product,
     Signal,
@@ -25,8 +24,8 @@ from sim_action.assertions.temporal_logic.formula import (
     Term,
     Until,
     comparisons,
-    parts,
     signals,
+    signed_parts,
 )
 from sim_action.core import units
 from sim_action.core.records import dataclass
@@ -142,22 +141,21 @@ def premises(formula: Formula) -> tuple[Premise, ...]:
 
 
 def _premises(formula: Formula, when: Interval, *, contrary: bool) -> Iterator[Premise]:
+    if isinstance(formula, Implies) and not contrary:
+        yield Premise(formula.premise, when)
+    for index, (part, flip) in enumerate(signed_parts(formula, contrary)):
+        yield from _premises(part, _judged(formula, index, when), contrary=flip)
+
+
+def _judged(formula: Formula, index: int, when: Interval) -> Interval:
+    """Return the times at which a direct subformula is judged; `when`: those of the formula."""
     match formula:
-        case Not():
-            yield from _premises(formula.formula, when, contrary=not contrary)
-        case Implies():
-            if not contrary:
-                yield Premise(formula.premise, when)
-            yield from _premises(formula.premise, when, contrary=not contrary)
-            yield from _premises(formula.conclusion, when, contrary=contrary)
-        case Always() | Eventually():
-            yield from _premises(formula.formula, _later(when, formula.interval), contrary=contrary)
-        case Until():
-            yield from _premises(formula.before, _later(when, Interval(0.0, formula.interval.end)), contrary=contrary)
-            yield from _premises(formula.then, _later(when, formula.interval), contrary=contrary)
+        case Until() if index == 0:
+            return _later(when, Interval(0.0, formula.interval.end))
+        case Always() | Eventually() | Until():
+            return _later(when, formula.interval)
         case _:
-            for part in parts(formula):
-                yield from _premises(part, when, contrary=contrary)
+            return when
 
 
 def _later(when: Interval, interval: Interval) -> Interval:
