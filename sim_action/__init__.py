@@ -12,85 +12,59 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
-from sim_action.core.version import __version__
+from sim_action.core.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from sim_action.app.library import load, run, validate
-    from sim_action.app.library_results import GateOutcome, Outcome, Results
-    from sim_action.commands.robot_description import JointDescription, RobotDescription
-    from sim_action.core.geometry import Pose, Twist
-    from sim_action.robot.model.link_motion import LinkMotion
-    from sim_action.scenario.written import Scenario
-    from sim_action.state.command import Command, JointTargets, LinkWrench
-    from sim_action.state.observation import Contact, JointState, LinkState, Observation
-    from sim_action.state.readings import CameraImage, ContactReading, ImuReading, LidarScan, OdometryReading
-    from sim_action.state.trace import Trace
-    from sim_action.state.verdict import Verdict
-
-__all__ = [
-    "CameraImage",
-    "Command",
-    "Contact",
-    "ContactReading",
-    "GateOutcome",
-    "ImuReading",
-    "JointDescription",
-    "JointState",
-    "JointTargets",
-    "LidarScan",
-    "LinkMotion",
-    "LinkState",
-    "LinkWrench",
-    "Observation",
-    "OdometryReading",
-    "Outcome",
-    "Pose",
-    "Results",
-    "RobotDescription",
-    "Scenario",
-    "Trace",
-    "Twist",
-    "Verdict",
-    "__version__",
-    "load",
-    "run",
-    "validate",
-]
+    from sim_action.app.library import load as load
+    from sim_action.app.library import run as run
+    from sim_action.app.library import validate as validate
+    from sim_action.app.library_results import GateOutcome as GateOutcome
+    from sim_action.app.library_results import Outcome as Outcome
+    from sim_action.app.library_results import Results as Results
+    from sim_action.commands.robot_description import JointDescription as JointDescription
+    from sim_action.commands.robot_description import RobotDescription as RobotDescription
+    from sim_action.core.geometry import Pose as Pose
+    from sim_action.core.geometry import Twist as Twist
+    from sim_action.robot.model.link_motion import LinkMotion as LinkMotion
+    from sim_action.scenario.written import Scenario as Scenario
+    from sim_action.state.command import Command as Command
+    from sim_action.state.command import JointTargets as JointTargets
+    from sim_action.state.command import LinkWrench as LinkWrench
+    from sim_action.state.observation import Contact as Contact
+    from sim_action.state.observation import JointState as JointState
+    from sim_action.state.observation import LinkState as LinkState
+    from sim_action.state.observation import Observation as Observation
+    from sim_action.state.readings import CameraImage as CameraImage
+    from sim_action.state.readings import ContactReading as ContactReading
+    from sim_action.state.readings import ImuReading as ImuReading
+    from sim_action.state.readings import LidarScan as LidarScan
+    from sim_action.state.readings import OdometryReading as OdometryReading
+    from sim_action.state.trace import Trace as Trace
+    from sim_action.state.verdict import Verdict as Verdict
 
 _HOMES = {
-    "CameraImage": "sim_action.state.readings",
-    "Command": "sim_action.state.command",
-    "Contact": "sim_action.state.observation",
-    "ContactReading": "sim_action.state.readings",
-    "GateOutcome": "sim_action.app.library_results",
-    "ImuReading": "sim_action.state.readings",
-    "JointDescription": "sim_action.commands.robot_description",
-    "JointState": "sim_action.state.observation",
-    "JointTargets": "sim_action.state.command",
-    "LidarScan": "sim_action.state.readings",
-    "LinkMotion": "sim_action.robot.model.link_motion",
-    "LinkState": "sim_action.state.observation",
-    "LinkWrench": "sim_action.state.command",
-    "Observation": "sim_action.state.observation",
-    "OdometryReading": "sim_action.state.readings",
-    "Outcome": "sim_action.app.library_results",
-    "Pose": "sim_action.core.geometry",
-    "Results": "sim_action.app.library_results",
-    "RobotDescription": "sim_action.commands.robot_description",
-    "Scenario": "sim_action.scenario.written",
-    "Trace": "sim_action.state.trace",
-    "Twist": "sim_action.core.geometry",
-    "Verdict": "sim_action.state.verdict",
-    "load": "sim_action.app.library",
-    "run": "sim_action.app.library",
-    "validate": "sim_action.app.library",
+    "sim_action.app.library": ("load", "run", "validate"),
+    "sim_action.app.library_results": ("GateOutcome", "Outcome", "Results"),
+    "sim_action.commands.robot_description": ("JointDescription", "RobotDescription"),
+    "sim_action.core.geometry": ("Pose", "Twist"),
+    "sim_action.core.version": ("__version__",),
+    "sim_action.robot.model.link_motion": ("LinkMotion",),
+    "sim_action.scenario.written": ("Scenario",),
+    "sim_action.state.command": ("Command", "JointTargets", "LinkWrench"),
+    "sim_action.state.observation": ("Contact", "JointState", "LinkState", "Observation"),
+    "sim_action.state.readings": ("CameraImage", "ContactReading", "ImuReading", "LidarScan", "OdometryReading"),
+    "sim_action.state.trace": ("Trace",),
+    "sim_action.state.verdict": ("Verdict",),
 }
+_MODULES = {name: module for module, names in _HOMES.items() for name in names}
+
+__all__ = list(_MODULES)
 
 
 def __getattr__(name: str) -> object:
-    if name not in _HOMES:
+    if name not in _MODULES:
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
-    return getattr(importlib.import_module(_HOMES[name]), name)
+    return getattr(importlib.import_module(_MODULES[name]), name)
 
 
 def __dir__() -> list[str]:

@@ -7,74 +7,45 @@ sensor derives from `Sensor`; a reading is a `Values`. A package names its class
 
 from __future__ import annotations
 
-from sim_action.assertions import Assertion
-from sim_action.assertions.monitors import Monitor, State, Truth
-from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor, check_bounds
-from sim_action.assertions.monitors.goals import Goal, Invariant
-from sim_action.core.field_types import (
-    Metres,
-    MetresPerSecond,
-    NonNegativeSeconds,
-    PositiveMetres,
-    PositiveMetresPerSecond,
-    PositiveNewtons,
-    PositiveRadians,
-    PositiveRadiansPerSecond,
-    PositiveRatio,
-    PositiveSeconds,
-    Radians,
-    RadiansPerSecond,
-    Ratio,
-)
-from sim_action.core.units import ACCELERATION, ANGULAR_SPEED, FORCE, LENGTH, RATIO, SPEED, display
-from sim_action.sensors import Measure, Mount, Sensor, Sight
-from sim_action.state.observation import Observation
-from sim_action.state.readings import ReadingColumn, Values
-from sim_action.state.trace_channels import Channels, ClearanceWatch
-from sim_action.state.verdict import Judged, Signal, Verdict
-from sim_action.world.scene import Scene
-
-__all__ = [
-    "ACCELERATION",
-    "ANGULAR_SPEED",
-    "FORCE",
-    "LENGTH",
-    "RATIO",
-    "SPEED",
-    "Assertion",
-    "Bounds",
-    "Channels",
-    "ClearanceWatch",
-    "Goal",
-    "Invariant",
-    "Judged",
-    "Measure",
-    "Metres",
-    "MetresPerSecond",
-    "Monitor",
-    "Mount",
-    "NonNegativeSeconds",
-    "Observation",
-    "PositiveMetres",
-    "PositiveMetresPerSecond",
-    "PositiveNewtons",
-    "PositiveRadians",
-    "PositiveRadiansPerSecond",
-    "PositiveRatio",
-    "PositiveSeconds",
-    "Radians",
-    "RadiansPerSecond",
-    "Ratio",
-    "ReadingColumn",
-    "Scene",
-    "Sensor",
-    "Sight",
-    "Signal",
-    "SignalMonitor",
-    "State",
-    "Truth",
-    "Values",
-    "Verdict",
-    "check_bounds",
-    "display",
-]
+from sim_action.assertions import Assertion as Assertion
+from sim_action.assertions.monitors import Monitor as Monitor
+from sim_action.assertions.monitors import State as State
+from sim_action.assertions.monitors import Truth as Truth
+from sim_action.assertions.monitors.bounds import Bounds as Bounds
+from sim_action.assertions.monitors.bounds import SignalMonitor as SignalMonitor
+from sim_action.assertions.monitors.bounds import check_bounds as check_bounds
+from sim_action.assertions.monitors.goals import Goal as Goal
+from sim_action.assertions.monitors.goals import Invariant as Invariant
+from sim_action.core.field_types import Metres as Metres
+from sim_action.core.field_types import MetresPerSecond as MetresPerSecond
+from sim_action.core.field_types import NonNegativeSeconds as NonNegativeSeconds
+from sim_action.core.field_types import PositiveMetres as PositiveMetres
+from sim_action.core.field_types import PositiveMetresPerSecond as PositiveMetresPerSecond
+from sim_action.core.field_types import PositiveNewtons as PositiveNewtons
+from sim_action.core.field_types import PositiveRadians as PositiveRadians
+from sim_action.core.field_types import PositiveRadiansPerSecond as PositiveRadiansPerSecond
+from sim_action.core.field_types import PositiveRatio as PositiveRatio
+from sim_action.core.field_types import PositiveSeconds as PositiveSeconds
+from sim_action.core.field_types import Radians as Radians
+from sim_action.core.field_types import RadiansPerSecond as RadiansPerSecond
+from sim_action.core.field_types import Ratio as Ratio
+from sim_action.core.units import ACCELERATION as ACCELERATION
+from sim_action.core.units import ANGULAR_SPEED as ANGULAR_SPEED
+from sim_action.core.units import FORCE as FORCE
+from sim_action.core.units import LENGTH as LENGTH
+from sim_action.core.units import RATIO as RATIO
+from sim_action.core.units import SPEED as SPEED
+from sim_action.core.units import display as display
+from sim_action.sensors import Measure as Measure
+from sim_action.sensors import Mount as Mount
+from sim_action.sensors import Sensor as Sensor
+from sim_action.sensors import Sight as Sight
+from sim_action.state.observation import Observation as Observation
+from sim_action.state.readings import ReadingColumn as ReadingColumn
+from sim_action.state.readings import Values as Values
+from sim_action.state.trace_channels import Channels as Channels
+from sim_action.state.trace_channels import ClearanceWatch as ClearanceWatch
+from sim_action.state.verdict import Judged as Judged
+from sim_action.state.verdict import Signal as Signal
+from sim_action.state.verdict import Verdict as Verdict
+from sim_action.world.scene import Scene as Scene

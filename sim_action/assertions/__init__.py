@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, ClassVar, Final, Self
+from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Self
 
 from sim_action.assertions.monitors import AdaptedMonitor, Monitor
 from sim_action.assertions.monitors.becoming import BecomingTrue, becoming_true
@@ -31,12 +31,34 @@ if TYPE_CHECKING:
 
 _MAX_TITLE: Final = 100
 
+NO_READING: Final = "The sensor had no reading between `after` and `before`, or the run ended before `after`."
+"""When an assertion on the readings of a sensor is not exercised."""
+
+
+class Reference(NamedTuple):
+    """The facts about an assertion for the documents, besides its docstring and its fields.
+
+    Attributes:
+        page: the page of docs/scenario, which is `assertions-PAGE.md`: motion, contact, joints or logic.
+        kind: a goal, an invariant, or judged at the end of the run; by key if its keys differ.
+        passed, failed, not_exercised: when it has this verdict, in one or two sentences.
+    """
+
+    page: str
+    kind: str
+    passed: str
+    failed: str
+    not_exercised: str = "The run ended before `after`."
+
 
 class Assertion(FrozenModel):
     """The base class of all assertions."""
 
     key: ClassVar[str]
     """The name in YAML."""
+
+    reference: ClassVar[Reference]
+    """The facts for the documents; assertions of installed packages need none."""
 
     bare_value: ClassVar[str | None] = None
     """The key whose text may replace the whole map in YAML; None if there is none."""

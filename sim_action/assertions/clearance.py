@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from sim_action.assertions import Assertion
+from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import bounds_title, check_bounds
 from sim_action.assertions.monitors.goals import Goal, Invariant, joined
@@ -44,6 +44,14 @@ class Clearance(Assertion):
     """
 
     key: ClassVar[str] = "clearance"
+    reference: ClassVar[Reference] = Reference(
+        "contact",
+        "`at_least`: invariant; `at_most`: goal",
+        "The distance was at least `at_least` at every step; or it was greater than `at_most` and then fell to it.",
+        "The distance was less than `at_least` at a step; or it never fell to `at_most`, or only at t = 0.",
+        "A link with a collision shape and a body of `to` were never there together, for example because "
+        "the body appeared later. Or the run ended before `after`.",
+    )
     measured_unit: ClassVar[str | None] = "m"
     sees_shapes: ClassVar[bool] = True
 

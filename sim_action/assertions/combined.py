@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 from pydantic import Field
 from typing_extensions import override
 
-from sim_action.assertions import Assertion, shortened_title
+from sim_action.assertions import Assertion, Reference, shortened_title
 from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.monitors.combination import AtOnceMonitor, Combination, NegationMonitor
 from sim_action.assertions.monitors.window import Window
@@ -177,6 +177,13 @@ class AllOf(Joined):
     """
 
     key: ClassVar[str] = "all_of"
+    reference: ClassVar[Reference] = Reference(
+        "logic",
+        "goal if one of its assertions is a goal, else invariant",
+        "Each part passed, at the same moment or at different ones.",
+        "A part failed.",
+        "No part failed, and a part was never judged.",
+    )
     every: ClassVar[bool] = True
 
 
@@ -191,6 +198,13 @@ class AnyOf(Joined):
     """
 
     key: ClassVar[str] = "any_of"
+    reference: ClassVar[Reference] = Reference(
+        "logic",
+        "goal if one of its assertions is a goal, else invariant",
+        "At least one part passed. A part that passes in every run hides the others.",
+        "Every part failed.",
+        "No part passed, and a part was never judged.",
+    )
     every: ClassVar[bool] = False
 
     @property
@@ -208,6 +222,12 @@ class AtOnce(Several):
     """
 
     key: ClassVar[str] = "at_once"
+    reference: ClassVar[Reference] = Reference(
+        "logic",
+        "goal",
+        "All parts were true at one moment, after a moment at which one was false.",
+        "The parts were never true together, or only from t = 0 on.",
+    )
 
     is_goal: ClassVar[bool] = True
 
@@ -248,6 +268,13 @@ class Negation(Combined):
     """
 
     key: ClassVar[str] = "not"
+    reference: ClassVar[Reference] = Reference(
+        "logic",
+        "invariant if its assertion is a goal, and the other way round",
+        "The part failed.",
+        "The part passed.",
+        "The part was never judged.",
+    )
 
     part: Annotated[Assertion, Field(description="the assertion, which is the whole value")]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from sim_action.assertions import Assertion
+from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import Bounds, bounds_title, check_bounds, check_order
 from sim_action.assertions.monitors.contact_force import Forces, MeanForce, duration_text, times_of
@@ -76,6 +76,14 @@ class Touch(Assertion):
     """
 
     key: ClassVar[str] = "contact"
+    reference: ClassVar[Reference] = Reference(
+        "contact",
+        "goal; `at_most` alone: invariant",
+        "The robot touched the body for the time `for`, with at least `at_least`, and never with more than "
+        "`at_most`. With `at_most` alone: no mean force or impulse exceeded it. If the robot never touched "
+        "the body, the [audit of claims](claims.md) adds a warning.",
+        "The robot never touched the body so long or so strongly, or a mean force or impulse exceeded `at_most`.",
+    )
     sees_shapes: ClassVar[bool] = True
     bare_value: ClassVar[str | None] = "with"
 

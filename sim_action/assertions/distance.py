@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
+from sim_action.assertions import Reference
 from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.monitors.bounds import Bounds, BoundsMonitor, SignalMonitor, bounds_title, check_bounds
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
@@ -56,6 +57,12 @@ class Travel(LengthBounds):
     """
 
     key: ClassVar[str] = "travel"
+    reference: ClassVar[Reference] = Reference(
+        "motion",
+        "`at_least`: goal; `at_most`: invariant",
+        "The distance reached `at_least` at some step, and exceeded `at_most` at no step.",
+        "The distance never reached `at_least`, or it exceeded `at_most` at a step.",
+    )
     ceilings: ClassVar[tuple[Ceiling, ...]] = (
         Ceiling("at_most", "m", f"{UNSTABLE}max_distance", lambda setting: setting.physics.max_distance),
     )
@@ -83,6 +90,12 @@ class PathLength(LengthBounds):
     """
 
     key: ClassVar[str] = "path_length"
+    reference: ClassVar[Reference] = Reference(
+        "motion",
+        "`at_least`: goal; `at_most`: invariant",
+        "The length reached `at_least`, and never exceeded `at_most`.",
+        "The length never reached `at_least`, or it exceeded `at_most`.",
+    )
     ceilings: ClassVar[tuple[Ceiling, ...]] = (
         Ceiling(
             "at_most",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from sim_action.assertions import Assertion, shortened_title
+from sim_action.assertions import Assertion, Reference, shortened_title
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.bounds import AllLimits, Bounds, SignalMonitor
 from sim_action.core import units
@@ -45,6 +45,12 @@ class Effort(Assertion):
     """
 
     key: ClassVar[str] = "effort"
+    reference: ClassVar[Reference] = Reference(
+        "joints",
+        "`at_most`: invariant; `rms_at_most`: judged at the end",
+        "No effort exceeded `at_most` at any step, and each RMS at the end is at most `rms_at_most`.",
+        "An effort exceeded `at_most` at a step, or an RMS is greater than `rms_at_most`.",
+    )
 
     joints: Annotated[
         tuple[str, ...], Field(description="names, or patterns such as '*_wheel_joint'; default: all moving joints")

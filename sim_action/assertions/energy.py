@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 from pydantic import Field
 from typing_extensions import override
 
-from sim_action.assertions import Assertion, shortened_title
+from sim_action.assertions import Assertion, Reference, shortened_title
 from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.monitors.bounds import Bounds, BoundsMonitor
 from sim_action.core import units
@@ -36,6 +36,12 @@ class Energy(Assertion):
     """
 
     key: ClassVar[str] = "energy"
+    reference: ClassVar[Reference] = Reference(
+        "joints",
+        "invariant",
+        "The work never exceeded `at_most`. A robot that stands still passes.",
+        "The work exceeded `at_most`.",
+    )
     measured_unit: ClassVar[str | None] = "J"
 
     at_most: Annotated[NonNegativeJoules, Field(description="an invariant: must not be exceeded")]

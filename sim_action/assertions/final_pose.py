@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
+from sim_action.assertions import Reference
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.goals import ClosestApproach
 from sim_action.assertions.monitors.watched import Watched
@@ -38,6 +39,12 @@ class FinalPose(PoseTarget):
     """
 
     key: ClassVar[str] = "final_pose"
+    reference: ClassVar[Reference] = Reference(
+        "motion",
+        "judged at the end",
+        "At the last step, place and heading were within the tolerances.",
+        "At the last step, the place or the heading was outside its tolerance.",
+    )
 
     relative: Annotated[
         bool, Field(description="relative to the start pose (x ahead, y to the left); else in 'frame'")

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, NamedTuple, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
+from sim_action.assertions import Reference
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.goals import Goal, Invariant, joined
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
@@ -79,6 +80,12 @@ class FollowPath(MotionAssertion):
     """
 
     key: ClassVar[str] = "follow_path"
+    reference: ClassVar[Reference] = Reference(
+        "motion",
+        "`max_error`: invariant; `end`: goal; `rms`: judged at the end",
+        "The distance exceeded `max_error` at no step, its `rms` is within the limit, and the `end` was reached.",
+        "The distance exceeded `max_error` at a step, its `rms` is greater, or the `end` was not reached.",
+    )
     subject_ends: ClassVar[str] = ": "
 
     path: Annotated[

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 from pydantic import Field
 from typing_extensions import override
 
-from sim_action.assertions import Assertion
+from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
 from sim_action.assertions.monitors.goals import Goal, HoldTime
 from sim_action.assertions.monitors.window import counted
@@ -54,6 +54,12 @@ class Grasped(Assertion):
     """
 
     key: ClassVar[str] = "grasped"
+    reference: ClassVar[Reference] = Reference(
+        "contact",
+        "goal",
+        "The object was not held, and then it was held for the time `for`, with at least `at_least`.",
+        "The object was never held so long or so strongly, or only from t = 0 on.",
+    )
 
     object: Annotated[str, Field(min_length=1, description="name of the object, which must have a mass")]
     by: Annotated[tuple[str, ...], Field(min_length=1, description="two or more links, or patterns such as '*_finger'")]

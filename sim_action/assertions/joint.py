@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from sim_action.assertions import Assertion, shortened_title
+from sim_action.assertions import Assertion, Reference, shortened_title
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import Bounds, Interval, IntervalsMonitor, SignalMonitor, check_order
 from sim_action.assertions.monitors.goals import ClosestApproach
@@ -43,6 +43,12 @@ class JointReading(Assertion):
     """
 
     key: ClassVar[str] = "joint"
+    reference: ClassVar[Reference] = Reference(
+        "joints",
+        "`at_least`, `near`: goal; `at_most`: invariant",
+        "The reading reached `at_least`, or came `near` after it was elsewhere, and exceeded `at_most` at no step.",
+        "The reading never got there, was there only at t = 0, or exceeded `at_most` at a step.",
+    )
 
     name: Annotated[str, Field(min_length=1, description="name of the joint in the model")]
     reading: Reading = "position"
@@ -170,6 +176,12 @@ class JointWithin(Assertion):
     """
 
     key: ClassVar[str] = "joint_within"
+    reference: ClassVar[Reference] = Reference(
+        "joints",
+        "invariant",
+        "All readings were between their bounds at every step.",
+        "A reading was outside a bound at a step.",
+    )
 
     position: Annotated[dict[str, tuple[JointPosition, JointPosition]], Field(description=_BOUNDS)] = Field(
         default_factory=dict

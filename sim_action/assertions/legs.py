@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from sim_action.assertions import Assertion
+from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import check_order
 from sim_action.assertions.monitors.goals import Invariant, joined
@@ -92,6 +92,13 @@ class FeetOnGround(Feet):
     """
 
     key: ClassVar[str] = "feet_on_ground"
+    reference: ClassVar[Reference] = Reference(
+        "contact",
+        "invariant",
+        "At every step, at least `at_least` and at most `at_most` of the feet were on the ground. If no "
+        "foot ever was, the [audit of claims](claims.md) adds a warning to an `at_most` above 0.",
+        "At a step, fewer or more feet were on the ground.",
+    )
 
     at_least: Annotated[int | None, Field(ge=1, description="an invariant: number of feet; default: all")] = None
     at_most: Annotated[
@@ -331,6 +338,12 @@ class SupportMargin(Feet):
     """
 
     key: ClassVar[str] = "support_margin"
+    reference: ClassVar[Reference] = Reference(
+        "contact",
+        "invariant",
+        "At every step, the centre of mass was at least `at_least` inside the support polygon.",
+        "At a step, the centre of mass was nearer to the edge or outside, or no foot was on the ground.",
+    )
     measured_unit: ClassVar[str | None] = "m"
 
     at_least: Annotated[Metres, Field(description="an invariant: distance of the centre of mass to the edge")] = 0.0

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from sim_action.assertions import Assertion, shortened_title
+from sim_action.assertions import Assertion, Reference, shortened_title
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.core import units
 from sim_action.core.errors import FileProblem
@@ -79,6 +79,12 @@ class Matches(Assertion):
     """
 
     key: ClassVar[str] = "matches"
+    reference: ClassVar[Reference] = Reference(
+        "logic",
+        "invariant that does not end the run",
+        "Each row of the file is within the tolerances, and both runs have the same length up to `duration`.",
+        "A row differs by more than a tolerance, or one run is longer by more than `duration`.",
+    )
     has_golden: ClassVar[bool] = True
     ceilings: ClassVar[tuple[Ceiling, ...]] = (Ceiling("yaw", "rad", HEADINGS),)
 

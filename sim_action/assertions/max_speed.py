@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
+from sim_action.assertions import Reference
 from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.bounds import AllLimits, Bounds, BoundsMonitor
@@ -33,6 +34,12 @@ class MaxSpeed(MotionAssertion):
     """
 
     key: ClassVar[str] = "max_speed"
+    reference: ClassVar[Reference] = Reference(
+        "motion",
+        "invariant",
+        "Speed and turn rate were within the limits at every step. A robot that stands still passes.",
+        "The speed or the turn rate exceeded its limit at a step, or the base jumped.",
+    )
     ceilings: ClassVar[tuple[Ceiling, ...]] = (
         Ceiling("linear", "m/s", f"{UNSTABLE}max_speed", lambda setting: setting.physics.max_speed),
         Ceiling("angular", "rad/s", f"{UNSTABLE}max_turn_rate", lambda setting: setting.physics.max_turn_rate),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field
 from typing_extensions import override
 
-from sim_action.assertions import Assertion
+from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
 from sim_action.assertions.monitors.contact_force import MeanForce, duration_text, times_of
 from sim_action.assertions.monitors.proximity import strength, touching_at, with_zeros
@@ -35,6 +35,13 @@ class NoCollision(Assertion):
     """
 
     key: ClassVar[str] = "no_collision"
+    reference: ClassVar[Reference] = Reference(
+        "contact",
+        "invariant",
+        "The robot touched no body at any step. With no body that it could touch, the [audit of "
+        "claims](claims.md) adds a warning.",
+        "The robot touched a body that `allow` does not name.",
+    )
     measured_unit: ClassVar[str | None] = "contacts"
     sees_shapes: ClassVar[bool] = True
     slow_modules: ClassVar[tuple[str, ...]] = ("robot.model.link_pairs",)

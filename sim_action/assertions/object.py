@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from sim_action.assertions import Assertion
+from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import (
     Monitor,
     State,
@@ -100,6 +100,14 @@ class ObjectAssertion(Assertion):
     """
 
     key: ClassVar[str] = "object"
+    reference: ClassVar[Reference] = Reference(
+        "contact",
+        "`reach`, `settled`, `moved: at_least`, `moved: up`: goal; others: invariant",
+        "`reach`, `settled`, `moved` with `at_least` or `up`: the object was elsewhere or in motion, and "
+        "then it came true. `stay_within`, `upright`, `moved` with `at_most`: it held at every step.",
+        "The goal never came true, or only from t = 0 on; or a limit was exceeded at a step.",
+        "The object never appeared, or the run ended before `after`.",
+    )
 
     name: Annotated[str, Field(min_length=1, description="name of the object")]
     reach: Annotated[Annotated[Reach, _OF_ROBOT] | None, Field(description="a goal: it comes to a place")] = None

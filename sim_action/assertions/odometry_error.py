@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from sim_action.assertions import Assertion
+from sim_action.assertions import NO_READING, Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.goals import Invariant, joined
 from sim_action.assertions.sensor import MORE_READINGS
@@ -49,6 +49,13 @@ class OdometryError(Assertion):
     """
 
     key: ClassVar[str] = "odometry_error"
+    reference: ClassVar[Reference] = Reference(
+        "joints",
+        "invariant",
+        "No reading differed from the true pose by more than the limits.",
+        "A reading differed from the true pose by more than a limit.",
+        NO_READING,
+    )
     ceilings: ClassVar[tuple[Ceiling, ...]] = (Ceiling("yaw", "rad", HEADINGS),)
     more_moments: ClassVar[str] = MORE_READINGS
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
+from sim_action.assertions import Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.goals import ClosestApproach
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
@@ -155,6 +156,12 @@ class Reach(PoseTarget):
     """
 
     key: ClassVar[str] = "reach"
+    reference: ClassVar[Reference] = Reference(
+        "motion",
+        "goal",
+        "The robot was elsewhere, and then came to the place, with the heading `yaw` if it is given.",
+        "The robot never came so near, or it was there at t = 0 and never came back.",
+    )
 
     x: Metres
     y: Metres

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 from pydantic import Field, field_validator
 from typing_extensions import override
 
-from sim_action.assertions import Assertion, shortened_title
+from sim_action.assertions import Assertion, Reference, shortened_title
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.contact_force import times_of
 from sim_action.assertions.monitors.proximity import touching_at, with_zeros
@@ -42,6 +42,12 @@ class SelfCollision(Assertion):
     """
 
     key: ClassVar[str] = "self_collision"
+    reference: ClassVar[Reference] = Reference(
+        "contact",
+        "invariant",
+        "No two links of the robot touched each other at any step, except neighbours and allowed pairs.",
+        "Two links touched each other that `allow` does not name.",
+    )
     measured_unit: ClassVar[str | None] = "contacts"
 
     allow: Annotated[

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from sim_action.assertions import Assertion
+from sim_action.assertions import NO_READING, Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import check_bounds
 from sim_action.assertions.monitors.goals import Goal, Invariant
@@ -57,6 +57,13 @@ class SensorReading(Assertion):
     """
 
     key: ClassVar[str] = "sensor"
+    reference: ClassVar[Reference] = Reference(
+        "joints",
+        "invariant; with `once`: goal",
+        "Every reading was within the bounds. With `once`: a reading was outside the bounds, and a later one inside.",
+        "A reading was outside the bounds. With `once`: no reading was inside, or only from the first one on.",
+        NO_READING,
+    )
     more_moments: ClassVar[str] = MORE_READINGS
 
     name: Annotated[str, Field(min_length=1, description="name of the sensor in the scenario")]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, Self
 from pydantic import Field
 from typing_extensions import override
 
-from sim_action.assertions import Assertion
+from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.goals import HoldTime
@@ -56,6 +56,12 @@ class Settled(AtRest, MotionAssertion):
     """
 
     key: ClassVar[str] = "settled"
+    reference: ClassVar[Reference] = Reference(
+        "motion",
+        "goal",
+        "The robot moved, and then was at rest for the time `for`.",
+        "The robot was never at rest for so long, or it was at rest from t = 0 on and never moved.",
+    )
     subject_ends: ClassVar[str] = ": "
 
     joints: Annotated[

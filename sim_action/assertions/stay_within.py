@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
+from sim_action.assertions import Reference
 from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.monitors.bounds import Interval, IntervalsMonitor, check_interval
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
@@ -32,6 +33,12 @@ class StayWithin(MotionAssertion):
     """
 
     key: ClassVar[str] = "stay_within"
+    reference: ClassVar[Reference] = Reference(
+        "motion",
+        "invariant",
+        "The robot was between the bounds at every step.",
+        "The robot was outside a bound at a step.",
+    )
 
     x: Annotated[Range | None, Field(description="an invariant: [lower, upper]")] = None
     y: Annotated[Range | None, Field(description="an invariant: [lower, upper]")] = None

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
+from sim_action.assertions import Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.bounds import check_interval
@@ -42,6 +43,12 @@ class StopsBefore(AtRest):
     """
 
     key: ClassVar[str] = "stops_before"
+    reference: ClassVar[Reference] = Reference(
+        "contact",
+        "goal; not touching: invariant",
+        "The robot moved, and then was at rest for the time `for` with an allowed gap.",
+        "The robot touched the body, was never at rest for so long with an allowed gap, or only from t = 0 on.",
+    )
     sees_shapes: ClassVar[bool] = True
 
     body: Annotated[str, Field(min_length=1, description="name of the object")]

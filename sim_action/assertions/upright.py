@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 from pydantic import Field
 from typing_extensions import override
 
+from sim_action.assertions import Reference
 from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
@@ -24,6 +25,12 @@ class Upright(MotionAssertion):
     """The angle between the z axis of the base link, or of `link`, and that of `frame` never exceeds `max_tilt`."""
 
     key: ClassVar[str] = "upright"
+    reference: ClassVar[Reference] = Reference(
+        "motion",
+        "invariant",
+        "The tilt was at most `max_tilt` at every step.",
+        "The tilt exceeded `max_tilt` at a step.",
+    )
     measured_unit: ClassVar[str | None] = "rad"
     ceilings: ClassVar[tuple[Ceiling, ...]] = (Ceiling("max_tilt", "rad", "a tilt is at most 180 deg"),)
 

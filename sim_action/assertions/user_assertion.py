@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from sim_action.assertions import Assertion
+from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.field_types import NamesFile
@@ -69,6 +69,13 @@ class UserAssertion(Assertion):
     """
 
     key: ClassVar[str] = "assertion"
+    reference: ClassVar[Reference] = Reference(
+        "logic",
+        "as the attribute `kind` of the class says",
+        "`judge` returned a verdict that has passed. The class decides if anything was checked.",
+        "`judge` returned a verdict that has not passed.",
+        "`judge` never returned a verdict, or it was never called because the run ended before `after`.",
+    )
     bare_value: ClassVar[str | None] = "class"
     runs_user_code: ClassVar[bool] = True
 

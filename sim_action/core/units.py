@@ -36,8 +36,15 @@ class Dimension:
     example: str
 
 
+# Those that have units, in the order of messages.
+_DIMENSIONS: Final[list[Dimension]] = []
+
+
 def _dimension(name: str, si: str, others: dict[str, float] | None = None, example: str = "") -> Dimension:
-    return Dimension(name, si, MappingProxyType({si: 1.0, **(others or {})}), example or f"20 {si}")
+    dimension = Dimension(name, si, MappingProxyType({si: 1.0, **(others or {})}), example or f"20 {si}")
+    if any(dimension.factors):
+        _DIMENSIONS.append(dimension)
+    return dimension
 
 
 TIME: Final = _dimension("time", "s", {"ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0})
@@ -57,24 +64,6 @@ RATIO: Final = _dimension("ratio", "")
 SHARE: Final = _dimension("share", "", {"%": 1e-2}, "20 %")
 DATA: Final = _dimension(
     "amount of data", "B", {"kB": 1e3, "MB": 1e6, "GB": 1e9, "KiB": 2.0**10, "MiB": 2.0**20, "GiB": 2.0**30}, "2 GB"
-)
-
-_DIMENSIONS: Final = (
-    TIME,
-    LENGTH,
-    ANGLE,
-    FREQUENCY,
-    MASS,
-    SPEED,
-    ANGULAR_SPEED,
-    ACCELERATION,
-    FORCE,
-    IMPULSE,
-    TORQUE,
-    ENERGY,
-    INERTIA,
-    SHARE,
-    DATA,
 )
 
 _QUANTITY: Final = re.compile(r"([-+]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?)\s*+(\S.*)?")

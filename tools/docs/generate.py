@@ -1,4 +1,4 @@
-"""Write the generated parts of README.md and of the pages in docs/, and the JSON Schemas, which are not committed.
+"""Write the generated parts of README.md and of the pages in docs/, sim_action/parts.py, and the JSON Schemas, which are not committed.
 
 A generated part stands between `<!-- generated: NAME ARGUMENT ... -->` and `<!-- end -->`. BLOCKS has a function for
 each NAME. Its links start at the root of the repository, as in `](/examples/...)`, and become relative to the page.
@@ -32,6 +32,7 @@ BLOCKS: dict[str, Callable[..., str]] = {
     "commands-overview": command_line.overview,
     "command-line": command_line.commands,
     "sections": scenario.sections,
+    "assertion-sections": scenario.assertion_sections,
     "examples": scenario.examples,
     "file": scenario.file_of,
     "first-scenario": scenario.first_scenario,
@@ -68,8 +69,8 @@ def pages() -> list[Path]:
 
 
 def generated() -> dict[Path, str]:
-    """Return each page with the text that it should hold."""
-    return {path: _filled(path) for path in pages()}
+    """Return each generated file with the text that it should hold."""
+    return {path: _filled(path) for path in pages()} | {ROOT / "sim_action/parts.py": scenario.parts_module()}
 
 
 def _filled(page: Path) -> str:

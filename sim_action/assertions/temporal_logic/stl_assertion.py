@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from sim_action.assertions import Assertion, shortened_title
+from sim_action.assertions import Assertion, Reference, shortened_title
 from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.temporal_logic.formula import (
     Always,
@@ -79,6 +79,15 @@ class Stl(Assertion):
     """
 
     key: ClassVar[str] = "stl"
+    reference: ClassVar[Reference] = Reference(
+        "logic",
+        "depends on the formula",
+        "The formula is true. An implication whose premise never held is true, and the [audit of "
+        "claims](claims.md) adds a warning.",
+        "The formula is false.",
+        "The run ended before any step of an interval could be judged, before `after`, or before all "
+        "signals were known.",
+    )
     bare_value: ClassVar[str | None] = "formula"
 
     formula: Annotated[str, Field(min_length=1, description="the formula; may be the whole value")]

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from sim_action.app import catalogue
 from sim_action.app.init import files
-from sim_action.assertions import ASSERTIONS
+from sim_action.assertions import ASSERTIONS, Reference
 from sim_action.commands import COMMANDS
 from sim_action.commands.robot_description import JointDescription, RobotDescription
 from sim_action.core.field_types import Placement, Without
@@ -31,7 +31,6 @@ from sim_action.state.transmission import Transmission
 from sim_action.state.verdict import Verdict
 from sim_action.world import Body, Disturbance, Ground, Patch, PathPoint, Physics, World
 from tools.docs.generators.markdown import fenced, table
-from tools.docs.generators.verdicts import VERDICTS
 
 ROOT: Final = Path(__file__).resolve().parents[3]
 LANGUAGES: Final = {".yaml": "yaml", ".py": "python", ".js": "javascript", ".pl": "perl", ".csv": "csv"}
@@ -55,53 +54,6 @@ FAMILIES: Final[dict[str, Table[Any]]] = {
     "commands": COMMANDS,
     "sensors": SENSORS,
     "assertions": ASSERTIONS,
-}
-# Each assertion belongs to one page of docs/scenario/.
-ASSERTION_PAGES: Final = {
-    "assertions-motion.md": (
-        *("travel", "path_length", "reach", "settled", "final_pose"),
-        *("follow_path", "max_speed", "stay_within", "upright"),
-    ),
-    "assertions-contact.md": (
-        *("no_collision", "self_collision", "contact", "stops_before", "clearance"),
-        *("object", "grasped", "feet_on_ground", "support_margin"),
-    ),
-    "assertions-joints.md": ("joint", "joint_within", "effort", "energy", "sensor", "odometry_error"),
-    "assertions-logic.md": ("any_of", "all_of", "at_once", "not", "stl", "matches", "assertion"),
-}
-# What the keys of each assertion are: a goal, an invariant, or judged at the end of the run.
-ASSERTION_KINDS: Final = {
-    "travel": "`at_least`: goal; `at_most`: invariant",
-    "path_length": "`at_least`: goal; `at_most`: invariant",
-    "reach": "goal",
-    "settled": "goal",
-    "final_pose": "judged at the end",
-    "no_collision": "invariant",
-    "self_collision": "invariant",
-    "contact": "goal; `at_most` alone: invariant",
-    "stops_before": "goal; not touching: invariant",
-    "upright": "invariant",
-    "max_speed": "invariant",
-    "stay_within": "invariant",
-    "clearance": "`at_least`: invariant; `at_most`: goal",
-    "object": "`reach`, `settled`, `moved: at_least`, `moved: up`: goal; others: invariant",
-    "grasped": "goal",
-    "feet_on_ground": "invariant",
-    "support_margin": "invariant",
-    "follow_path": "`max_error`: invariant; `end`: goal; `rms`: judged at the end",
-    "matches": "invariant that does not end the run",
-    "odometry_error": "invariant",
-    "sensor": "invariant; with `once`: goal",
-    "joint": "`at_least`, `near`: goal; `at_most`: invariant",
-    "joint_within": "invariant",
-    "effort": "`at_most`: invariant; `rms_at_most`: judged at the end",
-    "energy": "invariant",
-    "stl": "depends on the formula",
-    "any_of": "goal if one of its assertions is a goal, else invariant",
-    "all_of": "goal if one of its assertions is a goal, else invariant",
-    "at_once": "goal",
-    "not": "invariant if its assertion is a goal, and the other way round",
-    "assertion": "as the attribute `kind` of the class says",
 }
 
 CONTROLLER_TYPES: Final = (
@@ -149,19 +101,35 @@ def sections(family: str, *names: str) -> str:
     return "\n".join(_section(family, name, table_of_family.load(name)) for name in names or table_of_family)
 
 
-def assertion_pages() -> dict[str, str]:
-    """Return the page of each assertion."""
-    return {name: page for page, names in ASSERTION_PAGES.items() for name in names}
+def assertion_sections(page: str) -> str:
+    """Return a section for each assertion of a page, in the order of their table."""
+    classes = {name: ASSERTIONS.load(name) for name in ASSERTIONS}
+    return "\n".join(_section("assertions", name, cls) for name, cls in classes.items() if cls.reference.page == page)
+
+
+def _verdicts(reference: Reference) -> str:
+    rows = zip(("passed", "failed", "not exercised"), reference[2:], strict=True)
+    return table(("verdict", "when"), rows)
 
 
 def assertions() -> str:
     """Return the table of assertions: a link to the section, the kind, the requirement."""
-    pages = assertion_pages()
+    references = {name: ASSERTIONS.load(name).reference for name in ASSERTIONS}
     rows = (
-        (f"[`{entry.name}`]({pages[entry.name]}#{entry.name})", ASSERTION_KINDS[entry.name], entry.summary)
+        (f"[`{entry.name}`](assertions-{of.page}.md#{entry.name})", of.kind, entry.summary)
         for entry in catalogue.assertions()
+        for of in (references[entry.name],)
     )
     return table(("assertion", "goal or invariant", "requirement"), rows)
+
+
+def parts_module() -> str:
+    """Return sim_action/parts.py: its docstring, and the class of each part that a scenario can name."""
+    paths = [path for parts in (ASSERTIONS, COMMANDS, DRIVES, SENSORS) for path in parts.paths.values()]
+    places = sorted(path.split(":") for path in (*paths, "sim_action.scenario.model:DrivenRobot"))
+    imports = "".join(f"from {module} import {name} as {name}\n" for module, name in places)
+    head, _, _ = (ROOT / "sim_action/parts.py").read_text(encoding="utf-8").partition("\nfrom sim_action")
+    return f"{head}\n{imports}"
 
 
 def first_scenario() -> str:
@@ -190,7 +158,7 @@ def _section(family: str, name: str, model: type[BaseModel]) -> str:
     if rows := [row for row in keys(model) if row[0] not in _OF_EVERY_SOURCE]:
         parts.append(table(KEYS, rows))
     if family == "assertions":
-        parts.append(VERDICTS[name].shown())
+        parts.append(_verdicts(ASSERTIONS.load(name).reference))
     return "\n".join([*parts, _shown(example(family, name))])
 
 
