@@ -12,8 +12,6 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
-from sim_action.core.version import __version__ as __version__
-
 if TYPE_CHECKING:
     from sim_action.app.library import load as load
     from sim_action.app.library import run as run
@@ -25,6 +23,7 @@ if TYPE_CHECKING:
     from sim_action.commands.robot_description import RobotDescription as RobotDescription
     from sim_action.core.geometry import Pose as Pose
     from sim_action.core.geometry import Twist as Twist
+    from sim_action.core.version import __version__ as __version__
     from sim_action.robot.model.link_motion import LinkMotion as LinkMotion
     from sim_action.scenario.written import Scenario as Scenario
     from sim_action.state.command import Command as Command

@@ -38,6 +38,7 @@ from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.upright import Upright
 from sim_action.state.trace_records import BodyRecord, ClearanceRecord, ContactRecord, LinkTouch, Nearness, SensorRecord
 from sim_action.state.verdict import Judged
+from tests.assertions.limits import further_specs
 from tests.traces import WHEELS, judged, monitor, scene, trace
 
 WHEELED = ("wheel_left_link", "wheel_right_link", "caster_back_link")
@@ -92,6 +93,9 @@ INVARIANTS: list[Assertion] = [
     ObjectAssertion(name="cube", upright=Upright()),
     ObjectAssertion(name="cube", moved=Moved(at_most=1.0, frame="base_scan")),
 ]
+FURTHER = further_specs([*GOALS, *INVARIANTS])
+GOALS += [spec for spec in FURTHER if spec.is_goal]
+INVARIANTS += [spec for spec in FURTHER if not spec.is_goal]
 
 
 def named(spec: Assertion) -> str:

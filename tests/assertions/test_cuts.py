@@ -43,6 +43,7 @@ from sim_action.state.observation import Contact, JointState, SelfContact
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.trace_records import BodyRecord, ClearanceRecord, ContactRecord, LinkTouch, Nearness, SensorRecord
+from tests.assertions.limits import further_specs
 from tests.soak import examples
 from tests.traces import START, WHEELS, contact, monitor, piece, scene
 
@@ -157,6 +158,7 @@ SPECS: list[Assertion] = [
     Negation(part=NoCollision()),
     Negation(part=Reach(x=0.3, y=0.3, tolerance=0.2)),
 ]
+SPECS += further_specs(SPECS)
 
 LINKS = ["wheel_left_link", "wheel_right_link"]
 MOVABLE = replace(START, joints=dict.fromkeys(WHEELS, JointState(0.0, 0.0, 0.0)))

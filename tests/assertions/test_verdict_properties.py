@@ -1,13 +1,13 @@
 """A pass means that something was checked: properties of every assertion, on random traces.
 
-The tables `LIMITS` and `GOALS` say how to tighten each assertion; a new assertion must be added to them.
+The tables `LIMITS` and `GOALS` say how to tighten each assertion; a new one has them in its own test file.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
@@ -48,14 +48,13 @@ from sim_action.state.golden_trajectory import Golden
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import ClearanceRecord, SensorRecord
 from sim_action.state.verdict import Verdict
+from tests.assertions.limits import FAR, Extreme, Limit, of_own_tests
 from tests.assertions.test_cuts import EIGHT, MOVABLE, RATE, SPECS, STEPS, random_trace
 from tests.soak import examples
 from tests.traces import WHEELS, monitor, scene
 
 SCENE: Final = scene()
 LEFT: Final = WHEELS[0]
-FAR: Final = 1e3
-"""A limit, in SI units, that no random trace comes near."""
 
 seeds = st.integers(0, 2**32 - 1)
 steps = st.integers(0, STEPS)
@@ -95,26 +94,11 @@ def test_what_passes_was_judged_inside_its_window(
         assert after - TIME_EPSILON_S <= verdict.judged.first <= verdict.judged.last <= before + TIME_EPSILON_S
 
 
-@dataclass(frozen=True)
-class Limit:
-    """An assertion with a limit that is not exceeded.
-
-    Attributes:
-        of: returns the assertion with a limit.
-        loose: a limit that holds on each random trace.
-        least: True if greater values are allowed.
-    """
-
-    of: Callable[[float], Assertion]
-    loose: float = FAR
-    least: bool = False
-
-
 def lower(of: Callable[[float], Assertion]) -> Limit:
     return Limit(of, -FAR, least=True)
 
 
-LIMITS: Final[Mapping[str, list[Limit]]] = {
+LIMITS: Final[dict[str, list[Limit]]] = {
     "travel": [Limit(lambda m: Travel(at_most=m))],
     "path_length": [Limit(lambda m: PathLength(at_most=m))],
     "final_pose": [Limit(lambda m: FinalPose(x=0.3, y=0.3, tolerance=m))],
@@ -183,21 +167,6 @@ NO_LIMITS: Final[Mapping[str, str]] = {
 }
 
 
-@dataclass(frozen=True)
-class Extreme:
-    """A goal with a limit, and the extreme of its quantity over a whole run, by other means than the monitor's.
-
-    Attributes:
-        of: returns the assertion with a limit.
-        extreme: the value that decides, in SI units; infinite if there is none.
-        least: True if the goal is met by values that are at most its limit.
-    """
-
-    of: Callable[[float], Assertion]
-    extreme: Callable[[Trace], float]
-    least: bool = False
-
-
 def travelled(seen: Trace) -> float:
     x, y, _ = MOVABLE.pose.position_xyz
     return float(np.hypot(seen.base_position_xyz[:, 0] - x, seen.base_position_xyz[:, 1] - y).max())
@@ -260,7 +229,7 @@ def lasted(seen: Trace) -> float:
     return float(seen.time[-1])
 
 
-GOALS: Final[Mapping[str, list[Extreme]]] = {
+GOALS: Final[dict[str, list[Extreme]]] = {
     "travel": [Extreme(lambda m: Travel(at_least=m), travelled)],
     "path_length": [Extreme(lambda m: PathLength(at_least=m), arc_length)],
     "reach": [Extreme(lambda m: Reach(x=0.3, y=0.3, tolerance=m), distance_to(0.3, 0.3), least=True)],
@@ -335,10 +304,15 @@ NO_GOALS: Final[Mapping[str, str]] = {
 }
 
 
+LIMITS |= of_own_tests("LIMITS", {*LIMITS, *NO_LIMITS})
+GOALS |= of_own_tests("GOALS", {*GOALS, *NO_GOALS})
+
+
 def test_no_assertion_is_missing() -> None:
     for table, exceptions in ((LIMITS, NO_LIMITS), (GOALS, NO_GOALS)):
         assert not set(table) & set(exceptions)
         assert {*table, *exceptions} == set(ASSERTIONS)
+    assert all(LIMITS.get(key) or GOALS.get(key) for key in set(ASSERTIONS) - {*NO_LIMITS, *NO_GOALS})
     assert all(limit.of(FAR).key == key for key, limits in LIMITS.items() for limit in limits)
     assert all(goal.of(FAR).key == key for key, goals in GOALS.items() for goal in goals)
 
