@@ -304,8 +304,8 @@ NO_GOALS: Final[Mapping[str, str]] = {
 }
 
 
-LIMITS |= of_own_tests("LIMITS", {*LIMITS, *NO_LIMITS})
-GOALS |= of_own_tests("GOALS", {*GOALS, *NO_GOALS})
+LIMITS.update(of_own_tests("LIMITS", {*LIMITS, *NO_LIMITS}))
+GOALS.update(of_own_tests("GOALS", {*GOALS, *NO_GOALS}))
 
 
 def test_no_assertion_is_missing() -> None:

@@ -1,4 +1,6 @@
-"""Write the generated parts of README.md and of the pages in docs/, sim_action/parts.py, and the JSON Schemas, which are not committed.
+"""Write the generated parts of README.md and of the pages in docs/, sim_action/parts.py, and the JSON Schemas.
+
+The schemas are not committed.
 
 A generated part stands between `<!-- generated: NAME ARGUMENT ... -->` and `<!-- end -->`. BLOCKS has a function for
 each NAME. Its links start at the root of the repository, as in `](/examples/...)`, and become relative to the page.
