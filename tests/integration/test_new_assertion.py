@@ -65,7 +65,7 @@ def test_the_page_names_every_file_that_a_new_assertion_takes(tmp_path: Path) ->
     assert len(files) <= 5
     ran(root, "tools.docs.generate")
     ran(root, "pytest", "-q", "-x", "-n", "0", "-p", "no:cacheprovider", "-k", CASES, *TESTS)
-    assert "m/s^3" in ran(root, "sim_action", "assertions", "max_jerk")
+    assert "m/s^3" in ran(root, "sim_action", "explain", "max_jerk")
     example = root / "examples/assertions/max_jerk.sim.yml"
     text = example.read_text(encoding="utf-8")
     for engine in installed():
