@@ -15,7 +15,7 @@ from unittest.mock import patch
 
 from sim_action.assertions import clearance
 from sim_action.assertions.monitors import combination, window
-from sim_action.assertions.temporal_logic import operators
+from sim_action.assertions.temporal_logic import monitor
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.scenario.model import LoadedScenario
 from sim_action.simulation.loop import simulate
@@ -49,7 +49,7 @@ time_limit: 4 s
 
 _COUNTING: Final[tuple[tuple[Any, str], ...]] = (
     *((module, "counted") for module in (window, combination, clearance)),
-    (operators, "with_judged"),
+    (monitor, "with_judged"),
     (Judged, "followed_by"),
 )
 """All functions that count. One calls another: what they take together is counted twice, and an upper bound."""
