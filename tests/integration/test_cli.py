@@ -414,7 +414,6 @@ UNUSED_IN_A_RUN = (
     "simulation.preloading",
     "state.golden_trajectory",
     "state.motion_record",
-    "world.overlap_depth",
     "world.shape_files.grids",
 )
 

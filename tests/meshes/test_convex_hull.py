@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.meshes import convex_hull
+from sim_action.meshes.collision_hulls import shrunk, unshrunk
 from sim_action.meshes.convex_hull import (
     along,
     face_normals,
@@ -93,3 +94,9 @@ def test_the_outermost_points_are_those_of_a_search_of_all(seed: int, kind: str)
         patch.setattr(convex_hull, "_MIN_POINTS_FOR_CELLS", 1)
         patch.setattr(convex_hull, "_cells_along_axis", lambda _: int(random.integers(1, 12)))
         assert furthest(points, directions).tobytes() == points[expected].tobytes()
+
+
+@given(st.lists(st.tuples(*[st.floats(-2, 2)] * 3), min_size=4, max_size=20))
+def test_what_was_drawn_in_is_grown_again(points: list[tuple[float, float, float]]) -> None:
+    original = np.array(points)
+    assert unshrunk(shrunk(original, 0.001), 0.001) == pytest.approx(original, abs=1e-9)

@@ -1,4 +1,4 @@
-"""What is simulated, as specs."""
+"""Specs of the world: bodies of one and of several shapes, physics, gravity and disturbances."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import pytest
 from pydantic import ValidationError
 
 from sim_action.core.field_types import Placement
-from sim_action.core.geometry import Pose
+from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.world import (
     GRAVITY,
     Body,
+    Disturbance,
     Ground,
     Heightfield,
     Patch,
@@ -26,7 +27,8 @@ from sim_action.world import (
     World,
     placed,
 )
-from sim_action.world.parts import BoxPart, HullPart
+from sim_action.world.mass_properties import mass_properties_of
+from sim_action.world.parts import BoxPart, CylinderPart, HullPart, SpherePart, moved
 
 BALL: dict[str, Any] = {"name": "ball", "sphere": {"radius": "10 cm"}}
 
@@ -244,3 +246,129 @@ def test_patches_have_bounds() -> None:
     for wrong in ({"size": (0, 1)}, {"size": (1e9, 1)}, {"friction": -1}, {"x": 1e9}):
         with pytest.raises(ValidationError):
             Patch.model_validate({"size": (1, 1), "friction": 0.1, **wrong})
+
+
+FORCE: dict[str, Any] = {"at": "2 s", "for": "100 ms", "force": ("10 N", 0, "1 kN")}
+
+
+def test_units_are_read() -> None:
+    disturbance = Disturbance.model_validate(FORCE)
+    assert disturbance.force == (10.0, 0.0, 1000.0)
+    assert disturbance.end == pytest.approx(2.1)
+    push = Disturbance.model_validate({"at": 4, "velocity": (0, "36 km/h", 0), "body": "ball"})
+    assert push.velocity == (0.0, 10.0, 0.0)
+    assert push.end == 4.0
+
+
+@pytest.mark.parametrize(
+    ("keys", "told"),
+    [
+        ({"at": 1}, "needs either 'force' and 'torque'"),
+        ({**FORCE, "velocity": (1, 0, 0)}, "needs either 'force' and 'torque'"),
+        ({"at": 1, "force": (1, 0, 0)}, "needs a duration"),
+        ({"at": 1, "torque": (1, 0, 0)}, "needs a duration"),
+        ({"at": 1, "for": 1, "velocity": (1, 0, 0)}, "remove 'for'"),
+        ({"at": 1, "for": 1, "torque": (1, 0, 0), "point": (0, 0, 0)}, "'point' needs a 'force'"),
+        ({**FORCE, "link": "a", "body": "b"}, "not both"),
+        ({**FORCE, "at": -1}, "greater than or equal to 0"),
+        ({**FORCE, "force": (1, 2)}, "Field required"),
+        ({**FORCE, "torque": ("1 N", 0, 0)}, "not a unit of torque"),
+    ],
+)
+def test_disturbances_that_do_not_fit_together_are_refused(keys: dict[str, Any], told: str) -> None:
+    with pytest.raises(ValidationError, match=told):
+        Disturbance.model_validate(keys)
+
+
+TABLE: dict[str, Any] = {
+    "name": "table",
+    "shapes": (
+        {"box": (1.0, 0.6, 0.04), "pose": {"z": 0.72}},
+        {"cylinder": {"radius": 0.05, "height": 0.7}, "pose": {"z": 0.35}},
+    ),
+}
+
+
+def test_the_shapes_of_a_body_are_placed_in_its_frame() -> None:
+    body = Body.model_validate(TABLE)
+
+    top, leg = body.parts()
+    assert (body.shape, body.is_read, body.has_own_inertia) == ("shapes", False, False)
+    assert isinstance(top, BoxPart)
+    assert top.pose == Pose((0.0, 0.0, 0.72))
+    assert isinstance(leg, CylinderPart)
+    assert leg.pose == Pose((0.0, 0.0, 0.35))
+    assert placed(body, body.parts()).position_xyz == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"shapes": ()}, "at least 1 item"),
+        ({"shapes": ({},)}, "needs exactly one of box, cylinder"),
+        ({"shapes": ({"box": (1, 1, 1), "sphere": {"radius": 1}},)}, "'box' and 'sphere' are in one shape; begin each"),
+        ({"shapes": ({"sphere": {"radius": 1}},), "sphere": {"radius": 1}}, "found 'sphere' and 'shapes'"),
+        ({"sphere": {"radius": 1}, "center_of_mass": (0, 0, 1)}, "'center_of_mass' needs a 'mass'"),
+        ({"sphere": {"radius": 1}, "inertia": {"ixx": 1, "iyy": 1, "izz": 1}}, "'inertia' needs a 'mass'"),
+        ({"sphere": {"radius": 1}, "mass": 1, "inertia": {"ixx": 1, "iyy": 1, "izz": 3}}, "no body has the moments"),
+        ({"sphere": {"radius": 1}, "mass": 1, "inertia": {"ixx": 0, "iyy": 1, "izz": 1}}, "no body has the moments"),
+        (
+            {"sphere": {"radius": 1}, "mass": 1, "inertia": {"ixx": 0.02, "iyy": 0.02, "izz": 0.02, "ixy": 0.05}},
+            "no body has the principal moments -0.03 0.02 0.07",
+        ),
+        (
+            {"sphere": {"radius": 1}, "mass": 1, "inertia": {"ixx": 2, "iyy": 2, "izz": 1.2, "iyz": 1.2}},
+            "no body has the principal moments 0.335",
+        ),
+    ],
+)
+def test_mass_properties_and_shapes_that_do_not_fit_are_refused(keys: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        Body.model_validate({"name": "b", **keys})
+
+
+def test_the_mass_of_several_shapes_is_spread_by_their_volumes() -> None:
+    halves = tuple({"box": (1, 1, 1), "pose": {"x": x}} for x in (-0.5, 0.5))
+    whole = Body.model_validate({"name": "w", "shapes": ({"box": (2, 1, 1)},), "mass": 6})
+    both = Body.model_validate({"name": "b", "shapes": halves, "mass": 6})
+
+    one, other = (mass_properties_of(body, body.parts()) for body in (whole, both))
+    assert other.centre_xyz == pytest.approx(one.centre_xyz)
+    assert np.diag(one.inertia) == pytest.approx([1.0, 2.5, 2.5])
+    assert other.inertia == pytest.approx(one.inertia)
+
+
+def test_a_turned_cylinder_has_the_inertia_of_its_hull() -> None:
+    turned = Pose((0.1, 0.2, 0.3), quaternion_from_rpy(0.3, 0.7, -0.4))
+    angles = np.linspace(0, 2 * math.pi, 400, endpoint=False)
+    rim = [(0.2 * math.cos(angle), 0.2 * math.sin(angle), z) for angle in angles for z in (-0.4, 0.4)]
+    body = Body.model_validate({"name": "c", "shapes": ({"sphere": {"radius": 1}},), "mass": 2})
+
+    exact = mass_properties_of(body, [moved(CylinderPart(0.2, 0.8), turned)])
+    sampled = mass_properties_of(body, [moved(HullPart(tuple(rim)), turned)])
+
+    assert exact.centre_xyz == pytest.approx(sampled.centre_xyz)
+    assert exact.inertia == pytest.approx(sampled.inertia, rel=1e-3)
+
+
+def test_stated_mass_properties_replace_those_of_uniform_density() -> None:
+    inertia = {"ixx": 0.1, "iyy": 0.2, "izz": 0.25, "ixy": 0.01}
+    body = Body.model_validate({**TABLE, "mass": 4, "center_of_mass": (0, 0, 0.1), "inertia": inertia})
+
+    found = mass_properties_of(body, body.parts())
+
+    assert body.has_own_inertia
+    assert (found.mass, found.centre_xyz) == (4, (0, 0, 0.1))
+    assert found.inertia.tolist() == [[0.1, 0.01, 0.0], [0.01, 0.2, 0.0], [0.0, 0.0, 0.25]]
+
+
+def test_a_part_moves_with_its_frame() -> None:
+    turned = Pose((1.0, 0.0, 0.0), quaternion_from_rpy(0, 0, math.pi / 2))
+
+    ball = moved(SpherePart(0.1, Pose((1.0, 0.0, 0.0))), turned)
+    hull = moved(HullPart(((1.0, 0.0, 0.0),)), turned)
+
+    assert isinstance(ball, SpherePart)
+    assert ball.pose.position_xyz == pytest.approx((1, 1, 0))
+    assert isinstance(hull, HullPart)
+    assert hull.points_xyz[0] == pytest.approx((1, 1, 0))

@@ -196,16 +196,17 @@ def refuse_errors(findings: Iterable[Finding], allowed: Iterable[str] = ()) -> N
 
 def limited_notes(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Return the first findings of each rule, and one finding that counts the rest of that rule."""
-    told, seen = list[Finding](), Counter[str]()
+    kept = list[Finding]()
+    counts = Counter[str]()
     left_out: dict[str, Finding] = {}
-    for found in findings:
-        seen[found.rule] += 1
-        if seen[found.rule] <= _MAX_REPORTED:
-            told.append(found)
+    for note in findings:
+        counts[note.rule] += 1
+        if counts[note.rule] <= _MAX_REPORTED:
+            kept.append(note)
         else:
-            left_out.setdefault(found.rule, found)
-    rest = (replace(found, message=_more(seen[rule] - _MAX_REPORTED)) for rule, found in left_out.items())
-    return (*told, *rest)
+            left_out.setdefault(note.rule, note)
+    rest = (replace(note, message=_more(counts[rule] - _MAX_REPORTED)) for rule, note in left_out.items())
+    return (*kept, *rest)
 
 
 _ANNOUNCED: Final = frozenset(
@@ -232,12 +233,16 @@ _ANNOUNCED: Final = frozenset(
 
 def announced(findings: Iterable[Finding]) -> tuple[str, ...]:
     """Return the notes that every report shows."""
-    return grouped_notes(each for each in findings if each.level == "warning" and each.rule in _ANNOUNCED)
+    return grouped_notes(note for note in findings if _is_announced(note))
+
+
+def _is_announced(note: Finding) -> bool:
+    return note.level == "warning" and note.rule in _ANNOUNCED
 
 
 def unannounced(findings: Iterable[Finding]) -> tuple[str, ...]:
     """Return the other notes."""
-    return grouped_notes(each for each in findings if each.level != "warning" or each.rule not in _ANNOUNCED)
+    return grouped_notes(note for note in findings if not _is_announced(note))
 
 
 def grouped_notes(findings: Iterable[Finding]) -> tuple[str, ...]:
@@ -246,9 +251,9 @@ def grouped_notes(findings: Iterable[Finding]) -> tuple[str, ...]:
     The readers report each kind of part that is not simulated once, so those are not grouped.
     """
     groups: dict[tuple[str, str, str], list[Finding]] = {}
-    for found in findings:
-        kind = found.message if found.rule in ("passed-over", "unused-sensor") else ""
-        groups.setdefault((found.rule, found.location.file, kind), []).append(found)
+    for note in findings:
+        kind = note.message if note.rule in ("passed-over", "unused-sensor") else ""
+        groups.setdefault((note.rule, note.location.file, kind), []).append(note)
     return tuple(map(_note, groups.values()))
 
 
@@ -256,7 +261,7 @@ def _note(findings: Sequence[Finding]) -> str:
     first, *others = findings
     if not others:
         return str(first)
-    lines = list(dict.fromkeys(found.location.line for found in others))
+    lines = list(dict.fromkeys(other.location.line for other in others))
     shown = ", ".join(map(str, lines[:_MAX_LINES])) + (", ..." if len(lines) > _MAX_LINES else "")
     more = f"and {len(others):,} more like this; line{'s' * (len(lines) > 1)} {shown}"
     return f"{first.location}: {first.message} ({more}) [{first.rule}]"

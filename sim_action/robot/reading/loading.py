@@ -84,26 +84,26 @@ def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
         from sim_action.robot.reading.srdf import read_srdf
 
         model = replace(model, srdf=read_srdf(_srdf_file(robot.srdf, Packages(workspace, robot.packages)), model))
-    return replace(model, findings=limited_notes(_about_self_collision(robot, _told_once(model.findings))))
+    return replace(model, findings=limited_notes(_about_self_collision(robot, _without_repeats(model.findings))))
 
 
 def _about_self_collision(robot: Robot, findings: Iterable[Finding]) -> Iterator[Finding]:
     """Yield findings; those on <self_collide> name the key of the scenario, which makes them superfluous."""
-    for found in findings:
-        if found.rule != "passed-over" or not found.message.startswith(_SELF_COLLIDE):
-            yield found
+    for note in findings:
+        if note.rule != "passed-over" or not note.message.startswith(_SELF_COLLIDE):
+            yield note
         elif not robot.self_collision:
-            yield replace(found, message=f"{found.message}; robot.self_collision: true simulates it")
+            yield replace(note, message=f"{note.message}; robot.self_collision: true simulates it")
 
 
-def _told_once(findings: Iterable[Finding]) -> Iterator[Finding]:
+def _without_repeats(findings: Iterable[Finding]) -> Iterator[Finding]:
     """Yield findings, each note about a package only once: includes and meshes may both need the package."""
-    told = set[tuple[str, str]]()
-    for found in findings:
-        key = (found.rule, found.message)
-        if found.rule not in _PACKAGE_NOTES or key not in told:
-            told.add(key)
-            yield found
+    seen = set[tuple[str, str]]()
+    for note in findings:
+        key = (note.rule, note.message)
+        if note.rule not in _PACKAGE_NOTES or key not in seen:
+            seen.add(key)
+            yield note
 
 
 def _check_keyframe(name: str | int, model: RobotModel) -> None:

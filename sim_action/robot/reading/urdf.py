@@ -8,7 +8,6 @@ compares both readers.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final, cast
@@ -16,7 +15,7 @@ from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
-from sim_action.core.geometry import Box, Pose, Vector3
+from sim_action.core.geometry import Box, Vector3
 from sim_action.core.records import replace
 from sim_action.core.workspace import Workspace
 from sim_action.robot.audit import elements, joints, kinematic_tree, unsupported_parts
@@ -48,6 +47,7 @@ from sim_action.robot.documents.urdf_elements import (
 )
 from sim_action.robot.documents.xml_document import ModelDocument, read_document
 from sim_action.robot.model.findings import Finding, refuse_errors
+from sim_action.robot.model.kinematics import joint_motion
 from sim_action.robot.model.robot_model import (
     MOVING_TYPES,
     WORLD,
@@ -406,13 +406,10 @@ def drop_invalid_mimics(document: ModelDocument) -> None:
 
 def fix_at(joint: Element, position: float) -> None:
     """Make a joint fixed at a position in rad (m if prismatic)."""
-    x, y, z = axis(joint)
-    if joint.attrib["type"] == "prismatic":
-        motion = Pose((x * position, y * position, z * position))
-    else:
-        sine = math.sin(position / 2)
-        motion = Pose(orientation_xyzw=(x * sine, y * sine, z * sine, math.cos(position / 2)))
-    at = geometry.compose(origin(joint), motion) if position and joint.attrib["type"] in MOVING_TYPES else origin(joint)
+    at = origin(joint)
+    if position and joint.attrib["type"] in MOVING_TYPES:
+        moving = Joint("", joint.attrib["type"], "", "", at, axis(joint))
+        at = geometry.compose(at, joint_motion(moving, position))
     for part in (*joint.findall("origin"), *joint.findall("mimic")):
         joint.remove(part)
     rpy = geometry.rpy_from_quaternion(at.orientation_xyzw)

@@ -97,7 +97,7 @@ def test_both_zeros_of_a_limit_are_told_at_once_and_not_of_a_joint_that_is_held(
 
 
 def test_every_rule_has_a_model_that_breaks_it() -> None:
-    # Rules of packages and xacro are in test_package_layouts.py, test_urdf.py and test_xacro_errors.py.
+    # Rules of packages and xacro are in test_package_layouts.py, test_urdf.py and test_xacro_expansion.py.
     elsewhere = {"package-folder", "file-spelling", "several-packages", "xacro-warning"}
     elsewhere |= {"bad-xacro", "unknown-argument", "missing-include"}
     # Rules of SDF are in reading/sdf.

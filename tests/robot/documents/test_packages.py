@@ -1,4 +1,4 @@
-"""Packages and models by name, without ROS."""
+"""Packages and models by name, without ROS; folders that are searched; the file of a Gazebo model."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ import pytest
 from sim_action.core.files import read_at_most
 from sim_action.core.workspace import Workspace
 from sim_action.robot.documents import package_search
-from sim_action.robot.documents.packages import PackageError, Packages
+from sim_action.robot.documents.package_search import folders_below, package_name
+from sim_action.robot.documents.packages import PackageError, Packages, find_model_file, parsed_version
 from tests.ros_workspace import RosWorkspace, gazebo_model, ros_package, written
 
 BOTH = {"AMENT_PREFIX_PATH": "{e}", "ROS_PACKAGE_PATH": "{e}/src"}
@@ -473,3 +474,107 @@ def test_a_package_xml_may_not_be_a_link_into_git(ros: RosWorkspace) -> None:
     (ros.root / "src/p/package.xml").symlink_to(ros.root / ".git/x")
     with pytest.raises(PackageError):
         ros.packages().find("secret", ros.rover)
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("<package>\n  <name>\n rover </name></package>", "rover"),
+        ("<package><author><name>someone</name></author><name>rover</name></package>", "rover"),
+        ('<?xml version="1.0" encoding="ISO-8859-1"?><package><name>rover</name></package>', "rover"),
+        ("<package><author><name>someone</name></author></package>", "folder"),
+        ("<package><name></name></package>", "folder"),
+        ("<package><name>rover</name>", "folder"),
+        ("", "folder"),
+        ('<!DOCTYPE p [<!ENTITY n "rover">]><package><name>&n;</name></package>', "folder"),
+        ('<?xml version="1.0" encoding="nonsense"?><package><name>rover</name></package>', "folder"),
+        (f"<package><name>rover</name>{' ' * 2_000_000}</package>", "folder"),
+    ],
+)
+def test_a_package_xml_that_says_no_name_leaves_the_folders(text: str, name: str, tmp_path: Path) -> None:
+    written(tmp_path / "folder/package.xml", text)
+    assert package_name(tmp_path / "folder") == name
+
+
+def test_a_pipe_in_place_of_package_xml_holds_nobody_up(tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "folder/package.xml")
+    assert package_name(tmp_path / "folder") == "folder"
+
+
+def test_too_many_folders_are_said_to_be_too_many(ros: RosWorkspace, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(package_search, "_MAX_FOLDERS", 4)
+    assert not folders_below(ros.root, inside_packages=True).complete
+    with pytest.raises(PackageError, match=r"only some of its folders: there are too many"):
+        ros.packages().find("rover_arm", ros.rover)
+
+
+def test_what_is_too_deep_is_not_looked_into(tmp_path: Path) -> None:
+    deep = tmp_path.joinpath(*"abcdefghijklmnopq")
+    ros_package(deep.parent)
+    found = folders_below(tmp_path, inside_packages=True)
+    assert found.complete
+    assert "p" in found.packages
+    ros_package(deep)
+    found = folders_below(tmp_path, inside_packages=True)
+    assert not found.complete
+    assert "q" not in found.packages
+
+
+def found(folder: Path, reference: str) -> Path:
+    packages = Packages(Workspace(folder, folder), environment={})
+    return find_model_file(reference, folder / "robot.sdf", packages).path.relative_to(folder)
+
+
+def manifest(folder: Path, inside: str) -> None:
+    written(folder / "rover/model.config", f"<model>{inside}</model>")
+
+
+@pytest.mark.parametrize("reference", ["model://rover", "model://rover/", "rover", "./rover", "rover/model.sdf"])
+def test_a_folder_without_a_manifest_has_its_model(reference: str, tmp_path: Path) -> None:
+    written(tmp_path / "rover/model.sdf", "")
+    assert found(tmp_path, reference) == Path("rover/model.sdf")
+
+
+def test_the_newest_version_that_is_read_counts(tmp_path: Path) -> None:
+    for name in ("a", "b", "c", "d"):
+        written(tmp_path / f"rover/{name}.sdf", "")
+    versions = {"a": "1.5", "b": "1.10", "c": "1.9", "d": "2.0"}
+    manifest(tmp_path, "".join(f'<sdf version="{version}"> {name}.sdf </sdf>' for name, version in versions.items()))
+    assert found(tmp_path, "model://rover") == Path("rover/b.sdf")
+
+
+def test_where_all_are_newer_the_newest_counts(tmp_path: Path) -> None:
+    written(tmp_path / "rover/a.sdf", "")
+    manifest(tmp_path, '<sdf version="2.0">a.sdf</sdf>')
+    assert found(tmp_path, "rover") == Path("rover/a.sdf")
+
+
+@pytest.mark.parametrize(
+    ("inside", "reference", "rule", "words"),
+    [
+        ("", "rover", "missing-file", "has no <sdf> element"),
+        ("<sdf>a.sdf</sdf>", "rover", "missing-file", "'rover/a.sdf' does not exist"),
+        ("<sdf>../../a.sdf</sdf>", "model://rover", "outside-workspace", "is outside the workspace"),
+        ("<sdf/>", "rover", "missing-file", "is a folder"),
+        ("", "model://rovr", "missing-package", "did you mean 'rover'?"),
+        ("", "rovr", "missing-package", "did you mean 'rover'?"),
+        ("", "..", "outside-workspace", "is outside the workspace"),
+        ("", "model:///rover", "bad-reference", "names no file"),
+        ("", "a\0b", "missing-package", "was not found"),
+        ("", "a" * 300 + ".sdf", "bad-reference", "is not a valid path"),
+        ("", "package://rover", "missing-file", "has no <sdf> element"),
+        ("", "package://rovr", "missing-package", "the package 'rovr'"),
+    ],
+)
+def test_what_leads_nowhere_is_told(inside: str, reference: str, rule: str, words: str, tmp_path: Path) -> None:
+    folder = tmp_path / "workspace"
+    manifest(folder, inside)
+    with pytest.raises(PackageError) as raised:
+        found(folder, reference)
+    assert (raised.value.rule, words in str(raised.value)) == (rule, True), raised.value
+
+
+@pytest.mark.parametrize(("text", "version"), [("1.9", (1, 9)), (" 1.10 ", (1, 10)), ("1", (0, 0)), ("a.b", (0, 0))])
+def test_versions_are_numbers(text: str, version: tuple[int, int]) -> None:
+    assert parsed_version(text) == version

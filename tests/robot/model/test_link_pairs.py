@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from sim_action.core.errors import InvalidPart
 from sim_action.core.workspace import Workspace
 from sim_action.robot.model.link_pairs import has_limb, touchable_pairs, unwatched_note
 from sim_action.robot.model.robot_model import RobotModel
@@ -81,3 +82,9 @@ def test_mjcf_excludes_pairs(tmp_path: Path) -> None:
     (tmp_path / "m.xml").write_text(f'<mujoco model="m"><worldbody>{body}</worldbody>{contact}</mujoco>')
     model = load_model(Robot(model="m.xml"), Workspace(tmp_path, tmp_path))
     assert list(touchable_pairs(model)) == [("a", "c"), ("b", "d")]
+
+
+def test_arguments_are_for_a_xacro_file_only() -> None:
+    assert Robot(model="arm.urdf.xacro", args={"size": 2}).args == {"size": 2}
+    with pytest.raises(InvalidPart, match=r"only a \.xacro file has arguments, and the model is 'arm\.urdf'"):
+        Robot(model="arm.urdf", args={"size": 2})

@@ -12,7 +12,7 @@ import pytest
 from sim_action.core.errors import ModelError
 from sim_action.core.workspace import Workspace
 from sim_action.robot.model.kinematics import link_poses
-from sim_action.robot.model.robot_model import Motor, RobotModel
+from sim_action.robot.model.robot_model import FloorLook, Motor, RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
 from tests.mesh_files import CORNERS, obj, stl
@@ -393,3 +393,181 @@ def test_what_is_ignored_of_options_and_contacts_is_one_note_each(tmp_path: Path
     assert [message.split()[0] for message in ignored] == ["density", "<option", "<flag>", "condim,"]
     assert list(ignored.values()) == [3, 3, 3, 4]
     assert "<option timestep> is ignored; for the same steps, state physics: {rate: 100 Hz}" in ignored
+
+
+HOIST = """<body name="arm" pos="0 0 1"><geom size=".05"/><body name="upper"><joint name="lift" axis="0 1 0"/>
+  <geom name="tip" type="capsule" fromto="0 0 0 .3 0 0" size=".02"/></body></body>"""
+LID = '<geom size=".1"/><body name="lid" pos="0 0 .2"><joint name="lid" axis="0 1 0"/><geom size=".01"/></body></body>'
+BOX = f'<body name="box" pos="1 0 .2"><freejoint/>{LID}'
+CABINET = f'<body name="cabinet" pos="1 0 .2">{LID}'
+MOTOR = '<actuator><motor joint="lift"/></actuator>'
+FLOOR = '<geom name="floor" type="plane" size="5 5 .1"/>'
+KEY = '<keyframe><key name="home" qpos="0 0 .5 1 0 0 0 0" ctrl="0"/></keyframe>'
+
+
+def model(folder: Path, worldbody: str, others: str = "", before: str = "") -> RobotModel:
+    return read(folder, f"<mujoco>{before}<worldbody>{worldbody}</worldbody>{others}</mujoco>")
+
+
+def notes(found: RobotModel) -> list[str]:
+    return [finding.message for finding in found.findings]
+
+
+@pytest.mark.parametrize("other", [BOX, CABINET])
+def test_the_tree_with_actuators_is_the_robot(other: str, tmp_path: Path) -> None:
+    found = model(tmp_path, HOIST + other, MOTOR)
+    assert [joint.name for joint in found.moving_joints] == ["lift"]
+    assert "the file also has body 'box'" in notes(found)[0] or "the file also has body 'cabinet'" in notes(found)[0]
+
+
+def test_trees_that_equalities_couple_to_the_robot_belong_to_it(tmp_path: Path) -> None:
+    coupled = MOTOR + '<equality><connect body1="lid" body2="upper" anchor="0 0 0"/></equality>'
+    found = model(tmp_path, HOIST + CABINET, coupled)
+    assert [joint.name for joint in found.moving_joints] == ["lift", "lid"]
+
+
+def test_an_arm_beside_a_free_body_with_joints_is_ambiguous_without_actuators(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="has 2 bodies in its world, 'arm', 'box': move the others"):
+        model(tmp_path, HOIST + BOX)
+
+
+def test_bodies_fixed_to_the_world_without_actuators_are_one_robot_with_a_note(tmp_path: Path) -> None:
+    found = model(tmp_path, HOIST + CABINET)
+    assert [joint.name for joint in found.moving_joints] == ["lift", "lid"]
+    assert notes(found) == [
+        "the bodies 'arm', 'cabinet' of <worldbody> are one robot: no <actuator> acts on a part of it only"
+    ]
+
+
+def test_a_keyframe_leaves_out_the_controls_of_other_bodies(tmp_path: Path) -> None:
+    others = '<actuator><motor name="m" joint="lift"/><motor name="off" joint="lift" group="3"/></actuator>'
+    key = '<keyframe><key name="home" qpos="0.5" ctrl="1 2"/></keyframe>'
+    found = model(tmp_path, HOIST, others + key, '<option actuatorgroupdisable="3"/>')
+    assert found.keyframes["home"].controls == {"m": 1}
+    assert found.mjcf is not None
+    assert found.mjcf.actuators == ("m",)
+    assert notes(found) == ["an <actuator> is left out, because <option actuatorgroupdisable> disables its group"]
+
+
+@pytest.mark.parametrize(
+    ("planes", "floor"),
+    [
+        (FLOOR, 0.0),
+        (FLOOR + '<geom type="plane" size="5 5 .1" pos="5 0 2" euler="0 -90 0"/>', 0.0),
+        (FLOOR + '<geom type="plane" size="5 5 .1" pos="0 0 3" contype="0" conaffinity="0"/>', 0.0),
+        (FLOOR + '<geom type="plane" size="5 5 .1" pos="0 0 3" quat="0 1 0 0"/>', 0.0),
+        (FLOOR + '<frame pos="0 0 1" euler="0 30 0"><geom type="plane" size="1 1 1" pos="2 0 0"/></frame>', 0.0),
+        ('<frame pos="0 0 1" euler="0 90 0"><geom type="plane" size="1 1 1" pos="2 0 0" euler="0 -90 0"/></frame>', -1),
+    ],
+)
+def test_level_planes_that_collide_are_the_floor(planes: str, floor: float, tmp_path: Path) -> None:
+    found = model(tmp_path, planes + HOIST)
+    assert found.mjcf is not None
+    assert found.mjcf.floor == pytest.approx(floor)
+    assert not any("is the ground" in note for note in notes(found))
+
+
+def test_the_highest_of_several_floors_is_the_ground_with_a_note(tmp_path: Path) -> None:
+    found = model(tmp_path, FLOOR + '<geom name="stage" type="plane" size="1 1 .1" pos="0 0 .25"/>' + HOIST)
+    assert found.mjcf is not None
+    assert found.mjcf.floor == 0.25
+    assert "geom 'stage' at z = 0.25 m is the ground: it is the highest of 2 level planes" in notes(found)[0]
+
+
+def test_the_friction_of_a_pair_is_noted(tmp_path: Path) -> None:
+    pair = '<contact><pair geom1="floor" geom2="tip" friction="0.1 0.1 0.1 0.1 0.1"/></contact>'
+    found = model(tmp_path, FLOOR + HOIST, pair)
+    assert [note for note in notes(found) if note.startswith("friction, condim, ") and "of <pair> are ignored" in note]
+
+
+@pytest.mark.parametrize(
+    ("option", "start"),
+    [
+        ('wind="1 0 0"', "wind of <option> is ignored: air and water are not simulated"),
+        ('viscosity="1" density="2"', "viscosity, density of <option> is ignored"),
+        ('gravity="0 0 -1"', "gravity of <option> is ignored: 'world.gravity'"),
+    ],
+)
+def test_ignored_options_are_named(option: str, start: str, tmp_path: Path) -> None:
+    assert notes(model(tmp_path, HOIST, before=f"<option {option}/>"))[0].startswith(start)
+
+
+@pytest.mark.parametrize(
+    ("actuator", "reason"),
+    [
+        ('<intvelocity joint="lift" actrange="-1 1"/>', "acts on the integral of its control"),
+        ('<damper joint="lift" ctrlrange="0 1"/>', "is neither a motor nor a servo"),
+        ('<motor tendon="pull"/>', "acts on a fixed tendon and is not a position servo"),
+        ('<adhesion body="upper" ctrlrange="0 1"/>', "acts on a body"),
+        ('<muscle joint="lift" lengthrange="0 1"/>', "is a muscle"),
+        ('<position joint="lift"/><motor joint="lift"/>', "shares its joint with one that is"),
+    ],
+)
+def test_the_reason_why_an_actuator_cannot_be_commanded_is_that_of_the_actuator(
+    actuator: str, reason: str, tmp_path: Path
+) -> None:
+    tendon = '<tendon><fixed name="pull"><joint joint="lift" coef="1"/></fixed></tendon>'
+    found = model(tmp_path, HOIST, f"{tendon}<actuator>{actuator}</actuator>")
+    assert [f"because it {reason}" in note for note in notes(found)] == [True]
+
+
+TEXTURE = '<texture name="t" type="2d" builtin="{kind}" rgb1=".2 .4 .6" rgb2="0 0.5 1" width="8" height="8"/>'
+MATERIAL = '<material name="m" texture="t" texrepeat="5 5" {more}/>'
+FLOORED = '<body name="b" pos="0 0 1"><freejoint/><geom size=".1"/></body>'
+
+
+def look(
+    folder: Path, floor: str = "", more: str = "", kind: str = "checker", texture: str = TEXTURE
+) -> FloorLook | None:
+    asset = f"<asset>{texture.format(kind=kind)}{MATERIAL.format(more=more)}</asset>"
+    size = "" if "size" in floor else 'size="2 2 .1"'
+    plane = f'<geom name="floor" type="plane" {size} {floor}/>'
+    found = read(folder, f"<mujoco>{asset}<worldbody>{plane}{FLOORED}</worldbody></mujoco>")
+    assert found.mjcf is not None
+    return found.mjcf.floor_look
+
+
+def test_the_squares_of_a_texture_are_those_of_the_floor(tmp_path: Path) -> None:
+    assert look(tmp_path, 'material="m"') == FloorLook((0.2, 0.4, 0.6), (0, 0.5, 1), 0.4)
+
+
+@pytest.mark.parametrize(
+    ("floor", "more", "square"),
+    [
+        ('material="m"', 'texuniform="true"', 0.1),
+        ('material="m" size="0 0 1"', "", 0.1),
+        ('material="m" size="0.001 1 1"', "", 0.01),
+        ('material="m" size="100000 1 1"', "", 1000),
+    ],
+)
+def test_squares_have_the_size_in_which_mujoco_draws_them(floor: str, more: str, square: float, tmp_path: Path) -> None:
+    found = look(tmp_path, floor, more)
+    assert found is not None
+    assert found.square == pytest.approx(square)
+
+
+def test_a_material_tints_its_texture_and_the_plane_replaces_that(tmp_path: Path) -> None:
+    tinted = look(tmp_path, 'material="m"', 'rgba="1 0.5 0 1"')
+    assert tinted == FloorLook((0.2, 0.2, 0), (0, 0.25, 0), 0.4)
+    assert look(tmp_path, 'material="m" rgba="0 0 1 1"', 'rgba="1 0.5 0 1"') == FloorLook((0, 0, 0.6), (0, 0, 1), 0.4)
+
+
+def test_a_floor_of_one_colour_has_no_squares(tmp_path: Path) -> None:
+    assert look(tmp_path, 'rgba=".3 .2 .1 1"') == FloorLook((0.3, 0.2, 0.1))
+    assert look(tmp_path, 'material="m"', kind="flat") == FloorLook((0.2, 0.4, 0.6))
+
+
+@pytest.mark.parametrize("floor", ["", 'material="m"'])
+def test_a_floor_that_says_nothing_has_no_look(floor: str, tmp_path: Path) -> None:
+    assert look(tmp_path, floor, kind="none") is None
+
+
+@pytest.mark.parametrize("numbers", ["", "1 2", "nan 0 0", "red green blue", "1e400 0 0"])
+def test_colours_that_are_none_are_those_of_mujoco(numbers: str, tmp_path: Path) -> None:
+    texture = TEXTURE.replace(".2 .4 .6", numbers)
+    assert look(tmp_path, 'material="m"', texture=texture) == FloorLook((0.8, 0.8, 0.8), (0, 0.5, 1), 0.4)
+
+
+def test_colours_beyond_white_are_white(tmp_path: Path) -> None:
+    texture = TEXTURE.replace(".2 .4 .6", "7 -3 0.5")
+    assert look(tmp_path, 'material="m"', texture=texture) == FloorLook((1, 0, 0.5), (0, 0.5, 1), 0.4)
