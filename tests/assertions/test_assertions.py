@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from sim_action.assertions.grasped import Grasped
 from sim_action.assertions.joint import JointReading, JointWithin
 from sim_action.assertions.legs import FeetOnGround, SupportMargin
 from sim_action.assertions.max_speed import MaxSpeed
-from sim_action.assertions.monitors import State
+from sim_action.assertions.monitors import AdaptedMonitor, State
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.object import Moved, ObjectAssertion
 from sim_action.assertions.odometry_error import OdometryError
@@ -36,10 +36,11 @@ from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.stops_before import StopsBefore
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.upright import Upright
+from sim_action.state.trace import Trace
 from sim_action.state.trace_records import BodyRecord, ClearanceRecord, ContactRecord, LinkTouch, Nearness, SensorRecord
-from sim_action.state.verdict import Judged
+from sim_action.state.verdict import Judged, Verdict
 from tests.assertions.limits import further_specs
-from tests.traces import WHEELS, judged, monitor, scene, trace
+from tests.traces import START, WHEELS, judged, monitor, scene, trace
 
 WHEELED = ("wheel_left_link", "wheel_right_link", "caster_back_link")
 PATH = (PathPoint(x=0, y=0), PathPoint(x=3, y=0))
@@ -342,3 +343,39 @@ def test_it_needs_a_moment(key: str, value: Any, limit: tuple[float | None, str]
 def test_what_nothing_can_be_is_refused(key: str, value: Any, problem: str) -> None:
     with pytest.raises(ValidationError, match=problem):
         read(key, value)
+
+
+@pytest.mark.parametrize("spec", [*GOALS, *INVARIANTS], ids=named)
+def test_the_monitors_of_the_product_need_no_defaults(spec: Assertion) -> None:
+    assert not isinstance(spec.started(scene(), START), AdaptedMonitor)
+
+
+@dataclass(frozen=True)
+class Nearby:
+    """A goal of an installed package, which does not derive from Monitor."""
+
+    state: State = State.PENDING
+    needed_until: float = 2.0
+
+    def observe(self, trace: Trace) -> Nearby:
+        return Nearby(State.HOLDS, 0.0)
+
+    def verdict(self) -> Verdict:
+        return Verdict(self.state is State.HOLDS)
+
+
+def test_a_monitor_without_the_base_class_gets_what_it_lacks() -> None:
+    opened = AdaptedMonitor.of(Nearby())
+    assert (opened.state, opened.is_decided, opened.unmet_premises, opened.is_sampled) == (
+        State.PENDING,
+        False,
+        (),
+        False,
+    )
+    assert opened.begin(trace([0.0])) is opened
+    assert opened.signals(trace([0.0])) == ()
+    with pytest.raises(NotImplementedError):
+        opened.truth(trace([0.0]))
+    came = opened.observe(trace([0.0]))
+    assert (opened.needed_until, came.needed_until, came.is_decided) == (2.0, 0.0, True)
+    assert came.verdict().passed
