@@ -12,7 +12,7 @@ from sim_action.core.wording import counted, shortened
 from sim_action.reports.console import BAD, GOOD, Console, Line, Sign, open_console
 from sim_action.reports.escaping import markdown_text
 from sim_action.reports.formatting import measurements, moment, quantity, speed_text
-from sim_action.reports.github.markdown import code, row, table
+from sim_action.reports.github.markdown import code, paragraphs, row, table
 from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.results.comparison import Change, ChangeKind, Comparison, SmallerMargin
 from sim_action.results.gate_claims import ClaimChange, ClaimKind
@@ -306,7 +306,7 @@ def comparison_markdown(comparison: Comparison) -> str:
         table(("", "Change", "Scenario", "What happened"), written) if written else "",
         f"_{len(found) - len(written)} more changes are not shown._" if len(found) > len(written) else "",
     ]
-    return "\n\n".join(part for part in parts if part) + "\n"
+    return paragraphs(*parts) + "\n"
 
 
 def _title(comparison: Comparison) -> str:

@@ -8,7 +8,8 @@ from typing import Final
 from sim_action.core import units
 from sim_action.core.errors import ExitCode
 from sim_action.core.provenance import Provenance
-from sim_action.core.wording import counted
+from sim_action.core.wording import counted, shortened
+from sim_action.reports.escaping import one_line
 from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.results.outcome import Outcome, Status
 from sim_action.results.results_json import Results
@@ -23,6 +24,13 @@ def user_output(outcome: Outcome) -> str:
     """Return the output of the user's code; empty if a failure shows the same text as its details."""
     told = any(failure.details == outcome.output for failure in outcome.failures)
     return "" if told else outcome.output.strip("\n")
+
+
+def first_message(outcome: Outcome, most: int) -> str:
+    """Return the message of the first reason why an outcome is no pass, on one line; empty if it passed."""
+    messages = [failure.message for failure in outcome.failures]
+    messages += [expected.verdict.message for expected in outcome.not_passed]
+    return shortened(one_line(messages[0]), most) if messages else ""
 
 
 def taken_over_text(taken_over: int, results: Results) -> str:

@@ -13,7 +13,7 @@ from sim_action.reports.console import BAD, GOOD, Console, Line, Sign, open_cons
 from sim_action.reports.escaping import markdown_block, markdown_text
 from sim_action.reports.github.annotations import Annotation, print_annotations
 from sim_action.reports.github.job_summary import MAX_BYTES, append_summary
-from sim_action.reports.github.markdown import code, fitting, folded, message_text, row, source_link, table
+from sim_action.reports.github.markdown import code, fitting, folded, message_text, paragraphs, row, source_link, table
 from sim_action.reports.github.step_outputs import append_outputs
 from sim_action.reports.statuses import Level
 from sim_action.results.artifacts import REPORT_FILE
@@ -182,7 +182,7 @@ def proof_summary(proof: Proof, options: ReportOptions, most_bytes: int = MAX_BY
         else "",
         f"_{counted(left, 'more scenario')} not shown: the size of the summary is limited._" if left else "",
     ]
-    return "\n\n".join(part for part in parts if part) + "\n\n"
+    return paragraphs(*parts) + "\n\n"
 
 
 def _summary_title(proof: Proof) -> str:
@@ -215,7 +215,7 @@ def _section(scenario: ProvenScenario, options: ReportOptions) -> str:
         rows = (_row(expected, scenario, options) for expected in scenario.expectations)
         parts.append(table(("", "Expectation", "Finding"), rows))
     parts += _survivors(scenario)
-    return "\n\n".join(part for part in parts if part)
+    return paragraphs(*parts)
 
 
 def _row(expected: ProvenExpectation, scenario: ProvenScenario, options: ReportOptions) -> str:

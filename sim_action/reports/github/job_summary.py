@@ -30,10 +30,12 @@ from sim_action.reports.github.markdown import (
     MAX_IN_MESSAGE,
     code,
     code_of_link,
+    dotted,
     fitting,
     folded,
     left_out_note,
     message_text,
+    paragraphs,
     row,
     shell_block,
     size_of,
@@ -95,7 +97,7 @@ def summary(results: Results, options: ReportOptions, most_bytes: int = MAX_BYTE
         else "",
         _unshown_scenarios(len(found) - len(sections)),
     ]
-    return "\n\n".join(part for part in parts if part) + "\n\n"
+    return paragraphs(*parts) + "\n\n"
 
 
 def _run_headline(results: Results) -> str:
@@ -184,7 +186,7 @@ def _scenario_section(group: ScenarioGroup, options: ReportOptions, *, drawn: bo
     """
     if group.gate is not None or group.is_part:
         worst = [_outcome_section(run, options, drawn=drawn) for run in group.not_passed[:1]]
-        return "\n\n".join([gate_section(group, options), *(folded("The worst run", section) for section in worst)])
+        return paragraphs(gate_section(group, options), *(folded("The worst run", section) for section in worst))
     return _varied(group, options, drawn=drawn) if group.varies else _outcome_section(group.worst, options, drawn=drawn)
 
 
@@ -227,13 +229,13 @@ def _varied(group: ScenarioGroup, options: ReportOptions, *, drawn: bool) -> str
     bad, good = rows[: len(unhappy)][:_MAX_ROWS], rows[len(unhappy) :]
     parts = [
         f"### {STATUS_DISPLAYS[group.status].icon} {markdown_text(group.name)}: {_variations_headline(group)}",
-        " · ".join(part for part in (source_link(options, group.location), markdown_text(group.engines)) if part),
+        dotted(source_link(options, group.location), markdown_text(group.engines)),
         table(columns, bad) if bad else "",
         folded(passed, table(columns, good)) if good else "",
         left_out_note(len(ordered), len(bad) + len(good), "variation"),
         _outcome_section(group.worst, options, drawn=drawn) if group.status not in ("passed", "skipped") else "",
     ]
-    return "\n\n".join(part for part in parts if part)
+    return paragraphs(*parts)
 
 
 def _outcome_section(outcome: Outcome, options: ReportOptions, *, drawn: bool) -> str:
@@ -249,7 +251,7 @@ def _outcome_section(outcome: Outcome, options: ReportOptions, *, drawn: bool) -
         _reproduction(outcome, options),
         _run_details(outcome),
     ]
-    return "\n\n".join(part for part in parts if part)
+    return paragraphs(*parts)
 
 
 def _charts(outcome: Outcome, options: ReportOptions) -> Iterator[str]:
@@ -292,8 +294,7 @@ def _subtitle(outcome: Outcome, options: ReportOptions) -> str:
     simulated = f"{moment(outcome.sim_time)} simulated" if outcome.sim_time is not None else ""
     ended = markdown_text(f"ended by: {outcome.end}") if outcome.end else ""
     engine, speed = markdown_text(outcome.engine or ""), speed_text(outcome.real_time_factor)
-    parts = (source_link(options, outcome.location), simulated, ended, speed, engine, repeats_text(outcome))
-    return " · ".join(part for part in parts if part)
+    return dotted(source_link(options, outcome.location), simulated, ended, speed, engine, repeats_text(outcome))
 
 
 def _failure_text(failure: Failure, options: ReportOptions) -> str:
@@ -311,8 +312,7 @@ def _warnings(outcome: Outcome, options: ReportOptions) -> str:
         f"- {STATUS_DISPLAYS['warned'].icon} {message_text(str(warning))}<br>{source_link(options, warning.location)}"
         for warning in outcome.warnings[:_MAX_ROWS]
     ]
-    left_out = left_out_note(len(outcome.warnings), _MAX_ROWS, "warning")
-    return "\n".join(lines) + (f"\n\n{left_out}" if left_out else "")
+    return paragraphs("\n".join(lines), left_out_note(len(outcome.warnings), _MAX_ROWS, "warning"))
 
 
 def _expectations(outcome: Outcome, options: ReportOptions) -> str:
@@ -321,26 +321,23 @@ def _expectations(outcome: Outcome, options: ReportOptions) -> str:
     held = [expected for expected in outcome.expectations if expected.status == "passed"]
     if not missed or not held:
         return _table(outcome, missed or held, options)
-    return "\n\n".join(
-        (
-            _table(outcome, missed, options),
-            folded(
-                f"{counted(len(held), 'expectation')} held",
-                _table(outcome, held, options),
-            ),
-        )
-    )
+    fold = folded(f"{counted(len(held), 'expectation')} held", _table(outcome, held, options))
+    return paragraphs(_table(outcome, missed, options), fold)
 
 
 def _measurements(outcome: Outcome, options: ReportOptions) -> str:
     """Return a list of the values that were measured without a limit."""
-    lines = []
-    for measured in outcome.measurements[:_MAX_ROWS]:
-        link = replay_link(outcome, options, measured.time)
-        seen = f"<br>replay: {code_of_link(link)}" if link else ""
-        lines.append(f"- {INFORMATION.icon} {markdown_text(measured.name)}: {message_text(measured.message)}{seen}")
-    left_out = left_out_note(len(outcome.measurements), _MAX_ROWS, "measurement")
-    return "\n".join([*lines, *(["", left_out] if left_out else [])])
+    lines = [
+        f"- {INFORMATION.icon} {markdown_text(measured.name)}: {message_text(measured.message)}"
+        f"{_replay_note(outcome, options, measured.time)}"
+        for measured in outcome.measurements[:_MAX_ROWS]
+    ]
+    return paragraphs("\n".join(lines), left_out_note(len(outcome.measurements), _MAX_ROWS, "measurement"))
+
+
+def _replay_note(outcome: Outcome, options: ReportOptions, time: float | None) -> str:
+    link = replay_link(outcome, options, time)
+    return f"<br>replay: {code_of_link(link)}" if link else ""
 
 
 def _table(outcome: Outcome, expectations: Sequence[ExpectationOutcome], options: ReportOptions) -> str:
@@ -348,8 +345,7 @@ def _table(outcome: Outcome, expectations: Sequence[ExpectationOutcome], options
         return ""
     rows = (_row(outcome, expected, options) for expected in expectations[:_MAX_ROWS])
     columns = ("", "Expectation", " Measured", " Limit", " Margin", " At")
-    left_out = left_out_note(len(expectations), _MAX_ROWS, "expectation")
-    return table(columns, rows) + (f"\n\n{left_out}" if left_out else "")
+    return paragraphs(table(columns, rows), left_out_note(len(expectations), _MAX_ROWS, "expectation"))
 
 
 def _row(outcome: Outcome, expected: ExpectationOutcome, options: ReportOptions) -> str:
@@ -357,9 +353,7 @@ def _row(outcome: Outcome, expected: ExpectationOutcome, options: ReportOptions)
     icon = STATUS_DISPLAYS[expected.status].icon
     what = f"**{markdown_text(expected.name)}**<br>{message_text(verdict.message)}"
     if expected.status != "passed":
-        what += f"<br>{source_link(options, expected.location)}"
-        if link := replay_link(outcome, options, verdict.time):
-            what += f"<br>replay: {code_of_link(link)}"
+        what += f"<br>{source_link(options, expected.location)}{_replay_note(outcome, options, verdict.time)}"
     numbers = (quantity(value, verdict.unit) for value in (verdict.measured, verdict.limit, verdict.margin))
     return row(icon, what, *(markdown_text(number) for number in numbers), moment(verdict.time))
 
@@ -405,7 +399,7 @@ def gate_section(group: ScenarioGroup, options: ReportOptions) -> str:
     warnings = list(_gate_warnings(group, options))
     parts = [
         f"### {group.display.icon} {markdown_text(group.name)}: {markdown_text(group.rate_text or group.gate_text)}",
-        " · ".join(part for part in _gate_subtitle(group, options) if part),
+        dotted(*_gate_subtitle(group, options)),
         *_gate_claims(group, options),
         f"{markdown_text(group.not_passed_text)}; the worst first:" if bad else "",
         table(("Run", "Result", " Sim time"), rows) if rows else "",
@@ -414,7 +408,7 @@ def gate_section(group: ScenarioGroup, options: ReportOptions) -> str:
         left_out_note(len(warnings), _MAX_WARNINGS, "warning"),
         _gate_chances(group),
     ]
-    return "\n\n".join(part for part in parts if part)
+    return paragraphs(*parts)
 
 
 def _gate_subtitle(group: ScenarioGroup, options: ReportOptions) -> Iterator[str]:
@@ -453,12 +447,11 @@ def _gate_chances(group: ScenarioGroup) -> str:
     rows = (row(*map(markdown_text, each)) for each in told.rows)
     columns = ("A robot that is ... good", *(f" {rate}" for rate in told.columns))
     parts = [table(columns, rows) if told.rows else "", *map(markdown_text, told.remarks)]
-    return folded("The chances of robots with known rates", "\n\n".join(part for part in parts if part))
+    return folded("The chances of robots with known rates", paragraphs(*parts))
 
 
 def _gate_run_row(group: ScenarioGroup, run: Outcome, options: ReportOptions) -> str:
-    link = replay_link(run, options, reason_time(run))
-    seen = f"<br>replay: {code_of_link(link)}" if link else ""
+    seen = _replay_note(run, options, reason_time(run))
     return row(markdown_text(group.values(run)), f"{message_text(run.ending)}{seen}", moment(run.sim_time))
 
 

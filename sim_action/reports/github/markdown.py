@@ -41,6 +41,16 @@ def folded(title: str, markdown: str) -> str:
     return f"<details><summary>{markdown_text(title)}</summary>\n\n{markdown}\n\n</details>"
 
 
+def paragraphs(*markdown: str) -> str:
+    """Join paragraphs; empty ones are omitted."""
+    return "\n\n".join(filter(None, markdown))
+
+
+def dotted(*markdown: str) -> str:
+    """Join the parts of a subtitle by dots; empty ones are omitted."""
+    return " · ".join(filter(None, markdown))
+
+
 def shell_block(command: str) -> str:
     """Return a one-line command as a block that can be copied."""
     return markdown_block(command, "sh")

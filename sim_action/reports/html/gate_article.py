@@ -216,18 +216,23 @@ def _row(run: Outcome, index: int, columns: Sequence[Parameter], place: GroupPla
     identity = place.ids[id(run)]
     expected = nearest_expectation(run)
     verdict = None if expected is None else expected.verdict
-    parts = [(column.label, shortened(column.texts[index], _MAX_TEXT)) for column in columns]
     nearest = next((failure.title for failure in run.failures), "") if expected is None else one_line(expected.name)
     # A count of contacts is 0 or 1: its margin says nothing.
     margin = "" if verdict is None or verdict.unit == "contacts" else quantity(verdict.margin, verdict.unit)
     if verdict is not None and verdict.status == "passed" and verdict.goal:
         margin = f"at {moment(verdict.time)}" if verdict.time is not None else quantity(verdict.margin, verdict.unit)
-    link = element("a", f"run {index + 1}", href=f"#{identity}")
     replay = "" if run.status == "skipped" else "yes" if identity in place.replayed else "not in this report"
-    cells = [*parts, ("Nearest limit", nearest), ("Margin", margin), ("Replay", replay)]
-    return element(
-        "tr",
+    named = {"Nearest limit": nearest, "Margin": margin, "Replay": replay}
+    cells = (element("td", words, data_title=title) for title, words in named.items())
+    return element("tr", *run_cells(run, index, columns, identity), *cells)
+
+
+def run_cells(run: Outcome, index: int, columns: Sequence[Parameter], identity: str) -> list[Html]:
+    """Return the first cells of the row of a run: its status, the link to its article, and its parameters."""
+    link = element("a", f"run {index + 1}", href=f"#{identity}")
+    texts = ((column.label, shortened(column.texts[index], _MAX_TEXT)) for column in columns)
+    return [
         element("td", status_mark(run.display_status, neutral=run.is_sample)),
         element("th", link, scope="row"),
-        *(element("td", told, data_title=title) for title, told in cells),
-    )
+        *(element("td", text, data_title=label) for label, text in texts),
+    ]

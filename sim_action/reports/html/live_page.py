@@ -12,9 +12,10 @@ from math import isfinite
 from typing import Final, Self
 
 from sim_action.core.records import dataclass, replace
-from sim_action.core.wording import counted, shortened
+from sim_action.core.wording import counted
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
+from sim_action.reports.formatting import first_message
 from sim_action.reports.html.document import Html, Page, element, encoded, joined
 from sim_action.reports.html.replay_blocks import page_json
 from sim_action.reports.html.report import page
@@ -156,16 +157,10 @@ def _finished(place: int, outcome: Outcome) -> dict[str, object]:
         "status": outcome.display_status,
         "symbol": display.symbol,
         "word": display.word,
-        "why": _reason(outcome),
+        "why": first_message(outcome, _MAX_REASON),
         "took": round(outcome.wall_time, 1),
         "link": f"report{fragment(outcome.name, None, number)}",
     }
-
-
-def _reason(outcome: Outcome) -> str:
-    told = [failure.message for failure in outcome.failures]
-    told += [expected.verdict.message for expected in outcome.not_passed]
-    return shortened(one_line(told[0]), _MAX_REASON) if told else ""
 
 
 def progress_page() -> Page:

@@ -8,8 +8,9 @@ from itertools import chain, count
 from typing import Final, Literal
 
 from sim_action.core.records import dataclass
-from sim_action.core.wording import counted, shortened
+from sim_action.core.wording import counted
 from sim_action.reports.escaping import one_line
+from sim_action.reports.formatting import first_message
 from sim_action.reports.html.document import Html, element, joined
 from sim_action.reports.html.scenario_article import status_mark
 from sim_action.reports.html.sweep import has_plot
@@ -174,12 +175,6 @@ def _list_title(results: Results) -> str:
 _MAX_IN_GIST: Final = 110
 
 
-def _gist(outcome: Outcome) -> str:
-    told = [failure.message for failure in outcome.failures]
-    told += [expected.verdict.message for expected in outcome.not_passed]
-    return shortened(one_line(told[0]), _MAX_IN_GIST) if told else ""
-
-
 def _list_entry(group: ScenarioGroup, place: str, ids: Mapping[int, str]) -> Html:
     there = [outcome for outcome in group.worst_first() if id(outcome) in ids]
     if not there and not place:
@@ -190,7 +185,8 @@ def _list_entry(group: ScenarioGroup, place: str, ids: Mapping[int, str]) -> Htm
     if group.gate is not None:
         runs = element("summary", counted(len(group.outcomes), "run"), class_="faint")
         fold = element("details", runs, element("ol", *items)) if items else ""
-        return element("li", _gate_link(group, group.gate, place), fold, class_="group gate")
+        link = list_link(place, status_mark(group.gate.display_status), group.gate.name, f"gate: {group.rate_text}")
+        return element("li", link, fold, class_="group gate")
     title = joined(
         status_mark(group.status),
         element("span", one_line(group.name), element("small", _told(group), class_="faint"), class_="name"),
@@ -209,20 +205,12 @@ def _told(group: ScenarioGroup) -> str:
     return group.gate_text if group.is_part else group.passed
 
 
-def _gate_link(group: ScenarioGroup, gate: Outcome, place: str) -> Html:
-    told = element("small", f"gate: {group.rate_text}", class_="faint")
-    name = element("span", one_line(gate.name), told, class_="name")
-    return element("a", status_mark(gate.display_status), name, href=f"#{place}")
-
-
 def _list_item(outcome: Outcome, name: str, ids: Mapping[int, str]) -> Html:
-    why = _gist(outcome)
-    return element(
-        "li",
-        element(
-            "a",
-            status_mark(outcome.display_status, neutral=outcome.is_sample),
-            element("span", one_line(name), element("small", why, class_="faint") if why else "", class_="name"),
-            href=f"#{ids[id(outcome)]}",
-        ),
-    )
+    mark = status_mark(outcome.display_status, neutral=outcome.is_sample)
+    return element("li", list_link(ids[id(outcome)], mark, name, first_message(outcome, _MAX_IN_GIST)))
+
+
+def list_link(identity: str, mark: Html, name: str, words: str) -> Html:
+    """Return an entry of the list that leads to an article: its mark, its name, and words about it."""
+    gist = element("small", words, class_="faint") if words else ""
+    return element("a", mark, element("span", one_line(name), gist, class_="name"), href=f"#{identity}")

@@ -32,7 +32,7 @@ from sim_action.reports.html.document import (
     values,
 )
 from sim_action.reports.html.ghosts import Ghost, ghost
-from sim_action.reports.html.navigation import PageEntry
+from sim_action.reports.html.navigation import PageEntry, list_link
 from sim_action.reports.html.replay_blocks import ReplayBlocks, page_json, replay_id, stored_replay
 from sim_action.reports.html.report import index_entry
 from sim_action.reports.html.scenario_article import drawn, source, status_mark
@@ -184,23 +184,15 @@ def _list(every: Sequence[_Runs], total: int) -> Html:
 
 
 def _list_item(runs: _Runs) -> Html:
-    link = _list_link(runs.entry, runs.entry.name, _status_text(runs.shown), status_mark(runs.entry.status))
+    entry = runs.entry
+    link = list_link(entry.identity, status_mark(entry.status), entry.name, _status_text(runs.shown))
     if not runs.survivors:
         return element("li", link)
-    several = zip(runs.survivors, runs.shown.scenario.survivors, strict=True)
-    items = [
-        element(
-            "li",
-            _list_link(entry, each.name, each.change.text if each.change else "", element("span", "!", class_="mark")),
-        )
-        for entry, each in several
-    ]
+    mark, items = element("span", "!", class_="mark"), []
+    for entry, mutant in zip(runs.survivors, runs.shown.scenario.survivors, strict=True):
+        change = mutant.change.text if mutant.change else ""
+        items.append(element("li", list_link(entry.identity, mark, mutant.name, change)))
     return element("li", link, element("ol", *items))
-
-
-def _list_link(entry: PageEntry, name: str, words: str, mark: Html) -> Html:
-    gist = element("small", words, class_="faint") if words else ""
-    return element("a", mark, element("span", one_line(name), gist, class_="name"), href=f"#{entry.identity}")
 
 
 def _status_text(shown: ShownScenario) -> str:

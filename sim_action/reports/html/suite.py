@@ -11,8 +11,9 @@ from sim_action.core.wording import counted, shortened
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment, quantity
 from sim_action.reports.html.document import Html, article, bullets, element, heading, joined, table, titled
+from sim_action.reports.html.gate_article import run_cells
 from sim_action.reports.html.navigation import PagePlan
-from sim_action.reports.html.scenario_article import first_seen_words, status_mark
+from sim_action.reports.html.scenario_article import first_seen_words
 from sim_action.reports.html.sweep import parameters
 from sim_action.reports.scenario_groups import ScenarioGroup, nearest_expectation, relative_margin
 from sim_action.reports.statuses import STATUS_DISPLAYS
@@ -204,7 +205,6 @@ def _rounded(value: float) -> str | None:
 
 
 _MAX_TEXT: Final = 160
-_MAX_VALUE: Final = 40
 _HALF: Final = 50
 """Half of the width of a bar of a margin, which is 100 % of the limit."""
 _LEAST_BAR: Final = 1.5
@@ -317,25 +317,17 @@ def runs_table(
     numbers = {id(run): number for number, run in enumerate(group.outcomes)}
     longest = max(run.wall_time for run in group.outcomes)
     titles = ("Run", *(column.label for column in columns), "Nearest limit", "Sim time", "Wall time", "Path")
-    rows = []
-    for run in runs:
-        number = numbers[id(run)]
-        values = [
-            element("td", shortened(column.texts[number], _MAX_VALUE), data_title=column.label) for column in columns
-        ]
-        link = element("a", f"run {number + 1}", href=f"#{ids[id(run)]}")
-        rows.append(
-            element(
-                "tr",
-                element("td", status_mark(run.display_status, neutral=run.is_sample)),
-                element("th", link, scope="row"),
-                *values,
-                nearest_cell(run),
-                duration_cell("Sim time", run.simulated),
-                duration_cell("Wall time", run.wall_time, longest),
-                element("td", paths.get(id(run), ""), class_="path"),
-            )
+    rows = (
+        element(
+            "tr",
+            *run_cells(run, numbers[id(run)], columns, ids[id(run)]),
+            nearest_cell(run),
+            duration_cell("Sim time", run.simulated),
+            duration_cell("Wall time", run.wall_time, longest),
+            element("td", paths.get(id(run), ""), class_="path"),
         )
+        for run in runs
+    )
     return table(titles, joined(*rows), around="wide runs")
 
 
