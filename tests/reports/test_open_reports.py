@@ -33,6 +33,11 @@ def asked(folder: str, junit: str | None = None) -> ReportRequest:
     )
 
 
+def assert_refused(request: ReportRequest, message: str) -> None:
+    with pytest.raises(UsageError, match=message), open_reports(request):
+        pass
+
+
 def test_the_run_to_compare_with_is_read_first(workspace: Path) -> None:
     stored(workspace / "old", results(outcome("a.sim.yml")))
     with open_reports(replace(asked("new"), against="old")) as options:
@@ -54,16 +59,14 @@ def test_a_run_that_cannot_be_compared_with_is_refused_before_anything_is_writte
     if content is not None:
         (workspace / "old").mkdir()
         (workspace / "old/results.json").write_text(content)
-    with pytest.raises(UsageError, match=re.escape(message)), open_reports(replace(asked("new"), against=against)):
-        pass
+    assert_refused(replace(asked("new"), against=against), re.escape(message))
     assert not (workspace / "new").exists()
 
 
 def test_a_run_is_not_compared_with_what_it_overwrites(workspace: Path) -> None:
     path = stored(workspace / "out", results(outcome("a.sim.yml")))
     message = "--against out is the output folder of this call; keep the earlier results in another folder"
-    with pytest.raises(UsageError, match=message), open_reports(replace(asked("out"), against="out")):
-        pass
+    assert_refused(replace(asked("out"), against="out"), message)
     assert path.is_file()
 
 
@@ -89,15 +92,13 @@ def test_a_link_that_a_checkout_holds_is_not_written_through(
 ) -> None:
     (workspace / link).parent.mkdir(exist_ok=True)
     (workspace / link).symlink_to(workspace.parent / "elsewhere")
-    with pytest.raises(UsageError, match=f"'{link}' is a link"), open_reports(asked(folder, junit)):
-        pass
+    assert_refused(asked(folder, junit), f"'{link}' is a link")
     assert list((workspace.parent / "elsewhere").iterdir()) == []
 
 
 def test_a_dangling_link_is_a_link(workspace: Path) -> None:
     (workspace / "out").symlink_to("nowhere")
-    with pytest.raises(UsageError, match="'out' is a link"), open_reports(asked("out")):
-        pass
+    assert_refused(asked("out"), "'out' is a link")
 
 
 def test_links_above_and_outside_are_the_callers(workspace: Path) -> None:
@@ -110,8 +111,7 @@ def test_links_above_and_outside_are_the_callers(workspace: Path) -> None:
 def test_a_junit_path_that_no_file_can_replace_is_refused_before_anything_runs(workspace: Path) -> None:
     os.mkfifo(workspace / "pipe")
     for path, why in (("/dev/full", "is not a regular file"), ("pipe", "is not a regular file"), (".", "is a folder")):
-        with pytest.raises(UsageError, match=f"--junit {path} {why}"), open_reports(asked("out", path)):
-            pass
+        assert_refused(asked("out", path), f"--junit {path} {why}")
     assert not (workspace / "out").exists()
 
 
@@ -120,8 +120,7 @@ def test_the_junit_is_not_written_onto_another_report(workspace: Path, name: str
     (workspace / "out/deeper").mkdir(parents=True)
     (workspace / "out" / name).write_text("of an earlier call")
     for path in (f"out/{name}", f"out/deeper/../{name}", str(workspace / "out" / name)):
-        with pytest.raises(UsageError, match=f"is the {name} of this call"), open_reports(asked("out", path)):
-            pass
+        assert_refused(asked("out", path), f"is the {name} of this call")
     assert (workspace / "out" / name).read_text() == "of an earlier call"
     (workspace / "out" / name).unlink()
     with open_reports(asked("out", f"out/deeper/{name}")):
@@ -131,8 +130,7 @@ def test_the_junit_is_not_written_onto_another_report(workspace: Path, name: str
 @pytest.mark.parametrize("name", ["a.sim.yml", "a.YAML"])
 def test_the_junit_is_not_written_onto_a_scenario(workspace: Path, name: str) -> None:
     (workspace / name).write_text("name: a")
-    with pytest.raises(UsageError, match="ends like a scenario file"), open_reports(asked("out", name)):
-        pass
+    assert_refused(asked("out", name), "ends like a scenario file")
     assert (workspace / name).read_text() == "name: a"
 
 
@@ -188,8 +186,7 @@ def test_a_file_that_is_no_journal_lists_nothing(journal: str, workspace: Path) 
 def test_a_journal_of_another_program_is_kept_and_lists_nothing(journal: str, workspace: Path) -> None:
     (workspace / "results.jsonl").write_text(journal)
     (workspace / "results.json").touch()
-    with pytest.raises(UsageError, match=r"'results\.jsonl' that sim-action did not write"), open_reports(asked(".")):
-        pass
+    assert_refused(asked("."), r"'results\.jsonl' that sim-action did not write")
     assert (workspace / "results.json").exists()
     assert (workspace / "results.jsonl").read_text() == journal
 
@@ -197,46 +194,35 @@ def test_a_journal_of_another_program_is_kept_and_lists_nothing(journal: str, wo
 def test_a_call_that_may_not_use_the_folder_removes_nothing(workspace: Path) -> None:
     journal_of(workspace / "out", "results.json")
     (workspace / "junit.xml").touch()
-    with (
-        locked(Path("out")),
-        pytest.raises(UsageError, match="in use by another run"),
-        open_reports(asked("out", "junit.xml")),
-    ):
-        pass
+    with locked(Path("out")):
+        assert_refused(asked("out", "junit.xml"), "in use by another run")
     assert (workspace / "out/results.json").exists()
     assert (workspace / "junit.xml").exists()
 
 
 @pytest.mark.parametrize(("folder", "junit"), [("x" * 300, None), ("out", "x" * 300)])
 def test_a_name_that_is_too_long_is_refused(folder: str, junit: str | None, workspace: Path) -> None:
-    with pytest.raises(UsageError, match="cannot be used: file name too long"), open_reports(asked(folder, junit)):
-        pass
+    assert_refused(asked(folder, junit), "cannot be used: file name too long")
     assert not (workspace / "out").exists()
 
 
 def test_junit_xml_of_another_tool_is_kept(workspace: Path) -> None:
     text = "<testsuites name='pytest tests'><testsuite name='pytest' tests='1'/></testsuites>"
     (workspace / "theirs.xml").write_text(text)
-    refused = pytest.raises(UsageError, match=r"theirs\.xml exists, and sim-action did not write it; .* or remove it")
-    with refused, open_reports(asked("out", "theirs.xml")):
-        pass
+    assert_refused(asked("out", "theirs.xml"), r"theirs\.xml exists, and sim-action did not write it; .* or remove it")
     assert (workspace / "theirs.xml").read_text() == text
 
 
 def test_junit_xml_that_is_a_link_is_not_read(workspace: Path) -> None:
     (workspace / "target.xml").write_text("<testsuites name='sim-action'/>")
     (workspace / "tests.xml").symlink_to("target.xml")
-    refused = pytest.raises(UsageError, match=r"'tests\.xml' is a link, and results are not written through links")
-    with refused, open_reports(asked("out", "tests.xml")):
-        pass
+    assert_refused(asked("out", "tests.xml"), r"'tests\.xml' is a link, and results are not written through links")
 
 
 @pytest.mark.parametrize("name", ["robot.urdf", "notes", "model.xml"])
 def test_a_file_that_is_not_junit_xml_is_kept(name: str, workspace: Path) -> None:
     (workspace / name).write_text("<robot name='a'/>")
-    refused = pytest.raises(UsageError, match=f"--junit {name} exists, and sim-action did not write it; name another")
-    with refused, open_reports(asked("out", name)):
-        pass
+    assert_refused(asked("out", name), f"--junit {name} exists, and sim-action did not write it; name another")
     assert (workspace / name).read_text() == "<robot name='a'/>"
     assert not (workspace / "out").exists()
 
@@ -250,8 +236,7 @@ def test_junit_xml_and_an_empty_file_are_replaced(text: str, workspace: Path) ->
 
 def test_a_file_of_the_user_in_the_output_folder_is_kept(workspace: Path) -> None:
     (workspace / "results.json").write_text("{}")
-    with pytest.raises(UsageError, match=r"'results\.json' that sim-action did not write"), open_reports(asked(".")):
-        pass
+    assert_refused(asked("."), r"'results\.json' that sim-action did not write")
     assert (workspace / "results.json").read_text() == "{}"
 
 
