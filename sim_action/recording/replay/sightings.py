@@ -22,6 +22,7 @@ from sim_action.recording.replay.scans import MAX_SENSORS, SensorName, scans_unt
 from sim_action.recording.replay.scene_data import Length, Number
 from sim_action.recording.replay.surfaces import Triangles, hull_surface
 from sim_action.state.readings import ContactReading, LidarScan
+from sim_action.world import placed
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, grid_surface, reach
 
 if TYPE_CHECKING:
@@ -261,8 +262,6 @@ def _body_poses(scene: Scene, film: Trace, name: str, time: FloatArray) -> Float
     record = film.bodies.get(name)
     if record is not None and len(record):
         return _between(record.time, record.position_xyz, record.orientation_xyzw, time)
-    from sim_action.world import placed
-
     (body,) = (body for body in scene.world.objects if body.name == name)
     pose = placed(body, scene.parts_of(body))
     return np.tile([*pose.position_xyz, *pose.orientation_xyzw], (len(time), 1))
