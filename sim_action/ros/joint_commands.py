@@ -3,30 +3,36 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 
 from sim_action.core.records import dataclass
 from sim_action.robot.model.robot_model import Joint, Reading
 from sim_action.state.command import JointTargets
+from sim_action.state.observation import JointState
 
 
-def targets(told: Reading, values: Mapping[str, float]) -> JointTargets:
+def targets(reading: Reading, values: Mapping[str, float]) -> JointTargets:
     """Return joint targets of one kind."""
     return JointTargets(
-        position=values if told == "position" else {},
-        velocity=values if told == "velocity" else {},
-        effort=values if told == "effort" else {},
+        position=values if reading == "position" else {},
+        velocity=values if reading == "velocity" else {},
+        effort=values if reading == "effort" else {},
     )
 
 
-def within_limits(joint: Joint, told: Reading, value: float) -> float:
+def resting(reading: Reading, joints: Iterable[Joint], states: Mapping[str, JointState]) -> dict[str, float]:
+    """Return the values by which joints rest before the first command: their positions, or 0."""
+    return {joint.name: states[joint.name].position if reading == "position" else 0.0 for joint in joints}
+
+
+def within_limits(joint: Joint, reading: Reading, value: float) -> float:
     """Return a command cut off at the limits of the joint, as gazebo_ros_control does."""
-    if told == "position":
+    if reading == "position":
         lower = value if joint.lower is None else joint.lower
         upper = value if joint.upper is None else joint.upper
         return max(lower, min(upper, value))
-    most = joint.max_velocity if told == "velocity" else joint.max_effort
+    most = joint.max_velocity if reading == "velocity" else joint.max_effort
     return value if most is None else max(-most, min(most, value))
 
 
@@ -62,6 +68,15 @@ class JointCurve:
         if first.acceleration is None or last.acceleration is None:
             return _cubic(first, first.velocity, last, last.velocity, time)
         return _quintic(first, last, time)
+
+
+def curve_targets(joints: Mapping[str, Joint], curves: Mapping[str, JointCurve], time: float) -> JointTargets:
+    """Return the targets of joints on their curves at a time in s, within the limits of the joints."""
+    states = {name: curve.at(time) for name, curve in curves.items()}
+    return JointTargets(
+        position={name: within_limits(joints[name], "position", state[0]) for name, state in states.items()},
+        velocity={name: within_limits(joints[name], "velocity", state[1]) for name, state in states.items()},
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,11 @@ from signal import Signals
 from typing import Final
 
 from sim_action.core.discovery import file_name
-from sim_action.core.errors import Location
+from sim_action.core.errors import Location, ScriptError
 from sim_action.core.records import dataclass
+from sim_action.core.wording import escaped_line
 
+_MAX_DETAILS_CHARS: Final = 4_000
 _FRAME: Final = re.compile(r'^ *File "([^"]+)", line ([0-9]{1,9})(?:, in .*)?\n(?: {4,}(\S.*))?', re.MULTILINE)
 
 
@@ -114,3 +116,8 @@ def _endings(output: str, directory: Path) -> Iterator[Ending]:
 
 def _place(frames: str, directory: Path) -> Location | None:
     return traceback_location(_OF_ROS.sub("", frames), directory)
+
+
+def error_with_output(message: str, output: str, location: Location | None = None) -> ScriptError:
+    """Return the error of a program, with the end of its output as details."""
+    return ScriptError(escaped_line(message), location, details=output.strip("\n")[-_MAX_DETAILS_CHARS:])

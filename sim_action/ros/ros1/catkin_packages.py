@@ -11,7 +11,8 @@ from typing import Final
 from xml.etree import ElementTree as ET
 
 from sim_action.core.files import read_at_most
-from sim_action.core.workspace import PathError, Workspace
+from sim_action.core.workspace import Workspace
+from sim_action.ros.launches import workspace_folder
 
 PACKAGE_FILE: Final = "package.xml"
 
@@ -92,22 +93,12 @@ def workspace_of(stated: str | None, workspace: Workspace) -> Path:
     It is the folder `stated`, else the nearest one around the scenario with packages in its `src`, else the root.
     Raises PathError.
     """
-    if stated is not None:
-        found = workspace.file_or_folder(stated)
-        if not found.is_dir():
-            raise PathError(f"'{stated}' is not a folder (looked for {found})")
-        return found
-    around = (folder for folder in (workspace.directory, *workspace.directory.parents) if _is_inside(folder, workspace))
-    return next(filter(_is_catkin, around), workspace.root)
+    return workspace_folder(stated, workspace, _is_catkin)
 
 
 def packages_in(workspace: Path) -> dict[str, Path]:
     """Return name -> folder of the packages in a workspace."""
     return dict(packages_below(sources(workspace)))
-
-
-def _is_inside(folder: Path, workspace: Workspace) -> bool:
-    return folder.is_relative_to(workspace.root)
 
 
 def _is_catkin(folder: Path) -> bool:

@@ -7,16 +7,33 @@ from __future__ import annotations
 
 import xmlrpc.client
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
-from sim_action.ros.lockstep import Graph
+from sim_action.core.records import dataclass
 
 _SUCCESS: Final = 1
 _INBOUND: Final = "i"
 _TIMEOUT_S: Final = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Graph:
+    """The nodes that are up.
+
+    Attributes:
+        publishers: topic -> names of the nodes that publish it.
+        subscribers: topic -> names of the nodes that subscribe to it.
+        pids: node name -> process id.
+        master: process id of the master.
+    """
+
+    publishers: Mapping[str, frozenset[str]]
+    subscribers: Mapping[str, frozenset[str]]
+    pids: Mapping[str, int]
+    master: int
 
 
 class _Transport(xmlrpc.client.Transport):

@@ -17,6 +17,7 @@ from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.documents.package_search import PACKAGE_FILE
+from sim_action.ros.launches import argument_problem, source_problems, unchecked_notes
 from sim_action.ros.ros2.installation import Ros2, find_ros
 from sim_action.ros.ros2.node_spec import Ros2Nodes, Ros2NodeSpec
 from sim_action.ros.ros2.packages import INSTALL, UNREADABLE, Packages, is_python, workspace_of
@@ -26,9 +27,7 @@ _BUILD: Final = "run colcon build"
 
 def unchecked(spec: Ros2Nodes) -> tuple[str, ...]:
     """Return the notes on everything that cannot be checked before the nodes are started."""
-    why = why_no_ros()
-    what = "launch file is read" if spec.launch else "nodes are started"
-    return (f"ros2: the {what} when the scenario runs", *([f"ros2: {why}"] if why else []))
+    return unchecked_notes("ros2", spec.launch, why_no_ros())
 
 
 def why_no_ros() -> str | None:
@@ -49,12 +48,8 @@ def _installation() -> tuple[Ros2 | None, str | None]:
 
 def file_problems(spec: Ros2Nodes, workspace: Workspace) -> SpecProblems:
     """Yield problems, by their keys below `ros2`."""
-    if (spec.launch is None) == (spec.nodes is None):
-        hint = "remove one of them" if spec.launch else "give one of them"
-        yield (), f"needs either 'launch' or 'nodes'; {hint}"
-        return
-    if spec.launch and len(spec.launch) < 2:
-        yield ("launch",), "needs a package and a launch file, such as [my_robot, drive.launch.py]"
+    if problems := list(source_problems(spec.launch, spec.nodes, "drive.launch.py")):
+        yield from problems
         return
     try:
         folder = workspace_of(spec.workspace, workspace)
@@ -91,9 +86,8 @@ def _launch_problems(launch: Sequence[str], packages: Packages) -> SpecProblems:
         near = did_you_mean(name, files) if files else ", and no other one"
         yield ("launch", 1), f"the package '{package}' has no launch file '{name}'{near}"
     for index, argument in enumerate(arguments):
-        key, sign, _ = argument.partition(":=")
-        if not (sign and key.isidentifier()):
-            yield ("launch", index + 2), f"'{argument}' is not an argument of a launch file; write NAME:=VALUE"
+        if problem := argument_problem(argument):
+            yield ("launch", index + 2), problem
 
 
 def _node_problems(nodes: Sequence[Ros2NodeSpec], packages: Packages, workspace: Workspace) -> SpecProblems:

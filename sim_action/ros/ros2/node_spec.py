@@ -16,6 +16,7 @@ from sim_action.core.wording import FirstFew, shown
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import joints_set_by, setting_problems
 from sim_action.robot.model.robot_model import RobotModel
+from sim_action.ros.launches import with_lists
 
 # In s: as long as anybody can mean.
 _MAX_START_S: Final = 86_400
@@ -87,12 +88,6 @@ def _arguments(text: str) -> str:
     return text
 
 
-def _with_lists(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_with_lists(each) for each in value]
-    return {key: _with_lists(each) for key, each in value.items()} if isinstance(value, dict) else value
-
-
 def _parameters(values: dict[str, JsonValue], space: str = "") -> dict[str, JsonValue]:
     """Return values that ROS 2 has types for; `space`: the start of their names. Raise ValueError."""
     for name, value in values.items():
@@ -123,7 +118,7 @@ GraphName = Annotated[str, AfterValidator(_graph_name)]
 OldName = Annotated[str, AfterValidator(_old_name)]
 RobotTopicName = Annotated[str, AfterValidator(_robot_name)]
 Namespace = Annotated[str, AfterValidator(_namespace)]
-Parameters = Annotated[dict[str, JsonValue], BeforeValidator(_with_lists), AfterValidator(_parameters)]
+Parameters = Annotated[dict[str, JsonValue], BeforeValidator(with_lists), AfterValidator(_parameters)]
 
 
 class Ros2NodeSpec(FrozenModel):

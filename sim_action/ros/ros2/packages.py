@@ -20,6 +20,7 @@ from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.robot.documents.package_search import PACKAGE_FILE, folders_below
+from sim_action.ros.launches import workspace_folder
 from sim_action.ros.ros2.installation import Ros2, packages_of_prefix, set_up
 
 UNREADABLE: Final = "unknown"
@@ -226,14 +227,7 @@ def workspace_of(stated: str | None, workspace: Workspace) -> Path:
     the nearest folder around the scenario with an install folder or with packages in its `src`, else the root.
     Raise PathError.
     """
-    if stated is not None:
-        found = workspace.file_or_folder(stated)
-        if not found.is_dir():
-            raise PathError(f"'{stated}' is not a folder (looked for {found})")
-        return found
-    directory = workspace.directory
-    around = (folder for folder in (directory, *directory.parents) if folder.is_relative_to(workspace.root))
-    return next(filter(_is_workspace, around), workspace.root)
+    return workspace_folder(stated, workspace, _is_workspace)
 
 
 @dataclass(frozen=True, slots=True)

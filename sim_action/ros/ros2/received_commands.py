@@ -13,7 +13,16 @@ from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.model.robot_model import Joint, Reading, RobotModel
-from sim_action.ros.joint_commands import JointCurve, TrajectoryPoint, Waypoint, joint_curves, targets, within_limits
+from sim_action.ros.joint_commands import (
+    JointCurve,
+    TrajectoryPoint,
+    Waypoint,
+    curve_targets,
+    joint_curves,
+    resting,
+    targets,
+    within_limits,
+)
 from sim_action.ros.ros2.graph import USUAL, Graph, Qos, TopicEnd
 from sim_action.ros.ros2.messages import Message, seconds_of, twist_of
 from sim_action.ros.ros2.node_spec import JointController
@@ -217,11 +226,7 @@ class TrajectoryReceiver:
             self._curves = {name: JointCurve((self._state(name, seen),)) for name in self._joints}
         if not self._curves:
             return None
-        now = {name: curve.at(seen.time) for name, curve in self._curves.items()}
-        return JointTargets(
-            position={name: within_limits(self._joints[name], "position", state[0]) for name, state in now.items()},
-            velocity={name: within_limits(self._joints[name], "velocity", state[1]) for name, state in now.items()},
-        )
+        return curve_targets(self._joints, self._curves, seen.time)
 
     def _state(self, name: str, seen: Observation) -> Waypoint:
         if name in self._curves:
@@ -317,6 +322,5 @@ class ValuesReceiver:
         if self._values is None:
             if self._reading == "effort":
                 return None
-            holds = self._reading == "position"
-            self._values = {joint.name: seen.joints[joint.name].position if holds else 0.0 for joint in self._joints}
+            self._values = resting(self._reading, self._joints, seen.joints)
         return targets(self._reading, self._values)

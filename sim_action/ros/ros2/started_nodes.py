@@ -13,9 +13,8 @@ import yaml
 
 from sim_action.core.errors import ScriptError, SourceProblem
 from sim_action.core.records import dataclass
-from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import PathError
-from sim_action.ros.program_failures import Ending, ending_of, exit_text
+from sim_action.ros.program_failures import Ending, ending_of, error_with_output, exit_text
 from sim_action.ros.ros2.installation import RMW, Ros2
 from sim_action.ros.ros2.lockstep import CLOCK, clock_of
 from sim_action.ros.ros2.node_processes import Node, NodeProcess, ProcessFolder
@@ -39,7 +38,6 @@ _SOCKETS: Final = ("/proc/net/udp", "/proc/net/udp6")
 
 
 _PROFILE: Final = Path(__file__).with_name("fast_dds.xml")
-_MAX_DETAILS_CHARS: Final = 4_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,11 +198,7 @@ def node_error(process: NodeProcess, code: int, directory: Path) -> ScriptError:
     if code:
         how = f"ended with {exit_text(code)}"
         ending = ending_of(text, directory)
-    return ScriptError(
-        escaped_line(f"the node '{process.label}' {how}{ending.said}"),
-        ending.location,
-        details=text.strip("\n")[-_MAX_DETAILS_CHARS:],
-    )
+    return error_with_output(f"the node '{process.label}' {how}{ending.said}", text, ending.location)
 
 
 class _QuotingDumper(yaml.SafeDumper):

@@ -19,6 +19,7 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.ros.launches import argument_problem, source_problems, unchecked_notes
 from sim_action.ros.ros1.catkin_packages import find_launch_file, packages_in, packages_of, workspace_of
 from sim_action.ros.ros1.command_source.node_spec import NodeSpec, RosNodes
 from sim_action.ros.ros1.installation import Ros, find_ros
@@ -30,13 +31,7 @@ _MAX_LAUNCH_FILE_BYTES: Final = 4_000_000
 
 def unchecked(spec: RosNodes) -> tuple[str, ...]:
     """Return the notes on everything that cannot be checked before the nodes are launched."""
-    why = why_no_ros()
-    what = (
-        "the launch file is read when the scenario runs"
-        if spec.launch
-        else "the nodes are started when the scenario runs"
-    )
-    return (f"ros1: {what}", *([f"ros1: {why}"] if why else []))
+    return unchecked_notes("ros1", spec.launch, why_no_ros())
 
 
 @cache
@@ -53,12 +48,8 @@ def why_no_ros() -> str | None:
 
 def file_problems(spec: RosNodes, workspace: Workspace) -> SpecProblems:
     """Yield problems, by their keys below `ros1`."""
-    if (spec.launch is None) == (spec.nodes is None):
-        hint = "remove one of them" if spec.launch else "give one of them"
-        yield (), f"needs either 'launch' or 'nodes'; {hint}"
-        return
-    if spec.launch and len(spec.launch) < 2:
-        yield ("launch",), "needs a package and a launch file, such as [my_robot, drive.launch]"
+    if problems := list(source_problems(spec.launch, spec.nodes, "drive.launch")):
+        yield from problems
         return
     try:
         folder = workspace_of(spec.workspace, workspace)
@@ -159,9 +150,9 @@ def argument_problems(file: Path, given: Sequence[str]) -> Iterator[tuple[int | 
         return
     own = dict(_own(root))
     for index, argument in enumerate(given):
-        name, sign, _ = argument.partition(":=")
-        if not (sign and name.isidentifier()):
-            yield index, f"'{argument}' is not an argument of a launch file; write NAME:=VALUE"
+        name = argument.partition(":=")[0]
+        if problem := argument_problem(argument):
+            yield index, problem
         elif name not in own:
             yield index, f"'{file.name}' has no argument '{name}'{did_you_mean(name, own)}"
         elif own[name].get("value") is not None:

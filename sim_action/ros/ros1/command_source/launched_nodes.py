@@ -12,16 +12,17 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from itertools import pairwise
 from os import path
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any, Final, Literal
 
 from sim_action.commands.line_protocol import StderrTail
 from sim_action.core.errors import ScriptError, SourceProblem
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.records import dataclass
-from sim_action.core.wording import did_you_mean, escaped_line
+from sim_action.core.wording import did_you_mean
+from sim_action.ros.launches import EventFile, lost_models, lost_worlds
 from sim_action.ros.processes import children
-from sim_action.ros.program_failures import signal_name, traceback_location
+from sim_action.ros.program_failures import error_with_output, signal_name, traceback_location
 from sim_action.ros.ros1.installation import Ros
 from sim_action.ros.ros1.launch.launch_process import Launch
 from sim_action.ros.ros1.launch.overlay import Overlay, build_overlay, scratch_parent
@@ -60,7 +61,6 @@ REPLACED_CONTROLLERS: Final[Mapping[str, str]] = {
 """Type of a controller -> the reason why its absence is not a loss."""
 
 
-_MAX_DETAILS_CHARS: Final = 4_000
 # The exception of roslaunch for a missing package.
 _NOT_FOUND: Final = "ResourceNotFound"
 
@@ -97,7 +97,7 @@ class LaunchedNodes:
             self.folder = Path(path.realpath(tempfile.mkdtemp(prefix="sim-action-", dir=scratch_parent())))
             undo.callback(shutil.rmtree, self.folder, ignore_errors=True)
             self.overlay = build_overlay(_made(self.folder / "overlay"), asked.ros, asked.workspace, os.environ)
-            self._events = Events(self.folder / "events")
+            self._events = EventFile(self.folder / "events", Event)
             undo.callback(self._events.close)
             self._launch = self._start(asked)
             undo.callback(self._launch.close)
@@ -224,15 +224,9 @@ def lost_nodes(nodes: Sequence[ReplacedNode], world: str, types: Mapping[str, st
         types: name of a controller -> its type.
     """
     worlds = [world, *(word for node in nodes for word in _words(node) if word.endswith(".world"))]
-    for name in dict.fromkeys(worlds):
-        if name and PurePath(name).name != _EMPTY_WORLD:
-            yield f"the world '{PurePath(name).name}' of the launch file is not simulated: add its objects to 'world'"
-    spawned = [node for node in nodes if node.program == "gazebo_ros/spawn_model"]
-    robots = [node for node in spawned if not _OTHER_MODEL.intersection(_words(node))] or spawned
-    for node in spawned:
-        if node is not robots[0]:
-            name = _after(_words(node), "-model")
-            yield f"the model '{name}' is not spawned: the scenario has one robot, and its objects are in 'world'"
+    yield from lost_worlds(worlds, lambda path: path.name == _EMPTY_WORLD)
+    words = [_words(node) for node in nodes if node.program == "gazebo_ros/spawn_model"]
+    yield from lost_models([(_after(each, "-model"), bool(_OTHER_MODEL.intersection(each))) for each in words])
     for name in _controllers(nodes):
         if (kind := types.get(name, "")) not in REPLACED_CONTROLLERS:
             yield f"the controller '{name}' ({kind or 'without a type'}) does not run: drive joints with other commands"
@@ -309,28 +303,6 @@ class Event(FrozenModel):
         return self.event == "refused" or (self.event == "died" and (self.required or self.exit_code != 0))
 
 
-class Events:
-    """The events of one launch, in their order."""
-
-    def __init__(self, path: Path) -> None:
-        path.touch()
-        self._file = path.open("rb")
-        self._unread = b""
-
-    def new(self) -> list[Event]:
-        """Return the events since the last call."""
-        *lines, self._unread = (self._unread + self._file.read()).split(b"\n")
-        return [Event.model_validate(_plain(json.loads(line))) for line in lines]
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-
-
-def _plain(data: dict[str, Any]) -> dict[str, Any]:
-    return {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}
-
-
 class LaunchErrors:
     """Makes errors from the ends of launches and nodes, with the last output.
 
@@ -381,8 +353,7 @@ class LaunchErrors:
         return (self._text() if text is None else text).replace(f"{self._overlay.variables['ROS_PACKAGE_PATH']}/", "")
 
     def _error(self, message: str) -> ScriptError:
-        details = self._shown().strip("\n")[-_MAX_DETAILS_CHARS:]
-        return ScriptError(escaped_line(self._shown(message)), details=details)
+        return error_with_output(self._shown(message), self._shown())
 
 
 def _after_mention(text: str, program: str) -> str:

@@ -13,6 +13,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, GetJsonSchemaHandle
 from pydantic_core import CoreSchema
 
 from sim_action.core.field_types import FrozenModel, NamesFile, PositiveSeconds
+from sim_action.ros.launches import with_lists
 
 # In s: as long as anybody can mean.
 _MAX_START_S: Final = 86_400
@@ -36,12 +37,6 @@ BaseName = Annotated[str, AfterValidator(_base_name)]
 GraphName = Annotated[str, AfterValidator(_graph_name)]
 
 
-def _with_lists(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_with_lists(each) for each in value]
-    return {key: _with_lists(each) for key, each in value.items()} if isinstance(value, dict) else value
-
-
 class NodeSpec(FrozenModel):
     """A node: a program of a package, and its start options."""
 
@@ -54,7 +49,7 @@ class NodeSpec(FrozenModel):
     ] = None
     args: Annotated[str, Field(description="arguments of the program, as in a launch file")] = ""
     params: Annotated[
-        dict[str, JsonValue], BeforeValidator(_with_lists), Field(description="private parameters of the node")
+        dict[str, JsonValue], BeforeValidator(with_lists), Field(description="private parameters of the node")
     ] = Field(default_factory=dict)
     remap: Annotated[
         dict[GraphName, GraphName], Field(description="name that the node uses -> name that replaces it")

@@ -6,20 +6,23 @@ import math
 from collections.abc import Iterable
 from typing import Final
 
-from geometry_msgs.msg import Transform, TransformStamped, Vector3
 from geometry_msgs.msg import Twist as TwistMessage
-from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu as ImuMessage
 from sensor_msgs.msg import JointState, LaserScan
-from tf2_msgs.msg import TFMessage
 
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
 from sim_action.ros.robot_topics import diagonal, in_frame_of
 from sim_action.ros.ros1.gazebo_plugins import Plugin
 from sim_action.ros.ros1.node.internal_parts import states_in
-from sim_action.ros.ros1.node.messages import header, imu_message, pose_message, scan_message, twist_message, twist_of
+from sim_action.ros.ros1.node.messages import (
+    header,
+    imu_message,
+    joint_states_message,
+    scan_message,
+    twist_of,
+)
 from sim_action.ros.ros1.node.plugins import TICKS, Device, Wiring, schedule_of
-from sim_action.ros.ros1.node.topics import Subscription
+from sim_action.ros.ros1.node.topics import OdometryPublisher, Subscription
 from sim_action.sensors import MountedSensor
 from sim_action.sensors.imu import Imu
 from sim_action.sensors.lidar import Lidar
@@ -63,29 +66,22 @@ def _variances(plugin: Plugin) -> tuple[float, ...]:
 
 def odometry_device(plugin: Plugin, wiring: Wiring, *, child: str, rate: float) -> Device:
     """Return the publisher of odometry and of its frame; `child`, `rate`: defaults of the plugin."""
-    own = plugin.own
-    covariance = diagonal(_variances(plugin))
-    odometry = wiring.publisher(plugin.topic("odometryTopic", default="odom"), Odometry)
-    frame, base = own.text("odometryFrame", default="odom"), own.text("robotBaseFrame", default=child)
-    publishes_tf = own.flag("publishTf", "publishOdomTF", "broadcastTF", default=True)
-    frames = wiring.publisher("/tf", TFMessage) if publishes_tf else None
-    schedule = schedule_of(own.number("updateRate", "odometryRate", default=rate))
+    own, variances = plugin.own, diagonal(_variances(plugin))
+    is_skid_steer = plugin.name == "gazebo_ros_skid_steer_drive"
+    odometry = OdometryPublisher(
+        plugin.topic("odometryTopic", default="odom"),
+        (own.text("odometryFrame", default="odom"), own.text("robotBaseFrame", default=child)),
+        wiring.traffic,
+        covariances=(variances, variances if is_skid_steer else diagonal((0.0,) * 6)),
+        publishes_tf=own.flag("publishTf", "publishOdomTF", "broadcastTF", default=True),
+    )
 
     def publish(seconds: float, seen: Observation) -> None:
-        message = Odometry(header=header(seconds, frame), child_frame_id=base)
         pose, twist = wiring.frame.pose(seen.pose), wiring.frame.twist(seen.pose, seen.twist)
-        message.pose.pose = pose_message(pose)
-        message.twist.twist = twist_message(in_frame_of(pose, twist))
-        message.pose.covariance = covariance
-        if plugin.name == "gazebo_ros_skid_steer_drive":
-            message.twist.covariance = covariance
-        odometry.send(message)
-        if frames is not None:
-            at = message.pose.pose
-            moved = Transform(Vector3(at.position.x, at.position.y, at.position.z), at.orientation)
-            frames.send(TFMessage([TransformStamped(message.header, base, moved)]))
+        odometry.send(seconds, pose, in_frame_of(pose, twist))
 
-    return Device(schedule, (odometry, *([frames] if frames else [])), publish)
+    schedule = schedule_of(own.number("updateRate", "odometryRate", default=rate))
+    return Device(schedule, odometry.publishers, publish)
 
 
 def open_planar_move(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
@@ -179,15 +175,14 @@ def open_imu(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
 def open_ground_truth(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     """Open gazebo_ros_p3d."""
     link, frame = plugin.own.text("bodyName", default=wiring.model.root), plugin.own.text("frameName", default="world")
-    publisher = wiring.publisher(plugin.topic("topicName", default="odom"), Odometry)
+    topic = plugin.topic("topicName", default="odom")
+    odometry = OdometryPublisher(topic, (frame, link), wiring.traffic, publishes_tf=False)
 
     def publish(seconds: float, seen: Observation) -> None:
-        pose, twist = states_in(seen).links[link]
-        message = Odometry(header=header(seconds, frame), child_frame_id=link)
-        message.pose.pose, message.twist.twist = pose_message(pose), twist_message(twist)
-        publisher.send(message)
+        odometry.send(seconds, *states_in(seen).links[link])
 
-    yield Device(schedule_of(plugin.own.number("updateRate", default=0.0)), (publisher,), publish, reads_links=True)
+    schedule = schedule_of(plugin.own.number("updateRate", default=0.0))
+    yield Device(schedule, odometry.publishers, publish, reads_links=True)
 
 
 def open_joint_states(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
@@ -197,7 +192,6 @@ def open_joint_states(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     names = [name for name in plugin.own.texts("jointName") if name in moving] or moving
 
     def publish(seconds: float, seen: Observation) -> None:
-        positions, velocities, efforts = zip(*(seen.joints[name] for name in names), strict=True)
-        publisher.send(JointState(header(seconds, ""), names, positions, velocities, efforts))
+        publisher.send(joint_states_message(seen, seconds, names))
 
     yield Device(schedule_of(plugin.own.number("updateRate", default=0.0)), (publisher,), publish)

@@ -10,10 +10,7 @@ from threading import Event
 from typing import Final, cast
 from xml.etree import ElementTree as ET
 
-from pydantic import PrivateAttr
-from typing_extensions import override
-
-from sim_action.commands import ClosedLoop, CommandSource, Controller
+from sim_action.commands import ClosedLoop
 from sim_action.core.errors import ControllersFinished, Location
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Twist
@@ -23,7 +20,7 @@ from sim_action.drives import recognise
 from sim_action.engines import AutoOrEngine
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.reading.loading import load_model
-from sim_action.ros.lockstep import Lockstep
+from sim_action.ros.launches import OpenCommands
 from sim_action.ros.ros1.gazebo_plugins import (
     LOST_FINDINGS,
     PLUGINS,
@@ -33,6 +30,7 @@ from sim_action.ros.ros1.gazebo_plugins import (
     plugins_of,
 )
 from sim_action.ros.ros1.launch_request import SimulationRequest
+from sim_action.ros.ros1.lockstep import Lockstep
 from sim_action.ros.ros1.node.internal_parts import PlanarMove, states_in, states_sensor
 from sim_action.ros.ros1.node.plugins import TICKS, Device, RobotCommands, Wiring
 from sim_action.ros.ros1.node.topics import GazeboTopics, Traffic, WallClockWatch
@@ -179,23 +177,6 @@ class Bridge:
             session.lockstep.settle(seconds)
 
 
-class NodeCommands(CommandSource):
-    """The commands of nodes as a command source. No key of a scenario leads here."""
-
-    _bridge: Bridge = PrivateAttr()
-
-    @classmethod
-    def through(cls, bridge: Bridge) -> NodeCommands:
-        """Return the commands that a bridge takes."""
-        source = cls(rate=float(TICKS))
-        source._bridge = bridge
-        return source
-
-    @override
-    def open(self, scene: Scene) -> Controller:
-        return ClosedLoop(self._bridge.tick, transcript=self._bridge.transcript)
-
-
 @dataclass(eq=False)
 class Episode:
     """A scenario made of spawned models.
@@ -239,12 +220,13 @@ class EpisodeFactory:
         commands.wheels = drive.open(model, self._request.physics_rate).joints if drive else frozenset()
         self._session.current.model = model
         bridge = Bridge(self._session, spawned.name, frame, devices, commands)
+        controller = ClosedLoop(bridge.tick, transcript=bridge.transcript)
         scenario = Scenario.model_construct(
             name=models.robot.name,
             robot=robot,
             world=models.world,
             physics=Physics(rate=self._request.physics_rate),
-            commands=(NodeCommands.through(bridge),),
+            commands=(OpenCommands.of(controller, float(TICKS)),),
             sensors=(
                 states_sensor(TICKS, lambda: self._wants_links(devices)),
                 *(device.sensor for device in devices if device.sensor is not None),

@@ -21,10 +21,10 @@ from sim_action.core.errors import (
     SimulationUnstable,
 )
 from sim_action.results.outcome import Failure
-from sim_action.ros.lockstep import Lockstep, TestFinished
 from sim_action.ros.ros1.gazebo_plugins import DRIVE_PLUGINS
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, find_world, model_folders, read_world
 from sim_action.ros.ros1.launch_request import TITLE, End, SimulationRequest, SimulationResult
+from sim_action.ros.ros1.lockstep import Lockstep, TestFinished
 from sim_action.ros.ros1.master import Master
 from sim_action.ros.ros1.node.episode import Episode, EpisodeFactory, Pace, Session
 from sim_action.ros.ros1.node.episode_record import EpisodeRecord

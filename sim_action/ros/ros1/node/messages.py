@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
 from rospy import Time
-from sensor_msgs.msg import Image, Imu, LaserScan
+from sensor_msgs.msg import Image, Imu, JointState, LaserScan
 from std_msgs.msg import Header
 
 from sim_action.core import geometry
 from sim_action.ros.robot_topics import diagonal, seconds_and_nanoseconds
+from sim_action.state.observation import Observation
 from sim_action.state.readings import CameraImage, ImuReading, LidarScan
 
 
@@ -78,3 +81,9 @@ def image_message(reading: CameraImage, head: Header) -> Image:
     height, width, colours = reading.rgb.shape
     data = reading.rgb.tobytes()
     return Image(header=head, height=height, width=width, encoding="rgb8", step=width * colours, data=data)
+
+
+def joint_states_message(seen: Observation, seconds: float, names: Sequence[str]) -> JointState:
+    """Return the states of some joints, at least one, at a sim time in s."""
+    positions, velocities, efforts = zip(*(seen.joints[name] for name in names), strict=True)
+    return JointState(header(seconds, ""), list(names), positions, velocities, efforts)

@@ -4,37 +4,39 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import rospy
-from geometry_msgs.msg import Transform, TransformStamped, Vector3
 from geometry_msgs.msg import Twist as TwistMessage
-from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image, Imu, JointState, LaserScan
 from std_msgs.msg import Bool, Header
-from tf2_msgs.msg import TFMessage
 
 from sim_action.commands.controller_answers import twist_problem
 from sim_action.core import geometry
 from sim_action.core.errors import ScriptError
-from sim_action.core.geometry import Pose, Twist
 from sim_action.core.records import dataclass
 from sim_action.robot.model.robot_model import RobotModel
-from sim_action.ros.lockstep import Lockstep
 from sim_action.ros.robot_topics import COMMANDS, JOINTS, ODOMETRY, Schedule, in_frame_of
 from sim_action.ros.ros1.command_source.launched_nodes import LaunchedNodes
+from sim_action.ros.ros1.lockstep import Lockstep
 from sim_action.ros.ros1.master import Master
 from sim_action.ros.ros1.node.internal_parts import states_in, states_sensor
 from sim_action.ros.ros1.node.messages import (
     header,
     image_message,
     imu_message,
-    pose_message,
+    joint_states_message,
     scan_message,
-    twist_message,
     twist_of,
 )
-from sim_action.ros.ros1.node.topics import GazeboTopics, Publisher, Subscription, Traffic, WallClockWatch
+from sim_action.ros.ros1.node.topics import (
+    GazeboTopics,
+    OdometryPublisher,
+    Publisher,
+    Subscription,
+    Traffic,
+    WallClockWatch,
+)
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
 from sim_action.state.readings import OdometryReading
@@ -153,8 +155,8 @@ class RobotNode:
     def _publish(self, seen: Observation) -> None:
         """Publish a moment, the clock last."""
         name, states = self._robot.model.name, states_in(seen)
-        for topic in self._others:
-            topic.publish_if_due(round(seen.time * self._robot.rate), seen)
+        for publish in self._others:
+            publish(round(seen.time * self._robot.rate), seen)
         self._states.publish_models({**states.bodies, name: (seen.pose, seen.twist)})
         if states.links:
             bodies = {f"{body}::link": state for body, state in states.bodies.items()}
@@ -175,107 +177,68 @@ class RobotNode:
         return (f"no node drove the robot: no message arrived on {topic}{hint}{advice}",)
 
 
-class TopicPublisher(Protocol):
-    """A source of messages on a topic."""
-
-    def publish_if_due(self, tick: int, seen: Observation) -> None:
-        """Publish if something is new at a tick."""
+Publish = Callable[[int, Observation], None]
+"""Function that publishes what is new at a tick, if a node subscribes."""
 
 
 def open_publishers(
     model: RobotModel, sensors: Sequence[Fitting], topics: Mapping[str, str], rate: float, traffic: Traffic
-) -> list[TopicPublisher]:
+) -> list[Publish]:
     """Return the publishers of a robot; `topics`: key -> topic; `rate`: ticks per second."""
     schedule = Schedule.of(_STATES_RATE_HZ, rate)
-    found: list[TopicPublisher] = [_Joints(Publisher(topics[JOINTS], JointState, traffic), model, schedule)]
+    publishers = [_joint_states(Publisher(topics[JOINTS], JointState, traffic), model, schedule)]
     if ODOMETRY in topics:
-        found.append(_Truth(_Odometry(topics[ODOMETRY], model.root, traffic), schedule))
-    return [*found, *_sensors(sensors, topics, model.root, traffic)]
+        publishers.append(_truth(OdometryPublisher(topics[ODOMETRY], (_ODOMETRY_FRAME, model.root), traffic), schedule))
+    return [*publishers, *_sensors(sensors, topics, model.root, traffic)]
 
 
-def _sensors(
-    sensors: Sequence[Fitting], topics: Mapping[str, str], base: str, traffic: Traffic
-) -> Iterator[TopicPublisher]:
+def _sensors(sensors: Sequence[Fitting], topics: Mapping[str, str], base: str, traffic: Traffic) -> Iterator[Publish]:
     is_first = True
     for sensor in sensors:
         if sensor.kind == "odometry":
-            odometry = _Odometry(topics[sensor.name], base, traffic, publishes_tf=is_first)
+            frames = (_ODOMETRY_FRAME, base)
+            odometry = OdometryPublisher(topics[sensor.name], frames, traffic, publishes_tf=is_first)
             is_first = False
-            yield _Sensor(sensor.name, odometry.publish_reading)
+            yield _once(sensor.name, _sending_odometry(odometry))
         elif sensor.kind in _MESSAGES:
             kind, made = _MESSAGES[sensor.kind]
-            yield _Sensor(sensor.name, _sending(Publisher(topics[sensor.name], kind, traffic), made, sensor))
+            yield _once(sensor.name, _sending(Publisher(topics[sensor.name], kind, traffic), made, sensor))
 
 
-class _Joints:
-    """Publishes joint states."""
+def _joint_states(publisher: Publisher, model: RobotModel, schedule: Schedule) -> Publish:
+    names = [joint.name for joint in model.moving_joints]
 
-    def __init__(self, publisher: Publisher, model: RobotModel, schedule: Schedule) -> None:
-        self._publisher, self._schedule = publisher, schedule
-        self._names = [joint.name for joint in model.moving_joints]
+    def publish(tick: int, seen: Observation) -> None:
+        if names and schedule.is_due(tick) and publisher.has_subscribers:
+            publisher.send(joint_states_message(seen, seen.time, names))
 
-    def publish_if_due(self, tick: int, seen: Observation) -> None:
-        """See TopicPublisher.publish_if_due."""
-        if not self._schedule.is_due(tick) or not self._publisher.has_subscribers or not self._names:
-            return
-        positions, velocities, efforts = zip(*(seen.joints[name] for name in self._names), strict=True)
-        self._publisher.send(JointState(header(seen.time, ""), self._names, positions, velocities, efforts))
+    return publish
 
 
-class _Odometry:
-    """Publishes odometry as a message and as a frame."""
+def _truth(odometry: OdometryPublisher, schedule: Schedule) -> Publish:
+    def publish(tick: int, seen: Observation) -> None:
+        if schedule.is_due(tick):
+            odometry.send(seen.time, seen.pose, in_frame_of(seen.pose, seen.twist))
 
-    def __init__(self, topic: str, base: str, traffic: Traffic, *, publishes_tf: bool = True) -> None:
-        self._base = base
-        self._publisher = Publisher(topic, Odometry, traffic)
-        self._frames = Publisher("/tf", TFMessage, traffic) if publishes_tf else None
-
-    def publish(self, seconds: float, pose: Pose, twist: Twist) -> None:
-        """Publish a pose and a twist, the twist in the frame of the base."""
-        publishers = [
-            publisher
-            for publisher in (self._publisher, self._frames)
-            if publisher is not None and publisher.has_subscribers
-        ]
-        if not publishers:
-            return
-        message = Odometry(header=header(seconds, _ODOMETRY_FRAME), child_frame_id=self._base)
-        message.pose.pose, message.twist.twist = pose_message(pose), twist_message(twist)
-        self._publisher.send(message)
-        if self._frames is not None:
-            moved = Transform(Vector3(*pose.position_xyz), message.pose.pose.orientation)
-            self._frames.send(TFMessage([TransformStamped(message.header, self._base, moved)]))
-
-    def publish_reading(self, reading: OdometryReading) -> None:
-        """Publish a reading of an odometry sensor."""
-        self.publish(reading.time, reading.pose, reading.twist)
+    return publish
 
 
-class _Truth:
-    """Publishes the true motion as odometry."""
+def _once(name: str, send: Callable[[Any], None]) -> Publish:
+    """Return a function that sends each reading of a sensor once."""
+    last: float | None = None
 
-    def __init__(self, odometry: _Odometry, schedule: Schedule) -> None:
-        self._odometry, self._schedule = odometry, schedule
+    def publish(_: int, seen: Observation) -> None:
+        nonlocal last
+        reading = seen.sensors[name]
+        if reading.time != last:
+            last = reading.time
+            send(reading)
 
-    def publish_if_due(self, tick: int, seen: Observation) -> None:
-        """See TopicPublisher.publish_if_due."""
-        if self._schedule.is_due(tick):
-            self._odometry.publish(seen.time, seen.pose, in_frame_of(seen.pose, seen.twist))
+    return publish
 
 
-class _Sensor:
-    """Publishes each reading of a sensor once."""
-
-    def __init__(self, name: str, send: Callable[[Any], None]) -> None:
-        self._name, self._send = name, send
-        self._last: float | None = None
-
-    def publish_if_due(self, tick: int, seen: Observation) -> None:
-        """See TopicPublisher.publish_if_due."""
-        reading = seen.sensors[self._name]
-        if reading.time != self._last:
-            self._last = reading.time
-            self._send(reading)
+def _sending_odometry(odometry: OdometryPublisher) -> Callable[[OdometryReading], None]:
+    return lambda reading: odometry.send(reading.time, reading.pose, reading.twist)
 
 
 def _sending(

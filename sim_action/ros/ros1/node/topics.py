@@ -11,7 +11,7 @@ import select
 import threading
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from io import BytesIO
 from operator import attrgetter
@@ -20,23 +20,27 @@ from typing import TYPE_CHECKING, Any, Final
 
 import rospy
 from gazebo_msgs.msg import LinkStates, ModelStates
+from geometry_msgs.msg import Transform, TransformStamped, Vector3
+from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from rospy.msg import serialize_message
+from tf2_msgs.msg import TFMessage
 
 from sim_action.core.geometry import Pose, Twist
 from sim_action.ros.program_failures import shown_path
 from sim_action.ros.ros1.launch.ros_patches import SLEEPERS
-from sim_action.ros.ros1.node.messages import pose_message, time_of, twist_message
+from sim_action.ros.ros1.node.messages import header, pose_message, time_of, twist_message
 from sim_action.ros.ros1.node.world_models import States
 from sim_action.state.reproducibility import Transcript
 
 if TYPE_CHECKING:
-    from sim_action.ros.lockstep import Lockstep
+    from sim_action.ros.ros1.lockstep import Lockstep
 
 
 GROUND: Final = "ground_plane"
 """Gazebo's name of the ground."""
 
+_NO_COVARIANCE: Final = (0.0,) * 36
 _AT_REST: Final = Pose(), Twist()
 # It reads the clock to stamp the log, and no node gets anything from it because of the clock.
 _LOG_NODE: Final = "/rosout"
@@ -159,6 +163,42 @@ def _publisher(topic: str, kind: type[Any]) -> rospy.Publisher:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SyntaxWarning)
         return rospy.Publisher(topic, kind, queue_size=None, tcp_nodelay=True)
+
+
+class OdometryPublisher:
+    """Publishes odometry as a message, and as a frame unless that is not wanted.
+
+    Args:
+        frames: the frame of the pose, and the base, in which the twist is.
+        covariances: of pose and twist, row by row.
+    """
+
+    def __init__(
+        self,
+        topic: str,
+        frames: tuple[str, str],
+        traffic: Traffic,
+        *,
+        covariances: Sequence[Sequence[float]] = (_NO_COVARIANCE, _NO_COVARIANCE),
+        publishes_tf: bool = True,
+    ) -> None:
+        self._frames, self._covariances = frames, covariances
+        self._messages = Publisher(topic, Odometry, traffic)
+        self._tf = Publisher("/tf", TFMessage, traffic) if publishes_tf else None
+        self.publishers = (self._messages, self._tf) if self._tf else (self._messages,)
+
+    def send(self, seconds: float, pose: Pose, twist: Twist) -> None:
+        """Have a pose and a twist delivered, if a node subscribes."""
+        if not any(publisher.has_subscribers for publisher in self.publishers):
+            return
+        frame, base = self._frames
+        message = Odometry(header=header(seconds, frame), child_frame_id=base)
+        message.pose.pose, message.twist.twist = pose_message(pose), twist_message(twist)
+        message.pose.covariance, message.twist.covariance = self._covariances
+        self._messages.send(message)
+        if self._tf is not None:
+            moved = Transform(Vector3(*pose.position_xyz), message.pose.pose.orientation)
+            self._tf.send(TFMessage([TransformStamped(message.header, base, moved)]))
 
 
 class Subscription:

@@ -106,12 +106,10 @@ def _found(stated: str, packages: Mapping[str, Path]) -> Path | None:
 
 @dataclass(frozen=True, slots=True)
 class TestTag:
-    """A `<test>` tag: line, name, package, type, and time limit in s. `$(...)` is not replaced."""
+    """A `<test>` tag: line, name, time limit in s, and retries. `$(...)` is not replaced."""
 
     line: int
     name: str
-    package: str
-    type: str
     time_limit: float
     retry: int
 
@@ -123,26 +121,13 @@ class TestTag:
 
 def test_tags(path: Path) -> tuple[TestTag, ...]:
     """Return the `<test>` tags of a file itself, in their order; in broken XML, those before the error."""
-    found: list[TestTag] = []
-    parser = xml.parsers.expat.ParserCreate()
-
-    def begun(tag: str, given: dict[str, str]) -> None:
-        if tag == "test":
-            found.append(_tag(parser.CurrentLineNumber, given))
-
-    parser.StartElementHandler = begun
-    # roslaunch reports what is wrong with the file.
-    with suppress(OSError, xml.parsers.expat.ExpatError):
-        parser.Parse(read_at_most(path, _MAX_LAUNCH_FILE_BYTES) or b"", True)
-    return tuple(found)
+    return tuple(_tag(tag.place.line or 0, tag.given) for tag in _own_tags(path) if tag.name == "test")
 
 
-def _tag(line: int, given: dict[str, str]) -> TestTag:
+def _tag(line: int, given: Mapping[str, str]) -> TestTag:
     return TestTag(
         line,
         given.get("test-name", ""),
-        given.get("pkg", ""),
-        given.get("type", ""),
         _number(given.get("time-limit"), DEFAULT_TIME_LIMIT_S),
         int(_number(given.get("retry"), 0)),
     )

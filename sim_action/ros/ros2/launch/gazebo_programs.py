@@ -14,6 +14,7 @@ import yaml
 
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
+from sim_action.ros.launches import lost_models, lost_worlds
 
 _ENDS: Final = ("true",)
 _STAYS: Final = ("sleep", "infinity")
@@ -117,15 +118,10 @@ def lost_parts(programs: Sequence[LeftOutProgram], command_topics: Collection[st
 
     `command_topics`: the topics on which the robot of the scenario takes commands.
     """
-    for world in dict.fromkeys(world for each in programs for world in _worlds(each)):
-        if PurePath(world).stem not in _EMPTY_WORLDS:
-            yield f"the world '{PurePath(world).name}' of the launch file is not simulated: add its objects to 'world'"
-    spawned = [each for each in programs if each.program in _SPAWNERS]
-    robots = [each for each in spawned if not _FROM_FILE.intersection(each.args)] or spawned
-    for each in spawned:
-        if each is not robots[0]:
-            name = _model_name(each)
-            yield f"the model '{name}' is not spawned: the scenario has one robot, and its objects are in 'world'"
+    worlds = (world for program in programs for world in _worlds(program))
+    yield from lost_worlds(worlds, lambda path: path.stem in _EMPTY_WORLDS)
+    spawned = [program for program in programs if program.program in _SPAWNERS]
+    yield from lost_models([(_model_name(each), bool(_FROM_FILE.intersection(each.args))) for each in spawned])
     for each in programs:
         if each.program in _CONTROLLER_SPAWNERS:
             yield from _lost_controllers(each, command_topics)

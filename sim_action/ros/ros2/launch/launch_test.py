@@ -8,10 +8,6 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, cast
 
-from pydantic import PrivateAttr
-from typing_extensions import override
-
-from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.core.errors import (
     ControllersFinished,
     ExitCode,
@@ -36,6 +32,7 @@ from sim_action.results.journal import Journal
 from sim_action.results.journal_records import Header, Planned
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, status_of
 from sim_action.robot.reading.loading import load_model
+from sim_action.ros.launches import OpenCommands
 from sim_action.ros.program_failures import shown_path, traceback_location
 from sim_action.ros.result_files import Case, read_suite
 from sim_action.ros.ros2.bridge_link import BridgeEnded, Endpoint
@@ -166,25 +163,6 @@ class LaunchTestRequest:
         return ("sim-action", "launchtest", *options, self.package, self.file, *self.arguments)
 
 
-class GroupCommands(CommandSource):
-    """The commands of nodes that already run. No key of a scenario leads here."""
-
-    _nodes: DrivenNodes = PrivateAttr()
-
-    @classmethod
-    def of(cls, nodes: DrivenNodes, rate: float) -> GroupCommands:
-        """Return the commands of nodes."""
-        source = cls(rate=rate)
-        source._nodes = nodes
-        return source
-
-    @override
-    def open(self, scene: Scene) -> Controller:
-        found = controller_of(self._nodes)
-        assert isinstance(found, ClosedLoop)
-        return found
-
-
 def run(request: LaunchTestRequest, reports: ReportRequest, interruption: Interruption) -> ExitCode:
     """Run the test, write every report, and return the exit code. Raises UsageError."""
     started = time.monotonic()
@@ -292,7 +270,7 @@ class _LaunchTest:
         scenario, scene = self._scene(robot, workspace)
         launched.topics = robot_topics(asked, rate, scene)
         nodes = DrivenNodes(asked, rate, scene, session, launched)
-        scenario = scenario.model_copy(update={"commands": (GroupCommands.of(nodes, rate),)})
+        scenario = scenario.model_copy(update={"commands": (OpenCommands.of(controller_of(nodes), rate),)})
         return simulate(scenario, scene, self._look_at_interruption)
 
     def _scene(self, robot: SpawnedRobot, workspace: Workspace) -> tuple[Scenario, Scene]:

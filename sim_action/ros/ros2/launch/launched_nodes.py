@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 from sim_action.core.errors import ControllersFinished, Location, ScriptError, SourceProblem
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.records import dataclass
-from sim_action.core.wording import did_you_mean, escaped_line
+from sim_action.core.wording import did_you_mean
+from sim_action.ros.launches import EventFile
 from sim_action.ros.processes import descendants
-from sim_action.ros.program_failures import ending_of, exit_text, shown_path
+from sim_action.ros.program_failures import ending_of, error_with_output, exit_text, shown_path
 from sim_action.ros.ros2.launch.gazebo_programs import (
     STAND_INS,
     LeftOutProgram,
@@ -46,7 +47,6 @@ _POLL_S: Final = 0.005
 _KEY: Final = "ros2"
 
 
-_MAX_DETAILS_CHARS: Final = 4_000
 _NO_MODULE: Final = re.compile(r"^ModuleNotFoundError: No module named '(launch\w*|ament_index_python)", re.MULTILINE)
 
 
@@ -128,7 +128,7 @@ class LaunchedNodes:
         self._spec = spec
         self.topics = spec.topics
         self._errors = LaunchErrors(spec.workspace)
-        self._events = Events(folder.path / "events")
+        self._events = EventFile(folder.path / "events", Event)
         self._times = folder.path / "times"
         os.mkfifo(self._times)
         self._writer = os.open(self._times, os.O_RDWR | os.O_CLOEXEC)
@@ -312,33 +312,6 @@ class Event(FrozenModel):
     places: tuple[tuple[str, int], ...] = ()
 
 
-class Events:
-    """The events of one launch, in their order."""
-
-    def __init__(self, path: Path) -> None:
-        path.touch()
-        self._file = path.open("rb")
-        self._unread = b""
-
-    def new(self) -> list[Event]:
-        """Return the events since the last call."""
-        data = self._file.read()
-        if not data:
-            return []
-        *lines, self._unread = (self._unread + data).split(b"\n")
-        return [Event.model_validate(_plain(json.loads(line))) for line in lines]
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, list):
-        return tuple(map(_plain, value))
-    return {key: _plain(each) for key, each in value.items()} if isinstance(value, dict) else value
-
-
 class LaunchErrors:
     """Makes errors from events; `workspace`: the folder of the user's own code."""
 
@@ -347,32 +320,30 @@ class LaunchErrors:
 
     def of_refusal(self, event: Event, output: str) -> ScriptError:
         """Return the error for a launch file that cannot be run as it is written."""
-        error = _error(f"the launch file cannot be run: {_why_refused(event)}", output)
-        error.location = self._place(event)
-        return error
+        why = f"the launch file cannot be run: {_why_refused(event)}"
+        return error_with_output(why, output, self._place(event))
 
     def of_death(self, event: Event, output: str) -> ScriptError:
         """Return the error for a process that has failed."""
         code = event.exit_code
         text = text_of(event.process, output)
         ending = ending_of(f"{text}\n", self._workspace)
-        error = _error(f"the node '{event.process}' of the launch file ended with {exit_text(code)}{ending.said}", text)
-        error.location = ending.location
-        return error
+        how = f"ended with {exit_text(code)}{ending.said}"
+        return error_with_output(f"the node '{event.process}' of the launch file {how}", text, ending.location)
 
     def of_shutdown(self, event: Event, output: str) -> ScriptError:
         """Return the error for a launch that its own actions have ended."""
-        return _error(f"the launch file ended the launch during the run: {event.message}", output)
+        return error_with_output(f"the launch file ended the launch during the run: {event.message}", output)
 
     def of_end(self, exit_code: int, output: str) -> ScriptError:
         """Return the error for a launcher that ended without an event."""
         if missing := _NO_MODULE.search(output):
-            return _error(
+            return error_with_output(
                 f"launch files need the Python package '{missing[1]}' of ROS 2, which this ROS 2 lacks (the wheels on "
                 "PyPI have none): use ROS 2 of /opt/ros or RoboStack, or list the nodes under 'nodes'",
                 output,
             )
-        return _error(f"the launcher ended with {exit_text(exit_code)}, and its nodes ended with it", output)
+        return error_with_output(f"the launcher ended with {exit_text(exit_code)}, and its nodes ended with it", output)
 
     def _place(self, event: Event) -> Location | None:
         """Return the innermost place in the user's code that led to a refusal."""
@@ -404,7 +375,3 @@ def _why_refused(event: Event) -> str:
     if event.kind == "start":
         return f"'{event.name}' cannot be started: {event.message}"
     return f"{event.kind}: {event.message.partition(chr(10))[0]}"
-
-
-def _error(message: str, output: str) -> ScriptError:
-    return ScriptError(escaped_line(message), details=output.strip("\n")[-_MAX_DETAILS_CHARS:])

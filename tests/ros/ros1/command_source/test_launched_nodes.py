@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.ros.ros1.command_source.launched_nodes import REPLACED_CONTROLLERS, Events, ReplacedNode, lost_nodes
+from sim_action.ros.launches import EventFile
+from sim_action.ros.ros1.command_source.launched_nodes import REPLACED_CONTROLLERS, Event, ReplacedNode, lost_nodes
 
 ROBOT = ("gazebo_ros/spawn_model", "-urdf -model r -param robot_description -x 1")
 BOX = ("gazebo_ros/spawn_model", "-sdf -model box -file /a/box.sdf")
@@ -21,7 +22,7 @@ def told(path: Path, text: str) -> None:
 
 
 def test_events_are_read_once_and_when_they_are_whole(tmp_path: Path) -> None:
-    events = Events(tmp_path / "events")
+    events = EventFile(tmp_path / "events", Event)
     line = json.dumps({"event": "started", "pid": 7}) + "\n"
 
     assert events.new() == []
@@ -34,7 +35,7 @@ def test_events_are_read_once_and_when_they_are_whole(tmp_path: Path) -> None:
 
 
 def test_who_has_ended_well_is_told_from_who_has_not(tmp_path: Path) -> None:
-    events = Events(tmp_path / "events")
+    events = EventFile(tmp_path / "events", Event)
     for code, required in ((0, False), (0, True), (1, False), (-11, False), (None, False)):
         told(tmp_path / "events", json.dumps({"event": "died", "exit_code": code, "required": required}) + "\n")
 

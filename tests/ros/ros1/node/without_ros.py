@@ -10,7 +10,16 @@ from unittest.mock import MagicMock
 import pytest
 
 _NODE: Final = "sim_action.ros.ros1.node"
-_PACKAGES: Final = ("gazebo_msgs", "geometry_msgs", "rosgraph_msgs", "sensor_msgs", "std_msgs", "std_srvs")
+_PACKAGES: Final = (
+    "gazebo_msgs",
+    "geometry_msgs",
+    "nav_msgs",
+    "rosgraph_msgs",
+    "sensor_msgs",
+    "std_msgs",
+    "std_srvs",
+    "tf2_msgs",
+)
 
 
 def imported(name: str, monkeypatch: pytest.MonkeyPatch) -> Any:

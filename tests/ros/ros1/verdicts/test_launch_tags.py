@@ -77,7 +77,7 @@ def tags_of_tests(folder: Path, text: str) -> tuple[launch_tags.TestTag, ...]:
 
 def test_each_test_has_its_line_and_its_limit(tmp_path: Path) -> None:
     first, second = tags_of_tests(tmp_path, TEXT + "</launch>")
-    assert first == launch_tags.TestTag(3, "moves", "robot", "moves.py", 30.0, 2)
+    assert first == launch_tags.TestTag(3, "moves", 30.0, 2)
     assert (second.line, second.time_limit, second.retry) == (4, launch_tags.DEFAULT_TIME_LIMIT_S, 0)
 
 

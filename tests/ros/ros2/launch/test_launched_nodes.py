@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from sim_action.ros.ros2.launch.launched_nodes import Event, Events, LaunchErrors, text_of
+from sim_action.ros.launches import EventFile
+from sim_action.ros.ros2.launch.launched_nodes import Event, LaunchErrors, text_of
 
 REFUSED = "the launch file cannot be run: "
 
@@ -82,7 +83,7 @@ def test_ends_of_the_launch(tmp_path: Path) -> None:
 
 
 def test_an_event_is_read_once_its_line_is_complete(tmp_path: Path) -> None:
-    events = Events(tmp_path / "events")
+    events = EventFile(tmp_path / "events", Event)
     with (tmp_path / "events").open("ab", buffering=0) as file:
         assert events.new() == []
         file.write(b'{"event": "calm", "time": 0.5, "pid": 7}\n{"event": "refused", "places": [["a.py", ')

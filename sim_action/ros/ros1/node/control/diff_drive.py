@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from geometry_msgs.msg import Transform, TransformStamped, Twist, Vector3
-from nav_msgs.msg import Odometry
-from tf2_msgs.msg import TFMessage
+from geometry_msgs.msg import Twist
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
@@ -15,9 +13,8 @@ from sim_action.core.records import dataclass
 from sim_action.drives.wheels import wheel
 from sim_action.ros.robot_topics import diagonal, in_frame_of
 from sim_action.ros.ros1.node.control import BadController, Controller, ControllerSetup, Parameters
-from sim_action.ros.ros1.node.messages import header, pose_message, twist_message
 from sim_action.ros.ros1.node.plugins import TICKS, Device
-from sim_action.ros.ros1.node.topics import Subscription
+from sim_action.ros.ros1.node.topics import OdometryPublisher, Subscription
 from sim_action.ros.ros1.ros_control import INTERFACES
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
@@ -132,21 +129,18 @@ def _odometry(setup: ControllerSetup, drive: DiffDriveWheels) -> Device:
     parameters, wiring = setup.parameters, setup.wiring
     frame = str(parameters.get("odom_frame_id", default="odom"))
     base = str(parameters.get("base_frame_id", default="base_link"))
-    odometry = wiring.publisher(setup.topic("odom"), Odometry)
-    frames = wiring.publisher("/tf", TFMessage) if parameters.get("enable_odom_tf", default=True) else None
     stated = (parameters.get(f"{name}_covariance_diagonal", default=(0.0,) * 6) for name in ("pose", "twist"))
-    covariances = tuple(map(diagonal, stated))
+    odometry = OdometryPublisher(
+        setup.topic("odom"),
+        (frame, base),
+        wiring.traffic,
+        covariances=tuple(map(diagonal, stated)),
+        publishes_tf=bool(parameters.get("enable_odom_tf", default=True)),
+    )
 
     def publish(seconds: float, seen: Observation) -> None:
         pose = geometry.compose(geometry.inverse(drive.start or seen.pose), seen.pose)
-        message = Odometry(header=header(seconds, frame), child_frame_id=base)
-        message.pose.pose = pose_message(pose)
-        message.twist.twist = twist_message(in_frame_of(seen.pose, seen.twist))
-        message.pose.covariance, message.twist.covariance = covariances
-        odometry.send(message)
-        if frames is not None:
-            moved = Transform(Vector3(*pose.position_xyz), message.pose.pose.orientation)
-            frames.send(TFMessage([TransformStamped(message.header, base, moved)]))
+        odometry.send(seconds, pose, in_frame_of(seen.pose, seen.twist))
 
     schedule = wiring.controller_schedule(parameters.space, parameters.number("publish_rate", 50.0))
-    return Device(schedule, (odometry, *([frames] if frames else [])), publish)
+    return Device(schedule, odometry.publishers, publish)

@@ -11,9 +11,18 @@ from std_msgs.msg import Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from sim_action.robot.model.robot_model import Joint, Reading
-from sim_action.ros.joint_commands import JointCurve, TrajectoryPoint, Waypoint, joint_curves, targets, within_limits
+from sim_action.ros.joint_commands import (
+    JointCurve,
+    TrajectoryPoint,
+    Waypoint,
+    curve_targets,
+    joint_curves,
+    resting,
+    targets,
+    within_limits,
+)
 from sim_action.ros.ros1.node.control import Controller, ControllerSetup
-from sim_action.ros.ros1.node.messages import header
+from sim_action.ros.ros1.node.messages import joint_states_message
 from sim_action.ros.ros1.node.plugins import Device
 from sim_action.ros.ros1.node.topics import Subscription
 from sim_action.ros.ros1.ros_control import INTERFACES
@@ -78,8 +87,7 @@ class ForwardController:
     def __call__(self, _: float, seen: Observation) -> JointTargets:
         """See Mover."""
         if self._resting is None:
-            holds = self._told == "position"
-            self._resting = {joint.name: seen.joints[joint.name].position if holds else 0.0 for joint in self._joints}
+            self._resting = resting(self._told, self._joints, seen.joints)
         return targets(self._told, self._commanded() or self._resting)
 
     def _commanded(self) -> Mapping[str, float] | None:
@@ -102,8 +110,7 @@ def open_joint_states(setup: ControllerSetup) -> Controller:
 
     def publish(seconds: float, seen: Observation) -> None:
         if names:
-            positions, velocities, efforts = zip(*(seen.joints[name] for name in names), strict=True)
-            publisher.send(JointState(header(seconds, ""), names, positions, velocities, efforts))
+            publisher.send(joint_states_message(seen, seconds, names))
 
     schedule = setup.wiring.controller_schedule(setup.parameters.space, setup.parameters.number("publish_rate", 50.0))
     return Controller("hardware_interface/JointStateInterface", device=Device(schedule, (publisher,), publish))
@@ -144,15 +151,7 @@ class TrajectoryFollower:
         if self._subscription.value is not None and self._subscription.count != self._count:
             self._count = self._subscription.count
             self._take(self._subscription.value, seconds)
-        now = {name: curve.at(seconds) for name, curve in self._curves.items()}
-        return JointTargets(
-            position={
-                name: within_limits(self._joints[name], "position", position) for name, (position, _) in now.items()
-            },
-            velocity={
-                name: within_limits(self._joints[name], "velocity", velocity) for name, (_, velocity) in now.items()
-            },
-        )
+        return curve_targets(self._joints, self._curves, seconds)
 
     def _take(self, told: Any, seconds: float) -> None:
         """Start a new trajectory; one without points ends the current one."""

@@ -9,10 +9,9 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 from sim_action.core.errors import ControllersFinished
-from sim_action.core.records import dataclass
 from sim_action.ros.processes import (
     ChildProcesses,
     WatchedProcesses,
@@ -21,6 +20,7 @@ from sim_action.ros.processes import (
     process_name,
     rostest_result_path,
 )
+from sim_action.ros.ros1.master import Graph, Master
 
 # Wall time that nodes may compute between two ticks, and that processes may take to become nodes.
 MAX_SETTLE_S: Final = 10.0
@@ -37,33 +37,6 @@ _POLL_S: Final = 0.01
 _CALM_S: Final = 2.0
 
 
-@dataclass(frozen=True, slots=True)
-class Graph:
-    """The nodes that are up.
-
-    Attributes:
-        publishers: topic -> names of the nodes that publish it.
-        subscribers: topic -> names of the nodes that subscribe to it.
-        pids: node name -> process id.
-        master: process id of the master.
-    """
-
-    publishers: Mapping[str, frozenset[str]]
-    subscribers: Mapping[str, frozenset[str]]
-    pids: Mapping[str, int]
-    master: int
-
-
-class GraphSource(Protocol):
-    """A source of the graph of nodes, such as the master of ROS 1."""
-
-    def graph(self) -> Graph:
-        """Return the current graph. Raises OSError if the source does not answer any more."""
-
-    def is_connected(self, graph: Graph) -> bool:
-        """Return True if every subscriber is connected to all publishers of its topics."""
-
-
 class TestFinished(ControllersFinished):
     """The test that rostest started has written its result."""
 
@@ -76,7 +49,6 @@ class Lockstep:
     """The lock-step: holds the clock until all nodes wait.
 
     Args:
-        master: the source of the graph of nodes.
         node: our own name among them.
         launcher: the process that starts nodes.
         is_shutdown: returns True once our own node was asked to leave.
@@ -90,7 +62,7 @@ class Lockstep:
 
     def __init__(
         self,
-        master: GraphSource,
+        master: Master,
         node: str,
         launcher: int,
         is_shutdown: Callable[[], bool],

@@ -1,0 +1,124 @@
+"""Launches of either ROS: the keys that state them, the events of launchers, and the parts that get lost."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path, PurePath
+from typing import Any, Generic, TypeVar
+
+from pydantic import PrivateAttr
+from typing_extensions import override
+
+from sim_action.commands import CommandSource, Controller
+from sim_action.core.field_types import FrozenModel
+from sim_action.core.workspace import PathError, Workspace
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.world.scene import Scene
+
+_Event = TypeVar("_Event", bound=FrozenModel)
+
+
+class EventFile(Generic[_Event]):
+    """The events of one launch, in their order, as the launcher writes them: lines of JSON."""
+
+    def __init__(self, path: Path, kind: type[_Event]) -> None:
+        path.touch()
+        self._file, self._kind = path.open("rb"), kind
+        self._unread = b""
+
+    def new(self) -> list[_Event]:
+        """Return the events since the last call."""
+        if not (data := self._file.read()):
+            return []
+        *lines, self._unread = (self._unread + data).split(b"\n")
+        return [self._kind.model_validate(_with_tuples(json.loads(line))) for line in lines]
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def _with_tuples(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(map(_with_tuples, value))
+    return {key: _with_tuples(part) for key, part in value.items()} if isinstance(value, dict) else value
+
+
+def with_lists(value: Any) -> Any:
+    """Return a value with lists in place of tuples, as YAML has them."""
+    if isinstance(value, tuple):
+        return [with_lists(part) for part in value]
+    return {key: with_lists(part) for key, part in value.items()} if isinstance(value, dict) else value
+
+
+def source_problems(launch: Sequence[str] | None, nodes: Sequence[object] | None, example: str) -> SpecProblems:
+    """Yield that there is not exactly one of a launch file and a list of nodes, or that the file has no name."""
+    if (launch is None) == (nodes is None):
+        hint = "remove one of them" if launch else "give one of them"
+        yield (), f"needs either 'launch' or 'nodes'; {hint}"
+    elif launch and len(launch) < 2:
+        yield ("launch",), f"needs a package and a launch file, such as [my_robot, {example}]"
+
+
+def argument_problem(argument: str) -> str | None:
+    """Return why a text is no argument of a launch file; None if it is one."""
+    name, sign, _ = argument.partition(":=")
+    is_valid = sign and name.isidentifier()
+    return None if is_valid else f"'{argument}' is not an argument of a launch file; write NAME:=VALUE"
+
+
+def unchecked_notes(key: str, launch: Sequence[str] | None, why_no_ros: str | None) -> tuple[str, ...]:
+    """Return the notes on everything that cannot be checked before the nodes are started."""
+    what = "launch file is read" if launch else "nodes are started"
+    return (f"{key}: the {what} when the scenario runs", *([f"{key}: {why_no_ros}"] if why_no_ros else []))
+
+
+def workspace_folder(stated: str | None, workspace: Workspace, is_workspace: Callable[[Path], bool]) -> Path:
+    """Return the folder `stated`, else the nearest workspace of ROS around the scenario, else the root.
+
+    Raises PathError.
+    """
+    if stated is not None:
+        folder = workspace.file_or_folder(stated)
+        if not folder.is_dir():
+            raise PathError(f"'{stated}' is not a folder (looked for {folder})")
+        return folder
+    directory = workspace.directory
+    around = (folder for folder in (directory, *directory.parents) if folder.is_relative_to(workspace.root))
+    return next(filter(is_workspace, around), workspace.root)
+
+
+class OpenCommands(CommandSource):
+    """The commands of nodes that already run. No key of a scenario leads here."""
+
+    _controller: Controller = PrivateAttr()
+
+    @classmethod
+    def of(cls, controller: Controller, rate: float) -> OpenCommands:
+        """Return the commands of a controller, read `rate` times per second."""
+        source = cls(rate=rate)
+        source._controller = controller
+        return source
+
+    @override
+    def open(self, scene: Scene) -> Controller:
+        return self._controller
+
+
+def lost_worlds(names: Iterable[str], is_empty: Callable[[PurePath], bool]) -> Iterator[str]:
+    """Yield a message for each world of a launch file, except empty ones."""
+    for world in map(PurePath, filter(None, dict.fromkeys(names))):
+        if not is_empty(world):
+            yield f"the world '{world.name}' of the launch file is not simulated: add its objects to 'world'"
+
+
+def lost_models(spawned: Sequence[tuple[str, bool]]) -> Iterator[str]:
+    """Yield a message for each spawned model that is not the robot; `spawned`: name, and True if it may be an object.
+
+    The robot is the first one that can be no object, else the first one.
+    """
+    robot = next((place for place, (_, may_be_object) in enumerate(spawned) if not may_be_object), 0)
+    for place, (name, _) in enumerate(spawned):
+        if place != robot:
+            yield f"the model '{name}' is not spawned: the scenario has one robot, and its objects are in 'world'"
