@@ -46,11 +46,11 @@ class ChildProcesses:
             if count != self._count:
                 self._reopen()
                 self._count = count
-            told = [os.pread(descriptor, _READ_BYTES, 0) for descriptor in self._open]
+            texts = [os.pread(descriptor, _READ_BYTES, 0) for descriptor in self._open]
         except OSError:
             self._count = -1
             return frozenset()
-        return frozenset(int(word) for words in told for word in words.split())
+        return frozenset(int(word) for words in texts for word in words.split())
 
     def _reopen(self) -> None:
         for descriptor in self._open:

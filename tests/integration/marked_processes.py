@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 
@@ -19,10 +20,13 @@ def processes_of(folder: Path) -> list[int]:
     return found
 
 
+def wait_until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 120
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert condition()
+
+
 def wait_for(count: int, folder: Path) -> None:
     """Until there are so many at a time: programs that are asked something come and go."""
-    deadline, found = time.monotonic() + 120, processes_of(folder)
-    while len(found) != count and time.monotonic() < deadline:
-        time.sleep(0.02)
-        found = processes_of(folder)
-    assert len(found) == count
+    wait_until(lambda: len(processes_of(folder)) == count)

@@ -1,7 +1,7 @@
 """Scenarios that once passed although nothing was checked. All run in one call; each has its line in `CASES`.
 
 A script that sets the pose of the robot is in test_jumps.py, the noise of samples in test_suites.py, launch files of
-ROS 1 without a node or a world in test_ros1_losses.py.
+ROS 1 without a node or a world in test_ros1_launches.py.
 """
 
 from __future__ import annotations

@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import pytest
 
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
+from tests.integration.marked_processes import processes_of, wait_for, wait_until
 from tests.ros.ros1.launches import ROOT, needs_ros, package
 
 pytestmark = needs_ros
@@ -54,29 +54,10 @@ LAUNCH = """\
 """
 
 
-def marked(folder: Path) -> dict[int, str]:
-    """Processes that were born of a call in this folder, and their command lines."""
-    found = {}
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                if f"ROS_MARK={folder}".encode() in (entry / "environ").read_bytes().split(b"\0"):
-                    found[int(entry.name)] = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()
-            except OSError:
-                continue
-    return found
-
-
 def called(folder: Path, words: str) -> int:
     """The first process whose command line holds some words."""
-    return min(pid for pid, line in marked(folder).items() if words in line)
-
-
-def wait_for(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 120
-    while not condition() and time.monotonic() < deadline:
-        time.sleep(0.02)
-    assert condition()
+    lines = {pid: Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ") for pid in processes_of(folder)}
+    return min(pid for pid, line in lines.items() if words.encode() in line)
 
 
 def ended_by(folder: Path, end: Callable[[int], None], program: str = "rostest") -> tuple[int, Outcome | None]:
@@ -92,7 +73,7 @@ def ended_by(folder: Path, end: Callable[[int], None], program: str = "rostest")
         command, cwd=folder, env=variables, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )
     try:
-        wait_for(begun.exists)
+        wait_until(begun.exists)
         end(call.pid)
         code = call.wait(120)
     finally:
@@ -109,7 +90,7 @@ def test_an_interrupted_call_reports_and_leaves_nothing(tmp_path: Path, number: 
     assert code == 130
     assert outcome is not None
     assert [failure.kind for failure in outcome.failures] == ["interrupted"]
-    assert marked(tmp_path) == {}
+    assert processes_of(tmp_path) == []
 
 
 def test_a_call_that_is_killed_outright_leaves_nothing(tmp_path: Path) -> None:
@@ -117,7 +98,7 @@ def test_a_call_that_is_killed_outright_leaves_nothing(tmp_path: Path) -> None:
 
     assert code == -signal.SIGKILL
     assert outcome is None
-    wait_for(lambda: marked(tmp_path) == {})
+    wait_for(0, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -131,7 +112,7 @@ def test_a_call_that_is_killed_outright_leaves_nothing(tmp_path: Path) -> None:
 def test_whatever_is_killed_nothing_is_left_and_there_is_a_report(tmp_path: Path, victim: str, cause: str) -> None:
     code, outcome = ended_by(tmp_path, lambda _: os.kill(called(tmp_path, victim), signal.SIGKILL))
 
-    assert marked(tmp_path) == {}
+    assert processes_of(tmp_path) == []
     assert code == 1
     assert outcome is not None
     assert outcome.status == "error"
@@ -141,7 +122,7 @@ def test_whatever_is_killed_nothing_is_left_and_there_is_a_report(tmp_path: Path
 def test_without_its_master_a_launch_is_over_and_nothing_of_it_is_left(tmp_path: Path) -> None:
     code, outcome = ended_by(tmp_path, lambda _: os.kill(called(tmp_path, "rosmaster"), signal.SIGKILL), "roslaunch")
 
-    assert marked(tmp_path) == {}
+    assert processes_of(tmp_path) == []
     assert code == 1
     assert outcome is not None
     assert "the master does not answer" in outcome.failures[0].message

@@ -7,14 +7,12 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.integration.marked_processes import wait_for
+from tests.integration.marked_processes import wait_for, wait_until
 from tests.integration.test_examples import ROOT, outcomes, sim_action
 from tests.ros.ros1.launches import needs_ros, package
 
@@ -386,13 +384,6 @@ def test_nodes_hear_of_the_robot_and_its_sensors(tmp_path: Path) -> None:
         "/gazebo/model_states": [123, "ground_plane wall turtlebot3_burger"],
         "parameters": [True, "<robot"],
     }
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 120
-    while not condition() and time.monotonic() < deadline:
-        time.sleep(0.02)
-    assert condition()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])

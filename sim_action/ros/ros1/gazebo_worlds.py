@@ -73,17 +73,13 @@ def find_world(stated: str) -> Path | None:
     """Return the path of a world file; None for Gazebo's own empty world. Raises MissingWorld."""
     path = Path(stated)
     folders = [Path(folder) for folder in os.environ.get("GAZEBO_RESOURCE_PATH", "").split(os.pathsep) if folder]
-    found = next((each for each in (path, *(folder / path for folder in folders)) if _is_file(each)), None)
-    if found is not None:
-        return found
+    for file in (path, *(folder / path for folder in folders)):
+        if file.is_absolute() and file.is_file():
+            return file
     if path == _EMPTY_WORLD or (path.parts[-2:] == _EMPTY_WORLD.parts and path.parent.parent.name[:6] == "gazebo"):
         return None
     # The packages of a launch are links.
     raise MissingWorld(path.resolve() if path.is_absolute() else path)
-
-
-def _is_file(path: Path) -> bool:
-    return path.is_absolute() and path.is_file()
 
 
 def read_world(path: Path, folders: tuple[Path, ...], known: Container[str]) -> GazeboWorld:

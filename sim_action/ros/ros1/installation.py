@@ -80,6 +80,6 @@ def find_ros(python: Path | None = None) -> Ros:
 
 def _look(python: Path) -> tuple[list[str], Path | None]:
     command = [str(python), "-c", _FIND_MODULES]
-    told = subprocess.run(command, capture_output=True, text=True, check=False, cwd="/").stdout  # noqa: S603 - that one
-    missing, _, rospy = told.partition("\n")
+    printed = subprocess.run(command, capture_output=True, text=True, check=False, cwd="/").stdout  # noqa: S603 - that one
+    missing, _, rospy = printed.partition("\n")
     return [name for name in missing.split(",") if name], Path(rospy.strip()).parent if rospy.strip() else None

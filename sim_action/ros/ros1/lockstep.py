@@ -146,7 +146,7 @@ class Lockstep:
                 self._end_if_over()
                 return
             self._end_if_over()
-            if not self._has_changed():
+            if self._launcher.look() == self._siblings:
                 return
             self._wait_for_newcomers()
 
@@ -161,9 +161,6 @@ class Lockstep:
                 if time.monotonic() > deadline or self._is_shutdown():
                     return
                 time.sleep(_POLL_S)
-
-    def _has_changed(self) -> bool:
-        return self._launcher.look() != self._siblings
 
     def _wait_for_newcomers(self, is_wanted: Callable[[], bool] = lambda: False) -> None:
         deadline = time.monotonic() + self._newcomers_within

@@ -176,14 +176,14 @@ def camera_info_message(time: float, frame: str, camera: Camera) -> Message:
 
 def twist_of(message: Mapping[str, Any]) -> Twist:
     """Return the twist of a geometry_msgs/Twist, or of a TwistStamped, whose stamp and frame are ignored."""
-    told = message.get("twist", message)
-    return Twist(_xyz(told["linear"]), _xyz(told["angular"]))
+    twist = message.get("twist", message)
+    return Twist(_xyz(twist["linear"]), _xyz(twist["angular"]))
 
 
-def _xyz(told: Mapping[str, float]) -> Vector3:
-    return told["x"], told["y"], told["z"]
+def _xyz(vector: Mapping[str, float]) -> Vector3:
+    return vector["x"], vector["y"], vector["z"]
 
 
-def seconds_of(told: Mapping[str, int]) -> float:
+def seconds_of(time: Mapping[str, int]) -> float:
     """Return a Time or a Duration in s."""
-    return told["sec"] + told["nanosec"] / 1e9
+    return time["sec"] + time["nanosec"] / 1e9

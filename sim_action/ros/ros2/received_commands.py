@@ -128,7 +128,7 @@ class ReceivedCommands:
 
     def __init__(self, subscriptions: Iterable[Subscription]) -> None:
         """Open a receiver for each subscription."""
-        self._receivers = {each.topic: each.open() for each in subscriptions}
+        self._receivers = {subscription.topic: subscription.open() for subscription in subscriptions}
 
     def take(self, topic: str, message: Message, node: str, seen: Observation) -> None:
         """Take a message that a node sent. Raises ScriptError."""
@@ -204,7 +204,7 @@ class TrajectoryReceiver:
         names = list(message["joint_names"])
         self._check_names(names)
         begins = seconds_of(message["header"]["stamp"])
-        points = [_later(point, begins or seen.time) for point in _points(message, names)]
+        points = list(_points(message, names, begins or seen.time))
         if self._needs_all:
             _check_end(points[-1], names)
         past = [point for point in points if point.time <= seen.time]
@@ -214,7 +214,7 @@ class TrajectoryReceiver:
                 "be the time of the node's clock, or 0 to start it at once"
             )
         # A trajectory that has begun goes on from its own points.
-        start = _waypoints(past[-1], names) if past else [self._state(name, seen) for name in names]
+        start = [past[-1].of_joint(i) if past else self._state(name, seen) for i, name in enumerate(names)]
         if len(past) == len(points):
             self._curves |= {name: JointCurve((end,)) for name, end in zip(names, start, strict=True)}
         else:
@@ -245,7 +245,8 @@ class TrajectoryReceiver:
             raise BadMessage(f"a trajectory without {', '.join(missing)}; it needs all joints of the controller")
 
 
-def _points(message: Mapping[str, Any], names: Sequence[str]) -> Iterator[TrajectoryPoint]:
+def _points(message: Mapping[str, Any], names: Sequence[str], begins: float) -> Iterator[TrajectoryPoint]:
+    """Yield the points of a message, for a trajectory that begins at a time in s. Raises BadMessage."""
     if not message["points"]:
         raise BadMessage("a trajectory without points")
     before = -math.inf
@@ -268,7 +269,7 @@ def _points(message: Mapping[str, Any], names: Sequence[str]) -> Iterator[Trajec
                 f"{before:g} s"
             )
         before = time
-        yield TrajectoryPoint(time, *found)
+        yield TrajectoryPoint(begins + time, *found)
 
 
 def _check_end(last: TrajectoryPoint, names: Sequence[str]) -> None:
@@ -285,14 +286,6 @@ def _check_finite(values: Sequence[float], place: str) -> None:
     for index, value in enumerate(values):
         if not math.isfinite(value):
             raise BadMessage(f"{place}[{index}] is {value}, which is not finite")
-
-
-def _waypoints(point: TrajectoryPoint, names: Sequence[str]) -> list[Waypoint]:
-    return [point.of_joint(index) for index in range(len(names))]
-
-
-def _later(point: TrajectoryPoint, begins: float) -> TrajectoryPoint:
-    return TrajectoryPoint(begins + point.time, point.positions, point.velocities, point.accelerations)
 
 
 class ValuesReceiver:

@@ -158,8 +158,6 @@ def package_of(kind: str) -> str:
     return kind.partition("/")[0]
 
 
-_TRANSFORMS_TYPE: Final = "tf2_msgs/msg/TFMessage"
-
 CLOCK_TYPE: Final = "rosgraph_msgs/msg/Clock"
 CLOCK_QOS: Final = USUAL
 
@@ -203,7 +201,7 @@ def topic_problems(
     for name in (each for each in stated if each in topics):
         if topics[name] in _OF_ALL_ROBOTS:
             yield (name,), f"'{topics[name]}' is a topic that every robot has; choose another one"
-    cameras = {each.name: _beside_images(topics[each.name]) for each in scene.sensors if each.kind == "camera"}
+    cameras = {sensor.name: _beside_images(topics[sensor.name]) for sensor in scene.sensors if sensor.kind == "camera"}
     for name in (each for each in stated if each in topics):
         mine = {topics[name], *cameras.get(name, ())}
         for other, beside in cameras.items():

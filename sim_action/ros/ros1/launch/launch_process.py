@@ -209,9 +209,9 @@ class Watch:
 
 def _is_over_early(run: Path, launch: Launch) -> bool:
     """Return True if a simulation reached its limit, failed or died."""
-    told = SimulationResult.read(run)
-    if told is not None:
-        return told.end in ("time limit", "failed")
+    result = SimulationResult.read(run)
+    if result is not None:
+        return result.end in ("time limit", "failed")
     process = run / PROCESS_FILE
     with suppress(OSError, ValueError):
         return int(process.read_text()) not in descendants(launch.supervisor)

@@ -82,7 +82,7 @@ class EpisodeRecord:
             # An episode that ended at once, by a change of the world, has no motion.
             if run.sim_time > 0:
                 self._digests.append(run.digest)
-                found = {each.rule: each.message for each in run.findings if each.rule in _CLAIMS}
+                found = {finding.rule: finding.message for finding in run.findings if finding.rule in _CLAIMS}
                 earlier = found if self._claims is None else self._claims
                 self._claims = {rule: message for rule, message in found.items() if rule in earlier}
 

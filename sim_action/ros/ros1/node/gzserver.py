@@ -114,7 +114,7 @@ class _Server:
         except (RunError, ModelError, BadWorld, OSError) as error:
             failure = _failure_of(error)
         self._record.store(self._folder)
-        return self._told(end, failure)
+        return self._result(end, failure)
 
     def _populated(self) -> WorldModels:
         """Return the models of the world file, or of Gazebo's own empty world. Raises BadWorld, MissingWorld."""
@@ -183,7 +183,7 @@ class _Server:
         reasons = self._lockstep.not_reproducible
         return {NOT_REPRODUCIBLE: f"the run is not reproducible: {'; '.join(reasons)}"} if reasons else {}
 
-    def _told(self, end: End, failure: Failure | None) -> SimulationResult:
+    def _result(self, end: End, failure: Failure | None) -> SimulationResult:
         now, record = time.monotonic(), self._record
         started = self._current.started or now
         return SimulationResult(
@@ -249,5 +249,5 @@ def await_shutdown() -> None:
 
 
 def _await_signal() -> None:
-    told = signal.sigwait(_SIGNALS)
-    rospy.signal_shutdown(signal.Signals(told).name)
+    number = signal.sigwait(_SIGNALS)
+    rospy.signal_shutdown(signal.Signals(number).name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -140,11 +140,7 @@ def _process(run: Run | None) -> str | None:
 def _runs_of(names: Sequence[str], written: dict[str, Path], runs: Sequence[Run]) -> dict[str, Run]:
     found = {name: run for name, path in written.items() for run in runs if _began(run) <= path.stat().st_mtime}
     left = (run for run in runs if run not in found.values())
-    return {**dict(_paired([name for name in names if name not in found], left)), **found}
-
-
-def _paired(names: Sequence[str], runs: Iterator[Run]) -> Iterator[tuple[str, Run]]:
-    return zip(names, runs, strict=False)
+    return {**dict(zip((name for name in names if name not in found), left, strict=False)), **found}
 
 
 def _began(run: Run) -> float:

@@ -175,11 +175,11 @@ class Judge:
     def _outcome(self, test: TestFindings, about: dict[str, Any]) -> Outcome:
         result = test.run.result if test.run else None
         measured = {key: getattr(result, key) for key in _RESULT_FIELDS} if result else {}
-        if result and result.missing_world and (told := about.get("failures")):
+        if result and result.missing_world and (failures := about.get("failures")):
             # Only the launch file says where the world is named.
             path, place = Path(result.missing_world), self.tags.world(result.missing_world)
-            message = told[0].message.replace(str(path), shown_path(path))
-            about["failures"] = (told[0].model_copy(update={"location": place, "message": message}),)
+            message = failures[0].message.replace(str(path), shown_path(path))
+            about["failures"] = (failures[0].model_copy(update={"location": place, "message": message}),)
         measured["notes"] = (*measured.get("notes", ()), *map(str, test.callbacks))
         return Outcome(
             name=f"{self.request.package}/{test.name}",

@@ -185,13 +185,13 @@ def _parameters(path: Path) -> Any:
 
 def unheard_bridges(programs: Iterable[LeftOutProgram], topics: Collection[str]) -> Iterator[str]:
     """Yield a note for each topic that a bridge would carry to ROS 2 and the robot does not publish."""
-    for each in programs:
-        if each.program.rpartition("/")[2] != "parameter_bridge":
+    for program in programs:
+        if program.program.rpartition("/")[2] != "parameter_bridge":
             continue
         remapped = dict(
-            value.split(":=", 1) for option, value in pairwise(each.args) if option == "-r" and ":=" in value
+            value.split(":=", 1) for option, value in pairwise(program.args) if option == "-r" and ":=" in value
         )
-        for argument in each.args:
+        for argument in program.args:
             topic, at, rest = argument.partition("@")
             name = remapped.get(topic, topic)
             if at and "[" in rest and f"/{name.lstrip('/')}" not in topics:

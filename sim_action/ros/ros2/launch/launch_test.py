@@ -77,7 +77,7 @@ class SpawnedRobot:
 
 def spawned_robot(programs: Sequence[LeftOutProgram], bridge: Bridge, folder: Path) -> SpawnedRobot:
     """Return the robot that a launch spawns; `folder`: for its description. Raise ScriptError, BridgeEnded."""
-    spawned = [_options(each.args) for each in programs if each.program in SPAWNERS]
+    spawned = [_options(program.args) for program in programs if program.program in SPAWNERS]
     robots = [options for options in spawned if "-file" not in options] or spawned
     if not robots:
         raise ScriptError("the launch spawns no robot: no action runs 'create' of ros_gz_sim")

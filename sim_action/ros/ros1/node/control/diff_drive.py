@@ -51,7 +51,7 @@ def _range(parameters: Parameters, name: str, kind: str) -> tuple[float, float]:
 def open_diff_drive(setup: ControllerSetup) -> Controller:
     """Open diff_drive_controller/DiffDriveController. Odometry is the true motion since the controller started."""
     left, right = setup.fitting("left_wheel", "velocity"), setup.fitting("right_wheel", "velocity")
-    subscription = setup.wiring.subscribe(setup.topic("cmd_vel"), Twist, lambda told: (told.linear.x, told.angular.z))
+    subscription = setup.wiring.subscribe(setup.topic("cmd_vel"), Twist, lambda cmd: (cmd.linear.x, cmd.angular.z))
     drive = DiffDriveWheels(setup, left, right, subscription)
     return Controller(
         INTERFACES["velocity"], (*left, *right), drive, _odometry(setup, drive), (subscription,), drive.begin

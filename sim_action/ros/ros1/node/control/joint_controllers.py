@@ -33,40 +33,40 @@ SERVO_NOTE: Final = "its gains are not used; a servo of the engine, with the eff
 """The note for controllers that would turn commands into efforts or velocities by gains."""
 
 
-def _one(setup: ControllerSetup, told: Reading, interface: Reading) -> Controller:
+def _one(setup: ControllerSetup, reading: Reading, interface: Reading) -> Controller:
     joints = setup.fitting("joint", interface)[:1]
     subscription = setup.wiring.subscribe(setup.topic("command"), Float64, lambda message: (message.data,))
-    return _controller(setup, joints, told, interface, subscription)
+    return _controller(setup, joints, reading, interface, subscription)
 
 
-def _group(setup: ControllerSetup, told: Reading, interface: Reading) -> Controller:
+def _group(setup: ControllerSetup, reading: Reading, interface: Reading) -> Controller:
     joints = setup.fitting("joints", interface)
     subscription = setup.wiring.subscribe(
         setup.topic("command"), Float64MultiArray, lambda message: tuple(message.data)
     )
-    return _controller(setup, joints, told, interface, subscription)
+    return _controller(setup, joints, reading, interface, subscription)
 
 
 # `ros_control.CONTROLLERS` has the types. Servos make efforts: at 100 ticks per second, gains would shake light parts.
-open_position: Final = partial(_one, told="position", interface="position")
-open_velocity: Final = partial(_one, told="velocity", interface="velocity")
-open_effort: Final = partial(_one, told="effort", interface="effort")
-open_servo: Final = partial(_one, told="position", interface="effort")
-open_servo_on_velocity: Final = partial(_one, told="position", interface="velocity")
-open_motor: Final = partial(_one, told="velocity", interface="effort")
-open_group_position: Final = partial(_group, told="position", interface="position")
-open_group_velocity: Final = partial(_group, told="velocity", interface="velocity")
-open_group_effort: Final = partial(_group, told="effort", interface="effort")
-open_group_servo: Final = partial(_group, told="position", interface="effort")
+open_position: Final = partial(_one, reading="position", interface="position")
+open_velocity: Final = partial(_one, reading="velocity", interface="velocity")
+open_effort: Final = partial(_one, reading="effort", interface="effort")
+open_servo: Final = partial(_one, reading="position", interface="effort")
+open_servo_on_velocity: Final = partial(_one, reading="position", interface="velocity")
+open_motor: Final = partial(_one, reading="velocity", interface="effort")
+open_group_position: Final = partial(_group, reading="position", interface="position")
+open_group_velocity: Final = partial(_group, reading="velocity", interface="velocity")
+open_group_effort: Final = partial(_group, reading="effort", interface="effort")
+open_group_servo: Final = partial(_group, reading="position", interface="effort")
 
 
 def _controller(
-    setup: ControllerSetup, joints: tuple[str, ...], told: Reading, interface: Reading, subscription: Subscription
+    setup: ControllerSetup, joints: tuple[str, ...], reading: Reading, interface: Reading, subscription: Subscription
 ) -> Controller:
-    if told != interface:
+    if reading != interface:
         setup.wiring.warn(f"the controller '{setup.parameters.space}': {SERVO_NOTE}")
     joint_models = [setup.wiring.model.joints_by_name[name] for name in joints]
-    forward = ForwardController(joint_models, told, subscription, setup.wiring.warn)
+    forward = ForwardController(joint_models, reading, subscription, setup.wiring.warn)
     return Controller(INTERFACES[interface], joints, forward, subscriptions=(subscription,), begin=forward.begin)
 
 
@@ -74,9 +74,9 @@ class ForwardController:
     """Passes the last command on to joints. Before the first command, they hold still or are left free."""
 
     def __init__(
-        self, joints: list[Joint], told: Reading, subscription: Subscription, warn: Callable[[str], None]
+        self, joints: list[Joint], reading: Reading, subscription: Subscription, warn: Callable[[str], None]
     ) -> None:
-        self._joints, self._told, self._subscription, self._warn = joints, told, subscription, warn
+        self._joints, self._reading, self._subscription, self._warn = joints, reading, subscription, warn
         self._resting: Mapping[str, float] | None = None
 
     def begin(self) -> None:
@@ -87,8 +87,8 @@ class ForwardController:
     def __call__(self, _: float, seen: Observation) -> JointTargets:
         """See Mover."""
         if self._resting is None:
-            self._resting = resting(self._told, self._joints, seen.joints)
-        return targets(self._told, self._commanded() or self._resting)
+            self._resting = resting(self._reading, self._joints, seen.joints)
+        return targets(self._reading, self._commanded() or self._resting)
 
     def _commanded(self) -> Mapping[str, float] | None:
         values: tuple[float, ...] | None = self._subscription.value
@@ -99,7 +99,7 @@ class ForwardController:
             self._warn(f"{self._subscription.topic}: {ignored}")
             return None
         pairs = zip(self._joints, values, strict=True)
-        return {joint.name: within_limits(joint, self._told, value) for joint, value in pairs}
+        return {joint.name: within_limits(joint, self._reading, value) for joint, value in pairs}
 
 
 def open_joint_states(setup: ControllerSetup) -> Controller:
@@ -153,28 +153,28 @@ class TrajectoryFollower:
             self._take(self._subscription.value, seconds)
         return curve_targets(self._joints, self._curves, seconds)
 
-    def _take(self, told: Any, seconds: float) -> None:
+    def _take(self, message: Any, seconds: float) -> None:
         """Start a new trajectory; one without points ends the current one."""
-        if not told.points:
+        if not message.points:
             self._curves = {
                 name: JointCurve((Waypoint(seconds, curve.at(seconds)[0]),)) for name, curve in self._curves.items()
             }
             return
-        if set(told.joint_names) != set(self._joints):
+        if set(message.joint_names) != set(self._joints):
             self._warn(
-                f"{self._subscription.topic}: a trajectory of {', '.join(told.joint_names)} is ignored: "
+                f"{self._subscription.topic}: a trajectory of {', '.join(message.joint_names)} is ignored: "
                 f"the joints of the controller are {', '.join(self._joints)}"
             )
             return
-        begins = told.header.stamp.to_sec() or seconds
-        start = [self._curves[name].state(seconds) for name in told.joint_names]
+        begins = message.header.stamp.to_sec() or seconds
+        start = [self._curves[name].state(seconds) for name in message.joint_names]
         points = [
             TrajectoryPoint(
                 begins + point.time_from_start.to_sec(), point.positions, point.velocities, point.accelerations
             )
-            for point in told.points
+            for point in message.points
         ]
         try:
-            self._curves = joint_curves(told.joint_names, start, points)
+            self._curves = joint_curves(message.joint_names, start, points)
         except ValueError as error:
             self._warn(f"{self._subscription.topic}: a trajectory is ignored: {error}")

@@ -48,7 +48,7 @@ class _Manager:
 
     def load(self, names: Sequence[str]) -> list[str]:
         """Load controllers, and return the names of those that were loaded."""
-        return [name for name in names if _told(self.ask("load_controller", LoadController, name).ok, "loaded", name)]
+        return [name for name in names if _report(self.ask("load_controller", LoadController, name).ok, "loaded", name)]
 
     def unload(self, names: Sequence[str]) -> bool:
         """Unload controllers; return True if all were unloaded."""
@@ -59,7 +59,7 @@ class _Manager:
         return bool(self.ask("switch_controller", SwitchController, started, stopped, _STRICT, False, 0.0).ok)
 
 
-def _told(done: bool, what: str, name: str) -> bool:
+def _report(done: bool, what: str, name: str) -> bool:
     sys.stderr.write(f"{name}: {what}\n" if done else f"ERROR: {name} could not be {what}\n")
     return done
 
@@ -74,7 +74,7 @@ def spawner() -> int:
     try:
         loaded = manager.load(asked.controllers)
         if loaded and not asked.stopped:
-            _told(manager.switch(loaded, []), "started", ", ".join(loaded))
+            _report(manager.switch(loaded, []), "started", ", ".join(loaded))
     except (rospy.ROSException, rospy.ServiceException) as error:
         sys.stderr.write(f"ERROR: the controllers were not spawned: {error}\n")
         return 1
@@ -99,7 +99,7 @@ def unspawner() -> int:
     asked = parser.parse_args(rospy.myargv()[1:])
     manager = _Manager("", _TIMEOUT_S)
     try:
-        done = _told(manager.switch([], asked.controllers), "stopped", ", ".join(asked.controllers))
+        done = _report(manager.switch([], asked.controllers), "stopped", ", ".join(asked.controllers))
     except (rospy.ROSException, rospy.ServiceException) as error:
         sys.stderr.write(f"ERROR: the controllers were not stopped: {error}\n")
         return 1
@@ -119,7 +119,7 @@ def controller_manager() -> int:
         if asked.action.startswith("list"):
             _print_list(manager, asked.action)
             return 0
-        return 0 if _told(_ACTIONS[asked.action](manager, asked.names), f"{asked.action}ed", str(asked.names)) else 1
+        return 0 if _report(_ACTIONS[asked.action](manager, asked.names), f"{asked.action}ed", str(asked.names)) else 1
     except (rospy.ROSException, rospy.ServiceException) as error:
         sys.stderr.write(f"ERROR: {error}\n")
         return 1
