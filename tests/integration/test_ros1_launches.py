@@ -60,7 +60,7 @@ def test_a_launch_passes_at_its_limit_of_sim_time_also_where_temporary_files_hav
     monkeypatch.setenv("TMPDIR", str(tmp_path / "with a blank"))
     (tmp_path / "with a blank").mkdir()
     package(tmp_path, "parts", {"a.launch": f"<launch>{BURGER}</launch>"})
-    code, [outcome], _ = called(tmp_path, "roslaunch", "parts", "a.launch", "--sim-time-limit", "0.5")
+    code, [outcome], _ = called(tmp_path, "roslaunch", "--report", "parts", "a.launch", "--sim-time-limit", "0.5")
 
     assert code == 0
     assert (outcome.name, outcome.end) == ("parts/a.launch", "time limit")
