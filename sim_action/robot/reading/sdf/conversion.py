@@ -1,9 +1,9 @@
 """Convert SDF (sdformat.org/spec, versions 1.3 to 1.11) to a URDF document whose elements know their place in the SDF.
 
 The base link's frame is the frame of the root link. The frame of a link is the same as in SDF, with one exception: if
-the axis of its joint does not go through its origin, its frame is at the joint (`joints.py`). A model that is fixed to
-the world gets a root link named `world`. Its frame is the world of the file, in which the <pose> of the outermost
-<model> counts.
+the axis of its joint does not go through its origin, its frame is at the joint (`links_and_joints.py`). A model that is
+fixed to the world gets a root link named `world`. Its frame is the world of the file, in which the <pose> of the
+outermost <model> counts.
 """
 
 from __future__ import annotations
