@@ -48,4 +48,8 @@ from sim_action.state.trace_channels import ClearanceWatch as ClearanceWatch
 from sim_action.state.verdict import Judged as Judged
 from sim_action.state.verdict import Signal as Signal
 from sim_action.state.verdict import Verdict as Verdict
+from sim_action.world.claims import Ceiling as Ceiling
+from sim_action.world.claims import ClaimFinding as ClaimFinding
+from sim_action.world.claims import JudgedRun as JudgedRun
+from sim_action.world.claims import Setting as Setting
 from sim_action.world.scene import Scene as Scene

@@ -5,7 +5,9 @@ Every error has its file, line and column, and all of them are reported at once.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -13,23 +15,25 @@ from typing import TYPE_CHECKING, Final
 from sim_action.core.errors import (
     InternalError,
     InvalidScenario,
+    Location,
     ModelError,
     PackageFault,
+    Problem,
     RefusedModel,
     UsageError,
 )
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, field, replace
+from sim_action.core.wording import counted
 from sim_action.core.yaml_errors import ProblemList, SpecProblems
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.reading.loading import ModelLibrary, check_text, load_model, package_problems, srdf_problems
 from sim_action.scenario import checks as scenario_checks
 from sim_action.scenario import world_checks
 from sim_action.scenario.claims import audit_robot, audit_scenario
-from sim_action.scenario.command_maps import Unfolded, unfolded
 from sim_action.scenario.files import read_only_scenario
 from sim_action.scenario.model import DrivenRobot, LoadedScenario, Scenario
-from sim_action.scenario.part_reader import PartReader
+from sim_action.scenario.part_reader import PartReader, Unfolded, unfolded
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.world_file import WorldLibrary, filled, with_robot_of_world
 from sim_action.world.claims import AuditWarning, ClaimFinding, allowed_rules, unknown_rules
@@ -95,9 +99,7 @@ def load_all(
     for several in scenarios_of(sources):
         scenarios = list(_sharing(_loaded_or_refused(source, permissions, libraries) for source in several))
         if any(isinstance(each, Refused) for each in scenarios):
-            from sim_action.scenario.refused_variations import together
-
-            scenarios = list(together(several, scenarios))
+            scenarios = list(refused_together(several, scenarios))
         found += scenarios
     return found
 
@@ -239,9 +241,7 @@ class _Loader:
         if not self._problems:  # a source with a problem may be the code
             self._problems.note_all((), scenario_checks.environment_problems(scenario))
         if (gate := self._source.gate) is not None:
-            from sim_action.scenario.gate_checks import gate_problems
-
-            for problem in gate_problems(gate, self._source, scenario):
+            for problem in scenario_checks.gate_problems(gate, self._source, scenario):
                 self._problems.note_elsewhere(problem)
         self._take(audit_scenario(scenario, self._parts.expect_paths, self._parts.command_paths))
         self.unchecked = tuple(remark for source in scenario.commands for remark in source.unchecked)
@@ -329,3 +329,76 @@ class _Loader:
         for path, expectation in zip(self._parts.expect_paths, scenario.expect, strict=True):
             self._problems.note_all((*path, expectation.assertion.key), expectation.assertion.problems(scene))
         self._take(audit_robot(scene, scenario, self._parts.expect_paths, self._parts.command_paths))
+
+
+def refused_together(
+    sources: Sequence[Source | Refused], scenarios: Sequence[LoadedScenario | Refused]
+) -> Sequence[LoadedScenario | Refused]:
+    """Return all variations of a scenario of which some are refused; all are, unless only drawn values are wrong."""
+    refused = [scenario for scenario in scenarios if isinstance(scenario, Refused)]
+    alike = len(scenarios) == len(refused) > 1 and len({scenario.problems for scenario in refused}) == 1
+    pairs = list(zip(sources, scenarios, strict=True))
+    if refused and not alike and any(each.gate is not None for each in sources):
+        # A gate without some of its runs has no verdict, so none of them is worth its time.
+        advised = [_with_advice(source, each) for source, each in pairs if isinstance(each, Refused)]
+        drawn = {place for source in sources if isinstance(source, Source) for place, _ in source.draws}
+        return [_counted_by_sample(_as_one(advised, sources[0].number), advised, drawn, len(sources))]
+    if alike or any(isinstance(scenario, Refused) and not _is_of_draws(source, scenario) for source, scenario in pairs):
+        return [_as_one(refused, sources[0].number)]
+    return [
+        source.refused_alone(scenario) if isinstance(source, Source) and isinstance(scenario, Refused) else scenario
+        for source, scenario in pairs
+    ]
+
+
+def _with_advice(source: Source | Refused, refused: Refused) -> Refused:
+    """Return a refusal, with advice for values that were drawn."""
+    if not isinstance(source, Source) or not source.is_of_draws(refused):
+        return refused
+    alone = source.refused_alone(refused)
+    return replace(alone, name=refused.name, group=None, variation=(), gate=None)
+
+
+def _counted_by_sample(
+    whole: Refused, refused: Sequence[Refused], drawn: AbstractSet[Location], samples: int
+) -> Refused:
+    """Return a refusal with one problem for each drawn value: the first one, and the number of samples that have one.
+
+    Args:
+        whole: with all problems.
+        refused: the samples that cannot run.
+        drawn: the places of drawn values.
+        samples: the number of samples.
+    """
+    if isinstance(whole.error, InternalError):
+        return whole
+    counts = Counter(place for each in refused for place in {problem.location for problem in each.problems} & drawn)
+    found: dict[object, Problem] = {}
+    for problem in whole.problems:
+        place = problem.location
+        if place not in drawn:
+            found[problem] = problem
+        elif place not in found:
+            text = f"{problem.message}; {counts[place]:,} of {counted(samples, 'sample')} have a problem here"
+            found[place] = Problem(place, text)
+    return replace(whole, error=InvalidScenario(found.values()))
+
+
+def _is_of_draws(source: Source | Refused, refused: Refused) -> bool:
+    return isinstance(source, Source) and source.is_of_draws(refused)
+
+
+def _as_one(refused: Sequence[Refused], number: int) -> Refused:
+    """Return one refusal with the problems of all variations, each once.
+
+    A fault of sim-action is reported alone, as it may hide other problems. `number` is that of the first variation,
+    where the refusal is reported.
+    """
+    if fault := next((each for each in refused if isinstance(each.error, InternalError)), None):
+        return replace(fault, number=number)
+    told: list[Problem] = []
+    known: set[str] = set()
+    for each in refused:
+        told += [problem for problem in each.problems if problem.message not in known]
+        known.update(problem.message for problem in each.problems)
+    return replace(refused[0], error=InvalidScenario(told), number=number)
