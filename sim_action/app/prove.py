@@ -50,8 +50,9 @@ from sim_action.runner.mutation.planning import (
     within,
 )
 from sim_action.runner.mutation.suggestions import MOST_RUNS, MOST_TRIALS, Candidates, Search, candidates
-from sim_action.runner.process_pool import execute
+from sim_action.runner.process_pool import Pool, PoolOptions
 from sim_action.runner.run_plan import PlanRequest, plan_runs
+from sim_action.runner.runs import Runs
 from sim_action.scenario.loading import Libraries
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused
@@ -313,7 +314,8 @@ class _Call:
         request = self._request
         listener = ProgressListener(len(scenarios), request.reports.verbosity, word_of=word_of)
         replays = request.has_report and name in (_ORIGINALS, _MUTANTS)
-        outcomes = execute(scenarios, folder, request.jobs, listener, self._interruption, replays=replays)
+        options = PoolOptions(request.jobs)
+        outcomes = Pool(Runs(scenarios, folder, replays=replays), listener, self._interruption, options).outcomes()
         listener.close()
         return outcomes
 

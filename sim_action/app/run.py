@@ -26,12 +26,12 @@ from sim_action.results.journal_records import Header
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results
 from sim_action.runner.child_outcome import skipped, without_verdict
-from sim_action.runner.early_stop import EarlyStop
 from sim_action.runner.outcome_assembly import OutcomeAssembly, planned_outcomes
-from sim_action.runner.process_pool import execute
+from sim_action.runner.process_pool import Pool, PoolOptions
 from sim_action.runner.resume import TakenOver, take_over
 from sim_action.runner.run_keys import RunKeys, RunOptions
 from sim_action.runner.run_plan import PlanRequest, RunPlan, plan_runs
+from sim_action.runner.runs import EarlyStop, Runs, Scheduler
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused
 
@@ -89,10 +89,10 @@ def run_scenarios(request: RunRequest, interruption: Interruption, listener: Lis
         if request.valid_only:
             refuse_invalid([plan for plan in found.plans if isinstance(plan, Refused)])
         with (
-            _executor(request, found) as executor,
+            _schedule(request, found, keys) as schedule,
             open_reports(request.reports, keeps_earlier=request.resume) as options,
         ):
-            call = _Call(request, found, options, keys, started=started, executor=executor)
+            call = _Call(request, found, options, keys, started=started, schedule=schedule)
             results = call.results(interruption, listener)
             taken_over = call.taken.finals if request.resume else None
             told = replace(options, taken_over=taken_over, permissions=request.plan.permissions)
@@ -121,27 +121,28 @@ def _outputs(request: RunRequest) -> list[Path]:
     return [path for path in (request.reports.folder, request.reports.junit) if path is not None]
 
 
-Executor = Callable[..., list[Outcome]]
-"""A function that runs all scenarios: `execute`, or another one that takes the arguments which `_Call` gives it."""
+Schedule = Callable[[Runs, Listener, Interruption], Scheduler]
+"""A function that returns the scheduler for runs: the pool of this machine, or that of a cluster."""
 
 
 @contextmanager
-def _executor(request: RunRequest, found: RunPlan) -> Iterator[Executor]:
-    """Return what runs the scenarios of a plan. Raise UsageError if the cluster cannot."""
+def _schedule(request: RunRequest, found: RunPlan, keys: RunKeys) -> Iterator[Schedule]:
+    """Return what schedules the runs of a plan. Raise UsageError if the cluster cannot run them."""
+    pool = partial(Pool, options=PoolOptions(request.jobs, keys))
     if request.cluster is None:
-        yield execute
+        yield pool
         return
     from sim_action.runner.cluster.address import ClusterAddress
 
     address = ClusterAddress.parse(request.cluster)
     every = [run for plan in found.plans if not isinstance(plan, Refused) for run in plan]
     if not every:
-        yield execute
+        yield pool
         return
     from sim_action.runner.cluster.dask_executor import opened_cluster
 
     with opened_cluster(address, every, request.plan.permissions, _outputs(request)) as cluster:
-        yield cluster.execute
+        yield cluster.scheduler
 
 
 class _Call:
@@ -159,10 +160,10 @@ class _Call:
         keys: RunKeys,
         *,
         started: float,
-        executor: Executor,
+        schedule: Schedule,
     ) -> None:
         self._request, self._found, self._options, self._keys, self._started = request, found, options, keys, started
-        self._execute = executor
+        self._schedule = schedule
         self._plans = found.plans
         if request.plan.permissions.updates_golden:
             from sim_action.runner.golden_update import refuse_shared_goldens
@@ -234,23 +235,19 @@ class _Call:
 
     def _unguarded(self, assembly: OutcomeAssembly, motions: Path | None, interruption: Interruption) -> list[Outcome]:
         request = self._request
-        return self._execute(
+        runs = Runs(
             self._every,
             self._options.folder,
-            request.jobs,
-            assembly,
-            interruption,
-            places=assembly.places,
-            fail_fast=request.fail_fast,
-            replays=_has_replays(request),
-            formats=request.recordings,
-            repeat=request.repeat,
-            motions=motions,
-            ended=assembly.ended,
-            needless=self._early_stop.is_needless,
-            keys=self._keys,
-            meanwhile=self._make_ready,
+            request.repeat,
+            assembly.places,
+            _has_replays(request),
+            request.recordings,
+            motions,
+            assembly.ended,
+            request.fail_fast,
+            self._early_stop.is_needless,
         )
+        return self._schedule(runs, assembly, interruption).outcomes(self._make_ready)
 
     def _make_ready(self) -> None:
         self._keys.prepare()

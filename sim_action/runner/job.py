@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Final, Self, overload
+from typing import Final
 
 from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location
 from sim_action.core.records import dataclass, field, replace
-from sim_action.results.artifacts import RunFiles, file_stems
 from sim_action.scenario.model import LoadedScenario
 
 BEGUN: Final = b"begun"
@@ -82,92 +80,6 @@ class Job:
         if path.is_relative_to(self.results):
             return path.relative_to(self.results).as_posix()
         return Path(os.path.relpath(path, self.results)).as_posix()
-
-
-class JobList(Sequence[Job]):
-    """The jobs of a call, each made whenever it is asked for: 10,000 jobs with their paths take 20 MB."""
-
-    def __init__(self, make: Callable[[int], Job], count: int) -> None:
-        """Take the function that returns a job by its index, and the number of jobs."""
-        self._make, self._count = make, count
-
-    def __len__(self) -> int:
-        return self._count
-
-    @overload
-    def __getitem__(self, index: int) -> Job: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[Job]: ...
-    def __getitem__(self, index: int | slice) -> Job | list[Job]:
-        places = range(self._count)[index]
-        return self._make(places) if isinstance(places, int) else [self._make(place) for place in places]
-
-
-def motion_file(folder: Path, index: int) -> Path:
-    """Return the file for the motion of the run with this index in the list of scenarios."""
-    return folder / f"{index}.npz"
-
-
-@dataclass(frozen=True, slots=True)
-class JobOrder:
-    """The parts that the jobs of a call are made of.
-
-    Attributes:
-        scenarios: the scenarios, each of which is run once in each repetition.
-        stems: the name without an ending for the files of each run.
-        results, here, memory_is_limited: as in `Job`.
-        replays: True if replays are written.
-        formats: the formats of recordings to write.
-        is_fresh: True if each run has an interpreter of its own.
-        motions: the folder for the motion of runs that are compared, see `motion_file`.
-    """
-
-    scenarios: Sequence[LoadedScenario]
-    stems: Sequence[str]
-    results: Path
-    here: Path
-    memory_is_limited: bool
-    replays: bool
-    formats: Sequence[str]
-    is_fresh: bool
-    motions: Path | None
-
-    @classmethod
-    def of(
-        cls,
-        scenarios: Sequence[LoadedScenario],
-        folder: Path,
-        *,
-        repeat: int = 1,
-        memory_is_limited: bool = True,
-        replays: bool = False,
-        formats: Sequence[str] = (),
-        is_fresh: bool = False,
-        motions: Path | None = None,
-    ) -> Self:
-        """Return the order of a call with this output folder; `repeat`: how often the whole list is run."""
-        stems = list(file_stems(loaded.scenario.name for _ in range(repeat) for loaded in scenarios))
-        limited = memory_is_limited
-        return cls(scenarios, stems, folder.absolute(), Path.cwd(), limited, replays, formats, is_fresh, motions)
-
-    def job(self, index: int) -> Job:
-        """Return the job with this index among those of all repetitions."""
-        turn, place = divmod(index, len(self.scenarios))
-        loaded = self.scenarios[place]
-        files = RunFiles.of(self.stems[index], self.results, replays=self.replays, formats=self.formats)
-        # Repeated runs are equal, or have no verdict: the motion of the first one is enough.
-        motion = motion_file(self.motions, place) if self.motions and loaded.compared and turn == 0 else None
-        return Job(
-            loaded,
-            files.trace,
-            self.results,
-            self.memory_is_limited,
-            files.replay,
-            files.recordings,
-            hash_seed=turn if self.is_fresh else None,
-            motion=motion,
-            here=self.here,
-        )
 
 
 def out_of_memory(job: Job) -> str:

@@ -15,8 +15,8 @@ from sim_action.results.events import Event, Finished, Listener, RunEnded
 from sim_action.results.journal_records import Planned, Record
 from sim_action.results.outcome import Outcome
 from sim_action.runner.child_outcome import unjudged
-from sim_action.runner.job import motion_file
 from sim_action.runner.run_plan import Plan
+from sim_action.runner.runs import motion_file
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.sharing import share_parts
 from sim_action.scenario.source import Refused

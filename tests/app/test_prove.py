@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -17,11 +16,10 @@ from sim_action.core.permissions import Permissions
 from sim_action.core.process import Interruption
 from sim_action.core.records import replace
 from sim_action.reports import ReportRequest
-from sim_action.results.outcome import Outcome
 from sim_action.runner.child_outcome import interrupted
-from sim_action.runner.process_pool import execute
+from sim_action.runner.process_pool import Pool
 from sim_action.runner.run_plan import PlanRequest
-from sim_action.scenario.model import LoadedScenario
+from sim_action.runner.runs import Runs
 from sim_action.scenario.selection import Selection, find_suite
 from tests.scenarios import LEAST
 
@@ -67,13 +65,14 @@ class _InterruptedAfter(Interruption):
         super().__init__()
         self.left = runs
 
-    def execute(self, scenarios: Sequence[LoadedScenario], *arguments: Any, **options: Any) -> list[Outcome]:
-        """Run the scenarios that are left before the interruption."""
+    def pool(self, runs: Runs, *arguments: Any) -> Mock:
+        """Return a pool that runs the scenarios which are left before the interruption."""
+        scenarios = runs.scenarios
         run = scenarios[: self.left]
         self.left -= len(run)
-        outcomes = execute(run, *arguments, **options) if run else []
+        outcomes = Pool(replace(runs, scenarios=run), *arguments).outcomes() if run else []
         self.happened = len(run) < len(scenarios)
-        return [*outcomes, *map(interrupted, scenarios[len(run) :])]
+        return Mock(**{"outcomes.return_value": [*outcomes, *map(interrupted, scenarios[len(run) :])]})
 
 
 @pytest.mark.process
@@ -82,7 +81,7 @@ def test_an_interruption_keeps_the_findings_so_far(
 ) -> None:
     (tmp_path / "a.sim.yml").write_text(LEAST)
     with _InterruptedAfter(3) as interruption:
-        monkeypatch.setattr(prove, "execute", interruption.execute)
+        monkeypatch.setattr(prove, "Pool", interruption.pool)
         assert prove_scenarios(request(tmp_path), interruption) == ExitCode.INTERRUPTED
     found = json.loads((tmp_path / "proof.json").read_text())
     (scenario,) = found["scenarios"]

@@ -21,9 +21,9 @@ from sim_action.results.outcome import Outcome
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.isolation.linux_child import LinuxChild
 from sim_action.runner.isolation.portable_child import PortableChild
-from sim_action.runner.process_pool import execute
 from sim_action.scenario.loading import load_scenario
 from sim_action.state.trace_storage import load_trace
+from tests.pool import execute
 from tests.soak import soaked
 
 SCENARIO = """

@@ -52,7 +52,6 @@ ELSEWHERE: Final = (
             "memory_files",
             "process_control",
             "scenario_supervisor",
-            "shared_child",
         )
     ),
 )

@@ -29,7 +29,6 @@ from sim_action.engines import chosen, installed
 from sim_action.results.events import Event, Progressed, RunEnded, Started
 from sim_action.results.outcome import Outcome
 from sim_action.runner import child_main
-from sim_action.runner.process_pool import execute
 from sim_action.runner.run_plan import engine_runs
 from sim_action.scenario.files import read_file
 from sim_action.scenario.loading import load_all, load_scenario
@@ -37,6 +36,7 @@ from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused
 from sim_action.simulation import loop
 from tests.examples import EXAMPLES
+from tests.pool import execute
 from tests.soak import examples, soaked
 
 pytestmark = [

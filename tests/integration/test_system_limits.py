@@ -15,9 +15,9 @@ from sim_action.results.results_json import Results
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.isolation.linux_child import LinuxChild
 from sim_action.runner.isolation.portable_child import PortableChild
-from sim_action.runner.process_pool import execute
 from sim_action.scenario.loading import load_scenario
 from tests.integration.test_execution import Silent, scenario, script
+from tests.pool import execute
 from tests.soak import soaked
 
 ROOT: Final = Path(__file__).parents[2]

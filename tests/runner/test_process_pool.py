@@ -20,9 +20,9 @@ from sim_action.results.events import Event, Progressed, RunEnded
 from sim_action.results.outcome import Outcome
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job
-from sim_action.runner.process_pool import execute
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario
+from tests.pool import execute
 
 SCENARIO = "name: {name}\nrobot: {{model: turtlebot3_burger}}\nexpect: [upright]\ntime_limit: 1 s\n"
 

@@ -27,7 +27,8 @@ def journal_calls(folder: Path) -> tuple[Callable[[], object], Callable[[], obje
     from sim_action.results.events import Event, Finished, Listener, RunEnded
     from sim_action.results.journal import Journal
     from sim_action.results.journal_records import Header, Planned
-    from sim_action.runner.process_pool import execute
+    from sim_action.runner.process_pool import Pool, PoolOptions
+    from sim_action.runner.runs import Runs
     from sim_action.scenario.files import read_file
     from sim_action.scenario.loading import load_all
     from sim_action.scenario.model import LoadedScenario
@@ -41,7 +42,8 @@ def journal_calls(folder: Path) -> tuple[Callable[[], object], Callable[[], obje
 
     def run_suite(listener: Listener) -> None:
         with Interruption() as interruption:
-            outcomes = execute(runs, folder, len(os.sched_getaffinity(0)), listener, interruption)
+            options = PoolOptions(len(os.sched_getaffinity(0)))
+            outcomes = Pool(Runs(runs, folder), listener, interruption, options).outcomes()
         assert {outcome.status for outcome in outcomes} == {"passed"}
 
     def refuse(message: str) -> None:

@@ -96,7 +96,8 @@ def further_scenario(folder: Path) -> Ratio:
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the command line does
     from sim_action.core.process import Interruption
     from sim_action.reports.progress import ProgressListener
-    from sim_action.runner.process_pool import execute
+    from sim_action.runner.process_pool import Pool, PoolOptions
+    from sim_action.runner.runs import Runs
     from sim_action.scenario.loading import load_scenario
     from tools.bench.raw_loop import drive
 
@@ -105,7 +106,7 @@ def further_scenario(folder: Path) -> Ratio:
 
     def ours() -> None:
         with Interruption() as interruption:
-            (outcome,) = execute([load_scenario(path)], folder, 1, listener, interruption)
+            (outcome,) = Pool(Runs([load_scenario(path)], folder), listener, interruption, PoolOptions(1)).outcomes()
         assert outcome.status == "passed"
 
     took, raw = least_seconds(20, ours, drive)
@@ -118,7 +119,8 @@ def variations(folder: Path) -> Ratio:
     from sim_action.core.permissions import Permissions
     from sim_action.core.process import Interruption
     from sim_action.reports.progress import ProgressListener
-    from sim_action.runner.process_pool import execute
+    from sim_action.runner.process_pool import Pool, PoolOptions
+    from sim_action.runner.runs import Runs
     from sim_action.scenario.files import read_file
     from sim_action.scenario.loading import load_all
     from sim_action.scenario.model import LoadedScenario
@@ -139,7 +141,7 @@ def variations(folder: Path) -> Ratio:
 
     def ours() -> None:
         with Interruption() as interruption:
-            outcomes = execute(next(batches), folder, 1, listener, interruption)
+            outcomes = Pool(Runs(next(batches), folder), listener, interruption, PoolOptions(1)).outcomes()
         assert {outcome.status for outcome in outcomes} == {"passed"}
 
     def raw() -> None:

@@ -1,12 +1,11 @@
-"""The executor on a cluster of Dask: it takes the place of `process_pool.execute`."""
+"""The executor on a cluster of Dask: it takes the place of `process_pool.Pool`."""
 
 from __future__ import annotations
 
 import logging
 import tempfile
 import warnings
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from collections.abc import Set as AbstractSet
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Final
@@ -20,8 +19,6 @@ from sim_action.core.process import Interruption
 from sim_action.core.wording import escaped_line
 from sim_action.engines import chosen
 from sim_action.results.events import Listener
-from sim_action.results.outcome import Outcome
-from sim_action.runner.child_outcome import without_run
 from sim_action.runner.cluster.address import ClusterAddress
 from sim_action.runner.cluster.batches import Batches
 from sim_action.runner.cluster.dask_runs import ClusterRuns
@@ -29,8 +26,7 @@ from sim_action.runner.cluster.dask_worker import Reply, receive, software_there
 from sim_action.runner.cluster.software import Software, software
 from sim_action.runner.cluster.task import Output, Run, Task
 from sim_action.runner.cluster.workspace_archive import Archive, archive_of
-from sim_action.runner.job import JobOrder
-from sim_action.runner.run_keys import RunKeys
+from sim_action.runner.runs import Runs
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.watched_files import NamedFiles
 
@@ -159,40 +155,17 @@ class DaskExecutor:
             if isinstance(error, BaseException):
                 raise UsageError(escaped_line(f"--cluster: the worker {address} cannot take the workspace: {error}"))
 
-    def execute(
-        self,
-        scenarios: Sequence[LoadedScenario],
-        folder: Path,
-        jobs: int,
-        emit: Listener,
-        interruption: Interruption,
-        *,
-        places: Sequence[int],
-        fail_fast: bool,
-        replays: bool,
-        formats: Sequence[str],
-        repeat: int,
-        motions: Path | None,
-        ended: AbstractSet[tuple[int, int]],
-        needless: Callable[[int], bool],
-        keys: RunKeys,
-        meanwhile: Callable[[], object],
-    ) -> list[Outcome]:
-        """Run all scenarios, and return one outcome each, as `process_pool.execute` does.
-
-        `jobs` does not count: the workers say how many. No run has a key: it depends on another machine.
-        """
-        order = JobOrder.of(scenarios, folder, repeat=repeat, replays=replays, formats=formats, motions=motions)
-        numbered = [(place, turn) for turn in range(1, repeat + 1) for place in places]
-        output, here = Output(replays, tuple(formats), repeat), Path.cwd()
+    def scheduler(self, runs: Runs, emit: Listener, interruption: Interruption) -> ClusterRuns:
+        """Return what runs these runs on the workers. No run has a key: it depends on another machine."""
+        output, here = Output(runs.replays, tuple(runs.formats), runs.repeat), Path.cwd()
 
         def task(indices: Sequence[int]) -> Task:
-            several = [scenarios[index % len(scenarios)] for index in indices]
+            several = [runs.loaded(index) for index in indices]
             own = self._archives[several[0].workspace.root].copied
             others = (each.copied for each in self._archives.values() if each.copied is not own)
             return Task(
                 tuple(map(Run.of, indices, several)),
-                numbered[indices[0]][1],
+                runs.place_and_turn(indices[0])[1],
                 self._permissions,
                 here,
                 copied=(own, *others),
@@ -200,25 +173,10 @@ class DaskExecutor:
                 software=self._needed,
             )
 
-        waiting = (index for index in range(len(numbered)) if numbered[index] not in ended)
-        shares = repeat == 1 and not fail_fast
-        runs = ClusterRuns(
-            self._client,
-            order=order,
-            task=task,
-            send=self._send_missing,
-            numbered=numbered,
-            emit=emit,
-            interruption=interruption,
-            batches=Batches(waiting, [_kind(loaded) if shares else None for loaded in scenarios] * repeat),
-            fail_fast=fail_fast,
-            needless=needless,
-        )
-        outcomes = runs.outcomes(meanwhile)
-        return [
-            outcomes.get(index) or without_run(loaded, interruption, is_needless=needless(place))
-            for index, ((place, _), loaded) in enumerate(zip(numbered, [*scenarios] * repeat, strict=True))
-        ]
+        shares = runs.repeat == 1 and not runs.fail_fast
+        kinds = [_kind(loaded) if shares else None for loaded in runs.scenarios] * runs.repeat
+        batches = Batches(runs.waiting, kinds)
+        return ClusterRuns(runs, emit, interruption, self._client, task=task, send=self._send_missing, batches=batches)
 
     def _send_missing(self, reply: Reply) -> None:
         for archive in self._archives.values():

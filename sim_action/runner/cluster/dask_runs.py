@@ -13,19 +13,20 @@ from pathlib import Path
 from typing import Any, Final
 
 from distributed import Client, Future, KilledWorker
+from typing_extensions import override
 
-from sim_action.core.errors import ExitCode, UsageError
+from sim_action.core.errors import UsageError
 from sim_action.core.files import whole_file
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import counted, escaped_line
-from sim_action.results.events import Listener, Progressed, RunEnded, Started
+from sim_action.results.events import Listener, Progressed
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.runner.child_outcome import without_verdict
 from sim_action.runner.cluster.batches import Batches
 from sim_action.runner.cluster.dask_worker import Reply, Report, perform
 from sim_action.runner.cluster.task import Result, Task
-from sim_action.runner.job import JobOrder
+from sim_action.runner.runs import Runs, Scheduler
 
 _MAX_WAIT_S: Final = 0.5
 _WORKERS_PERIOD_S: Final = 1.0
@@ -52,45 +53,35 @@ class _Answer:
     error: BaseException | None
 
 
-class ClusterRuns:
-    """The scheduler of one call: it submits runs, hears of them from the threads of Dask, and places the outcomes."""
+class ClusterRuns(Scheduler):
+    """Submits the runs of a call, hears of them from the threads of Dask, and places the outcomes."""
 
     def __init__(
         self,
-        client: Client,
-        *,
-        order: JobOrder,
-        task: Callable[[Sequence[int]], Task],
-        send: Callable[[Reply], None],
-        numbered: Sequence[tuple[int, int]],
+        runs: Runs,
         emit: Listener,
         interruption: Interruption,
+        client: Client,
+        *,
+        task: Callable[[Sequence[int]], Task],
+        send: Callable[[Reply], None],
         batches: Batches,
-        fail_fast: bool,
-        needless: Callable[[int], bool],
     ) -> None:
         """Take the runs of a call.
 
         Args:
+            runs: the runs.
+            emit: receives their events.
+            interruption: ends the call early.
             client: the connection to the scheduler.
-            order: makes their jobs.
             task: returns the task of runs, by their indices.
             send: sends a worker the workspaces that it lacks; it raises UsageError.
-            numbered: the place and the turn of each run.
-            emit: receives the events of the runs.
-            interruption: ends the call early.
             batches: the runs to submit.
-            fail_fast: start no run after the first one that has not passed.
-            needless: returns True for a place in the results if its run need not start any more.
         """
-        self._client, self._send = client, send
-        self._order, self._task, self._numbered = order, task, numbered
-        self._emit, self._interruption, self._fail_fast = emit, interruption, fail_fast
-        self._batches, self._needless = batches, needless
+        super().__init__(runs, emit, interruption)
+        self._client, self._send, self._task, self._batches = client, send, task, batches
         # By their keys at Dask.
         self._tasks: dict[str, _Submitted] = {}
-        self._outcomes: dict[int, Outcome] = {}
-        self._started: set[int] = set()
         # The workers on which a run has begun, and how often it was given to Dask again without that.
         self._begun: dict[int, list[str]] = {}
         self._again: Counter[int] = Counter()
@@ -99,8 +90,8 @@ class ClusterRuns:
         self._looked_at = self._last_worker_at = time.monotonic()
         self._topic = f"sim-action-{uuid.uuid4()}"
 
-    def outcomes(self, meanwhile: Callable[[], object]) -> dict[int, Outcome]:
-        """Return outcomes by index; runs that did not start or end have none."""
+    @override
+    def _run(self, meanwhile: Callable[[], object]) -> None:
         self._wakened, self._waker = socket.socketpair()
         self._waker.setblocking(False)
         self._wakened.setblocking(False)
@@ -120,13 +111,12 @@ class ClusterRuns:
                 self._client.unsubscribe_topic(self._topic)
             self._waker.close()
             self._wakened.close()
-        return self._outcomes
 
     def _submit(self) -> None:
         """Give Dask a task for each thread, and another one that waits there: no worker waits for this process then."""
         while self._batches and len(self._tasks) < 2 * self._threads and not self._interruption.happened:
             taken = self._batches.take(self._threads)
-            indices = tuple(index for index in taken if not self._needless(self._numbered[index][0]))
+            indices = tuple(index for index in taken if not self._is_needless(index))
             if not indices:
                 continue
             task = _Submitted(indices, self._client.submit(perform, self._task(indices), self._topic, pure=False))
@@ -173,7 +163,7 @@ class ClusterRuns:
 
     def _hear(self, task: _Submitted, index: int, worker: str, progress: tuple[float, float] | None) -> None:
         if progress is not None:
-            self._emit(Progressed(*self._numbered[index], self._name(index), *progress))
+            self._emit(Progressed(*self._runs.place_and_turn(index), self._runs.name(index), *progress))
         elif index in task.begun and len(task.indices) > 1:
             # Its worker has died, and Dask has given the whole task to another one.
             self._cancel([task])
@@ -186,19 +176,11 @@ class ClusterRuns:
             self._begun.setdefault(index, []).append(worker)
             self._start(index)
 
-    def _start(self, index: int) -> None:
-        if index not in self._started:
-            self._started.add(index)
-            self._emit(Started(*self._numbered[index], self._name(index)))
-
     def _split(self, task: _Submitted) -> None:
         # These have ended: the worker has died while it ran the next one.
         for index in task.begun[:-1]:
             self._begun[index].pop()
         self._batches.put_back_alone(task.indices)
-
-    def _name(self, index: int) -> str:
-        return self._order.scenarios[index % len(self._order.scenarios)].scenario.name
 
     def _judge(self, task: _Submitted, reply: Reply | None, error: BaseException | None) -> None:
         """Place the outcomes of a task, or give its runs to Dask again."""
@@ -243,7 +225,7 @@ class ClusterRuns:
 
     def _placed(self, index: int, result: Result) -> Outcome:
         """Write the files of a run, and return its outcome with their names."""
-        job = self._order.job(index)
+        job = self._runs.job(index)
         for number, content in result.files:
             path = job.evidence[number]
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -261,15 +243,17 @@ class ClusterRuns:
 
     def _error(self, index: int, cause: str) -> Outcome:
         failure = Failure(kind="crash", title="cluster", message=escaped_line(cause))
-        return without_verdict(self._order.job(index).loaded, failure)
+        return without_verdict(self._runs.loaded(index), failure)
 
-    def _finish(self, index: int, outcome: Outcome) -> None:
+    @override
+    def _finish(self, index: int, outcome: Outcome, key: str | None = None) -> None:
         self._start(index)
-        self._outcomes[index] = outcome
-        self._emit(RunEnded(*self._numbered[index], outcome))
-        if self._fail_fast and outcome.exit_code is not ExitCode.PASSED:
-            self._batches.clear()
-            self._cancel([task for task in self._tasks.values() if self._started.isdisjoint(task.indices)])
+        super()._finish(index, outcome, key)
+
+    @override
+    def _start_no_more(self) -> None:
+        self._batches.clear()
+        self._cancel([task for task in self._tasks.values() if self._started.isdisjoint(task.indices)])
 
     def _look_at_workers(self) -> None:
         """Use workers that came, and give up without any."""

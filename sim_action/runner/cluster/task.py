@@ -21,8 +21,9 @@ from sim_action.results.outcome import Outcome
 from sim_action.runner.child_outcome import engine_provenance
 from sim_action.runner.cluster.software import Software
 from sim_action.runner.cluster.workspace_archive import Copied
-from sim_action.runner.job import Job, JobOrder
-from sim_action.runner.process_pool import execute, warm_up
+from sim_action.runner.job import Job
+from sim_action.runner.process_pool import Pool, PoolOptions, warm_up
+from sim_action.runner.runs import Runs
 from sim_action.scenario.loading import Libraries, load_all, shared
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused, Source
@@ -30,21 +31,11 @@ from sim_action.scenario.source import Refused, Source
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """The files that runs write; the attributes are those of `execute`."""
+    """The files that runs write; the attributes are those of `Runs`."""
 
     replays: bool
     formats: tuple[str, ...]
     repeat: int
-
-    def order(self, scenarios: Sequence[LoadedScenario], folder: Path) -> JobOrder:
-        """Return the order for the runs of scenarios, whose motions are also written below `folder`."""
-        return JobOrder.of(
-            *(scenarios, folder),
-            repeat=self.repeat,
-            replays=self.replays,
-            formats=self.formats,
-            motions=folder / "motions",
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,9 +185,8 @@ def _run_here(
     """Run one repetition of scenarios in this process, and read the files that they wrote."""
     if sys.platform == "linux":
         os.chdir(here)
-    order = output.order(scenarios, folder)
-    assert order.motions is not None
-    order.motions.mkdir()
+    motions = folder / "motions"
+    motions.mkdir()
     others = (each for each in range(1, output.repeat + 1) if each != turn)
 
     def tell(event: Event) -> None:
@@ -204,17 +194,19 @@ def _run_here(
         if not isinstance(event, RunEnded):
             emit(event)
 
+    runs = Runs(
+        scenarios,
+        folder,
+        output.repeat,
+        replays=output.replays,
+        formats=output.formats,
+        motions=motions,
+        ended={(place, other) for other in others for place in range(len(scenarios))},
+    )
     with Interruption() as interruption:
-        outcomes = execute(
-            *(scenarios, folder, 1, tell, interruption),
-            replays=output.replays,
-            formats=output.formats,
-            repeat=output.repeat,
-            motions=order.motions,
-            ended={(place, other) for other in others for place in range(len(scenarios))},
-        )
+        outcomes = Pool(runs, tell, interruption, PoolOptions()).outcomes()
     first = (turn - 1) * len(scenarios)
-    return [_result(outcomes[index], order.job(index)) for index in range(first, first + len(scenarios))]
+    return [_result(outcomes[index], runs.job(index)) for index in range(first, first + len(scenarios))]
 
 
 def _result(outcome: Outcome, job: Job) -> Result:

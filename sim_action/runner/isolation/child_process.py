@@ -8,7 +8,7 @@ import stat
 import tempfile
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final, Self
@@ -85,8 +85,8 @@ class ChildProcess(ABC):
         """Start a child process for this job. Raise OSError."""
 
     @classmethod
-    def starter(cls, jobs: Sequence[Job]) -> Starter:  # noqa: ARG003 - types that share processes use them
-        """Return a starter for these jobs, several of which may share a child process where the system allows it."""
+    def starter(cls, job: Callable[[int], Job]) -> Starter:  # noqa: ARG003 - types that share processes use it
+        """Return a starter for jobs, given by index; several may share a child process where the system allows it."""
         return Starter(cls)
 
     @abstractmethod

@@ -2,6 +2,13 @@
 
 Without user code, the child process is a fork of this process and has no children. With user code, and for repeated
 runs, it is a `supervisor` whose child runs the scenario: forks of one process would share state that may differ.
+
+Many runs without user code share a child process, one after the other. A fork for each of many variations would take
+longer than a short run: the kernel copies pages, and the engine makes its memory again. A shared child process inherits
+all jobs, and its parent sends the index of the next one. Results are those of child processes of their own: the parent
+reads an outcome only if its run ended normally. If it did not (an error that memory, files or the process may have
+caused, a crash, a hang, a limit), the child process ends. The run is then doubtful, unless it was the first one in its
+process: it has to run again, in a child process of its own.
 """
 
 from __future__ import annotations
@@ -9,6 +16,7 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -16,7 +24,7 @@ import threading
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -37,14 +45,19 @@ from sim_action.runner.isolation.child_process import (
     remove,
     scratch_folder,
 )
-from sim_action.runner.job import Job
-from sim_action.runner.process_output import flush_output
+from sim_action.runner.job import ENDED, ENDED_LAST, Job
+from sim_action.runner.process_output import flush_output, muted
 
 assert sys.platform == "linux"
 
 # The time for a supervisor to end all descendants; a busy machine needs long.
 _ENDING_TIMEOUT_S: Final = 5.0
 _ENDING_POLL_S: Final = 0.001
+
+MAX_RUNS: Final = 100
+"""The most runs of one shared child process: whatever they leave behind stays bounded."""
+
+_MAX_ORDER_BYTES: Final = 32
 
 
 class LinuxChild(ChildProcess):
@@ -98,11 +111,8 @@ class LinuxChild(ChildProcess):
 
     @classmethod
     @override
-    def starter(cls, jobs: Sequence[Job]) -> Starter:
-        # The module extends this class.
-        from sim_action.runner.isolation.shared_child import SharingStarter
-
-        return SharingStarter(jobs)
+    def starter(cls, job: Callable[[int], Job]) -> Starter:
+        return SharingStarter(job)
 
     def poll(self) -> int | None:
         """Return the exit status after the end (negative: the signal that ended it), else None.
@@ -257,3 +267,158 @@ def _spawn(job: Job, files: memory_files.MemoryFiles, writer: int) -> int:
     # Popen must not wait for the process too; only its number is used from here on.
     process.returncode = 0
     return process.pid
+
+
+class SharedChild(LinuxChild):
+    """One run in a child process that may have run others before."""
+
+    def __init__(
+        self,
+        job: Job,
+        pid: int,
+        channel: int,
+        files: memory_files.MemoryFiles,
+        scratch: tempfile.TemporaryDirectory[str],
+        *,
+        former: Former,
+        is_first: bool,
+        rest: Callable[[SharedChild], None],
+    ) -> None:
+        super().__init__(job, pid, channel, files, scratch, former=former, supervised=False)
+        self._is_first = is_first
+        self._rest = rest
+        self._ended: bytes | None = None
+
+    @staticmethod
+    def start_first(
+        job_of: Callable[[int], Job], index: int, job: Job, rest: Callable[[SharedChild], None]
+    ) -> SharedChild:
+        """Fork this process for a job, and for others of `job_of` later; `rest` takes it when it waits for one.
+
+        Raise OSError.
+        """
+        former = former_files(job)
+        with files_of_child() as (scratch, files):
+            ours, others = socket.socketpair()
+            with ours, others:
+                ours.setblocking(False)
+                # The child process must not wait for a caller that does not read.
+                others.setblocking(False)
+                pid = fork(partial(_serve, job_of, index), job, files, others.fileno())
+                channel = ours.detach()
+        return SharedChild(job, pid, channel, files, scratch, former=former, is_first=True, rest=rest)
+
+    def next(self, index: int, job: Job) -> SharedChild:
+        """Hand the next job to the waiting child process. Raise OSError if it has gone."""
+        former = former_files(job)
+        self._files.empty()
+        os.write(self._progress, b"%d\n" % index)
+        return SharedChild(
+            job,
+            self._pid,
+            self._progress,
+            self._files,
+            self._scratch,
+            former=former,
+            is_first=False,
+            rest=self._rest,
+        )
+
+    def poll(self) -> int | None:
+        """Return 0 after a normal end of the run; else see `LinuxChild.poll`."""
+        return 0 if self._ended is not None else super().poll()
+
+    def close(self) -> None:
+        """Read the report; end the child process if it takes no other job."""
+        if self._ended == ENDED:
+            self.report = self._files.read()
+            self._rest(self)
+            return
+        self.is_doubtful = self._ended is None and not self._is_first
+        super().close()
+
+    def end(self) -> None:
+        """End the child process while it waits for a job."""
+        self.kill()
+        super().close()
+
+    def _heard(self) -> bytes:
+        try:
+            return super()._heard()
+        except ConnectionResetError:
+            # It died before it read its order.
+            return b""
+
+    def _take(self, line: bytes) -> None:
+        if line in (ENDED, ENDED_LAST):
+            self._ended = line
+        else:
+            super()._take(line)
+
+
+class SharingStarter(Starter):
+    """Hands a job to a child process that waits for one, or starts a new child process."""
+
+    def __init__(self, job_of: Callable[[int], Job]) -> None:
+        """Take the function that returns a job by its index; child processes inherit it."""
+        super().__init__(LinuxChild)
+        self._job_of = job_of
+        self._waiting: list[SharedChild] = []
+
+    @override
+    def start(self, index: int, job: Job, *, alone: bool, most_waiting: int) -> ChildProcess:
+        if alone or not _may_share(job) or threading.active_count() > 1:
+            self.end_waiting(most_waiting)
+            return super().start(index, job, alone=alone, most_waiting=most_waiting)
+        while (child := self._take_waiting(_kind(job))) is not None:
+            try:
+                return child.next(index, job)
+            except (OSError, MemoryError):
+                # It has died while it was waiting, or this process lacks memory for a moment.
+                child.end()
+        self.end_waiting(most_waiting)
+        return SharedChild.start_first(self._job_of, index, job, self._waiting.append)
+
+    @override
+    def end_waiting(self, most: int = 0) -> None:
+        while len(self._waiting) > most:
+            self._waiting.pop(0).end()
+
+    def _take_waiting(self, kind: object) -> SharedChild | None:
+        for position, child in enumerate(self._waiting):
+            if _kind(child.job) == kind:
+                return self._waiting.pop(position)
+        return None
+
+
+def _may_share(job: Job) -> bool:
+    loaded = job.loaded
+    return job.hash_seed is None and not loaded.scenario.runs_user_code and not loaded.workspace.updates_golden
+
+
+def _kind(job: Job) -> object:
+    # Only the child process reads some models, with native code: they share it with runs of the same file only.
+    own = job.loaded.file if job.loaded.model is None else None
+    return job.loaded.scenario.memory_bytes, own
+
+
+def _serve(job_of: Callable[[int], Job], index: int, files: ChildFiles, channel: int) -> None:
+    """Run one job after the other, until one does not end normally, or this process has run enough of them."""
+    for run in range(1, MAX_RUNS + 1):
+        is_normal = run_in_fork(job_of(index), files, channel)
+        flush_output()
+        if not is_normal:
+            return
+        # From here on this process waits, however long the caller takes.
+        os.set_blocking(channel, True)
+        os.write(channel, (ENDED if run < MAX_RUNS else ENDED_LAST) + b"\n")
+        # Cycles of the run hold its engine, which belongs to no output of the next run.
+        with muted():
+            gc.collect()
+        if run == MAX_RUNS or not (order := os.read(channel, _MAX_ORDER_BYTES)):
+            return
+        os.set_blocking(channel, False)
+        index = int(order)
+        if run == 1:
+            # The first run, which is not repeated alone, must reach its memory limit where a run alone does.
+            process_control.keep_freed_memory()

@@ -16,7 +16,7 @@ from sim_action.runner.cluster.batches import Batches
 from sim_action.runner.cluster.dask_runs import ClusterRuns
 from sim_action.runner.cluster.dask_worker import Reply
 from sim_action.runner.cluster.task import Result
-from sim_action.runner.job import JobOrder
+from sim_action.runner.runs import Runs
 from tests.scenarios import load
 
 SCENARIO = "name: falls\nrobot: {model: turtlebot3_burger}\nexpect: [upright]\ntime_limit: 1 s\n"
@@ -75,7 +75,7 @@ def passed(indices: Sequence[int]) -> Reply:
     return Reply("one", tuple(Result(outcome.model_dump_json()) for _ in indices))
 
 
-def outcomes(folder: Path, count: int, play: Played) -> tuple[dict[int, Outcome], Cluster, list[Event]]:
+def outcomes(folder: Path, count: int, play: Played) -> tuple[list[Outcome], Cluster, list[Event]]:
     """The outcomes of a call whose runs are so short that they may all share a task."""
     scenarios = [load(folder, SCENARIO)] * count
     batches = Batches(range(count), ["one workspace"] * count)
@@ -85,18 +85,15 @@ def outcomes(folder: Path, count: int, play: Played) -> tuple[dict[int, Outcome]
     task: Any = tuple
     with Interruption() as interruption:
         runs = ClusterRuns(
+            Runs(scenarios, folder),
+            events.append,
+            interruption,
             client,
-            order=JobOrder.of(scenarios, folder),
             task=task,
             send=lambda _: None,
-            numbered=[(index, 1) for index in range(count)],
-            emit=events.append,
-            interruption=interruption,
             batches=batches,
-            fail_fast=False,
-            needless=lambda _: False,
         )
-        return runs.outcomes(lambda: None), cluster, events
+        return runs.outcomes(), cluster, events
 
 
 def places(events: Sequence[Event], kind: type[Started | RunEnded]) -> list[int]:
@@ -113,7 +110,7 @@ def test_runs_of_a_worker_that_died_run_again_alone_and_count_once(tmp_path: Pat
         return None
 
     found, cluster, events = outcomes(tmp_path, 4, play)
-    assert {index: outcome.status for index, outcome in found.items()} == dict.fromkeys(range(4), "passed")
+    assert [outcome.status for outcome in found] == ["passed"] * 4
     assert cluster.submitted == [(0, 1, 2, 3), (0,), (1,), (2,), (3,)]
     assert cluster.cancelled == ["task 1"]
     assert sorted(places(events, Started)) == sorted(places(events, RunEnded)) == [0, 1, 2, 3]

@@ -13,10 +13,10 @@ import pytest
 
 from sim_action.core.permissions import Permissions
 from sim_action.core.process import Interruption
-from sim_action.runner.process_pool import execute
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario
 from sim_action.simulation.loop import simulate
+from tests.pool import execute
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="other systems share no processes"),
@@ -69,7 +69,7 @@ def test_runs_share_as_many_processes_as_may_run(tmp_path: Path, monkeypatch: py
 
 
 def test_a_process_is_replaced_after_some_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sim_action.runner.isolation.shared_child.MAX_RUNS", 2)
+    monkeypatch.setattr("sim_action.runner.isolation.linux_child.MAX_RUNS", 2)
     assert forks(loaded(tmp_path, [""] * 5), tmp_path, monkeypatch) == 3
 
 

@@ -1,9 +1,10 @@
-"""Gates that stop early: which runs are not needed any more."""
+"""The runs of a call: their files, and those that gates which stop early no longer need."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -13,7 +14,8 @@ from sim_action.core.yaml_document import read_document
 from sim_action.results.events import Finished
 from sim_action.results.outcome import Status
 from sim_action.runner.child_outcome import unjudged
-from sim_action.runner.early_stop import EarlyStop
+from sim_action.runner.job import Job
+from sim_action.runner.runs import EarlyStop
 from sim_action.scenario.loading import checked
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Source
@@ -84,3 +86,10 @@ def test_gates_of_one_name_in_two_files_are_two_gates(tmp_path: Path) -> None:
     for place in range(2):
         end(stop, runs, place, "passed")
     assert [stop.is_needless(place) for place in (11, 12, 23)] == [True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("path", "name"), [("/out/traces/a.npz", "traces/a.npz"), ("/elsewhere/a.npz", "../elsewhere/a.npz")]
+)
+def test_a_file_is_named_from_the_folder_of_the_results(path: str, name: str) -> None:
+    assert Job(Mock(), Path(path), Path("/out")).trace_name == name
