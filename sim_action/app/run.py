@@ -28,8 +28,7 @@ from sim_action.results.results_json import Results
 from sim_action.runner.child_outcome import skipped, without_verdict
 from sim_action.runner.outcome_assembly import OutcomeAssembly, planned_outcomes
 from sim_action.runner.process_pool import Pool, PoolOptions
-from sim_action.runner.resume import TakenOver, take_over
-from sim_action.runner.run_keys import RunKeys, RunOptions
+from sim_action.runner.run_keys import RunKeys, RunOptions, TakenOver, take_over
 from sim_action.runner.run_plan import PlanRequest, RunPlan, plan_runs
 from sim_action.runner.runs import EarlyStop, Runs, Scheduler
 from sim_action.scenario.model import LoadedScenario

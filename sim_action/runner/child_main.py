@@ -5,11 +5,15 @@ from __future__ import annotations
 import errno
 import mmap
 import os
+import pickle
 import signal
 import sys
 import tempfile
 import time
-from contextlib import nullcontext, suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
+from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Final, NoReturn
 
 from pydantic_core import PydanticSerializationError, to_json
@@ -37,22 +41,20 @@ from sim_action.core.wording import escaped_line, system_reason
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome, Scope, status_of
 from sim_action.runner.child_files import ChildFiles, OutcomeWriter
-from sim_action.runner.evidence import remove_earlier, run_to_record, store_evidence
 from sim_action.runner.job import BEGUN, JUDGED, Job, out_of_memory
-from sim_action.runner.observed_inputs import ObservedInputs, observed_inputs
+from sim_action.runner.observed_inputs import ObservedInputs, hear_early, observed_inputs
 from sim_action.runner.process_output import dump_stack_before, redirect_output
-from sim_action.runner.user_code import guarded
 from sim_action.scenario.loading import build_scene, checked
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.scenario.mutation import Mutation
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.recorder import RunRecorder
 from sim_action.simulation.seams import UNTOUCHED, Seams
+from sim_action.state.trace_storage import save_trace
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.recording.export.recorded_run import RecordedRun
-
 
 _PROGRESS_PERIOD_S: Final = 0.1
 _RESERVE_BYTES: Final = 32 << 20  # bytes of address space; nothing is written there
@@ -404,3 +406,135 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         notes=run.notes,
         model_notes=run.model_notes,
     )
+
+
+def remove_earlier(job: Job) -> None:
+    """Remove the evidence of an earlier run in the same place, as far as possible."""
+    for path in job.evidence:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+
+
+def store_evidence(job: Job, scene: Scene, footage: RunRecorder) -> tuple[str, ...]:
+    """Write the trace, the replay and the motion of a run, as far as they are asked for; return notes."""
+    notes: list[str] = []
+    with _noted("trace", notes):
+        if (trace := footage.trace()) is not None:
+            if not job.trace.parent.is_dir():
+                job.trace.parent.mkdir(parents=True, exist_ok=True)
+            save_trace(trace, job.trace)
+    with _noted("replay", notes):
+        if job.replay is not None and (film := footage.film()) is not None and footage.start is not None:
+            # Imported only if it is needed.
+            from sim_action.recording.replay.build import make_replay
+
+            scenario, start = job.loaded.scenario, footage.start
+            commanded, readings = footage.commanded(), footage.readings
+            make_replay(scenario, scene, start, film, job.replay, commanded=commanded, readings=readings)
+    with _noted("motion", notes, "it is not compared with that in another engine"):
+        if job.motion is not None and (motion := footage.motion(scene)) is not None:
+            motion.save(job.motion)
+    return tuple(notes)
+
+
+@contextmanager
+def _noted(name: str, notes: list[str], effect: str = "") -> Iterator[None]:
+    """Turn each error of this context into a note: the name of the file, the reason, and the effect."""
+    try:
+        yield
+    except Exception as error:  # noqa: BLE001 - the verdict does not depend on evidence
+        is_expected = isinstance(error, OSError | ValueError | MemoryError)
+        reason = system_reason(error) if is_expected else str(InternalError.of(error))
+        notes.append(f"{name}: {escaped_line(reason)}{effect and '; '}{effect}")
+
+
+def run_to_record(job: Job, scene: Scene, footage: RunRecorder) -> Iterator[RecordedRun]:
+    """Yield the run for recordings, if they are asked for, it has data, and it fits into memory."""
+    if not job.recordings:
+        return
+    from sim_action.recording.export.recorded_run import RecordedRun
+
+    with suppress(MemoryError):
+        trace, film = footage.trace(), footage.film()
+        if trace is not None and film is not None:
+            run = RecordedRun.of(scene, film, trace, job.loaded.scenario, footage.twists())
+            yield replace(run, wrenches=footage.wrenches())
+
+
+_SPARE_DESCRIPTORS: Final = 64
+_SPARE_SHARE: Final = 4  # of a low limit, at most one part in so many
+_OURS: Final = str(Path(__file__).parent.parent / "_").removesuffix("_")
+
+
+@contextmanager
+def guarded(say: Callable[[bytes], None]) -> Iterator[None]:
+    """Guard this process against user code that runs in this context; `say` sends a line to the parent."""
+    with _spare_descriptors(), _noted_exits(say):
+        yield
+
+
+@contextmanager
+def _spare_descriptors() -> Iterator[None]:
+    """Lower the limit of open files in this context: after a leak, files can still be written and modules imported."""
+    if sys.platform == "win32":
+        yield
+        return
+    import resource
+
+    limit, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if limit == resource.RLIM_INFINITY:
+        yield
+        return
+    spare = min(_SPARE_DESCRIPTORS, limit // _SPARE_SHARE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (limit - spare, hard))
+    try:
+        yield
+    finally:
+        # User code may have changed it, too.
+        now, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        wanted = now if now == resource.RLIM_INFINITY else now + spare
+        resource.setrlimit(
+            resource.RLIMIT_NOFILE, (wanted if hard == resource.RLIM_INFINITY else min(wanted, hard), hard)
+        )
+
+
+@contextmanager
+def _noted_exits(say: Callable[[bytes], None]) -> Iterator[None]:
+    """Send the line of user code that calls `os._exit` in this context, in this process."""
+    leave, born = os._exit, os.getpid()
+
+    def noted_exit(status: int) -> NoReturn:
+        if os.getpid() == born:
+            _say_caller(sys._getframe(1), say)  # noqa: SLF001 - as `inspect` does
+        leave(status)
+
+    setattr(os, "_exit", noted_exit)  # noqa: B010 - for mypy, it is constant
+    try:
+        yield
+    finally:
+        setattr(os, "_exit", leave)  # noqa: B010
+
+
+def _say_caller(frame: FrameType, say: Callable[[bytes], None]) -> None:
+    file = os.fsencode(frame.f_code.co_filename)
+    if not file.startswith(os.fsencode(_OURS)) and b"\n" not in file:
+        say(b"exit %d %s" % (frame.f_lineno, file))
+
+
+def received_job() -> tuple[Job, ChildFiles]:
+    """Return the job and its files from standard input.
+
+    This imports the assertions and sensors of installed packages. The process ends if it fails.
+    """
+    hear_early()
+    try:
+        received: tuple[Job, ChildFiles] = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent
+    except Exception as error:
+        fault = InternalError.of(error)
+        if not isinstance(fault, PackageFault):
+            raise
+        # The last words of this process are in the outcome.
+        sys.stderr.write(f"{fault}\n")
+        sys.stderr.flush()
+        os._exit(1)
+    return received

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 
 from sim_action.results.outcome import Outcome
 from sim_action.runner.child_files import ChildReport
+from sim_action.runner.child_main import _noted
 from tests.robot.bad_models import GOOD
 
 pytestmark = pytest.mark.process
@@ -94,3 +96,19 @@ def test_a_motion_that_cannot_be_written_costs_no_verdict(tmp_path: Path) -> Non
     assert outcome.status == "passed"
     (note,) = (note for note in outcome.notes if "motion" in note)
     assert note == "motion: no such file or directory; it is not compared with that in another engine"
+
+
+@pytest.mark.parametrize(
+    ("error", "note"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), "replay: no space left on device"),
+        (MemoryError(), "replay: out of memory"),
+        (ValueError("Too large"), "replay: too large"),
+        (KeyError("box"), "replay: an internal error of sim-action: KeyError: 'box'; please report it"),
+    ],
+)
+def test_an_error_is_a_note_with_its_reason(error: Exception, note: str) -> None:
+    notes: list[str] = []
+    with _noted("replay", notes):
+        raise error
+    assert notes == [note]

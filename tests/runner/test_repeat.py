@@ -10,7 +10,7 @@ import pytest
 from sim_action.core.errors import InternalError
 from sim_action.results.outcome import Failure, Outcome, Repeats
 from sim_action.runner.child_outcome import interrupted, skipped
-from sim_action.runner.repeat import merge_repeats
+from sim_action.runner.outcome_assembly import merge_repeats
 from sim_action.scenario.model import LoadedScenario
 from sim_action.state.trace_storage import save_trace
 from sim_action.state.verdict import Judged, Verdict

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.runner.user_code import guarded
+from sim_action.runner.child_main import guarded
 
 ROOT = Path(__file__).parents[2]
 
 LEAK = """\
 import os, resource
-from sim_action.runner.user_code import guarded
+from sim_action.runner.child_main import guarded
 
 resource.setrlimit(resource.RLIMIT_NOFILE, (SOFT, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
 leaked = []
@@ -31,7 +31,7 @@ except OSError as error:
 
 EXITS = """\
 import os, sys
-from sim_action.runner.user_code import guarded
+from sim_action.runner.child_main import guarded
 
 def say(line):
     print(line.decode(), flush=True)

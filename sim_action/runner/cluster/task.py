@@ -7,26 +7,69 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Final, Self
 
 from sim_action.core.files import open_regular
 from sim_action.core.permissions import Permissions
 from sim_action.core.process import Interruption
+from sim_action.core.provenance import installed_version
 from sim_action.core.records import dataclass, replace
+from sim_action.core.version import PACKAGE_FOLDER, __version__
+from sim_action.engines import ENGINES
 from sim_action.results.events import Event, RunEnded
 from sim_action.results.outcome import Outcome
 from sim_action.runner.child_outcome import engine_provenance
-from sim_action.runner.cluster.software import Software
 from sim_action.runner.cluster.workspace_archive import Copied
 from sim_action.runner.job import Job
 from sim_action.runner.process_pool import Pool, PoolOptions, warm_up
+from sim_action.runner.run_keys import source_digest
 from sim_action.runner.runs import Runs
 from sim_action.scenario.loading import Libraries, load_all, shared
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused, Source
+
+_DIGITS: Final = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Software:
+    """The versions that must be equal on the caller's machine and on all workers.
+
+    Attributes:
+        source: a digest of sim-action's own files.
+        engines: each engine that is needed, and the version of its package; None: it is not installed.
+    """
+
+    sim_action: str
+    source: str
+    python: str
+    engines: tuple[tuple[str, str | None], ...]
+
+    def differences(self, here: Software) -> Iterator[str]:
+        """Yield what a worker with this software has in another version than `here`, the caller's machine."""
+        ours = dict(here.engines)
+        pairs = [("Python", self.python, here.python), ("sim-action", self.sim_action, here.sim_action)]
+        pairs += [(engine, version or "missing", ours[engine] or "missing") for engine, version in self.engines]
+        for name, there, wanted in pairs:
+            if there != wanted:
+                yield f"{name} is {there}, here {wanted}"
+        if self.sim_action == here.sim_action and self.source != here.source:
+            yield f"the files of sim-action have the digest {self.source}, here {here.source}"
+
+
+@cache
+def software(engines: tuple[str, ...]) -> Software:
+    """Return the software of this process, with these engines."""
+    return Software(
+        __version__,
+        source_digest(PACKAGE_FOLDER)[:_DIGITS],
+        ".".join(map(str, sys.version_info[:2])),
+        tuple((engine, installed_version(ENGINES[engine].distribution)) for engine in engines),
+    )
 
 
 @dataclass(frozen=True, slots=True)

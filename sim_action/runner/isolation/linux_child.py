@@ -13,8 +13,11 @@ process: it has to run again, in a child process of its own.
 
 from __future__ import annotations
 
+import fcntl
 import gc
 import os
+import pickle
+import resource
 import signal
 import socket
 import subprocess
@@ -24,7 +27,7 @@ import threading
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -32,9 +35,17 @@ from typing import Final, NoReturn, Self
 
 from typing_extensions import override
 
-from sim_action.runner.child_files import ChildFiles
+from sim_action.runner.child_files import (
+    LENGTH,
+    MAX_OUTCOME_BYTES,
+    MAX_OUTCOMES,
+    MAX_OUTPUT_BYTES,
+    MAX_STACK_DUMP_BYTES,
+    ChildFiles,
+    ChildReport,
+)
 from sim_action.runner.child_main import become_child, run_job
-from sim_action.runner.isolation import memory_files, process_control
+from sim_action.runner.isolation import process_control
 from sim_action.runner.isolation.child_process import (
     REFUSED,
     ChildProcess,
@@ -47,6 +58,113 @@ from sim_action.runner.isolation.child_process import (
 )
 from sim_action.runner.job import ENDED, ENDED_LAST, Job
 from sim_action.runner.process_output import flush_output, muted
+
+assert sys.platform == "linux"
+
+# A mapping of a file that is cut off would crash the process that reads it.
+_SEALS: Final = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
+
+
+class MemoryFiles:
+    """The files of one child process in memory.
+
+    Attributes:
+        output: the descriptor for printed output.
+        inherited: the files as the child process knows them.
+    """
+
+    def __init__(self, scratch: Path) -> None:
+        """Make the files. Raise OSError."""
+        made: list[int] = []
+        try:
+            outcome = os.memfd_create("outcome", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+            made.append(outcome)
+            # The file is sparse: it takes only as much memory as is written.
+            _reserve(outcome, MAX_OUTCOME_BYTES)
+            fcntl.fcntl(outcome, fcntl.F_ADD_SEALS, _SEALS)
+            for name in ("output", "stack dump"):
+                made.append(os.memfd_create(name))
+                # Each program that the script starts adds to the end.
+                fcntl.fcntl(made[-1], fcntl.F_SETFL, os.O_APPEND)
+        except OSError:
+            _close(made)
+            raise
+        self._outcome, self.output, self._stack_dump = made
+        self.inherited = ChildFiles(scratch, *made)
+        _OPEN.append(self)
+
+    @property
+    def printed(self) -> int:
+        """The size of the printed output in bytes."""
+        return os.fstat(self.output).st_size
+
+    def read(self) -> ChildReport:
+        """Return the content, within its limits, after the child process has ended."""
+        return ChildReport(
+            _last_outcome(self._outcome),
+            _end_of(self.output, MAX_OUTPUT_BYTES),
+            _end_of(self._stack_dump, MAX_STACK_DUMP_BYTES),
+        )
+
+    def empty(self) -> None:
+        """Forget the outcome and the printed output of a run, before the same child process begins the next one."""
+        os.pwrite(self._outcome, LENGTH.pack(0), 0)
+        if self.printed:
+            os.ftruncate(self.output, 0)
+
+    def close(self) -> None:
+        """Free the memory; the child process must have ended."""
+        _OPEN.remove(self)
+        _close(self.inherited.descriptors)
+
+
+_OPEN: Final[list[MemoryFiles]] = []
+
+
+def close_others(own: ChildFiles) -> None:
+    """Close the files of other child processes in a forked one, which would keep them in memory until its end."""
+    for files in [each for each in _OPEN if each.inherited is not own]:
+        files.close()
+
+
+@contextmanager
+def pickled(value: object) -> Iterator[int]:
+    """Pickle a value into memory, and give a descriptor at its start. Raise OSError."""
+    descriptor = os.memfd_create("job")
+    with os.fdopen(descriptor, "r+b") as file:
+        pickle.dump(value, file)
+        file.seek(0)
+        yield descriptor
+
+
+def _reserve(descriptor: int, size: int) -> None:
+    limit, _ = resource.getrlimit(resource.RLIMIT_FSIZE)
+    os.ftruncate(descriptor, size if limit == resource.RLIM_INFINITY else min(size, limit))
+
+
+def _close(descriptors: Iterable[int]) -> None:
+    for descriptor in descriptors:
+        with suppress(OSError):
+            os.close(descriptor)
+
+
+def _last_outcome(descriptor: int) -> bytes:
+    """Return the last whole outcome; nothing if there is none."""
+    size, at, found = os.fstat(descriptor).st_size, 0, (0, 0)
+    for _ in range(MAX_OUTCOMES):
+        head = os.pread(descriptor, LENGTH.size, at)
+        length = LENGTH.unpack(head)[0] if len(head) == LENGTH.size else 0
+        at += LENGTH.size
+        if not 0 < length <= size - at:
+            break
+        found = (length, at)
+        at += length
+    return os.pread(descriptor, *found)
+
+
+def _end_of(descriptor: int, most: int) -> bytes:
+    return os.pread(descriptor, most, max(0, os.fstat(descriptor).st_size - most))
+
 
 assert sys.platform == "linux"
 
@@ -73,7 +191,7 @@ class LinuxChild(ChildProcess):
         job: Job,
         pid: int,
         progress: int,
-        files: memory_files.MemoryFiles,
+        files: MemoryFiles,
         scratch: tempfile.TemporaryDirectory[str],
         *,
         former: Former,
@@ -182,7 +300,7 @@ class LinuxChild(ChildProcess):
 
 
 @contextmanager
-def files_of_child() -> Iterator[tuple[tempfile.TemporaryDirectory[str], memory_files.MemoryFiles]]:
+def files_of_child() -> Iterator[tuple[tempfile.TemporaryDirectory[str], MemoryFiles]]:
     """Make the scratch folder and the files of a child process; an error in this context removes them.
 
     Raise OSError.
@@ -190,7 +308,7 @@ def files_of_child() -> Iterator[tuple[tempfile.TemporaryDirectory[str], memory_
     with ExitStack() as undone:
         scratch = scratch_folder()
         undone.callback(remove, scratch)
-        files = memory_files.MemoryFiles(Path(scratch.name))
+        files = MemoryFiles(Path(scratch.name))
         undone.callback(files.close)
         yield scratch, files
         undone.pop_all()
@@ -203,7 +321,7 @@ def run_in_fork(job: Job, files: ChildFiles, writer: int) -> bool:
         return run_job(job, files, writer)
 
 
-def fork(run: Callable[[ChildFiles, int], object], job: Job, files: memory_files.MemoryFiles, writer: int) -> int:
+def fork(run: Callable[[ChildFiles, int], object], job: Job, files: MemoryFiles, writer: int) -> int:
     """Fork this process, and call `run` in the child process with the limits of the job; return its number.
 
     `writer`: the descriptor for its progress. Raise OSError.
@@ -230,7 +348,7 @@ def _child_main(
         process_control.end_with_parent(parent, signal.SIGKILL)
         signal.set_wakeup_fd(-1)
         os.setsid()
-        memory_files.close_others(files)
+        close_others(files)
         try:
             become_child(files, writer)
             process_control.impose_limits(job.loaded.scenario.memory_bytes)
@@ -246,8 +364,8 @@ def _child_main(
         os._exit(code)
 
 
-def _spawn(job: Job, files: memory_files.MemoryFiles, writer: int) -> int:
-    with memory_files.pickled((job, files.inherited)) as stdin:
+def _spawn(job: Job, files: MemoryFiles, writer: int) -> int:
+    with pickled((job, files.inherited)) as stdin:
         process = subprocess.Popen(  # noqa: S603 - this interpreter, and nothing from a scenario
             [
                 sys.executable,
@@ -277,7 +395,7 @@ class SharedChild(LinuxChild):
         job: Job,
         pid: int,
         channel: int,
-        files: memory_files.MemoryFiles,
+        files: MemoryFiles,
         scratch: tempfile.TemporaryDirectory[str],
         *,
         former: Former,

@@ -189,8 +189,7 @@ def main() -> NoReturn:
 
     The job comes on standard input, which stays open as long as the caller is there; progress goes to standard output.
     """
-    from sim_action.runner.child_main import become_child, exit_child, run_job
-    from sim_action.runner.received_job import received_job
+    from sim_action.runner.child_main import become_child, exit_child, received_job, run_job
 
     try:
         caller, progress = os.dup(0), os.dup(1)

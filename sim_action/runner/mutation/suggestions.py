@@ -17,9 +17,8 @@ from sim_action.core.errors import InvalidScenario
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, replace
 from sim_action.results.outcome import ExpectationOutcome, Outcome
-from sim_action.runner.mutation.judgement import notices
+from sim_action.runner.mutation.judgement import LEAST_ANGLE, LEAST_DISTANCE_M, notices
 from sim_action.runner.mutation.mutant import Original
-from sim_action.runner.mutation.path_change import LEAST_ANGLE, LEAST_DISTANCE_M
 from sim_action.scenario.loading import Libraries, checked
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.mutation import Mutation

@@ -20,8 +20,7 @@ from sim_action.scenario.loading import load_scenario
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems use another class")
 
 if sys.platform == "linux":
-    from sim_action.runner.isolation.linux_child import LinuxChild, fork
-    from sim_action.runner.isolation.memory_files import MemoryFiles
+    from sim_action.runner.isolation.linux_child import LinuxChild, MemoryFiles, fork
 
 SCENARIO = "name: n\nrobot: {model: turtlebot3_burger}\nexpect: [upright]\ntime_limit: 1 s\n"
 

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems h
 
 if sys.platform == "linux":
     from sim_action.runner.child_files import LENGTH, MAX_OUTCOME_BYTES, ChildReport, OutcomeWriter
-    from sim_action.runner.isolation.memory_files import MemoryFiles, pickled
+    from sim_action.runner.isolation.linux_child import MemoryFiles, pickled
 
 
 @pytest.fixture

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from sim_action.results.outcome import Outcome
-from sim_action.runner.mutation.free_space import body_box, robot_boxes, touches
 from sim_action.runner.mutation.mutant import Mutant, Original
-from sim_action.runner.mutation.table import TABLE
-from sim_action.runner.mutation.world_faults import WALL
+from sim_action.runner.mutation.planning import TABLE
+from sim_action.runner.mutation.world_faults import WALL, body_box, robot_boxes, touches
 from sim_action.state.trace import Trace
 from sim_action.world import Body
 from tests.scenarios import load

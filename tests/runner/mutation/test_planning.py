@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
 
 from sim_action.core.errors import InvalidScenario, UsageError
 from sim_action.core.records import replace
-from sim_action.runner.mutation.planning import cost, first_runs, planned, refuse_unknown, refuse_unmatched, within
+from sim_action.runner.mutation.mutant import Mutant, Original
+from sim_action.runner.mutation.planning import (
+    DELAY_S,
+    KINDS,
+    TABLE,
+    cost,
+    first_runs,
+    planned,
+    refuse_unknown,
+    refuse_unmatched,
+    within,
+)
+from sim_action.runner.mutation.world_faults import SHOVE_S, WALL
+from sim_action.scenario.mutation import Mutation
 from sim_action.scenario.source import Refused
-from tests.runner.mutation.runs import original
+from sim_action.sensors.imu import Imu
+from sim_action.sensors.lidar import Lidar
+from tests.runner.mutation.runs import curve, original, straight
 from tests.scenarios import LEAST, load
+from tests.traces import WHEELS, trace
 
 
 def test_the_first_variation_on_the_first_engine_is_proven(tmp_path: Path) -> None:
@@ -65,3 +82,156 @@ def test_a_budget_takes_the_first_of_each_kind_first_and_scenarios_in_turns(tmp_
         "moved:far crate",
     ]
     assert within(plans, 1000.0, 1) == plans
+
+
+SENSORS = "{lidar: {noise: 0.01}}, {imu: {}}, {contact: {}}"
+
+
+def of_kind(run: Original, kind: str) -> list[Mutant]:
+    return list(next(row for row in TABLE if row.kind == kind).mutants(run))
+
+
+def names(run: Original) -> list[str]:
+    return [mutant.name for kind in KINDS for mutant in of_kind(run, kind)]
+
+
+def only(run: Original, kind: str) -> Mutant:
+    (mutant,) = of_kind(run, kind)
+    return mutant
+
+
+def test_a_robot_that_drives_by_itself_has_mutants_of_commands_motors_and_world(tmp_path: Path) -> None:
+    assert names(original(tmp_path)) == [
+        *("silenced", "swapped", "wall", "halved"),
+        *("motor-off:wheel_left_joint", "removed:crate", "removed:far crate", "slippery", "shoved"),
+        *("doubled", "moved:crate", "moved:far crate", "delayed", "heavier"),
+    ]
+
+
+def test_without_commands_there_are_none_of_commands(tmp_path: Path) -> None:
+    run = original(tmp_path, commands="")
+    assert {"silenced", "swapped", "halved", "doubled", "delayed"}.isdisjoint(names(run))
+
+
+def test_motors_that_only_hold_a_joint_have_mutants_after_those_that_move(tmp_path: Path) -> None:
+    still = trace([0.0, 1.0], effort=[1.0, 2.0])
+    assert [mutant.name for mutant in of_kind(original(tmp_path, still), "motor-off")] == [f"motor-off:{WHEELS[0]}"]
+    idle = trace([0.0, 1.0], effort=[0.05, 0.0])
+    assert not of_kind(original(tmp_path, idle), "motor-off")
+
+
+@pytest.mark.parametrize(
+    ("kind", "mutation"),
+    [
+        ("silenced", Mutation(silent=True)),
+        ("swapped", Mutation(mirrored=True)),
+        ("halved", Mutation(speed=0.5)),
+        ("doubled", Mutation(speed=2.0)),
+        ("heavier", Mutation(mass=2.0)),
+    ],
+)
+def test_faults_at_the_seams(kind: str, mutation: Mutation, tmp_path: Path) -> None:
+    run = original(tmp_path)
+    mutant = only(run, kind)
+    assert mutant.loaded.mutation == mutation
+    assert mutant.loaded.scenario.name == f"burger drives ({kind})"
+    assert run.loaded.mutation is None
+    assert mutant.loaded.scenario.expect == run.scenario.expect
+
+
+def test_a_delay_adds_to_that_of_the_scenario(tmp_path: Path) -> None:
+    run = original(tmp_path, commands="commands: [{twist: [{linear: 0.2}], latency: 0.1}]")
+    late = only(run, "delayed").loaded
+    assert late.scenario.commands[0].latency == 0.1 + DELAY_S
+    assert late.mutation == Mutation()
+
+
+def test_the_ground_is_slippery_also_in_patches(tmp_path: Path) -> None:
+    assert only(original(tmp_path), "slippery").loaded.scenario.world.ground.friction == 0.2
+
+
+def test_a_shove_hits_the_upper_edge_from_the_right_halfway_through_the_run(tmp_path: Path) -> None:
+    (shove,) = only(original(tmp_path), "shoved").loaded.scenario.world.disturbances
+    assert (shove.at, shove.duration, shove.link, shove.body) == (10.0, SHOVE_S, None, None)
+    assert shove.force is not None
+    assert shove.point is not None
+    # The burger has 1 kg, is 19 cm high, and its base is 1 cm above the ground.
+    assert shove.force == pytest.approx((0.0, 10.0, 0.0), abs=0.2)
+    assert shove.point == pytest.approx((-0.03, -0.09, 0.18), abs=0.015)
+    (shove,) = only(original(tmp_path, curve()), "shoved").loaded.scenario.world.disturbances
+    assert shove.force is not None
+    assert math.atan2(shove.force[1], shove.force[0]) == pytest.approx(math.radians(135), abs=0.05)
+
+
+def test_a_robot_that_is_bolted_down_is_not_shoved(tmp_path: Path) -> None:
+    run = original(tmp_path)
+    bolted = run.scenario.model_copy(update={"robot": run.scenario.robot.model_copy(update={"base": "fixed"})})
+    assert not of_kind(replace(run, loaded=replace(run.loaded, scenario=bolted)), "shoved")
+
+
+def test_a_wall_stands_across_the_way(tmp_path: Path) -> None:
+    wall = only(original(tmp_path), "wall").loaded.scenario.world.objects[-1]
+    assert wall.name == WALL
+    assert (wall.pose.x, wall.pose.y, wall.pose.yaw) == pytest.approx((1.2, 0.0, 0.0))
+    wall = only(original(tmp_path, curve()), "wall").loaded.scenario.world.objects[-1]
+    assert wall.pose.yaw == pytest.approx(0.6 * 1.57, abs=0.1)
+    assert not of_kind(original(tmp_path, straight(0.5)), "wall")
+
+
+def test_objects_that_other_parts_name_are_not_removed(tmp_path: Path) -> None:
+    run = original(tmp_path, expect="{clearance: {at_least: 0.1, to: [crate]}}")
+    assert [mutant.name for mutant in of_kind(run, "removed")] == ["removed:far crate"]
+    objects = only_names(of_kind(run, "removed")[0])
+    assert objects == ["crate"]
+
+
+def only_names(mutant: Mutant) -> list[str]:
+    return [body.name for body in mutant.loaded.scenario.world.objects]
+
+
+def test_objects_move_by_their_own_size_but_not_beyond_the_way(tmp_path: Path) -> None:
+    near = "- {name: near, box: [0.8, 0.8, 0.2], pose: {x: 1.5, y: 0.5}}"
+    moved = {mutant.subject: mutant for mutant in of_kind(original(tmp_path, objects=near), "moved")}
+    places = {
+        name: next(body.pose for body in mutant.loaded.scenario.world.objects if body.name == name)
+        for name, mutant in moved.items()
+    }
+    assert (places["crate"].x, places["crate"].y) == pytest.approx((1.0, 0.6))
+    assert places["near"].y == pytest.approx(0.0)
+    assert moved["crate"].words == "the object 'crate' stands 0.40 m nearer to the robot's way"
+
+
+def test_an_object_never_moves_into_the_robot(tmp_path: Path) -> None:
+    behind = "- {name: behind, box: [0.4, 0.4, 0.4], pose: {x: -0.7}}"
+    (mutant,) = (each for each in of_kind(original(tmp_path, objects=behind), "moved") if each.subject == "behind")
+    assert mutant.loaded.scenario.world.objects[-1].pose.x == pytest.approx(-0.55)
+    at_it = behind.replace("-0.7", "-0.4")
+    assert "moved:behind" not in names(original(tmp_path, objects=at_it))
+
+
+def test_only_the_nearest_objects_have_mutants(tmp_path: Path) -> None:
+    several = "\n    ".join(f"- {{name: box{n}, box: [0.1, 0.1, 0.1], pose: {{x: {n}, y: 2}}}}" for n in range(6))
+    found = [mutant.subject for mutant in of_kind(original(tmp_path, objects=several), "removed")]
+    assert found == ["crate", "box0", "box1", "box2", "box3"]
+
+
+def test_sensors_have_mutants_if_somebody_may_read_them(tmp_path: Path) -> None:
+    assert not of_kind(original(tmp_path, sensors=SENSORS), "frozen")
+    (tmp_path / "control.py").write_text("def control(seen): return None\n")
+    run = original(tmp_path, sensors=SENSORS, commands="commands: {script: control.py}")
+    frozen = of_kind(run, "frozen")
+    assert [mutant.loaded.mutation for mutant in frozen] == [
+        Mutation(frozen_sensor=name) for name in ("lidar", "imu", "contact")
+    ]
+    noisy = of_kind(run, "noisy")
+    assert [mutant.subject for mutant in noisy] == ["lidar", "imu"]
+    lidar, imu = (noisy[at].loaded.scenario.sensors[at].sensor for at in range(2))
+    assert isinstance(lidar, Lidar)
+    assert isinstance(imu, Imu)
+    assert (lidar.noise, imu.gyro_noise, imu.accelerometer_noise) == (0.1, 0.05, 0.5)
+    assert not of_kind(run, "dropped")
+
+
+def test_every_row_says_what_it_changes() -> None:
+    assert len(set(KINDS)) == len(TABLE)
+    assert all(row.words for row in TABLE)

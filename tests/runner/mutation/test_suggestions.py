@@ -9,8 +9,8 @@ import yaml
 
 from sim_action.core.permissions import Permissions
 from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.runner.mutation.planning import TABLE
 from sim_action.runner.mutation.suggestions import Candidates, Search, candidates, entry_text
-from sim_action.runner.mutation.table import TABLE
 from sim_action.scenario.loading import Libraries
 from sim_action.scenario.mutation import Mutation
 from sim_action.state.trace import Trace

@@ -14,7 +14,7 @@ from sim_action.recording.export import EXPORTS
 from sim_action.reports.statuses import STATUS_DISPLAYS, StatusDisplay
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Failure, FailureKind, Outcome, Status
 from sim_action.robot.model.findings import RULES
-from sim_action.runner.mutation.table import TABLE as MUTANTS
+from sim_action.runner.mutation.planning import TABLE as MUTANTS
 from sim_action.scenario.child_environment import PASSED
 from sim_action.state.readings import READING_COLUMNS, ReadingColumn
 from sim_action.world.claims import RULES as CLAIM_RULES

@@ -6,7 +6,7 @@ import pytest
 
 from sim_action.core.records import replace
 from sim_action.engines import installed
-from sim_action.runner.cluster.software import Software, software
+from sim_action.runner.cluster.task import Software, software
 
 HERE = Software("1.2", "abc", "3.11", (("mujoco", "4.0"),))
 
