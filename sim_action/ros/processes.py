@@ -1,4 +1,9 @@
-"""The processes of a launch: nodes, tests, and programs that start nodes. Read from /proc (Linux)."""
+"""The processes of a launch, read from /proc (Linux): nodes, tests, programs that start nodes, and if all are quiet.
+
+Processes are quiet if every thread sleeps, and none has run between two looks at all of them. A write to a socket of
+this machine wakes the reader before the write returns. So once all nodes wait, each of them has handled every message
+that it was sent.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The failures of programs: exit codes and signals in words, and the places and messages of tracebacks."""
+"""The failures of programs: exit codes and signals in words, tracebacks, and the reason why a node ended.
+
+The reason is found in the output: an exception, a crash, or the error that was logged last.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,9 @@
 
 They are read from URDF, `<gazebo><plugin>` and `<gazebo reference="LINK"><sensor><plugin>`, and from SDF, where both
 stand in models and links (classic.gazebosim.org, "Gazebo plugins in ROS").
+
+The tables of tags say what is read, has no effect, or is lost. Names and defaults are those of gazebo_ros_pkgs for ROS
+Noetic and of Gazebo's reader of URDF. A tag that is not in the table is lost as well: it may be misspelt.
 """
 
 from __future__ import annotations

@@ -7,6 +7,11 @@ request.json                the request for every simulation
     process                 process id of the node
     run.json                the result of the simulation
     trace.npz, replay.json.gz
+
+A loss is a part of a world, a robot, a plugin or a launch file that Gazebo simulates and sim-action does not. It is an
+error, because the test would check something else than its author thinks. `--allow-losses`, or the key `allow_losses`
+of a scenario, turns it into a warning. A part that changes nothing that is simulated, measured or published is not a
+loss: the tables in `world_tags` and `gazebo_plugins` give the reason for each.
 """
 
 from __future__ import annotations

@@ -1,6 +1,10 @@
 """The installation of ROS 2: a sourced or RoboStack environment, /opt/ros, or the wheels of PyPI.
 
 Files alone are looked at; no process is started. The release is the one of rclpy, which each distribution raises.
+
+The environment of an install prefix is that of its setup.bash, read from .dsv files without a shell. Such a file has a
+change per line, such as `prepend-non-duplicate;PYTHONPATH;lib/python3.12/site-packages` (colcon and ament write it next
+to each script). A script without such a file cannot be read, and is named instead.
 """
 
 from __future__ import annotations

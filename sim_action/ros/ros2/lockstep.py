@@ -1,4 +1,12 @@
-"""The lock-step with nodes of ROS 2: each hears of the time after the one before it has handled all its messages."""
+"""The lock-step with nodes of ROS 2: each hears of the time after the one before it has handled all its messages.
+
+Sim time begins when all nodes are up and know each other. A node whose publishers are known may still not spin, so each
+must answer a question. At t = 0, no node has lost a message because another one was not connected yet.
+
+Lock-step cannot order nodes that wait by the wall clock, and those with callbacks on several threads. Both are seen by
+which threads run. Threads of DDS, which are named so, run by the wall clock, and do not count. Nor does the thread by
+which spdlog, the logger of ROS 2, writes its files every 5 s; it has no name.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 A package of build type ament_python needs no build: its entry points are read, and an overlay with a program for each
 stands for its installation. All other packages must be installed (`colcon build`).
+No code of a package is run to read it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Commands that nodes send: subscriptions, and the twists and joint targets that follow from their messages."""
+"""Commands that nodes send: subscriptions, and the twists and joint targets that follow from their messages.
+
+Joints are commanded as by the controllers of ros2_control: topics and messages are those of joint_trajectory_controller
+and forward_command_controller.
+"""
 
 from __future__ import annotations
 

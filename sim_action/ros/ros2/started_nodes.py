@@ -1,4 +1,7 @@
-"""The start of the nodes that a scenario lists: their environment, their command lines, and errors of ended ones."""
+"""The start of the nodes that a scenario lists: their domain, environment and command lines, and errors of ended ones.
+
+Each run has an own ROS_DOMAIN_ID, so that parallel scenarios do not hear each other.
+"""
 
 from __future__ import annotations
 

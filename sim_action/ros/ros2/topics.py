@@ -1,4 +1,9 @@
-"""The topics of a robot in ROS 2, as users of ros_gz_bridge know them: what it publishes, and what commands it."""
+"""The topics of a robot in ROS 2, as users of ros_gz_bridge know them, and its frames for /tf and /tf_static.
+
+`odom` is the parent of the base link, as a differential drive publishes it. The frames of links are those of a
+robot_state_publisher. A sensor has a frame of its own if its pose on the link is stated. A camera always has one,
+because its messages are in an optical frame.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""The nodes that are launched for a scenario: started, watched and ended; and the simulation as one of them."""
+"""The nodes that are launched for a scenario: started, watched by the events of the launcher, and ended.
+
+A scenario replaces most nodes of Gazebo in a launch file; the others are losses. The scenario is the robot, the world
+and the drive. Further models, other worlds and controllers of joints are missing.
+"""
 
 from __future__ import annotations
 

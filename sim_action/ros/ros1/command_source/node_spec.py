@@ -1,4 +1,4 @@
-"""The nodes that a scenario lists, their names, and the launch file that starts them."""
+"""The keys below `ros1`: nodes with their start options, and the launch file that starts them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drive plugins: move the base by twists from a topic, and publish odometry."""
+"""The Gazebo plugins of drives and sensors: twists from topics, odometry, lidar, IMU, true poses and joint states."""
 
 from __future__ import annotations
 

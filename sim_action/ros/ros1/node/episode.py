@@ -1,4 +1,7 @@
-"""Episodes: simulations of the spawned models, each from a spawn or a change to the next change or the end."""
+"""Episodes: simulations of the spawned models, each from a spawn or a change to the next change or the end.
+
+A bridge between the loop of the simulation and the nodes publishes at each tick, and takes commands.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Sensors of the node itself: states of links and bodies, and sensors that measure only for subscribers."""
+"""Parts of a simulation that only the node itself adds: sensors of all states or on demand, and the planar drive.
+
+The drive is that of Gazebo's planar_move: it pushes a base over the ground at the commanded velocity.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The services of gazebo_ros_api_plugin that spawn, delete, set and push models, and the state of a model."""
+"""The services of gazebo_ros_api_plugin: they spawn, delete, set, push and read models, links, joints and physics."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """Publishers and subscriptions, and the topics of Gazebo itself: clock, model states and link states.
 
 Messages to nodes are delivered one by one, each to one node, because two nodes that work at the same time may send to
-a third one in any order. A delivery returns once the message is sent, so that the node is awake by then.
+a third one in any order. A delivery returns once the message is sent, so that the node is awake by then. Nodes that act
+by the wall clock are noticed: they send while sim time stands still, or call time.sleep again and again.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""The models of the world: the robot and spawned bodies, changes that nodes ask for, and efforts on joints.
+"""The models of the world, changes that nodes ask for, efforts on joints, and the current state for services.
 
-They are plain data from which a simulation can start. This module does not import rospy.
+Models, the robot and spawned bodies, are plain data from which a simulation can start. Services run in threads of their
+own. This module does not import rospy.
 """
 
 from __future__ import annotations

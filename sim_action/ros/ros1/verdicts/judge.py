@@ -1,4 +1,8 @@
-"""Outcomes of a launch: one for each test, with an expectation for each of its methods."""
+"""Outcomes of a launch: one for each test, with an expectation for each of its methods.
+
+The cause of a missing or void result is found in everything that a launch has left. roslaunch prints an error for a
+node that it could not start, and goes on without it.
+"""
 
 from __future__ import annotations
 

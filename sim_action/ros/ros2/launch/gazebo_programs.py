@@ -1,6 +1,9 @@
 """The programs of Gazebo in a launch file: a scenario replaces most of them, and the others are losses.
 
 The scenario is the robot, the world, the drive and the sensors. Further models and other worlds are missing.
+
+Launch files also look for packages of Gazebo: a prefix has launch files that start the stand-ins. They hide installed
+packages of the same names. Programs of these packages need no files: the launcher knows them by their names.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The nodes that a launch file starts: read from the events of the launcher, which runs in ROS's Python."""
+"""The nodes that a launch file starts, and errors: from the events of the launcher, which runs in ROS's Python."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Joint controllers: forward commands of position, velocity and effort, and publish joint states."""
+"""Joint controllers: forward commands, follow trajectories from a topic, and publish joint states.
+
+See wiki.ros.org/joint_trajectory_controller.
+"""
 
 from __future__ import annotations
 
