@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import UsageError
-from sim_action.core.programs import program_on_path
+from sim_action.core.process import program_on_path
 from sim_action.ros.ros1.installation import PACKAGES, find_ros
 
 _TITLE: Final = "::error title=sim-action::"

@@ -13,10 +13,9 @@ from sim_action.core.records import replace
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
 from sim_action.reports import ReportOptions
+from sim_action.results.gates import over_variations
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
-from sim_action.results.over_variations import over_variations
-from sim_action.results.results_json import Results
-from sim_action.results.shards import Shard
+from sim_action.results.results_json import Results, Shard
 from sim_action.scenario.source import Source, Varied
 from sim_action.scenario.variations.gate import Gate, PlannedGate
 from sim_action.state.verdict import Judged, Verdict

@@ -13,8 +13,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final, Literal
 
+from sim_action.app.catalogue import package_parts
 from sim_action.app.library import run
-from sim_action.app.package_parts import package_parts
 from sim_action.assertions import ASSERTIONS
 from sim_action.assertions.distance import Travel
 from sim_action.core.content_cache import cache_folder

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import json
+import os
+import pickle
 import re
+import signal
+import subprocess
+import sys
 import textwrap
+import traceback
 from collections.abc import Iterator, Mapping
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Final
 
 from sim_action.core import units
+from sim_action.core.errors import ModelError
 from sim_action.core.field_types import FrozenModel, on_lines
 from sim_action.core.geometry import Vector3
 from sim_action.core.wording import log_line
@@ -27,6 +34,9 @@ from sim_action.robot.model.kinematics import link_poses, robot_box
 from sim_action.robot.model.robot_model import WORLD, Joint, JointType, Link, RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
+from sim_action.runner.isolation.child_process import environment
+from sim_action.runner.process_output import redirect_output
+from sim_action.scenario.model import MEMORY, WALL_SECONDS
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 
@@ -404,3 +414,76 @@ def likely_drive(model: RobotModel) -> Drive | None:
         drives = (MecanumDrive(left=(a, b), right=(c, d)) for (a, b), (c, d) in orders)
         return next((drive for drive in drives if not any(drive.problems(model))), None)
     return (SkidSteer if len(left) + len(right) > _PAIR else DiffDrive)(left=left, right=right)
+
+
+_CALL: Final = [sys.executable, "-P", "-m", "sim_action.app.inspect"]
+
+
+class _Answer(FrozenModel):
+    """The answer of the process: an inspection, the reason for a refusal, or a traceback."""
+
+    found: Inspection | None = None
+    refused: str = ""
+    fault: str = ""
+
+
+def inspect_apart(
+    robot: Robot, workspace: Workspace, seconds: float = WALL_SECONDS, memory: int = MEMORY
+) -> Inspection:
+    """Inspect a model; xacro and MJCF are limited to `seconds` of wall time and `memory` bytes. Raises ModelError."""
+    if not (robot.is_xacro or robot.is_mjcf):
+        return inspect_model(robot, workspace)
+    answer = _asked(robot, workspace, seconds, memory)
+    if answer.refused:
+        raise ModelError(Mask.of(os.environ, workspace.pass_env).message(answer.refused))
+    if answer.found is None:
+        raise RuntimeError(answer.fault)
+    return answer.found
+
+
+def _asked(robot: Robot, workspace: Workspace, seconds: float, memory: int) -> _Answer:
+    task, quiet = pickle.dumps((robot, workspace, memory)), subprocess.DEVNULL
+    variables = environment(workspace.pass_env)
+    try:
+        ended = subprocess.run(  # noqa: S603 - this interpreter, and nothing from a model
+            _CALL, input=task, stdout=subprocess.PIPE, stderr=quiet, timeout=seconds, env=variables, check=False
+        )
+    except subprocess.TimeoutExpired:
+        found, remedy = "reading it", "simplify the model, or reduce the counts of <replicate>"
+        if robot.is_xacro:
+            found, remedy = "the evaluation", "check the file for an endless recursion"
+        raise ModelError(f"{robot.model}: {found} was stopped after {seconds:g} s; {remedy}") from None
+    if ended.returncode or not ended.stdout:
+        code = ended.returncode
+        raise ModelError(f"{robot.model}: the process that read it ended with exit code {code} without a result")
+    return _Answer.model_validate_json(ended.stdout)
+
+
+def main() -> None:
+    """Run the process: read the request from standard input, write the answer to standard output."""
+    robot, workspace, memory = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent
+    with os.fdopen(os.dup(1), "wb") as answer:
+        redirect_output(Path(os.devnull))
+        if sys.platform == "linux":
+            from sim_action.runner.isolation.process_control import end_with_parent, impose_limits
+
+            end_with_parent(os.getppid(), signal.SIGKILL)
+            impose_limits(memory)
+        answer.write(_looked(robot, workspace, memory).model_dump_json().encode())
+
+
+def _looked(robot: Robot, workspace: Workspace, memory: int) -> _Answer:
+    try:
+        return _Answer(found=inspect_model(robot, workspace))
+    except ModelError as error:
+        return _Answer(refused=str(error))
+    except MemoryError:
+        return _Answer(
+            refused=f"{robot.model}: reading it needs more than {memory / 2**30:.4g} GiB of memory; simplify it"
+        )
+    except Exception:  # noqa: BLE001 - the parent reports a fault of sim-action
+        return _Answer(fault=traceback.format_exc())
+
+
+if __name__ == "__main__":
+    main()

@@ -7,16 +7,18 @@ environment variables.
 from __future__ import annotations
 
 import os
+import re
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from numbers import Integral
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final, get_args
 
-from sim_action.app.argument_names import naming_arguments
 from sim_action.app.library_results import Results, RunFolder
 from sim_action.app.run import FinishedRun, RunRequest, refuse_invalid, run_scenarios
-from sim_action.core.errors import Location, UsageError
+from sim_action.core.errors import InvalidScenario, Location, UsageError
 from sim_action.core.permissions import AllowScripts, Permissions, checked_names, package_folders, scripts_refused
 from sim_action.core.process import Interruption, usable_cores
 from sim_action.core.records import replace
@@ -32,6 +34,49 @@ from sim_action.scenario.model import Unexercised
 from sim_action.scenario.selection import Selection, Suite, find_suite
 from sim_action.scenario.source import Refused
 from sim_action.scenario.written import Scenario
+
+_ARGUMENTS: Final = MappingProxyType(
+    {
+        "--allow-outside": "allow_outside",
+        "--allow-scripts": "allow_scripts",
+        "--backend": "backend",
+        "--cluster": "cluster",
+        "--exclude": "exclude",
+        "--exclude-tag": "exclude_tags",
+        "--fail-fast": "fail_fast",
+        "--jobs": "jobs",
+        "--only": "only",
+        "--output-dir": "output_dir",
+        "--package": "packages",
+        "--pass-env": "pass_env",
+        "--record": "record",
+        "--repeat": "repeat",
+        "--seed": "seed",
+        "--tag": "tags",
+    }
+)
+"""Options of `run`, and what `sim_action.run` calls them."""
+
+_OPTION: Final = re.compile(r"(?<![\w-])--[a-z]+(?:-[a-z]+)*(?![\w-])")
+
+
+@contextmanager
+def naming_arguments() -> Iterator[None]:
+    """Name arguments in the UsageError or the InvalidScenario that the block raises."""
+    try:
+        yield
+    except InvalidScenario as error:
+        error.problems = tuple(replace(each, message=_renamed(each.message)) for each in error.problems)
+        error.args = ("\n".join(map(str, error.problems)),)
+        raise
+    except UsageError as error:
+        error.args = (_renamed(str(error)),)
+        raise
+
+
+def _renamed(message: str) -> str:
+    return _OPTION.sub(lambda option: _ARGUMENTS.get(option[0], option[0]), message)
+
 
 OneScenario = str | os.PathLike[str] | Scenario
 Scenarios = OneScenario | Iterable[OneScenario]

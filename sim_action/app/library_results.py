@@ -26,7 +26,7 @@ from sim_action.results.written_files import JUNIT_FILE
 
 if TYPE_CHECKING:
     from sim_action.core.errors import Location
-    from sim_action.results.gate_statistics import GateStatistics
+    from sim_action.results.outcome import GateStatistics
     from sim_action.state.trace import Trace
 
 _MAX_EMBEDDED_BYTES: Final = 8_000_000

@@ -14,8 +14,7 @@ from sim_action.core.discovery import compared_name, file_name
 from sim_action.core.errors import UsageError
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
-from sim_action.results.results_json import Results
-from sim_action.results.shards import balanced
+from sim_action.results.results_json import Results, balanced
 from sim_action.scenario.selection import numbered
 
 MAX_BYTES: Final = (128 << 10) - len("INPUT_SCENARIO=\0")

@@ -16,8 +16,8 @@ from sim_action.core.wording import escaped_line, note, shortened
 from sim_action.reports import ReportRequest
 from sim_action.reports.writing import open_reports, write_reports
 from sim_action.results.artifacts import RUN_FILE_FOLDERS, StoredFile, stored_files_of, trace_paths, with_copied_files
+from sim_action.results.gates import over_variations
 from sim_action.results.outcome import Outcome
-from sim_action.results.over_variations import over_variations
 from sim_action.results.results_json import RESULTS_FILE, Results, ResultsFile, find_all, read_all
 from sim_action.results.shard_results import Entry, Listing, gates_of, merge_shards
 from sim_action.scenario.variations.gate import PlannedGate

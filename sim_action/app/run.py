@@ -21,8 +21,7 @@ from sim_action.reports.progress import GateKey, ProgressListener
 from sim_action.reports.writing import make_ready, open_reports, remove_earlier, write_reports
 from sim_action.results.artifacts import RunFiles, run_files
 from sim_action.results.events import Event, Listener
-from sim_action.results.journal import JOURNAL_FILE, Journal
-from sim_action.results.journal_records import Header
+from sim_action.results.journal import JOURNAL_FILE, Header, Journal
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results
 from sim_action.runner.child_outcome import skipped, without_verdict

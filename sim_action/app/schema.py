@@ -11,8 +11,8 @@ from typing import Any, Final
 from pydantic import BaseModel, PydanticUserError
 from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 
+from sim_action.app.catalogue import package_parts
 from sim_action.app.editor_schema import EditorSchemas, Schema, chosen_by_key
-from sim_action.app.package_parts import package_parts
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.assertions.combined import Combined
 from sim_action.commands import COMMANDS, CommandSource

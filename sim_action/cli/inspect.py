@@ -29,8 +29,7 @@ def inspect(model: str, as_json: bool, **flags: Any) -> ExitCode:
     Exit code: 0 the model is usable; 2 the model is refused, or the command line is invalid; 3 internal error of
     sim-action.
     """
-    from sim_action.app.inspect import inspection_json, inspection_text
-    from sim_action.app.inspect_process import inspect_apart
+    from sim_action.app.inspect import inspect_apart, inspection_json, inspection_text
     from sim_action.results.masking import Mask
 
     robot, workspace = asked_model(model, flags)

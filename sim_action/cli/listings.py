@@ -52,7 +52,7 @@ def explain(names: tuple[str, ...]) -> None:
 
     Example: sim-action explain upright
     """
-    from sim_action.app.explain import explanation, overview
+    from sim_action.app.catalogue import explanation, overview
 
     width = min(_MAX_WIDTH, shutil.get_terminal_size().columns - 1)
     click.echo("\n\n".join(explanation(name, width) for name in names) if names else overview())

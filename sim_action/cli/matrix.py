@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sim_action.cli.bounds import Bounded
-from sim_action.cli.options import PATHS, discovered, not_empty, selection_flags
+from sim_action.cli.options import PATHS, Bounded, discovered, not_empty, selection_flags
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.wording import note
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sim_action.cli.bounds import Bounded
 from sim_action.cli.options import (
     ALLOW_OUTSIDE,
     PACKAGES,
     PATHS,
     SEED,
+    Bounded,
     code_flags,
     code_permissions,
     discovered,

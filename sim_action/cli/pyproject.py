@@ -133,7 +133,7 @@ def _validated(document: Document, folder: Path) -> Defaults:
     from pydantic import ValidationError
 
     from sim_action.cli.pyproject_keys import Defaults, key_problem
-    from sim_action.core.yaml_errors import spec_errors
+    from sim_action.core.field_types import spec_errors
 
     data = document.data
     if isinstance(data, dict):

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from sim_action.cli.bounds import Bounded
-from sim_action.cli.options import SEED, code_flags, code_permissions, report_flags, report_request
+from sim_action.cli.options import SEED, Bounded, code_flags, code_permissions, report_flags, report_request
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.engines import ENGINES
 

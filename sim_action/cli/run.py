@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from sim_action.cli.bounds import Bounded
 from sim_action.cli.options import (
     ALLOW_OUTSIDE,
     PACKAGES,
     PATHS,
     PORT,
     SEED,
+    Bounded,
     code_flags,
     code_permissions,
     discovered,

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import click
 
-from sim_action.cli.bounds import Bounded
-from sim_action.cli.options import PORT, live_port, output_dir, refuse_typed
+from sim_action.cli.options import PORT, Bounded, live_port, output_dir, refuse_typed
 from sim_action.core.errors import ExitCode
 
 

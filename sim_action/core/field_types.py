@@ -1,15 +1,16 @@
-"""The field types of a scenario (SI floats with optional units, names, poses) and the base class of its models.
+"""The field types of a scenario: SI floats with optional units, names, poses; the base class of its models; errors.
 
 `Metres` and its siblings are plain `float` to the code that uses them; pydantic reads them with `units.parse` and
-describes them in the JSON Schema.
+describes them in the JSON Schema. `spec_errors` turns the findings of pydantic into sentences.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields, is_dataclass, replace
-from typing import Annotated, Any, Final, NoReturn, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Final, NoReturn, Self, get_args
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import (
@@ -29,7 +30,10 @@ from sim_action.core import geometry, units
 from sim_action.core.errors import InvalidPart, Location, Problem
 from sim_action.core.records import dataclass
 from sim_action.core.units import Dimension
-from sim_action.core.wording import escaped_line
+from sim_action.core.wording import FirstFew, did_you_mean, escaped_line, shown
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 
 def _built(model: Any, /, *positional: Any, **keys: Any) -> Any:
@@ -37,8 +41,6 @@ def _built(model: Any, /, *positional: Any, **keys: Any) -> Any:
     try:
         return type(BaseModel).__call__(model, *positional, **keys)
     except ValidationError as error:
-        from sim_action.core.yaml_errors import spec_errors
-
         place = Location(f"{model.__name__} (Python)")
         found = [(".".join(map(str, path)), message) for path, message in spec_errors(model, keys, error)]
     raise InvalidPart([Problem(place, f"{key}: {message}" if key else message) for key, message in found])
@@ -366,3 +368,124 @@ def on_lines(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         return replace(value, **{each.name: on_lines(getattr(value, each.name)) for each in fields(value)})
     return tuple(map(on_lines, value)) if isinstance(value, tuple) else value
+
+
+_PLAIN: Final = re.compile(r"[A-Za-z_][\w./*-]*")
+_BAD_KEY: Final = "[key]"
+_BOUNDS = ("gt", "ge", "lt", "le")
+_EXPECTED = {
+    "model_type": "a map of keys",
+    "model_attributes_type": "a map of keys",
+    "dict_type": "a map of keys",
+    "tuple_type": "a list",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "int_type": "a whole number",
+    "float_type": "a number",
+    "is_instance_of": "a map of keys",
+}
+
+_SENTENCES = {
+    "literal_error": "expected {expected}, found {found}",
+    "greater_than": "must be greater than {gt}, found {found}",
+    "greater_than_equal": "must be at least {ge}, found {found}",
+    "less_than": "must be less than {lt}, found {found}",
+    "less_than_equal": "must be at most {le}, found {found}",
+    "string_pattern_mismatch": "expected text that matches {pattern}, found {found}",
+    "too_long": "expected a list of {max_length}, found {found}",
+    "too_short": "expected a list of at least {min_length}, found {found}",
+    "string_too_short": "must have at least {min_length} characters, found {found}",
+    "string_too_long": "must have at most {max_length} characters",
+}
+
+
+def spec_errors(
+    model: type[BaseModel], data: object, error: ValidationError
+) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """Yield each finding of pydantic about `data` as a sentence, with the path of its key."""
+    hinted = FirstFew()
+    for details in error.errors(include_url=False):
+        # pydantic adds a step to the path of a bad key, which the file does not have.
+        path = details["loc"][:-1] if details["loc"][-1:] == (_BAD_KEY,) else details["loc"]
+        yield path, _sentence(model, details, _as_written(data, details), hinted)
+
+
+def _as_written(data: Any, details: ErrorDetails) -> object:
+    """Return the value as it is written in the file; pydantic knows only its SI value."""
+    try:
+        for step in details["loc"]:
+            data = data[step]
+    except (LookupError, TypeError):
+        return details["input"]
+    return data
+
+
+def _sentence(model: type[BaseModel], details: ErrorDetails, value: object, hinted: FirstFew) -> str:
+    kind = details["type"]
+    key = details["loc"][-1] if details["loc"] else ""
+    if kind == "missing":
+        # pydantic reports missing entries of a list with a fixed length like missing keys.
+        return f"entry {key + 1} of the list is missing" if isinstance(key, int) else f"the key '{key}' is missing"
+    if kind == "extra_forbidden":
+        hint = did_you_mean(str(key), _keys_at(model, details["loc"][:-1])) if hinted.one_more() else ""
+        return f"unknown key{hint}"
+    if details.get("ctx", {}).get("min_length") == 1:
+        return "must not be empty"
+    if kind in _SENTENCES:
+        return _SENTENCES[kind].format(found=shown(value), **_context(model, details))
+    if kind in _EXPECTED:
+        # The key of an entry of a list has the type of the list.
+        in_list = isinstance(key, int)
+        hint = _hint(kind, value, _annotation_at(model, details["loc"]), in_list=in_list)
+        return f"expected {_EXPECTED[kind]}, found {shown(value)}{hint}"
+    return details["msg"].removeprefix("Value error, ")
+
+
+def _context(model: type[BaseModel], details: ErrorDetails) -> dict[str, Any]:
+    unit = _unit_at(model, details["loc"])
+    named = details.get("ctx", {})
+    return {key: bound_text(value, unit) if key in _BOUNDS else value for key, value in named.items()}
+
+
+def _hint(kind: str, value: object, annotation: Any, *, in_list: bool) -> str:
+    if kind == "string_type" and isinstance(value, (bool, int, float)):
+        return "; put it in quotes"
+    if kind != "tuple_type":
+        return ""
+    if isinstance(value, str) and _PLAIN.fullmatch(value) and not in_list and _takes_any_number(annotation):
+        return f"; write [{value}]"
+    return "; begin each entry of a list with '- '" if isinstance(value, dict) else ""
+
+
+def _takes_any_number(annotation: Any) -> bool:
+    return Ellipsis in get_args(annotation) or any(map(_takes_any_number, get_args(annotation)))
+
+
+def _unit_at(model: type[BaseModel], path: tuple[str | int, ...]) -> str:
+    last = list(_fields_along(model, path))[-1:]
+    return unit_of(last[0].annotation, last[0].metadata) if last else ""
+
+
+def _annotation_at(model: type[BaseModel], path: tuple[str | int, ...]) -> Any:
+    last = list(_fields_along(model, path))[-1:]
+    return last[0].annotation if last else model
+
+
+def _keys_at(model: type[BaseModel], path: tuple[str | int, ...]) -> list[str]:
+    return [field.alias or name for name, field in _fields(_annotation_at(model, path)).items()]
+
+
+def _fields_along(model: type[BaseModel], path: tuple[str | int, ...]) -> Iterator[FieldInfo]:
+    """Yield the fields of models along a path."""
+    at: Any = model
+    for step in path:
+        fields = {field.alias or name: field for name, field in _fields(at).items()}
+        if isinstance(step, str) and step in fields:
+            at = fields[step].annotation
+            yield fields[step]
+
+
+def _fields(annotation: Any) -> dict[str, FieldInfo]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return dict(annotation.model_fields)
+    return next((found for part in get_args(annotation) if (found := _fields(part))), {})

@@ -1,4 +1,4 @@
-"""Settings of this process: signals that end it, output that has no reader, and how often it collects garbage."""
+"""This process and its programs: signals that end it, output without a reader, garbage, and programs on PATH."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import select
 import signal
 import sys
 import threading
+from pathlib import Path
 from types import FrameType, MappingProxyType
 from typing import TYPE_CHECKING, Final, Self
 
@@ -166,3 +167,28 @@ def collect_garbage_rarely() -> None:
     run user code.
     """
     gc.set_threshold(_GC_THRESHOLD)
+
+
+_PROGRAM_SUFFIX: Final = ".exe" if os.name == "nt" else ""
+
+
+def program_on_path(name: str, *workspaces: Path) -> Path | None:
+    """Return the absolute path of a program, from the folders of PATH; None: it was not found.
+
+    A folder counts if its name is absolute, and if it is not the current folder and not inside one of `workspaces` or
+    the workspace of the job: no program that a repository holds may be started. Windows, and `shutil.which` there,
+    would look in the current folder first.
+    """
+    job = os.environ.get("GITHUB_WORKSPACE")
+    untrusted = [Path(os.path.realpath(folder)) for folder in (*workspaces, *([Path(job)] if job else []))]
+    for entry in os.environ.get("PATH", "").split(os.pathsep):
+        folder = Path(entry.strip('"'))
+        if not folder.is_absolute():
+            continue
+        real = Path(os.path.realpath(folder))
+        if real == Path.cwd() or any(real.is_relative_to(place) for place in untrusted):
+            continue
+        program = folder / f"{name}{_PROGRAM_SUFFIX}"
+        if program.is_file() and os.access(program, os.X_OK):
+            return program
+    return None

@@ -20,7 +20,7 @@ from sim_action.results.journal import JOURNAL_FILE
 from sim_action.results.results_json import RESULTS_FILE
 
 if TYPE_CHECKING:
-    from sim_action.results.earlier_run import EarlierRun
+    from sim_action.results.shard_results import EarlierRun
 
 Verbosity = Literal["quiet", "normal", "verbose"]
 """The amount of text on the terminal.

@@ -15,10 +15,17 @@ from sim_action.reports.formatting import measurements, moment, quantity, speed_
 from sim_action.reports.github.markdown import code, paragraphs, row, table
 from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.results.comparison import Change, ChangeKind, Comparison, SmallerMargin
-from sim_action.results.gate_claims import ClaimChange, ClaimKind
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.paired_comparison import CONFIDENCE, GateComparison, MarginLoss, Rate, RateChange
-from sim_action.results.weaker_checks import WeakerCheck, WeakerKind, loosened_times, newly_allowed, paired_expectations
+from sim_action.results.weaker_checks import (
+    ClaimChange,
+    ClaimKind,
+    WeakerCheck,
+    WeakerKind,
+    loosened_times,
+    newly_allowed,
+    paired_expectations,
+)
 from sim_action.results.written_files import COMPARED
 from sim_action.scenario.variations.gate import GATE, percent
 

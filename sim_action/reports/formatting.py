@@ -12,8 +12,7 @@ from sim_action.core.wording import counted, shortened
 from sim_action.reports.escaping import one_line
 from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.results.outcome import Outcome, Status
-from sim_action.results.results_json import Results
-from sim_action.results.shards import Shard
+from sim_action.results.results_json import Results, Shard
 from sim_action.state.verdict import Verdict
 
 _COUNTED: Final[tuple[Status, ...]] = ("passed", "failed", "flaky", "inconclusive", "not_exercised", "error", "skipped")

@@ -36,7 +36,7 @@ from sim_action.results.results_json import RESULTS_FILE, Results
 from sim_action.results.written_files import JUNIT_FILE, is_foreign, is_own_junit, refuse_foreign_files
 
 if TYPE_CHECKING:
-    from sim_action.results.earlier_run import EarlierRun
+    from sim_action.results.shard_results import EarlierRun
 
 
 class Report(Protocol):
@@ -100,7 +100,7 @@ def open_reports(request: ReportRequest, *, keeps_earlier: bool = False) -> Iter
 
 def _earlier_run(pattern: str, folder: Path) -> EarlierRun:
     """Return the run to compare with. Raise UsageError, also for the results that this call overwrites."""
-    from sim_action.results.earlier_run import read_run
+    from sim_action.results.shard_results import read_run
 
     try:
         run = read_run(pattern)

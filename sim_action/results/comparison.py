@@ -12,7 +12,6 @@ from typing import Final, Literal
 
 from sim_action.core.errors import ExitCode
 from sim_action.core.records import dataclass, replace
-from sim_action.results.gate_claims import ClaimChange, claim_changes
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.paired_comparison import (
     GateComparison,
@@ -23,8 +22,10 @@ from sim_action.results.paired_comparison import (
     moves_differently,
 )
 from sim_action.results.weaker_checks import (
+    ClaimChange,
     Pair,
     WeakerCheck,
+    claim_changes,
     has_same_limit,
     paired_expectations,
     stricter_limits,

@@ -11,26 +11,135 @@ second later. A journal that is read may come from anywhere, so its content is v
 from __future__ import annotations
 
 import os
+import platform
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import fields
 from functools import cache, partial
 from itertools import islice
 from pathlib import Path
-from typing import Final
+from typing import Annotated, BinaryIO, ClassVar, Final, Literal, Self
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
-from sim_action.core.errors import UsageError
+from sim_action.core.errors import ExitCode, UsageError
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import open_regular, whole_file
-from sim_action.core.records import replace
+from sim_action.core.provenance import platform_name
+from sim_action.core.records import dataclass, replace
+from sim_action.core.version import __version__
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.results.events import Event, Finished, Progressed, RunEnded, Started
-from sim_action.results.journal_records import Header, Kind, Planned, Record
-from sim_action.results.outcome import Outcome
-from sim_action.results.over_variations import over_variations
-from sim_action.results.results_json import MAX_OUTCOMES, Results, is_inconsistent
+from sim_action.results.gates import over_variations
+from sim_action.results.outcome import Failure, NotNegative, Outcome
+from sim_action.results.results_json import MAX_OUTCOMES, Results, Shard, is_inconsistent
 from sim_action.scenario.sharing import share_parts
+from sim_action.scenario.source import Variation
+from sim_action.scenario.variations.gate import PlannedGate
+
+Place = Annotated[int, Field(ge=0)]
+Kind = Literal["started", "run", "finished", "ended"]
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """One planned outcome; the attributes are those of `Outcome`. A call keeps all: they are smaller than models."""
+
+    name: str
+    file: str
+    line: Annotated[int, Field(ge=1)] | None = None
+    number: Annotated[int, Field(ge=1)] | None = None
+    group: str | None = None
+    variation: Variation = ()
+    gate: str | None = None
+    __pydantic_config__: ClassVar[ConfigDict] = FrozenModel.model_config
+
+    @classmethod
+    def of(cls, outcome: Outcome) -> Self:
+        """Return the plan of an outcome."""
+        return cls(*(getattr(outcome, each.name) for each in fields(cls)))
+
+    def unfinished(self, message: str) -> Outcome:
+        """Return the outcome of a scenario that has not finished."""
+        failure = Failure(kind="interrupted", title="not finished", message=message)
+        known = {each.name: getattr(self, each.name) for each in fields(self)}
+        return Outcome(**known, status="error", failures=(failure,))
+
+
+class Header(FrozenModel):
+    """The first line of a journal.
+
+    Attributes:
+        journal: the version of the format.
+        shard, selected: as in `Results`.
+        files: the files that the call may write, relative to the journal; the next call removes them.
+        gates: the gates of the planned outcomes.
+        planned: the planned outcomes, in the order of the results.
+    """
+
+    journal: Literal[1]
+    sim_action: str
+    python: str
+    platform: str
+    shard: Shard | None = None
+    selected: bool = False
+    files: tuple[str, ...] = ()
+    gates: tuple[PlannedGate, ...] = ()
+    planned: Annotated[tuple[Planned, ...], Field(max_length=MAX_OUTCOMES)] = ()
+
+    @classmethod
+    def of_call(
+        cls,
+        planned: Iterable[Planned],
+        files: Iterable[str],
+        shard: Shard | None = None,
+        *,
+        selected: bool = False,
+        gates: Iterable[PlannedGate] = (),
+    ) -> Self:
+        """Return the header of a call by this version on this machine."""
+        return cls(
+            journal=1,
+            sim_action=__version__,
+            python=platform.python_version(),
+            platform=platform_name(),
+            shard=shard,
+            selected=selected,
+            files=tuple(files),
+            gates=tuple(gates),
+            planned=tuple(planned),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A line of the journal. A call keeps several for each run, so they are smaller than models.
+
+    Attributes:
+        at: the wall time in s since the start of the call.
+        event: the kind of the record; "ended": the call has ended, and has no `place`.
+        place: the index of the planned outcome.
+        turn: the number of the repetition, counted from 1; None for a final outcome.
+        key: the digest of everything that the outcome may depend on; None: it is not known.
+        taken_over: True for an outcome of an earlier call, see `run --resume`.
+    """
+
+    at: NotNegative
+    event: Kind
+    place: Place | None = None
+    turn: Annotated[int, Field(ge=1)] | None = None
+    key: str | None = None
+    taken_over: bool = False
+    outcome: Outcome | None = None
+
+    __pydantic_config__: ClassVar[ConfigDict] = FrozenModel.model_config
+
+    @property
+    def is_interrupted(self) -> bool:
+        """Return True for the outcome of an interrupted scenario. It is not written: it is no result."""
+        return self.outcome is not None and self.outcome.exit_code is ExitCode.INTERRUPTED
+
 
 JOURNAL_FILE: Final = "results.jsonl"
 
@@ -311,3 +420,93 @@ def _records() -> TypeAdapter[Record]:
 def _write_all(descriptor: int, data: bytes) -> None:
     while data:
         data = data[os.write(descriptor, data) :]
+
+
+# One look at a large journal is an answer to a request, so it must end soon.
+_MAX_BYTES_OF_LOOK: Final = 16_000_000
+# Another call may get the same inode; the end of what was read differs, because its lines have times.
+_COMPARED_BYTES: Final = 512
+
+
+class JournalFollower:
+    """The journal of a folder, which may begin later, grow, be removed, and be replaced by that of another call.
+
+    Attributes:
+        recorded: what was read; None: there is no valid journal.
+        problem: the reason why the journal cannot be read; empty if it can, and if there is none.
+        call: the number of journals that were found until now.
+        has_more: True if the last look has left something unread.
+        written_at: the time of the last change in s since the epoch.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder.absolute() / JOURNAL_FILE
+        self.recorded: Recorded | None = None
+        self.problem = ""
+        self.call = 0
+        self.has_more = False
+        self.written_at = 0.0
+        self._file: tuple[int, int] | None = None
+        self._offset = 0
+        self._end = b""
+
+    @property
+    def is_over(self) -> bool:
+        """True if the call has ended."""
+        return self.recorded is not None and any(record.event == "ended" for record in self.recorded.records[-1:])
+
+    @property
+    def elapsed(self) -> float:
+        """The wall time in s since the start of the call; of one that has ended, until its end."""
+        if self.recorded is None:
+            return 0.0
+        last = max((record.at for record in self.recorded.records), default=0.0)
+        return last if self.is_over else last + max(0.0, time.time() - self.written_at)
+
+    def look(self) -> None:
+        """Read the new lines, up to a size."""
+        self.has_more, self.problem = False, ""
+        try:
+            with open_regular(self._path, follow_link=False) as file:
+                self._continue(file)
+        except FileNotFoundError:
+            self._forget()
+        except OSError as error:
+            self._forget()
+            self.problem = escaped_line(f"{JOURNAL_FILE} cannot be read: {system_reason(error)}")
+        except ValidationError as error:
+            self._forget()
+            self.problem = escaped_line(f"{JOURNAL_FILE} is not a valid journal: {header_problem(error)}")
+
+    def _forget(self) -> None:
+        self.recorded, self._file, self._offset, self._end = None, None, 0, b""
+
+    def _continue(self, file: BinaryIO) -> None:
+        """Read further lines. Raise OSError, and ValidationError if the first line is no header."""
+        status = os.fstat(file.fileno())
+        found = (status.st_dev, status.st_ino)
+        self.written_at = status.st_mtime
+        file.seek(self._offset - len(self._end))
+        if found != self._file or file.read(len(self._end)) != self._end:
+            self._forget()
+            self._file = found
+            file.seek(0)
+        limit = self._offset + _MAX_BYTES_OF_LOOK
+        while self._offset < limit:
+            line = file.readline(MAX_LINE_BYTES)
+            if not line.endswith(b"\n") and len(line) < MAX_LINE_BYTES:
+                # The end of the file, or a line of which the rest will follow.
+                return
+            self._add(line)
+            self._offset += len(line)
+            self._end = (self._end + line[-_COMPARED_BYTES:])[-_COMPARED_BYTES:]
+        self.has_more = True
+
+    def _add(self, line: bytes) -> None:
+        """Add a line. Raise ValidationError if the first line is no header."""
+        if self.recorded is None:
+            self.recorded = Recorded(Header.model_validate_json(line))
+            self.call += 1
+        elif len(self.recorded.records) < MAX_RECORDS:
+            with suppress(ValueError):
+                self.recorded.add(parsed_record(line))

@@ -20,7 +20,6 @@ from sim_action.core.errors import (
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.provenance import Provenance
 from sim_action.core.wording import escaped_line
-from sim_action.results.gate_statistics import GateStatistics
 from sim_action.scenario.model import Severity, Unexercised
 from sim_action.scenario.selection import Unmatched
 from sim_action.scenario.source import Refused, Variation
@@ -30,6 +29,43 @@ from sim_action.world.claims import AuditWarning
 if TYPE_CHECKING:
     from sim_action.assertions import Assertion
     from sim_action.scenario.model import Expectation
+
+Count = Annotated[int, Field(ge=0)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class GateStatistics(FrozenModel):
+    """The counts of a gate.
+
+    Attributes:
+        planned: the number of runs of the gate.
+        runs: the number of runs that were counted; less than planned if a sequential test decided before.
+        passed, failed: the runs with these verdicts.
+        errors: the runs without a verdict, flaky ones included.
+        not_exercised: the runs in which an expectation was never judged.
+        rate: the share of passed runs.
+        lower, upper: the bounds of the true rate, each one-sided at `confidence`; None after a sequential test, whose
+            runs have no such bounds.
+        decision: the result of a sequential test; None for a fixed number of runs, or if it did not decide.
+    """
+
+    planned: Count
+    runs: Count
+    passed: Count
+    failed: Count
+    errors: Count
+    not_exercised: Count
+    rate: Share
+    confidence: Share
+    lower: Share | None = None
+    upper: Share | None = None
+    decision: Literal["accepted", "rejected"] | None = None
+
+    @property
+    def without_verdict(self) -> int:
+        """The number of counted runs that neither passed nor failed."""
+        return self.errors + self.not_exercised
+
 
 Status = Literal["error", "failed", "flaky", "inconclusive", "not_exercised", "passed", "skipped"]
 """The status of a scenario, the worst first; every status before "passed" gives exit code 1 or worse.

@@ -5,7 +5,7 @@ No outcome is lost, none occurs twice, and each scenario that no shard has run b
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby, zip_longest
 from pathlib import Path, PurePosixPath
 from typing import NoReturn
@@ -14,9 +14,9 @@ from sim_action.core.discovery import compared_name
 from sim_action.core.errors import UsageError
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
+from sim_action.results.gates import over_variations
 from sim_action.results.outcome import Failure, Outcome
-from sim_action.results.results_json import ResultsFile
-from sim_action.results.shards import Shard, shards_text
+from sim_action.results.results_json import RESULTS_FILE, ResultsFile, Shard, find_all, read_all, shards_text
 from sim_action.scenario.selection import Unmatched
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.variations.gate import PlannedGate
@@ -233,3 +233,35 @@ def _count(sharded: Iterable[tuple[Shard, ResultsFile]]) -> int:
 
 def _reject(message: str) -> NoReturn:
     raise UsageError(escaped_line(message))
+
+
+@dataclass(frozen=True, slots=True)
+class EarlierRun:
+    """A run that has ended.
+
+    Attributes:
+        name: its results, as typed.
+        outcomes: the outcomes, with those of gates.
+        gates: the gates as they are stated.
+        folders: `id()` of an outcome -> the folder of its results file, from which its files are named.
+    """
+
+    name: str
+    outcomes: tuple[Outcome, ...]
+    folders: Mapping[int, Path]
+    gates: tuple[PlannedGate, ...] = ()
+
+
+def read_run(pattern: str) -> EarlierRun:
+    """Return one run, joined as by `merge`: a missing shard is an error outcome. Raises UsageError."""
+    files = read_all(find_all([pattern]))
+    if not files:
+        raise UsageError(escaped_line(f"no {RESULTS_FILE} found at '{pattern}'; name a results file or its folder"))
+    entries = merge_shards(files, None)
+    gates = gates_of(files)
+    outcomes = over_variations([entry.outcome for entry in entries], gates)
+    # The gates are judged again; the runs keep their order.
+    runs = [outcome for outcome in outcomes if outcome.statistics is None]
+    origins = [entry.origin for entry in entries if entry.outcome.statistics is None]
+    folders = {id(run): origin.parent for run, origin in zip(runs, origins, strict=True) if origin is not None}
+    return EarlierRun(pattern, outcomes, folders, gates)

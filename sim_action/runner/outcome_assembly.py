@@ -16,7 +16,7 @@ from sim_action.core.errors import ExitCode
 from sim_action.core.records import dataclass, replace
 from sim_action.results.artifacts import stored_file
 from sim_action.results.events import Event, Finished, Listener, RunEnded
-from sim_action.results.journal_records import Planned, Record
+from sim_action.results.journal import Planned, Record
 from sim_action.results.outcome import Failure, Outcome, Repeats
 from sim_action.runner.child_outcome import unjudged
 from sim_action.runner.run_plan import Plan

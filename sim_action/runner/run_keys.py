@@ -21,8 +21,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from sim_action.core.errors import UsageError
-from sim_action.core.file_digests import FileDigests
-from sim_action.core.git_tree import GitError, GitListing, GitTree
+from sim_action.core.git_tree import FileDigests, GitError, GitListing, GitTree
 from sim_action.core.permissions import Permissions
 from sim_action.core.provenance import cpu_model
 from sim_action.core.records import dataclass, field, replace
@@ -30,8 +29,7 @@ from sim_action.core.version import PACKAGE_FOLDER
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.engines import ENGINES
 from sim_action.results.artifacts import RunFiles, stored_file
-from sim_action.results.journal import JOURNAL_FILE, Recorded, read_journal
-from sim_action.results.journal_records import Planned, Record
+from sim_action.results.journal import JOURNAL_FILE, Planned, Record, Recorded, read_journal
 from sim_action.results.outcome import Outcome, Status
 from sim_action.results.results_json import is_inconsistent
 from sim_action.runner.child_outcome import engine_provenance

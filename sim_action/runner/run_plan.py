@@ -11,7 +11,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import counted
 from sim_action.core.yaml_document import KeyPath
 from sim_action.engines import ENGINES, chosen, installed
-from sim_action.results.shards import Shard
+from sim_action.results.results_json import Shard
 from sim_action.scenario.loading import Libraries, load_all, scenarios_of, shared
 from sim_action.scenario.model import LoadedScenario, Unexercised
 from sim_action.scenario.selection import Suite, Unmatched

@@ -12,14 +12,14 @@ from pydantic import BaseModel, ValidationError
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.commands import COMMANDS, CommandSource
 from sim_action.core.errors import Problem
-from sim_action.core.field_types import BARE_ANGLE_RULE
+from sim_action.core.field_types import BARE_ANGLE_RULE, spec_errors
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.registry import PackageProblem, Table
 from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document, KeyPath
-from sim_action.core.yaml_errors import ProblemList, SpecProblems, spec_errors
+from sim_action.core.yaml_errors import ProblemList, SpecProblems
 from sim_action.drives import DRIVES, Drive
 from sim_action.scenario.model import Expectation, ExpectationOptions
 from sim_action.sensors import SENSORS, MountedSensor, Mounting

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sim_action.app.argument_names import naming_arguments
+from sim_action.app.library import naming_arguments
 from sim_action.core.errors import InvalidScenario, Location, Problem, UsageError
 
 

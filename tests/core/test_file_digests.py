@@ -11,8 +11,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sim_action.core import file_digests as module
-from sim_action.core.file_digests import MISSING, FileDigests
+from sim_action.core import git_tree as module
+from sim_action.core.git_tree import MISSING, FileDigests
 
 LATER_NS = 3_600_000_000_000
 

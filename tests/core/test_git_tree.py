@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core import git_tree as module
-from sim_action.core.file_digests import FileDigests
-from sim_action.core.git_tree import GitError, GitListing, GitTree
+from sim_action.core.git_tree import FileDigests, GitError, GitListing, GitTree
 
 pytestmark = pytest.mark.process
 

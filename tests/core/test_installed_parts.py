@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from sim_action.app import catalogue
+from sim_action.app.catalogue import explanation, names
 from sim_action.app.doctor import _package_parts
-from sim_action.app.explain import explanation, names
 from sim_action.app.schema import scenario_schema, schema_here
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.core.errors import InternalError, InvalidScenario, PackageFault, UsageError

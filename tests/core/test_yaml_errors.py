@@ -9,9 +9,17 @@ import pytest
 from pydantic import Field, ValidationError
 
 from sim_action.core.errors import Location, Problem
-from sim_action.core.field_types import FrozenModel, Metres, Name, NonNegativeSeconds, PositiveMetres, PositiveRadians
+from sim_action.core.field_types import (
+    FrozenModel,
+    Metres,
+    Name,
+    NonNegativeSeconds,
+    PositiveMetres,
+    PositiveRadians,
+    spec_errors,
+)
 from sim_action.core.yaml_document import read_document
-from sim_action.core.yaml_errors import ProblemList, spec_errors
+from sim_action.core.yaml_errors import ProblemList
 
 TEXT = "name: a\nrobot:\n  model: b\nexpect: []\n"
 

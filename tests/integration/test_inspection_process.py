@@ -27,7 +27,7 @@ CALLER: Final = """
 import sys
 from pathlib import Path
 from sim_action.core.errors import ModelError
-from sim_action.app.inspect_process import inspect_apart
+from sim_action.app.inspect import inspect_apart
 from sim_action.core.workspace import Workspace
 from sim_action.robot.model.robot_spec import Robot
 

@@ -19,8 +19,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from sim_action.app.live import LivePages
-from sim_action.app.loopback import MAX_CONNECTIONS, Answering, LoopbackServer
+from sim_action.app.live import MAX_CONNECTIONS, Answering, LivePages, LoopbackServer
 from sim_action.cli.main import call
 from sim_action.results.events import Finished
 from sim_action.results.journal import JOURNAL_FILE

@@ -14,19 +14,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action.app.live import LivePages
-from sim_action.app.loopback import Answer
+from sim_action.app.live import Answer, LivePages
 from sim_action.recording.replay.columns import Column
 from sim_action.recording.replay.replay_data import SignalData
 from sim_action.reports.html import document
 from sim_action.reports.html.notebook import outcome_page, player_frame, report_frame
 from sim_action.reports.html.report import page, write_html
-from sim_action.results.earlier_run import EarlierRun
 from sim_action.results.events import Finished
-from sim_action.results.journal import Journal
-from sim_action.results.journal_records import Header, Planned
+from sim_action.results.journal import Header, Journal, Planned
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
+from sim_action.results.shard_results import EarlierRun
 from sim_action.state.verdict import Verdict
 from tests.integration.test_bolted_contacts import ARM, BASE, INERTIAL
 from tests.integration.test_examples import sim_action

@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from sim_action.core.file_digests import CLOCK_TICK_NS
+from sim_action.core.git_tree import CLOCK_TICK_NS
 from tests.integration.conftest import outside_of_github, sim_action
 from tests.soak import soaked
 

@@ -7,8 +7,7 @@ from dataclasses import replace
 from sim_action.core.errors import Location
 from sim_action.core.provenance import Provenance
 from sim_action.results.outcome import Diagnostic, ExpectationOutcome, Failure, Measurement, Outcome, Repeats, Status
-from sim_action.results.results_json import Results
-from sim_action.results.shards import Shard
+from sim_action.results.results_json import Results, Shard
 from sim_action.scenario.source import Varied
 from sim_action.state.verdict import Judged, Verdict
 from sim_action.world.claims import AuditWarning

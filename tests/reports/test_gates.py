@@ -20,8 +20,8 @@ from sim_action.reports.links import rerun_command
 from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.reports.terminal import print_results
 from sim_action.reports.writing import complain_about
+from sim_action.results.gates import over_variations
 from sim_action.results.outcome import Outcome
-from sim_action.results.over_variations import over_variations
 from sim_action.results.results_json import Results
 from sim_action.world.claims import AuditWarning
 from tests.outcomes import gate_results, like, outcome, planned_gate, runs_of_gate

@@ -32,7 +32,7 @@ from sim_action.reports.terminal import print_results
 from sim_action.results.artifacts import trace_paths
 from sim_action.results.comparison import Thresholds, compare_outcomes
 from sim_action.results.outcome import Outcome
-from sim_action.results.shards import balanced
+from sim_action.results.results_json import balanced
 from sim_action.scenario.selection import Selection, selected
 from sim_action.scenario.source import Source
 from tests.outcomes import like

@@ -11,9 +11,8 @@ import pytest
 
 from sim_action.core.errors import ExitCode, Location
 from sim_action.core.statistics.binomial import chances
-from sim_action.results.gates import judged_gate
+from sim_action.results.gates import judged_gate, over_variations
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Status
-from sim_action.results.over_variations import over_variations
 from sim_action.scenario.variations.gate import Gate, PlannedGate
 from sim_action.state.verdict import Judged, Verdict
 

@@ -10,6 +10,7 @@ import pytest
 
 from sim_action.assertions.self_collision import SelfCollision
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, MissingScenario, Problem
+from sim_action.results.gates import over_variations
 from sim_action.results.outcome import (
     WORST_FIRST,
     ExpectationOutcome,
@@ -19,7 +20,6 @@ from sim_action.results.outcome import (
     Status,
     status_of,
 )
-from sim_action.results.over_variations import over_variations
 from sim_action.scenario.model import Severity, Unexercised
 from sim_action.scenario.selection import Unmatched
 from sim_action.state.verdict import Judged, Verdict

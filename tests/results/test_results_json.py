@@ -11,8 +11,7 @@ import pytest
 
 from sim_action.core.errors import ExitCode, Location, UsageError
 from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Measurement, Outcome
-from sim_action.results.results_json import Results, find_all, read_all
-from sim_action.results.shards import Shard
+from sim_action.results.results_json import Results, Shard, find_all, read_all
 from sim_action.scenario.source import Varied
 from sim_action.state.verdict import Judged, Verdict
 from tests.outcomes import as_former_version, outcome, results, stored

@@ -18,8 +18,7 @@ from hypothesis import strategies as st
 from sim_action.core.permissions import Permissions
 from sim_action.results.artifacts import run_files
 from sim_action.results.events import Event, Finished, RunEnded
-from sim_action.results.journal import JOURNAL_FILE, Journal
-from sim_action.results.journal_records import Header
+from sim_action.results.journal import JOURNAL_FILE, Header, Journal
 from sim_action.results.outcome import Failure, Outcome, Repeats, Status
 from sim_action.runner import run_keys as module
 from sim_action.runner.child_outcome import engine_provenance

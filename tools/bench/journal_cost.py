@@ -25,8 +25,7 @@ def journal_calls(folder: Path) -> tuple[Callable[[], object], Callable[[], obje
     from sim_action.core.permissions import Permissions
     from sim_action.core.process import Interruption
     from sim_action.results.events import Event, Finished, Listener, RunEnded
-    from sim_action.results.journal import Journal
-    from sim_action.results.journal_records import Header, Planned
+    from sim_action.results.journal import Header, Journal, Planned
     from sim_action.runner.process_pool import Pool, PoolOptions
     from sim_action.runner.runs import Runs
     from sim_action.scenario.files import read_file

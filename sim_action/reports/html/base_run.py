@@ -9,9 +9,9 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import note
 from sim_action.reports.comparison import before_text, headline, limits_text, rows_of
 from sim_action.results.comparison import Change, ChangeKind, Comparison, compare_outcomes, paired_outcomes
-from sim_action.results.earlier_run import EarlierRun
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
+from sim_action.results.shard_results import EarlierRun
 
 ScenarioChangeKind = ChangeKind | Literal["less margin", "slower", "weaker", "moves differently", "unchanged"]
 """The kind of change of a scenario or gate; the last five are those whose verdict is the one of before.

@@ -27,8 +27,7 @@ from sim_action.reports.html.scenario_article import failure_sections, source, s
 from sim_action.reports.html.sweep import Parameter, parameters
 from sim_action.reports.scenario_groups import ScenarioGroup, nearest_expectation
 from sim_action.reports.statuses import STATUS_DISPLAYS
-from sim_action.results.gate_statistics import GateStatistics
-from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.results.outcome import ExpectationOutcome, GateStatistics, Outcome
 from sim_action.scenario.variations.gate import PlannedGate, percent
 
 SHOWN_RUNS: Final = 20

@@ -22,8 +22,7 @@ from sim_action.reports.html.report import page
 from sim_action.reports.links import fragment
 from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.results.artifacts import namesake_number
-from sim_action.results.journal import Recorded
-from sim_action.results.journal_follower import JournalFollower
+from sim_action.results.journal import JournalFollower, Recorded
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 

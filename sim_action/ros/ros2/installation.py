@@ -19,7 +19,7 @@ from typing import Final
 
 from sim_action.core.errors import UsageError
 from sim_action.core.files import read_at_most
-from sim_action.core.programs import program_on_path
+from sim_action.core.process import program_on_path
 from sim_action.core.records import dataclass
 
 _SHELLS: Final = frozenset({".sh", ".bash"})

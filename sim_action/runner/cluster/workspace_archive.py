@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import UsageError
-from sim_action.core.file_digests import FileDigests
-from sim_action.core.git_tree import GitError, GitListing
+from sim_action.core.git_tree import FileDigests, GitError, GitListing
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.core.workspace import is_of_git

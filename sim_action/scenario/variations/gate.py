@@ -12,13 +12,12 @@ from pydantic import BeforeValidator, Field, ValidationError, WrapValidator, mod
 
 from sim_action.core import units
 from sim_action.core.errors import InvalidScenario, Location, Problem
-from sim_action.core.field_types import FrozenModel, Quantity
+from sim_action.core.field_types import FrozenModel, Quantity, spec_errors
 from sim_action.core.records import dataclass
 from sim_action.core.statistics import binomial, order_statistics
 from sim_action.core.statistics.sequential import SequentialTest
 from sim_action.core.wording import counted, did_you_mean, nearest, shown
 from sim_action.core.yaml_document import Document, KeyPath
-from sim_action.core.yaml_errors import spec_errors
 
 GATE: Final = "gate"
 """The key of the gate."""

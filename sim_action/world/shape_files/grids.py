@@ -25,7 +25,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import read_document
-from sim_action.core.yaml_errors import spec_errors
+from sim_action.core.field_types import spec_errors
 from sim_action.world import Heightfield, OccupancyMap
 from sim_action.world.parts import BoxPart, GridPart
 from sim_action.world.shape_files.shape_error import ShapeError, found_file, read_bytes

@@ -10,7 +10,7 @@ import pytest
 from sim_action.reports import ReportOptions
 from sim_action.reports.html.gate_article import GroupPlace, gate_article, rate_figure, variations_article
 from sim_action.reports.scenario_groups import grouped_scenarios
-from sim_action.results.gate_statistics import GateStatistics
+from sim_action.results.outcome import GateStatistics
 from sim_action.results.results_json import Results
 from tests.reports.html.gates import GATES, failed_gate, run
 

@@ -14,9 +14,7 @@ from sim_action.reports.html import live_page
 from sim_action.reports.html.document import Page
 from sim_action.reports.html.live_page import live_report, live_state, progress_page
 from sim_action.results.events import Finished, RunEnded, Started
-from sim_action.results.journal import Journal
-from sim_action.results.journal_follower import JournalFollower
-from sim_action.results.journal_records import Planned
+from sim_action.results.journal import Journal, JournalFollower, Planned
 from tests.outcomes import like, report_options
 from tests.reports.html.gates import gated, run
 from tests.results.test_journal import FAILED, header, outcome, unheard
