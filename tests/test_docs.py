@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from sim_action.assertions import ASSERTIONS
-from sim_action.cli import SUBCOMMANDS
+from sim_action.cli.main import program as sim_action
 from sim_action.robot.model.findings import RULES
 from sim_action.scenario.loading import load_scenario
 from tests.examples import EXAMPLES
@@ -242,7 +242,6 @@ def commands_in(text: str) -> list[list[str]]:
 
 @in_each_page
 def test_commands_in_pages_exist(name: str) -> None:
-    subcommands: dict[str | None, Any] = {command.name: command for command in SUBCOMMANDS}
     makefile = (ROOT / "Makefile").read_text()
     targets, used = set(re.findall(r"^([\w-]+):", makefile, re.MULTILINE)), set(re.findall(r"\$\(([A-Z]+)\)", makefile))
     used |= set(re.findall(r"\$\(or \$\(([A-Z]+)\)", makefile))
@@ -252,15 +251,18 @@ def test_commands_in_pages_exist(name: str) -> None:
             assert variables <= used, words
             assert {word for word in words if "=" not in word} <= targets, words
         if program == "sim-action":
-            subcommands[words[0]].make_context(words[0], words[1:])
+            sim_action.commands[words[0]].make_context(words[0], words[1:])
 
 
 @in_each_page
 def test_options_in_the_text_exist(name: str) -> None:
     known = {
-        option for command in SUBCOMMANDS for each in command.params for option in (*each.opts, *each.secondary_opts)
+        option
+        for command in sim_action.commands.values()
+        for each in command.params
+        for option in (*each.opts, *each.secondary_opts)
     }
     for words in re.findall(r"`sim-action ((?:[^`\n]|\n(?!\n))+)`", TEXTS[name]):
         command, *rest = words.split()
-        assert command in {*(each.name for each in SUBCOMMANDS), "COMMAND"}, words
+        assert command in {*sim_action.commands, "COMMAND"}, words
         assert {word for word in rest if word.startswith("--")} <= {*known, "--help"}, words

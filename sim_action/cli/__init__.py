@@ -1,67 +1,60 @@
-"""The subcommands of the command line, one per file.
+"""The subcommands of the command line, in one table. The module of each is imported when it is called.
 
-Each parses its options, calls one use case in `app` or `ros` and prints the result. A subcommand imports its
-dependencies when it is called, so that `--help` stays quick.
+Each parses its options, calls use cases of `app` or `ros` and prints the result. A module may import what its
+subcommand needs; `run`, `prove` and the launch commands import most of it once they can handle a signal.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
 
-from sim_action.cli.compare import compare
-from sim_action.cli.doctor import doctor
-from sim_action.cli.init import init
-from sim_action.cli.inspect import inspect
-from sim_action.cli.listings import assertions, commands, explain, models, schema, sensors
-from sim_action.cli.matrix import matrix
-from sim_action.cli.merge import merge
-from sim_action.cli.prove import prove
-from sim_action.cli.report import report
-from sim_action.cli.ros import launchtest, roslaunch, rostest
-from sim_action.cli.run import run
-from sim_action.cli.validate import validate
-from sim_action.cli.view import view
+from sim_action.core.records import dataclass
 
-if TYPE_CHECKING:
-    import click
 
-SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
-    run,
-    validate,
-    matrix,
-    merge,
-    compare,
-    prove,
-    report,
-    view,
-    rostest,
-    roslaunch,
-    launchtest,
-    init,
-    inspect,
-    explain,
-    doctor,
-    models,
-    assertions,
-    commands,
-    sensors,
-    schema,
+@dataclass(frozen=True, slots=True)
+class Subcommand:
+    """A subcommand.
+
+    Attributes:
+        module: the module of this package with the command.
+        purpose: the line about it in `sim-action --help`.
+        keys: the options that can be set in pyproject.toml.
+        handles_signals: it handles signals by an `Interruption`; a signal ends each other subcommand at once.
+    """
+
+    module: str
+    purpose: str
+    keys: tuple[str, ...] = ()
+    handles_signals: bool = False
+
+
+_REPORTS: Final = ("output_dir", "junit", "junit_strict", "report", "summary", "annotations", "verbose", "quiet")
+_RUNS: Final = ("paths", "backend", "seed", "repeat", "unexercised", "jobs", "fail_fast", "resume", "record")
+_PROOFS: Final = ("paths", "seed", "jobs", "output_dir", "report", "summary", "annotations", "quiet")
+
+SUBCOMMANDS: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "run": Subcommand("run", "Run scenarios and report their verdicts.", (*_RUNS, *_REPORTS), handles_signals=True),
+        "validate": Subcommand("validate", "Check scenarios without running them.", ("paths",)),
+        "matrix": Subcommand("matrix", "Split scenarios into shards.", ("paths",)),
+        "merge": Subcommand("merge", "Join the results of shards.", _REPORTS),
+        "compare": Subcommand("compare", "Compare two runs.", ("output_dir", "summary")),
+        "prove": Subcommand("prove", "Find expectations that check nothing.", _PROOFS, handles_signals=True),
+        "report": Subcommand("report", "Make the reports of a run that was killed.", _REPORTS),
+        "view": Subcommand("view", "Open a report in the browser.", ("output_dir",)),
+        "rostest": Subcommand("ros", "Run a rostest of ROS 1.", _REPORTS, handles_signals=True),
+        "roslaunch": Subcommand("ros", "Run a ROS 1 launch file.", _REPORTS, handles_signals=True),
+        "launchtest": Subcommand("ros", "Run a launch test of ROS 2 (experimental).", _REPORTS, handles_signals=True),
+        "init": Subcommand("init", "Create an example scenario and a workflow."),
+        "inspect": Subcommand("inspect", "Show and check a robot model."),
+        "explain": Subcommand("listings", "Explain an assertion, command source, drive, sensor or key."),
+        "doctor": Subcommand("doctor", "Look at this installation."),
+        "models": Subcommand("listings", "List the built-in robots."),
+        "assertions": Subcommand("listings", "List the assertions for `expect:`."),
+        "commands": Subcommand("listings", "List what can drive the robot."),
+        "sensors": Subcommand("listings", "List the sensors for `sensors:`."),
+        "schema": Subcommand("listings", "Print a JSON Schema, for editors."),
+    }
 )
-
-TAKE_DEFAULTS: Final = (
-    "run",
-    "validate",
-    "matrix",
-    "merge",
-    "prove",
-    "report",
-    "view",
-    "compare",
-    "rostest",
-    "roslaunch",
-    "launchtest",
-)
-"""The subcommands whose options can be set in pyproject.toml."""
-
-INTERRUPTIBLE: Final = ("run", "prove", "rostest", "roslaunch", "launchtest")
-"""The subcommands that handle signals themselves, by an `Interruption`; a signal ends each other one at once."""

@@ -7,11 +7,13 @@ from typing import Any
 
 import click
 
+from sim_action.app.inspect import inspect_apart, inspection_json, inspection_text
 from sim_action.cli.options import asked_model, code_flags, model_flags
 from sim_action.core.errors import ExitCode
+from sim_action.results.masking import Mask
 
 
-@click.command(short_help="Show and check a robot model.")
+@click.command()
 @click.argument("model")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @model_flags
@@ -29,9 +31,6 @@ def inspect(model: str, as_json: bool, **flags: Any) -> ExitCode:
     Exit code: 0 the model is usable; 2 the model is refused, or the command line is invalid; 3 internal error of
     sim-action.
     """
-    from sim_action.app.inspect import inspect_apart, inspection_json, inspection_text
-    from sim_action.results.masking import Mask
-
     robot, workspace = asked_model(model, flags)
     found, mask = inspect_apart(robot, workspace), Mask.of(os.environ, workspace.pass_env)
     click.echo(inspection_json(found, mask) if as_json else mask.text(inspection_text(found)))

@@ -6,44 +6,40 @@ import shutil
 
 import click
 
+from sim_action.app import catalogue
+from sim_action.app.catalogue import explanation, overview
+from sim_action.app.schema import schema_here, schema_text
+from sim_action.assertions import ASSERTIONS
+from sim_action.sensors import SENSORS
+
 _MAX_WIDTH = 100
 
 
 @click.command()
 def models() -> None:
     """List the built-in robots."""
-    from sim_action.app import catalogue
-
     click.echo(catalogue.listing(catalogue.models()))
 
 
 @click.command()
 def assertions() -> None:
     """List the assertions for `expect:`."""
-    from sim_action.app import catalogue
-    from sim_action.assertions import ASSERTIONS
-
     click.echo(catalogue.listing((*catalogue.assertions(), *catalogue.of_packages(ASSERTIONS))))
 
 
-@click.command(short_help="List what can drive the robot.")
+@click.command()
 def commands() -> None:
     """List what can drive the robot: the command sources for `commands:`, and the drives."""
-    from sim_action.app import catalogue
-
     click.echo(catalogue.listing((*catalogue.commands(), *catalogue.drives())))
 
 
 @click.command()
 def sensors() -> None:
     """List the sensors for `sensors:`."""
-    from sim_action.app import catalogue
-    from sim_action.sensors import SENSORS
-
     click.echo(catalogue.listing((*catalogue.sensors(), *catalogue.of_packages(SENSORS))))
 
 
-@click.command(short_help="Explain an assertion, command source, drive, sensor or key.")
+@click.command()
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 def explain(names: tuple[str, ...]) -> None:
     """Explain what a scenario can name: an assertion, a command source, a drive, a sensor or a key, with its own keys.
@@ -52,13 +48,11 @@ def explain(names: tuple[str, ...]) -> None:
 
     Example: sim-action explain upright
     """
-    from sim_action.app.catalogue import explanation, overview
-
     width = min(_MAX_WIDTH, shutil.get_terminal_size().columns - 1)
     click.echo("\n\n".join(explanation(name, width) for name in names) if names else overview())
 
 
-@click.command(short_help="Print a JSON Schema, for editors.")
+@click.command()
 @click.argument("kind", type=click.Choice(("scenario", "base", "results", "proof")), default="scenario")
 def schema(kind: str) -> None:
     """Print the JSON Schema of scenario files (the default), of base files (*.base.yml), of results.json, or of proofs.
@@ -67,6 +61,4 @@ def schema(kind: str) -> None:
     sensors of installed packages. Save the schema as a file, and name the file in the first line of a scenario: "#
     yaml-language-server: $schema=scenario.schema.json".
     """
-    from sim_action.app.schema import schema_here, schema_text
-
     click.echo(schema_text(schema_here(kind)), nl=False)

@@ -5,14 +5,16 @@ from __future__ import annotations
 import os
 import re
 import sys
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, NoReturn
 
 import click
+from typing_extensions import override
 
-from sim_action.cli import INTERRUPTIBLE, SUBCOMMANDS, TAKE_DEFAULTS
+from sim_action.cli import SUBCOMMANDS
 from sim_action.cli.options import complain
 from sim_action.core.errors import ExitCode, SimActionError, SystemRefusal, is_refusal
 from sim_action.core.process import BEFORE_IMPORTS, forgive_closed_output, release_signals
@@ -20,7 +22,7 @@ from sim_action.core.version import __version__
 from sim_action.core.wording import escaped_line
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
 
 def main() -> NoReturn:
@@ -130,8 +132,30 @@ def _blame_variable(error: click.ClickException) -> None:
             error.param_hint = f"the variable {error.param.envvar}"
 
 
+class _Subcommands(Mapping[str, click.Command]):
+    """The subcommands by name; the module of each is imported when it is asked for."""
+
+    def __getitem__(self, name: str) -> click.Command:
+        command: click.Command = getattr(import_module(f"sim_action.cli.{SUBCOMMANDS[name].module}"), name)
+        return command
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(SUBCOMMANDS)
+
+    def __len__(self) -> int:
+        return len(SUBCOMMANDS)
+
+
+class _Program(click.Group):
+    @override
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, SUBCOMMANDS[name].purpose) for name in self.list_commands(ctx)])
+
+
 @click.group(
-    commands=SUBCOMMANDS,
+    cls=_Program,
+    commands=_Subcommands(),
     context_settings={"help_option_names": ["-h", "--help"]},
     invoke_without_command=True,
     subcommand_metavar="COMMAND [ARGS]...",
@@ -148,11 +172,12 @@ def program(context: click.Context) -> None:
         # As click 8.2 and later do by themselves: a missing command is an error of usage, and its message is the help.
         click.echo(context.get_help(), err=True)
         context.exit(ExitCode.INVALID)
-    if context.invoked_subcommand in INTERRUPTIBLE:
+    subcommand = SUBCOMMANDS[context.invoked_subcommand]
+    if subcommand.handles_signals:
         forgive_closed_output()
     else:
         release_signals()
-    if context.invoked_subcommand in TAKE_DEFAULTS:
+    if subcommand.keys:
         from pathlib import Path
 
         from sim_action.cli.pyproject import default_map

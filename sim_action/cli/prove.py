@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 
-@click.command(short_help="Find expectations that check nothing.")
+@click.command()
 @PATHS
 @click.option(
     "--only",

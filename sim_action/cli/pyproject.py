@@ -8,10 +8,11 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, Final
 
+from sim_action.cli import SUBCOMMANDS
 from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location, UsageError
 from sim_action.core.files import read_at_most
@@ -35,23 +36,6 @@ _KEY: Final = re.compile(r"\s*[\"']?([A-Za-z0-9_-]+)[\"']?\s*=")
 _ENDLESS_KEY: Final = re.compile(r"(?:[\"']?[A-Za-z0-9_-]++[\"']?\s*+\.\s*+){100}")
 
 
-_REPORTS: Final = ("output_dir", "junit", "junit_strict", "report", "summary", "annotations", "verbose", "quiet")
-_OPTIONS: Final[Mapping[str, tuple[str, ...]]] = {
-    "run": ("paths", "backend", "seed", "repeat", "unexercised", "jobs", "fail_fast", "resume", "record", *_REPORTS),
-    "merge": _REPORTS,
-    "validate": ("paths",),
-    "matrix": ("paths",),
-    "prove": ("paths", "seed", "jobs", "output_dir", "report", "summary", "annotations", "quiet"),
-    "report": _REPORTS,
-    "view": ("output_dir",),
-    "compare": ("output_dir", "summary"),
-    "rostest": _REPORTS,
-    "roslaunch": _REPORTS,
-    "launchtest": _REPORTS,
-}
-"""Subcommand -> the keys that it takes."""
-
-
 def default_map(subcommand: str | None, here: Path) -> dict[str, dict[str, Any]]:
     """Return the defaults of a subcommand that is called in folder `here`, by click's names of its options.
 
@@ -59,7 +43,7 @@ def default_map(subcommand: str | None, here: Path) -> dict[str, dict[str, Any]]
 
     Raises UsageError for an invalid table.
     """
-    options = _OPTIONS.get(subcommand or "")
+    options = SUBCOMMANDS[subcommand].keys if subcommand else ()
     found = _nearest(here) if options else None
     if not subcommand or not options or found is None:
         return {}

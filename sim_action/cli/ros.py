@@ -85,7 +85,7 @@ def _ros_options(sim_time_limit: str) -> Callable[[Command], Command]:
     return added
 
 
-@click.command(short_help="Run a rostest of ROS 1.")
+@click.command()
 @_ros_options("End the simulation after this sim time in s.  [default: the longest time-limit of the tests]")
 @report_flags
 @code_flags
@@ -99,7 +99,7 @@ def rostest(**flags: Any) -> ExitCode:
     return _called("rostest", flags)
 
 
-@click.command(short_help="Run a ROS 1 launch file.")
+@click.command()
 @_ros_options("End the launch after this sim time in s.  [default: 30]")
 @report_flags
 @code_flags
@@ -114,7 +114,7 @@ def roslaunch(**flags: Any) -> ExitCode:
     return _called("roslaunch", flags)
 
 
-@click.command(short_help="Run a launch test of ROS 2 (experimental).")
+@click.command()
 @click.argument("package")
 @click.argument("file")
 @click.argument("arguments", nargs=-1, metavar="[ARG:=VALUE]...")

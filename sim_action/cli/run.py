@@ -67,7 +67,7 @@ _OF_PLANNED_RUNS: Final = (
 _WISHED_RATE: Final = "97%"
 
 
-@click.command(short_help="Run scenarios and report their verdicts.")
+@click.command()
 @PATHS
 @selection_flags
 @click.option(

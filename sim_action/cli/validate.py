@@ -10,14 +10,16 @@ import click
 
 from sim_action.cli.options import ALLOW_OUTSIDE, PACKAGES, PATHS, discovered, named_packages
 from sim_action.core.errors import ExitCode, InternalError
+from sim_action.core.permissions import Permissions, scripts_refused
+from sim_action.core.wording import log_line
+from sim_action.scenario.loading import load_all
+from sim_action.scenario.source import Refused
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sim_action.scenario.source import Refused
 
-
-@click.command(short_help="Check scenarios without running them.")
+@click.command()
 @PATHS
 @PACKAGES
 @ALLOW_OUTSIDE
@@ -30,11 +32,6 @@ def validate(paths: Sequence[str], packages: Sequence[str], allow_outside: bool)
     Exit code: 0 all scenarios are valid; 2 a scenario or the command line is invalid; 3 internal error of sim-action; 5
     no scenario found.
     """
-    from sim_action.core.permissions import Permissions, scripts_refused
-    from sim_action.core.wording import log_line
-    from sim_action.scenario.loading import load_all
-    from sim_action.scenario.source import Refused
-
     suite = discovered(paths, outside=allow_outside)
     refused_here = scripts_refused("auto", os.environ, (Path.cwd(), *(path.parent for path in suite.files)))
     permissions = Permissions(allow_outside, imports_refused=refused_here, packages=named_packages(packages))

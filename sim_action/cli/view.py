@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
+from sim_action.app.view import ViewRequest, view_report
 from sim_action.cli.options import PORT, Bounded, live_port, output_dir, refuse_typed
 from sim_action.core.errors import ExitCode
 
 
-@click.command(short_help="Open a report in the browser.")
+@click.command()
 @click.argument("report", required=False)
 @output_dir("Folder of the results if REPORT is not given.")
 @click.option("--only", metavar="NAME", help="Open the report at this scenario.")
@@ -40,8 +43,6 @@ def view(
 
     REPORT is a report.html, its results.json, or the folder of both. The default is the folder of --output-dir.
     """
-    from pathlib import Path
-
     if report is not None:
         refuse_typed("REPORT", "output_dir")
     place = Path(report or output_dir)
@@ -51,7 +52,5 @@ def view(
 
         refuse_typed("--live", "only", "time")
         return serve_live(place, served, print_only=print_only)
-    from sim_action.app.view import ViewRequest, view_report
-
     view_report(ViewRequest(place, only, time), print_only=print_only)
     return ExitCode.PASSED

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from action.run import SUBCOMMANDS, InputError, enter, lines, run, set_up_time
-from sim_action.cli import SUBCOMMANDS as COMMANDS
+from sim_action.cli.main import program
 
 ROOT = Path(__file__).parents[2]
 INPUTS = {
@@ -89,7 +89,7 @@ def test_a_switch_overrides_the_project_both_ways_and_an_empty_one_leaves_it_alo
 
 @pytest.mark.parametrize("name", SUBCOMMANDS)
 def test_every_option_of_an_action_is_one_of_its_command(name: str) -> None:
-    [command] = (command for command in COMMANDS if command.name == name)
+    command = program.commands[name]
     known = {opt for param in command.params for opt in (*param.opts, *param.secondary_opts)}
     assert SUBCOMMANDS[name].names.keys() <= known
 

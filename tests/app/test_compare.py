@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.app.compare import CompareRequest, compare_results
+from sim_action.cli.compare import CompareRequest, compare_results
 from sim_action.core.errors import ExitCode, UsageError
 from tests.outcomes import as_former_version, outcome, results, stored, unjudged
 

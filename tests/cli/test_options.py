@@ -173,7 +173,7 @@ def test_the_command_line_is_stronger_than_the_project(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "pyproject.toml").write_text("[tool.sim-action]\nverbose = true\nquiet = true\n", encoding="utf-8")
     asked: list[ReportRequest] = []
-    monkeypatch.setattr("sim_action.app.report.report_journal", asked.append)
+    monkeypatch.setattr("sim_action.cli.report.report_journal", asked.append)
     assert call(["report", option]) == 0
     assert asked[0].verbosity == verbosity
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import errno
+import sys
+from pathlib import Path
+from types import ModuleType
 
 import pytest
 
-from sim_action.cli.main import call, program
+from sim_action.cli.main import call, leave_out_plugins, program
 from sim_action.core.errors import ExitCode
 
 
@@ -31,3 +34,62 @@ def test_what_the_system_refuses_is_one_line_and_no_traceback(
     assert call(["validate"]) == ExitCode.FAILED
     (line,) = capsys.readouterr().err.splitlines()
     assert "the system refused a request: too many open files: a.py" in line
+
+
+LOADER = "pydantic.plugin._loader"
+
+
+def test_pydantic_finds_no_plugins(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, LOADER, raising=False)
+    leave_out_plugins()
+    loader = sys.modules[LOADER]
+    assert vars(loader)["get_plugins"]() == ()
+    assert not hasattr(loader, "__path__")
+    assert sys.modules[LOADER] is loader
+
+
+def test_a_pydantic_that_needs_more_gets_its_own_loader(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, LOADER, raising=False)
+    leave_out_plugins()
+    loader = sys.modules[LOADER]
+    assert loader.PYDANTIC_ENTRY_POINT_GROUP == "pydantic"
+    assert sys.modules[LOADER] is not loader
+
+
+def test_a_loader_that_is_in_use_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    used = ModuleType(LOADER)
+    monkeypatch.setitem(sys.modules, LOADER, used)
+    leave_out_plugins()
+    assert sys.modules[LOADER] is used
+
+
+LONG = "x" * 5000
+DEEP = "x/" * 3000
+
+
+@pytest.mark.parametrize("name", [LONG, DEEP])
+@pytest.mark.parametrize(
+    "arguments",
+    ["run -q", "validate", "matrix --shards 2", "merge -q", "compare old", "inspect", "view --print", "init"],
+)
+def test_a_name_that_is_too_long_is_no_internal_error(
+    arguments: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code = call([*arguments.split(), name])
+    printed = capsys.readouterr()
+    assert "Traceback" not in printed.out + printed.err
+    assert code in ((0, 2) if arguments.startswith("matrix") else (2, 5))
+
+
+@pytest.mark.parametrize(("typed", "meant"), [("out/report.html", "out"), ("results.json", ".")])
+def test_a_file_is_refused_and_its_folder_is_named(
+    typed: str, meant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path(typed).parent.mkdir(exist_ok=True)
+    Path(typed).touch()
+    assert call(["report", typed]) == 2
+    assert capsys.readouterr().err == (
+        f"sim-action: expected the output folder of a run, found the file '{typed}'; name '{meant}'\n"
+    )

@@ -10,9 +10,9 @@ from typing import Any
 import click
 import pytest
 
-from sim_action import cli as subcommands
-from sim_action.cli.main import call
-from sim_action.cli.pyproject import _OPTIONS, default_map
+from sim_action.cli import SUBCOMMANDS
+from sim_action.cli.main import call, program
+from sim_action.cli.pyproject import default_map
 from sim_action.cli.pyproject_keys import Defaults
 from sim_action.core.errors import UsageError
 from tests.scenarios import LEAST
@@ -87,13 +87,12 @@ def test_a_file_that_has_but_the_name_is_not_read(folder: Path) -> None:
 
 
 def test_every_key_is_an_option_that_a_subcommand_has() -> None:
-    named = {command.name: command for command in subcommands.SUBCOMMANDS}
-    assert set(_OPTIONS) == set(subcommands.TAKE_DEFAULTS)
-    assert {name for names in _OPTIONS.values() for name in names} == set(Defaults.model_fields)
-    for subcommand, names in _OPTIONS.items():
-        parameters = {parameter.name: parameter for parameter in named[subcommand].params}
-        assert set(names) <= set(parameters)
-        for name in set(names) - {"paths"}:
+    keys = {name: set(subcommand.keys) for name, subcommand in SUBCOMMANDS.items()}
+    assert set().union(*keys.values()) == set(Defaults.model_fields)
+    for subcommand, names in keys.items():
+        parameters = {parameter.name: parameter for parameter in program.commands[subcommand].params}
+        assert names <= set(parameters)
+        for name in names - {"paths"}:
             parameter = parameters[name]
             assert isinstance(parameter, click.Option)
             key = Defaults.model_fields[name].alias or name

@@ -11,9 +11,9 @@ import pytest
 
 from sim_action.app import catalogue
 from sim_action.app.catalogue import explanation, names
-from sim_action.app.doctor import _package_parts
 from sim_action.app.schema import scenario_schema, schema_here
 from sim_action.assertions import ASSERTIONS, Assertion
+from sim_action.cli.doctor import _package_parts
 from sim_action.core.errors import InternalError, InvalidScenario, PackageFault, UsageError
 from sim_action.core.permissions import Permissions
 from sim_action.core.registry import PackageProblem, installed_parts

@@ -15,8 +15,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sim_action.app.init import write_scaffold
 from sim_action.app.schema import SCHEMAS, scenario_schema, schema_text
+from sim_action.cli.init import write_scaffold
 from sim_action.robot.built_in import BUILT_IN
 from tests.app.typos import SCENARIO, TYPOS
 from tests.examples import EXAMPLES

@@ -11,8 +11,7 @@ from typing import Final
 
 import pytest
 
-from sim_action.cli import SUBCOMMANDS
-from sim_action.cli.main import call
+from sim_action.cli.main import call, program
 from sim_action.core.permissions import PRIVILEGED_EVENTS
 from tests.onnx_files import linear
 from tests.ros.ros1.launches import needs_ros, package
@@ -138,9 +137,17 @@ def markers(folder: Path, printed: str = "") -> set[str]:
 
 def test_every_subcommand_is_called_here() -> None:
     """A new subcommand needs a line in CALLS, and, if it runs code, the options of `code_flags`."""
-    assert set(CALLS) == {command.name for command in SUBCOMMANDS}
-    gated = {command.name for command in SUBCOMMANDS if "allow_scripts" in {option.name for option in command.params}}
-    passing = {command.name for command in SUBCOMMANDS if "pass_env" in {option.name for option in command.params}}
+    assert set(CALLS) == set(program.commands)
+    gated = {
+        command.name
+        for command in program.commands.values()
+        if "allow_scripts" in {option.name for option in command.params}
+    }
+    passing = {
+        command.name
+        for command in program.commands.values()
+        if "pass_env" in {option.name for option in command.params}
+    }
     assert gated == passing == set(GATED)
 
 

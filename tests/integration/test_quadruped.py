@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action.app.init import files
+from sim_action.cli.init import files
 from sim_action.engines import installed
 from sim_action.scenario.loading import build_scene
 from sim_action.simulation.loop import SimulationRun, simulate

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from sim_action.app.compare import CompareRequest, compare_results
+from sim_action.cli.compare import CompareRequest, compare_results
 from sim_action.core.errors import ExitCode
 from sim_action.core.records import replace
 from sim_action.results.comparison import Change, Comparison, Thresholds, compare_outcomes

@@ -9,7 +9,7 @@ import pytest
 
 import tools.release.__main__ as release
 from sim_action import __version__
-from sim_action.app import init
+from sim_action.cli import init
 from tools.release.__main__ import (
     MAX_NOTES_LENGTH,
     ReleaseError,

@@ -8,7 +8,7 @@ from typing import Final
 
 import click
 
-from sim_action.cli import SUBCOMMANDS
+from sim_action.cli.main import program
 from tools.docs.generators.markdown import escaped, table
 
 # The end of a help text that states a default in words.
@@ -17,13 +17,16 @@ _DEFAULT: Final = re.compile(r"\s*\[default: (.*)\]$")
 
 def overview() -> str:
     """Return the table of subcommands; each links to its section."""
-    rows = ((f"[`{command.name}`](#sim-action-{command.name})", _first_line(command)) for command in SUBCOMMANDS)
+    rows = (
+        (f"[`{command.name}`](#sim-action-{command.name})", _first_line(command))
+        for command in program.commands.values()
+    )
     return table(("command", "purpose"), rows)
 
 
 def commands() -> str:
     """Return a section for each subcommand."""
-    return "\n".join(_section(command) for command in SUBCOMMANDS)
+    return "\n".join(_section(command) for command in program.commands.values())
 
 
 def _first_line(command: click.Command) -> str:

@@ -11,8 +11,8 @@ from typing import Any, Final, get_args
 from pydantic import BaseModel
 
 from sim_action.app import catalogue
-from sim_action.app.init import files
 from sim_action.assertions import ASSERTIONS, Reference
+from sim_action.cli.init import files
 from sim_action.commands import COMMANDS
 from sim_action.commands.robot_description import JointDescription, RobotDescription
 from sim_action.core.field_types import Placement, Without

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.app.init import write_scaffold
+from sim_action.cli.init import write_scaffold
 from sim_action.core.errors import UsageError
 from sim_action.robot.built_in import BUILT_IN
 from sim_action.scenario.loading import load_scenario

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.app.merge import MergeRequest, merge_results
+from sim_action.cli.merge import MergeRequest, merge_results
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem, UsageError
 from sim_action.reports import ReportRequest
 from sim_action.results.outcome import Failure, Outcome
