@@ -399,7 +399,7 @@ def test_a_large_journal_is_read_in_several_looks(tmp_path: Path, monkeypatch: p
     journal = begun(tmp_path)
     for place, name in enumerate("abc"):
         journal(Finished(place, outcome(name)))
-    monkeypatch.setattr(journal, "_MAX_BYTES_OF_LOOK", 300)
+    monkeypatch.setattr("sim_action.results.journal._MAX_BYTES_OF_LOOK", 300)
     follower = JournalFollower(tmp_path)
     looks = 0
     while not looks or follower.has_more:
