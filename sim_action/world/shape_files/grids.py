@@ -19,13 +19,12 @@ from pydantic import BeforeValidator, Field, ValidationError
 
 from sim_action.core import geometry
 from sim_action.core.errors import InvalidScenario
-from sim_action.core.field_types import FrozenModel
+from sim_action.core.field_types import FrozenModel, spec_errors
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import read_document
-from sim_action.core.field_types import spec_errors
 from sim_action.world import Heightfield, OccupancyMap
 from sim_action.world.parts import BoxPart, GridPart
 from sim_action.world.shape_files.shape_error import ShapeError, found_file, read_bytes

@@ -28,8 +28,8 @@ from sim_action.reports.html.ghosts import (
     world_changes,
 )
 from sim_action.reports.html.report import page, write_html
-from sim_action.results.shard_results import EarlierRun
 from sim_action.results.outcome import ExpectationOutcome, Outcome, Repeats
+from sim_action.results.shard_results import EarlierRun
 from sim_action.state.verdict import Verdict
 from tests.outcomes import gate_results, like, outcome, planned_gate, report_options, results, runs_of_gate
 from tests.replays import drive, kept
