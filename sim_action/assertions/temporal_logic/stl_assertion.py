@@ -142,7 +142,7 @@ class Stl(Assertion):
     @property
     @override
     def is_over_time(self) -> bool:
-        """True always but for a formula: without "always" it is about one moment."""
+        # A formula without "always" is about one moment.
         return False
 
     @override
