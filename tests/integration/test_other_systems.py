@@ -43,13 +43,12 @@ SCRIPTS: Final = {
 ELSEWHERE: Final = (
     "sim_action.runner.warm_process",
     # Packages of Dask for that system are not installed here.
-    *(f"sim_action.runner.cluster.dask_{name}" for name in ("executor", "runs", "worker")),
+    *(f"sim_action.runner.cluster.dask_{name}" for name in ("executor", "worker")),
     *(
         f"sim_action.runner.isolation.{name}"
         for name in (
             "command_supervisor",
             "linux_child",
-            "memory_files",
             "process_control",
             "scenario_supervisor",
         )
