@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -115,14 +117,19 @@ def sim_action(folder: Path, *arguments: str, **variables: str) -> subprocess.Co
 
 def fresh_sim_action(folder: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
     """Run the command line outside of GitHub in an interpreter of its own."""
-    return subprocess.run(
-        [sys.executable, "-m", "sim_action", *arguments],
-        cwd=folder,
-        env=outside_of_github(variables),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return interpreter(folder, "-m", "sim_action", *arguments, env=outside_of_github(variables))
+
+
+def interpreter(folder: Path, *arguments: str | Path, env: Mapping[str, str]) -> subprocess.CompletedProcess[str]:
+    """Run the interpreter of the tests with these arguments."""
+    command = [sys.executable, *arguments]
+    return subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False)
+
+
+def outcomes(folder: Path) -> list[dict[str, Any]]:
+    """The outcomes in `results.json` of the output folder."""
+    results = json.loads((folder / "sim-results/results.json").read_text(encoding="utf-8"))
+    return list(results["outcomes"])
 
 
 def outside_of_github(variables: dict[str, str]) -> dict[str, str]:

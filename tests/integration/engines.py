@@ -101,6 +101,22 @@ def advance(backend: Engine, first_step: int, steps: int, *targets: JointTargets
     return backend.collect()
 
 
+def travelled(
+    engine: str,
+    scene: Scene,
+    steps: int,
+    *targets: JointTargets,
+    start: Sequence[Vector3] = (),
+    contacts: bool = False,
+    clearances: Iterable[ClearanceWatch] = (),
+) -> Trace:
+    """The trace of the first steps. `start`: the velocity of the base link's origin, as `push` takes it."""
+    with running(engine, scene, contacts=contacts, clearances=clearances) as backend:
+        if start:
+            push(backend, *start)
+        return advance(backend, 0, steps, *targets)
+
+
 def push(backend: Engine, linear: Vector3 = geometry.ZERO, angular: Vector3 = geometry.ZERO) -> None:
     """Gives the base link's origin a velocity, world frame."""
     (_push_bullet if backend.version.startswith("pybullet") else _push_mujoco)(backend, linear, angular)

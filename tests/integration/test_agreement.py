@@ -18,7 +18,7 @@ from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
 from sim_action.world import GRAVITY, Physics, World
 from sim_action.world.scene import Scene
-from tests.integration.engines import advance, on_every_engine, running
+from tests.integration.engines import advance, on_every_engine, running, travelled
 from tools.bench.robots import ROBOTS, WORKSPACE
 
 SEPARATION = 0.160
@@ -102,8 +102,7 @@ def test_real_robots_drive_straight_as_far_as_their_wheels_turn(engine: str, mod
     wheels, speed, radius = STRAIGHT[model]
     steered = AHEAD if wheels == RACECAR else {}
     ramp = [JointTargets(velocity=dict.fromkeys(wheels, speed * step / 240), position=steered) for step in range(241)]
-    with running(engine, scene(model)) as backend:
-        trace = advance(backend, 0, 960, *ramp)
+    trace = travelled(engine, scene(model), 960, *ramp)
     way = float(np.linalg.norm(trace.base_position_xyz[-1] - trace.base_position_xyz[0]))
     assert way == pytest.approx(abs(speed) * radius * (960 - 120) / 240, rel=0.005)
 
@@ -130,8 +129,7 @@ def test_robots_that_turn_by_slipping_do_so_roughly(engine: str, model: str, req
     if (engine, model) == ("pybullet", "husky"):
         reason = "turns at a quarter of the rate, because only the drive skid corrects the friction of its wheels"
         request.applymarker(pytest.mark.xfail(reason=reason))
-    with running(engine, scene(model)) as backend:
-        trace = advance(backend, 0, 960, JointTargets(velocity=wheels))
+    trace = travelled(engine, scene(model), 960, JointTargets(velocity=wheels))
     assert trace.base_angular_xyz[480:, 2].mean() == pytest.approx(rate, rel=known[engine])
 
 

@@ -31,6 +31,7 @@ from tests.integration.engines import (
     push,
     running,
     scene_of,
+    travelled,
 )
 from tests.mesh_files import obj, two_objects, wheel
 
@@ -92,17 +93,13 @@ def test_contacts_that_nothing_else_asked_for_are_those_of_their_moment(engine: 
 
 
 def test_a_ball_rolls_without_loss(engine: str, tmp_path: Path) -> None:
-    with running(engine, scene_of(tmp_path, BALL, at())) as backend:
-        push(backend, (1, 0, 0), (0, 10, 0))
-        trace = advance(backend, 0, 480)
+    trace = travelled(engine, scene_of(tmp_path, BALL, at()), 480, start=((1, 0, 0), (0, 10, 0)))
     assert trace.base_position_xyz[-1, 0] == pytest.approx(2.0, rel=0.002)
     assert trace.base_linear_xyz[-1, 0] == pytest.approx(1.0, rel=0.002)
 
 
 def test_a_ball_that_is_shoved_ends_up_rolling(engine: str, tmp_path: Path) -> None:
-    with running(engine, scene_of(tmp_path, BALL, at())) as backend:
-        push(backend, (1, 0, 0))
-        trace = advance(backend, 0, 480)
+    trace = travelled(engine, scene_of(tmp_path, BALL, at()), 480, start=((1, 0, 0),))
     # Of m v r, the angular momentum about the line it slides along, 2/7 goes into turning.
     assert trace.base_linear_xyz[-1, 0] == pytest.approx(5 / 7, rel=0.01)
     assert trace.base_angular_xyz[-1, 1] == pytest.approx(50 / 7, rel=0.01)
@@ -247,8 +244,7 @@ def test_twists_are_those_of_the_link_frames_origin_in_the_world_frame(engine: s
 
 
 def test_a_free_body_falls_with_its_centre_of_mass_and_turns_on(engine: str, tmp_path: Path) -> None:
-    with running(engine, scene_of(tmp_path, LOPSIDED, at(z=5), rate=1000)) as backend:
-        trace = advance(backend, 0, 500)
+    trace = travelled(engine, scene_of(tmp_path, LOPSIDED, at(z=5), rate=1000), 500)
     # Nothing turns it, wherever its mass is.
     assert trace.base_linear_xyz[-1, 2] == pytest.approx(-GRAVITY / 2, rel=1e-6)
     assert trace.turn_rate.max() < 1e-9
@@ -269,8 +265,7 @@ def test_the_ground_carries_the_weight(engine: str, urdf: str, tmp_path: Path) -
 
 def test_a_spring_gives_way_as_far_as_it_says(engine: str, tmp_path: Path) -> None:
     spring = '<gazebo reference="it"><kp>1000</kp><kd>50</kd></gazebo></robot>'
-    with running(engine, scene_of(tmp_path, BALL.replace("</robot>", spring), at())) as backend:
-        trace = advance(backend, 0, 960)
+    trace = travelled(engine, scene_of(tmp_path, BALL.replace("</robot>", spring), at()), 960)
     assert trace.base_position_xyz[-1, 2] - 0.1 == pytest.approx(-GRAVITY / 1000, rel=0.02)
 
 
@@ -315,8 +310,7 @@ def test_a_robot_stands_on_an_object_that_stands_on_the_ground(
     engine: str, below: Body, height: float, tmp_path: Path
 ) -> None:
     scene = scene_of(tmp_path, CRATE, at(z=height + 0.06), World(objects=(below,)))
-    with running(engine, scene, contacts=True) as backend:
-        trace = advance(backend, 0, 480)
+    trace = travelled(engine, scene, 480, contacts=True)
     assert trace.base_position_xyz[-1, 2] == pytest.approx(height + 0.05, abs=5e-4)
     assert {contact.body for contact in trace.contacts} == {below.name}
 
@@ -363,8 +357,7 @@ def test_links_of_a_robot_do_not_touch_each_other(engine: str, tmp_path: Path) -
 def test_a_pendulum_swings_with_its_analytic_period(engine: str, tmp_path: Path) -> None:
     robot = Robot(model="robot.urdf", base="fixed", pose=Placement(z=3), joints={"hinge": 0.1})
     urdf = PENDULUM.format(type="continuous").replace(' effort="50"', "")
-    with running(engine, scene_of(tmp_path, urdf, robot, rate=1000)) as backend:
-        trace = advance(backend, 0, 4000)
+    trace = travelled(engine, scene_of(tmp_path, urdf, robot, rate=1000), 4000)
     angle = trace.joint_position[:, 0]
     crossings = trace.time[1:][(angle[:-1] < 0) & (angle[1:] >= 0)]
     period = 2 * math.pi * math.sqrt(1 / GRAVITY) * (1 + 0.1**2 / 16)
@@ -388,8 +381,7 @@ def test_a_joint_with_limits_or_a_motor_is_held_until_it_is_told_otherwise(
 
 def test_a_servo_goes_no_faster_than_its_joint_and_stays_there(engine: str, tmp_path: Path) -> None:
     scene = scene_of(tmp_path, mechanism("revolute", velocity=2.0), Robot(model="robot.urdf"))
-    with running(engine, scene) as backend:
-        trace = advance(backend, 0, 480, JointTargets(position={"joint": 3.0}))
+    trace = travelled(engine, scene, 480, JointTargets(position={"joint": 3.0}))
     assert trace.joint_velocity[120:240, 0] == pytest.approx(2.0, rel=1e-3)
     assert trace.joint_velocity.max() <= 2.0 * (1 + 1e-3)
     assert trace.joint_position[-1, 0] == pytest.approx(3.0, abs=1e-3)
@@ -403,8 +395,7 @@ def test_a_motor_pushes_no_harder_than_it_may(
     limit = 0.7
     urdf = mechanism(kind, axis="0 0 1" if kind == "revolute" else "1 0 0", effort=100 if stated else limit)
     targets = JointTargets(velocity={"joint": 20.0}, max_effort={"joint": limit} if stated else {})
-    with running(engine, scene_of(tmp_path, urdf, Robot(model="robot.urdf"))) as backend:
-        trace = advance(backend, 0, 240, targets)
+    trace = travelled(engine, scene_of(tmp_path, urdf, Robot(model="robot.urdf")), 240, targets)
     # v = F t / m.
     assert trace.joint_velocity[:, 0] == pytest.approx(limit * trace.time / inert, rel=1e-6)
     assert trace.joint_effort[:, 0] == pytest.approx(limit, rel=1e-6)
@@ -413,8 +404,9 @@ def test_a_motor_pushes_no_harder_than_it_may(
 @pytest.mark.parametrize(("kind", "inert"), [("revolute", MOMENT), ("prismatic", 2.0)])
 def test_an_effort_accelerates_and_is_held(engine: str, kind: str, inert: float, tmp_path: Path) -> None:
     urdf = mechanism(kind, axis="0 0 1" if kind == "revolute" else "1 0 0")
-    with running(engine, scene_of(tmp_path, urdf, Robot(model="robot.urdf"))) as backend:
-        trace = advance(backend, 0, 240, JointTargets(effort={"joint": 0.3}))
+    trace = travelled(
+        engine, scene_of(tmp_path, urdf, Robot(model="robot.urdf")), 240, JointTargets(effort={"joint": 0.3})
+    )
     assert trace.joint_velocity[:, 0] == pytest.approx(0.3 * trace.time / inert, rel=1e-6)
     assert trace.joint_effort[:, 0].tolist() == [0.3] * 240
 
@@ -445,23 +437,27 @@ def test_joints_are_observed_before_the_first_step_and_after_each(engine: str, k
 
 def test_damping_resists_in_proportion_to_speed(engine: str, tmp_path: Path) -> None:
     scene = scene_of(tmp_path, mechanism(damping=0.5), Robot(model="robot.urdf"), rate=1000)
-    with running(engine, scene) as backend:
-        trace = advance(backend, 0, 3000, JointTargets(effort={"joint": 1.0}))
+    trace = travelled(engine, scene, 3000, JointTargets(effort={"joint": 1.0}))
     expected = 2.0 * (1 - np.exp(-trace.time / (MOMENT / 0.5)))
     assert trace.joint_velocity[:, 0] == pytest.approx(expected, abs=0.002)
 
 
 @pytest.mark.parametrize(("effort", "net"), [(0.5, 0.3), (0.1, 0.0)])
 def test_the_friction_of_a_joint_resists_an_effort(engine: str, effort: float, net: float, tmp_path: Path) -> None:
-    with running(engine, scene_of(tmp_path, mechanism(friction=0.2), Robot(model="robot.urdf"))) as backend:
-        trace = advance(backend, 0, 240, JointTargets(effort={"joint": effort}))
+    trace = travelled(
+        engine,
+        scene_of(tmp_path, mechanism(friction=0.2), Robot(model="robot.urdf")),
+        240,
+        JointTargets(effort={"joint": effort}),
+    )
     assert trace.joint_velocity[-1, 0] == pytest.approx(net / MOMENT, abs=1e-3)
 
 
 def test_limits_stop_a_joint(engine: str, tmp_path: Path) -> None:
     urdf = mechanism("revolute").replace('upper="30"', 'upper="0.5"')
-    with running(engine, scene_of(tmp_path, urdf, Robot(model="robot.urdf"))) as backend:
-        trace = advance(backend, 0, 960, JointTargets(effort={"joint": 0.3}))
+    trace = travelled(
+        engine, scene_of(tmp_path, urdf, Robot(model="robot.urdf")), 960, JointTargets(effort={"joint": 0.3})
+    )
     assert trace.joint_position.max() < 0.52
     assert trace.joint_position[-1, 0] == pytest.approx(0.5, abs=2e-3)
 
@@ -476,8 +472,7 @@ def test_a_follower_is_where_its_leader_wants_it(
       <link name="more"><inertial><mass value="1"/>{inertia(0.01)}</inertial></link></robot>"""
     urdf = mechanism("revolute").replace("</robot>", follower)
     robot = Robot(model="robot.urdf", joints={"joint": -0.4})
-    with running(engine, scene_of(tmp_path, urdf, robot)) as backend:
-        trace = advance(backend, 0, 480, JointTargets(position={"joint": 0.8}))
+    trace = travelled(engine, scene_of(tmp_path, urdf, robot), 480, JointTargets(position={"joint": 0.8}))
     leads, follows = trace.joint_position.T
     assert leads[-1] == pytest.approx(0.8, abs=1e-3)
     assert np.abs(follows - (multiplier * leads + offset)).max() < 5e-3
@@ -486,8 +481,9 @@ def test_a_follower_is_where_its_leader_wants_it(
 
 def test_what_turns_fast_is_not_stopped(engine: str, tmp_path: Path) -> None:
     urdf = mechanism(effort=5000)
-    with running(engine, scene_of(tmp_path, urdf, Robot(model="robot.urdf"))) as backend:
-        trace = advance(backend, 0, 240, JointTargets(velocity={"joint": 300.0}))
+    trace = travelled(
+        engine, scene_of(tmp_path, urdf, Robot(model="robot.urdf")), 240, JointTargets(velocity={"joint": 300.0})
+    )
     assert trace.joint_velocity[-1, 0] == pytest.approx(300, rel=1e-3)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import tempfile
 from collections.abc import Sequence
@@ -16,16 +15,15 @@ from hypothesis import strategies as st
 
 from sim_action.core.errors import InvalidScenario, MissedContact
 from sim_action.core.field_types import Placement
-from sim_action.core.permissions import Permissions
 from sim_action.engines.observers import MIN_OVERLAP_M
 from sim_action.robot.model.robot_spec import Robot
-from sim_action.scenario.loading import build_scene, load_scenario
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from sim_action.state.observation import Contact
 from sim_action.state.trace import Trace
 from sim_action.world import World
 from sim_action.world.scene import Scene
 from tests.integration.engines import advance, on_every_engine, running, scene_of
+from tests.simulated import simulated
 from tests.soak import examples
 from tests.worlds import with_files
 
@@ -191,13 +189,9 @@ def test_contacts_agree_with_distances_that_need_no_engine(
 
 
 def run(folder: Path, engine: str, expect: list[Any], *objects: dict[str, Any], **keys: Any) -> SimulationRun:
-    pytest.importorskip(engine, reason=f"{engine} is not installed")
     (folder / "robot.urdf").write_text(ARM.format(inertial=INERTIAL, base=BASE))
     scenario = {"name": "s", "backend": engine, "robot": {"model": "robot.urdf", "base": "fixed"}, "expect": expect}
-    path = folder / "s.sim.yml"
-    path.write_text(json.dumps({**scenario, "world": {"objects": objects}, "duration": 2, "time_limit": 2, **keys}))
-    loaded = load_scenario(path, Permissions())
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(folder, {**scenario, "world": {"objects": objects}, "duration": 2, "time_limit": 2, **keys})
 
 
 @on_every_engine

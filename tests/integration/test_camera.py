@@ -13,16 +13,16 @@ from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.engines import installed
 from sim_action.engines.engine import Engine
 from sim_action.robot.model.robot_spec import Robot
-from sim_action.scenario.loading import build_scene
 from sim_action.sensors import Mount
 from sim_action.sensors.camera import Camera
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from sim_action.state.readings import CameraImage
 from sim_action.world import Body, Cylinder, Sphere, World
 from sim_action.world.scene import Scene
 from tests.integration.engines import advance, on_every_engine, running, scene_of
-from tests.scenarios import LEAST, load
+from tests.scenarios import LEAST
 from tests.sensors.stubs import sight_of
+from tests.simulated import simulated
 
 CAMERA = Camera(width=160, height=120, field_of_view=math.radians(60), far=20.0)
 FOCAL = 80 / math.tan(math.radians(30))
@@ -166,8 +166,7 @@ TUMBLING = "world: {objects: [{name: ball, sphere: {radius: 0.2}, mass: 1, pose:
 
 
 def run(folder: Path, text: str, engine: str) -> SimulationRun:
-    loaded = load(folder, f"{text}{TUMBLING}backend: {engine}\n".replace("1.5 m", "50 cm"))
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(folder, f"{text}{TUMBLING}backend: {engine}\n".replace("1.5 m", "50 cm"))
 
 
 @pytest.mark.parametrize("engine", installed())

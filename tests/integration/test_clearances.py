@@ -22,7 +22,7 @@ from sim_action.world import Body, Cylinder, PathPoint, Sphere, World
 from sim_action.world.scene import Scene
 from sim_action.world.shapes import Ramp
 from tests import traces
-from tests.integration.engines import advance, at, on_every_engine, running, scene_of
+from tests.integration.engines import advance, at, on_every_engine, running, scene_of, travelled
 from tests.mesh_files import stl
 
 LEAST = ClearanceWatch()
@@ -103,8 +103,7 @@ def test_far_away_is_measured_too(engine: str, tmp_path: Path) -> None:
 @on_every_engine
 def test_a_falling_ball_is_where_it_is_after_the_step_not_before(engine: str, tmp_path: Path) -> None:
     floor = Body(name="floor", box=(1.0, 1.0, 0.1), pose=Placement(z=0.05))
-    with running(engine, scene_of(tmp_path, BALL, at(z=2.0), World(objects=(floor,))), clearances=[ALWAYS]) as backend:
-        trace = advance(backend, 0, 100)
+    trace = travelled(engine, scene_of(tmp_path, BALL, at(z=2.0), World(objects=(floor,))), 100, clearances=[ALWAYS])
     heights = [near.distance + 0.1 + 0.2 for near in told(trace, ALWAYS)]
     assert heights == pytest.approx(trace.base_position_xyz[:, 2].tolist(), abs=1e-9)
     assert [near.time for near in told(trace, ALWAYS)] == trace.time.tolist()
@@ -205,8 +204,7 @@ def test_nor_does_what_moves_by_itself(engine: str, tmp_path: Path) -> None:
     scene = scene_of(
         tmp_path, BALL, Robot(model="robot.urdf", base="fixed", pose=Placement(z=0.5)), World(objects=(door, late))
     )
-    with running(engine, scene, clearances=[LEAST, ALWAYS]) as backend:
-        trace = advance(backend, 0, 600)
+    trace = travelled(engine, scene, 600, clearances=[LEAST, ALWAYS])
     assert told(trace) == lows(told(trace, ALWAYS))
     assert min(near.distance for near in told(trace)) == pytest.approx(0.4 - 0.05 - 0.2, abs=1e-6)
     assert [near.body for near in told(trace) if near.time >= 1.5] == ["late"]
@@ -275,8 +273,7 @@ def test_to_watch_changes_nothing(engine: str) -> None:
 @on_every_engine
 def test_the_ground_is_watched_where_it_is_named(engine: str, tmp_path: Path) -> None:
     watch = ClearanceWatch(bodies=("ground",), always=True)
-    with running(engine, scene_of(tmp_path, BALL, at(z=2.0)), clearances=[watch]) as backend:
-        trace = advance(backend, 0, 50)
+    trace = travelled(engine, scene_of(tmp_path, BALL, at(z=2.0)), 50, clearances=[watch])
     assert [near.distance + 0.2 for near in told(trace, watch)] == pytest.approx(trace.base_position_xyz[:, 2].tolist())
 
 

@@ -16,7 +16,7 @@ import junitparser
 import pytest
 
 from sim_action.results.output_folder import locked
-from tests.integration.conftest import sim_action
+from tests.integration.conftest import interpreter, sim_action
 
 ROOT = Path(__file__).parents[2]
 TUTORIAL = str(ROOT / "examples/turtlebot3/straight_line.sim.yml")
@@ -356,14 +356,7 @@ def all_imported(folder: Path, arguments: tuple[str, ...]) -> set[str]:
     (folder / "a.sim.yml").write_text(VALID.format(name="a"))
     code = "import sys\nfrom sim_action.cli.main import call\ncall(sys.argv[1:])\nprint(*sys.modules)"
     outside_of_github = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
-    ran = subprocess.run(
-        [sys.executable, "-c", code, *arguments],
-        cwd=folder,
-        env={**outside_of_github, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    ran = interpreter(folder, "-c", code, *arguments, env={**outside_of_github, "PYTHONPATH": str(ROOT)})
     return set(ran.stdout.splitlines()[-1].split())
 
 

@@ -17,7 +17,7 @@ from sim_action.scenario.loading import build_scene
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.trace import Trace
 from sim_action.world import GRAVITY, Body, Ground, World
-from tests.integration.engines import advance, at, push, running, scene_of
+from tests.integration.engines import advance, at, running, scene_of, travelled
 from tests.scenarios import load
 from tests.traces import START
 
@@ -52,9 +52,9 @@ def test_the_impulse_of_an_impact_is_the_change_of_momentum_at_every_rate(
     found, expected = [], []
     for rate in RATES:
         world = World(ground=Ground(friction=0), objects=(WALL.model_copy(update={"friction": 0.0}),))
-        with running(engine, scene_of(tmp_path, shape, at(), world, rate=rate), contacts=True) as backend:
-            push(backend, (normal, along, 0))
-            trace = advance(backend, 0, rate)
+        trace = travelled(
+            engine, scene_of(tmp_path, shape, at(), world, rate=rate), rate, start=((normal, along, 0),), contacts=True
+        )
         found.append(greatest_mean(trace, rate) * 0.05)
         expected.append(MASS * (normal - float(trace.base_linear_xyz[-1, 0])))
         assert normal * MASS * 0.95 <= expected[-1] <= normal * MASS * 1.6

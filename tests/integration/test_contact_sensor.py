@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from sim_action.engines import installed
-from sim_action.scenario.loading import build_scene
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from sim_action.state.trace_records import SensorRecord
 from sim_action.world import GRAVITY
-from tests.scenarios import load
+from tests.simulated import simulated
 from tests.traces import burger
 
 every_engine = pytest.mark.parametrize("engine", installed())
@@ -37,8 +36,7 @@ trace: {{rate: 240 Hz}}
 
 
 def run(folder: Path, engine: str, speed: float, sensors: str = f"sensors:\n{SENSORS}") -> SimulationRun:
-    loaded = load(folder, f"{SCENARIO.replace('SPEED', str(speed))}{sensors}backend: {engine}\n")
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(folder, f"{SCENARIO.replace('SPEED', str(speed))}{sensors}backend: {engine}\n")
 
 
 def forces(records: Mapping[str, SensorRecord]) -> dict[str, float]:

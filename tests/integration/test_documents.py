@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from sim_action.engines import installed
+from tests.integration.conftest import interpreter
 
 ROOT = Path(__file__).parents[2]
 
@@ -19,14 +19,8 @@ def blocks(language: str, page: str) -> list[str]:
 
 
 def run(folder: Path, engine: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "sim_action", "run", "--backend", engine, "--no-report", "-v"],
-        cwd=folder,
-        env={"PYTHONPATH": str(ROOT), "PATH": "", "COLUMNS": "120"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    words = ("-m", "sim_action", "run", "--backend", engine, "--no-report", "-v")
+    return interpreter(folder, *words, env={"PYTHONPATH": str(ROOT), "PATH": "", "COLUMNS": "120"})
 
 
 CONTROLLED = """\

@@ -12,7 +12,7 @@ from sim_action.core.field_types import Placement
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.state.command import NO_PUSH, BasePush, JointTargets
 from sim_action.state.trace import Trace
-from tests.integration.engines import advance, at, on_every_engine, running, scene_of
+from tests.integration.engines import advance, at, on_every_engine, running, scene_of, travelled
 
 pytestmark = on_every_engine
 
@@ -98,6 +98,7 @@ def test_a_torque_turns_a_wheel_together_with_the_rotor_of_its_motor(
     engine: str, rotors: dict[str, float], inertia: float, tmp_path: Path
 ) -> None:
     robot = Robot(model="robot.urdf", base="fixed", pose=Placement(z=1.0))
-    with running(engine, replace(scene_of(tmp_path, WHEEL, robot), rotors=rotors)) as backend:
-        trace = advance(backend, 0, 240, JointTargets(effort={"axle": 2.0}))
+    trace = travelled(
+        engine, replace(scene_of(tmp_path, WHEEL, robot), rotors=rotors), 240, JointTargets(effort={"axle": 2.0})
+    )
     assert trace.joint_velocity[-1, 0] == pytest.approx(2.0 / inertia, rel=1e-6)

@@ -8,7 +8,6 @@ from the last, at rest. All are as measured, and a little.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -19,10 +18,9 @@ import numpy as np
 import pytest
 
 from sim_action.commands.waypoints import Leg, Point
-from sim_action.core.permissions import Permissions
-from sim_action.scenario.loading import build_scene, load_scenario
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from tests.integration.engines import on_every_engine
+from tests.simulated import simulated
 from tools.bench.robots import BURGER, ROBOTS
 
 PATH: Final = ((1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.5, 0.5), (1.5, 0.5))
@@ -88,7 +86,6 @@ KNOWN: Final = {known.name: known for known in (BURGER, *ROBOTS)}
 
 
 def run(folder: Path, follower: Follower, engine: str) -> SimulationRun:
-    pytest.importorskip(engine)
     known = KNOWN[follower.name]
     scenario = {
         "name": "five waypoints",
@@ -99,10 +96,7 @@ def run(folder: Path, follower: Follower, engine: str) -> SimulationRun:
         "trace": {"rate": RATE},
         "backend": engine,
     }
-    path = folder / "waypoints.sim.yml"
-    path.write_text(json.dumps(scenario))
-    loaded = load_scenario(path, Permissions(outside=True))
-    done = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    done = simulated(folder, scenario, outside=True)
     assert all(verdict.passed for verdict in done.verdicts)
     return done
 

@@ -10,8 +10,9 @@ import pytest
 
 from sim_action.core.errors import BadStart
 from sim_action.scenario.loading import build_scene, load_scenario
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from tests.integration.engines import on_every_engine, running
+from tests.simulated import simulated
 from tests.worlds import write_map
 
 pytestmark = on_every_engine
@@ -32,10 +33,7 @@ DEFAULTS = {"pose": "{}", "world": "{}", "twist": "{linear: 0.2}", "sensor": "im
 
 def run(engine: str, folder: Path, **said: object) -> SimulationRun:
     pytest.importorskip(engine, reason=f"{engine} is not installed")
-    path = folder / "it.sim.yml"
-    path.write_text(SCENARIO.format(**{**DEFAULTS, **said, "engine": engine}))
-    loaded = load_scenario(path)
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(folder, SCENARIO.format(**{**DEFAULTS, **said, "engine": engine}))
 
 
 def came(run: SimulationRun) -> tuple[float, float]:

@@ -12,7 +12,6 @@ by as much.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -22,11 +21,10 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-from sim_action.core.permissions import Permissions
-from sim_action.scenario.loading import build_scene, load_scenario
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from sim_action.state.trace import FloatArray, Trace
 from tests.integration.engines import on_every_engine
+from tests.simulated import simulated
 from tools.bench.robots import BURGER, ROBOTS, KnownRobot
 
 RATE: Final = 240
@@ -122,7 +120,6 @@ def segments(shape: str, robot: Driven) -> list[Segment]:
 
 def run(folder: Path, known: KnownRobot, twist: list[Segment], **parts: Any) -> SimulationRun:
     """Drives, and then stands for 5 s; in PyBullet, if nobody says otherwise."""
-    pytest.importorskip(parts.get("backend", "pybullet"))
     seconds = sum(segment["for"] for segment in twist) + 5
     scenario = {
         "name": "drives",
@@ -134,10 +131,7 @@ def run(folder: Path, known: KnownRobot, twist: list[Segment], **parts: Any) -> 
         "backend": "pybullet",
         **parts,
     }
-    path = folder / "drives.sim.yml"
-    path.write_text(json.dumps(scenario))
-    loaded = load_scenario(path, Permissions(outside=True))
-    done = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    done = simulated(folder, scenario, outside=True)
     assert all(verdict.passed for verdict in done.verdicts)
     return done
 

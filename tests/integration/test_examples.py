@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 import subprocess
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from sim_action.assertions import ASSERTIONS
 from sim_action.engines import installed
 from tests import examples
-from tests.integration.conftest import fresh_sim_action
+from tests.integration.conftest import fresh_sim_action, outcomes
 from tests.integration.conftest import sim_action as warm_sim_action
 from tests.ros.ros1.launches import missing_ros
 from tests.ros.ros2.nodes import missing_ros as missing_ros2
@@ -34,11 +32,6 @@ EXAMPLES = [path for path in examples.EXAMPLES if can_run(path.read_text(encodin
 
 def sim_action(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return warm_sim_action(folder, *arguments, COLUMNS="120")
-
-
-def outcomes(folder: Path) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = json.loads((folder / "sim-results/results.json").read_text())["outcomes"]
-    return found
 
 
 OF_NODES = [path for path in EXAMPLES if re.search(r"^  ros[12]:", path.read_text(encoding="utf-8"), re.MULTILINE)]

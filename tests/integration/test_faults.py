@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from pathlib import Path
 from typing import Final
 
 import pytest
 
 from sim_action.results.results_json import Results
+from tests.integration.conftest import interpreter
 from tests.scenarios import LEAST
 
 ROOT: Final = Path(__file__).parents[2]
@@ -48,14 +48,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def called(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "faulty.py", *arguments],
-        cwd=folder,
-        env={"PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return interpreter(folder, "faulty.py", *arguments, env={"PYTHONPATH": str(ROOT)})
 
 
 def test_it_is_an_error_of_that_scenario_and_the_others_run(folder: Path) -> None:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from sim_action.scenario.loading import build_scene
-from sim_action.simulation.loop import simulate
 from sim_action.state.verdict import Verdict
 from tests.integration.engines import on_every_engine
-from tests.scenarios import load
+from tests.simulated import simulated
 
 GRIPPER = Path(__file__).parents[2] / "examples/assertions/gripper.urdf"
 CUBE = {"name": "cube", "box": [0.05, 0.05, 0.05], "mass": 0.2, "pose": {"z": 0.025}}
@@ -35,8 +32,7 @@ def run(
     }
     if commands:
         scenario["commands"] = commands
-    loaded = load(folder, json.dumps(scenario))
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None).verdicts
+    return simulated(folder, scenario).verdicts
 
 
 @on_every_engine

@@ -12,25 +12,24 @@ from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose
 from sim_action.engines import installed
 from sim_action.robot.model.robot_spec import Robot
-from sim_action.scenario.loading import build_scene
 from sim_action.sensors import Mount
 from sim_action.sensors.imu import Imu
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from sim_action.state.command import JointTargets
 from sim_action.state.trace_records import SensorRecord
 from sim_action.world import GRAVITY
 from tests.integration.engines import advance, on_every_engine, running, scene_of
 from tests.integration.test_probe import ARM
-from tests.scenarios import LEAST, load
+from tests.scenarios import LEAST
 from tests.sensors.stubs import sight_of
+from tests.simulated import simulated
 
 SENSOR = "sensors:\n  - {imu: {}, rate: 20 Hz, pose: {x: 0.1, z: 0.05}, trace: true}\n"
 
 
 def run(folder: Path, engine: str, twist: str, sensor: str = SENSOR) -> SimulationRun:
     text = LEAST.replace("{linear: 1.0}", twist).replace("travel: {at_least: 1.5 m}", "upright: {}")
-    loaded = load(folder, text.replace("30 s", "3 s") + f"{sensor}backend: {engine}\n")
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(folder, text.replace("30 s", "3 s") + f"{sensor}backend: {engine}\n")
 
 
 def record(folder: Path, engine: str, twist: str) -> SensorRecord:

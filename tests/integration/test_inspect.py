@@ -15,7 +15,7 @@ from sim_action.robot.model.kinematics import link_poses, robot_box
 from sim_action.robot.reading.loading import load_model
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
-from tests.integration.conftest import sim_action
+from tests.integration.conftest import outcomes, sim_action
 from tests.ros_workspace import ros_workspace
 from tools.bench.robots import ROBOTS, WORKSPACE, KnownRobot
 
@@ -111,7 +111,7 @@ def run(folder: Path, block: str, **rest: object) -> dict[str, Any]:
     (folder / "pasted.sim.yml").write_text(block + yaml.safe_dump(spec))
     ran = sim_action(folder, "run", "--allow-outside", "pasted.sim.yml")
     assert ran.returncode == 0, ran.stdout + ran.stderr
-    (outcome,) = json.loads((folder / "sim-results/results.json").read_text())["outcomes"]
+    (outcome,) = outcomes(folder)
     return dict(outcome)
 
 

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from sim_action.engines import installed
 from tests.installed_packages import ASSERTION, ROOT, WOBBLE, install_assertion, install_wobble
+from tests.integration.conftest import interpreter, outcomes
 
 STILL = """\
 name: {name}
@@ -27,19 +25,7 @@ time_limit: 0.2 s
 def python(folder: Path, site: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
     outside = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
     path = os.pathsep.join((str(ROOT), str(site)))
-    return subprocess.run(
-        [sys.executable, *arguments],
-        cwd=folder,
-        env={**outside, "PYTHONPATH": path, **variables},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-
-
-def outcomes(folder: Path) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = json.loads((folder / "sim-results/results.json").read_text())["outcomes"]
-    return found
+    return interpreter(folder, *arguments, env={**outside, "PYTHONPATH": path, **variables})
 
 
 @pytest.fixture

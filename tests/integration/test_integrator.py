@@ -17,7 +17,7 @@ from sim_action.robot.model.robot_spec import Robot
 from sim_action.simulation.energy import Mechanics
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import FloatArray, Trace
-from tests.integration.engines import advance, at, on_every_engine, running, scene_of
+from tests.integration.engines import at, on_every_engine, scene_of, travelled
 
 pytestmark = on_every_engine
 
@@ -83,16 +83,14 @@ def swung(engine: str, folder: Path, rate: float, seconds: float) -> tuple[Trace
         model="robot.urdf", base="fixed", pose=Placement(z=5), joints={"upper_joint": "90 deg", "lower_joint": "90 deg"}
     )
     scene = scene_of(folder, PENDULUM, robot, rate=rate)
-    with running(engine, scene) as backend:
-        trace = advance(backend, 0, round(seconds * rate))
+    trace = travelled(engine, scene, round(seconds * rate))
     return trace, Mechanics(scene.model, scene.world.gravity_xyz)
 
 
 @pytest.mark.parametrize(("rate", "short_mm"), [(240.0, 24.5), (960.0, 6.1)])
 def test_a_fall_is_short_by_half_a_step_of_its_speed(engine: str, rate: float, short_mm: float, tmp_path: Path) -> None:
     seconds = 1.2
-    with running(engine, scene_of(tmp_path, BALL, at(50.0), rate=rate)) as backend:
-        trace = advance(backend, 0, round(seconds * rate))
+    trace = travelled(engine, scene_of(tmp_path, BALL, at(50.0), rate=rate), round(seconds * rate))
     fallen = 50.0 - float(trace.base_position_xyz[-1, 2])
     assert fallen - G * seconds**2 / 2 == pytest.approx(G * seconds / rate / 2, rel=1e-3)
     assert 1e3 * (fallen - G * seconds**2 / 2) == pytest.approx(short_mm, abs=0.05)
@@ -103,8 +101,7 @@ def test_a_fall_is_short_by_half_a_step_of_its_speed(engine: str, rate: float, s
 def test_a_pendulum_has_the_exact_period(engine: str, degrees: float, tmp_path: Path) -> None:
     urdf = f'<robot name="it"><link name="base"/>{rod("upper", "base", "0 0 0")}</robot>'
     robot = Robot(model="robot.urdf", base="fixed", pose=Placement(z=5), joints={"upper_joint": f"{degrees} deg"})
-    with running(engine, scene_of(tmp_path, urdf, robot)) as backend:
-        trace = advance(backend, 0, 4800)
+    trace = travelled(engine, scene_of(tmp_path, urdf, robot), 4800)
     angle, time = trace.joint_position[:, 0], trace.time
     before = np.flatnonzero((angle[:-1] < 0) & (angle[1:] >= 0))
     crossings = time[before] - angle[before] * (time[before + 1] - time[before]) / (angle[before + 1] - angle[before])
@@ -143,8 +140,12 @@ def test_an_arm_that_torques_swing_fast_is_off(
     engine: str, rate: float, off_deg: tuple[float, float], tmp_path: Path
 ) -> None:
     robot = Robot(model="robot.urdf", base="fixed", pose=Placement(z=5), joints={"lower_joint": "30 deg"})
-    with running(engine, scene_of(tmp_path, PENDULUM, robot, rate=rate)) as backend:
-        trace = advance(backend, 0, round(0.5 * rate), JointTargets(effort={"upper_joint": 40.0}))
+    trace = travelled(
+        engine,
+        scene_of(tmp_path, PENDULUM, robot, rate=rate),
+        round(0.5 * rate),
+        JointTargets(effort={"upper_joint": 40.0}),
+    )
     reference = exact((0.0, math.radians(30)), lambda _: 40.0, 0.5, G)
     assert np.degrees(np.abs(trace.joint_position[-1] - reference)) == pytest.approx(off_deg, abs=0.06)
     assert trace.joint_velocity[-1, 0] == pytest.approx(9.3, abs=0.3)

@@ -13,7 +13,7 @@ import pytest
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.simulation.energy import Mechanics
 from sim_action.state.command import JointTargets
-from tests.integration.engines import advance, at, on_every_engine, running, scene_of
+from tests.integration.engines import advance, at, on_every_engine, running, scene_of, travelled
 
 pytestmark = on_every_engine
 
@@ -48,8 +48,7 @@ def test_an_arm_sinks_at_the_speed_at_which_its_damping_carries_its_weight(
 ) -> None:
     # Through the damping, about a level axis or a slanted one, a tip at 0.1 m sinks slowly.
     urdf = robot(link("base", 1.0, 1.0), link("arm", com="0.1 0 0"), joint("j", "base>arm", axis, damping))
-    with running(engine, scene_of(tmp_path, urdf, FIXED)) as backend:
-        trace = advance(backend, 0, 12)
+    trace = travelled(engine, scene_of(tmp_path, urdf, FIXED), 12)
     share = float(axis.split()[1])
     if damping >= 5:
         assert trace.joint_velocity[-1, 0] == pytest.approx(share * 0.1 * G * 0.1 / damping, rel=0.02)
@@ -82,8 +81,7 @@ def test_a_chain_of_damped_joints_moves_as_with_small_steps(engine: str, damping
 
 def test_damping_calms_a_joint_of_a_light_base_too(engine: str, tmp_path: Path) -> None:
     urdf = robot(link("base"), link("arm", com="0.1 0 0"), joint("j", "base>arm", "0 1 0", 5.0))
-    with running(engine, scene_of(tmp_path, urdf, at(5.0))) as backend:
-        trace = advance(backend, 0, 120, JointTargets(effort={"j": 1.0}))
+    trace = travelled(engine, scene_of(tmp_path, urdf, at(5.0)), 120, JointTargets(effort={"j": 1.0}))
     # Both parts fall alike, so the effort alone turns the joint.
     assert trace.joint_velocity[-1, 0] == pytest.approx(0.2, rel=0.02)
     assert abs(trace.turn_rate[-1]) < 1.0

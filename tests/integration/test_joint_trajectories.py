@@ -10,7 +10,6 @@ Without knowing how fast their targets move, the same servos are behind by 3 to 
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,11 +18,10 @@ from typing import Final
 import numpy as np
 import pytest
 
-from sim_action.core.permissions import Permissions
-from sim_action.scenario.loading import build_scene, load_scenario
-from sim_action.simulation.loop import simulate
+from sim_action.scenario.loading import build_scene
 from sim_action.state.trace import FloatArray, Trace
 from tests.integration.engines import on_every_engine
+from tests.simulated import simulated
 from tools.bench.robots import ROBOTS
 
 pytestmark = pytest.mark.pybullet
@@ -34,7 +32,6 @@ PHYSICS_RATE: Final = 240
 
 def run(folder: Path, name: str, engine: str, commands: object, **robot: object) -> Trace:
     """Five seconds, and one more, of a robot that does as it is told."""
-    pytest.importorskip(engine, reason=f"{engine} is not installed")
     known = KNOWN[name]
     scenario = {
         "name": name,
@@ -47,10 +44,7 @@ def run(folder: Path, name: str, engine: str, commands: object, **robot: object)
         "time_limit": 6,
         "trace": {"rate": PHYSICS_RATE},
     }
-    path = folder / "s.sim.yml"
-    path.write_text(json.dumps(scenario))
-    loaded = load_scenario(path, Permissions(outside=True))
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None).trace
+    return simulated(folder, scenario, outside=True).trace
 
 
 @dataclass(frozen=True)

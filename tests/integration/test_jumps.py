@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.integration.conftest import sim_action
+from tests.integration.conftest import outcomes, sim_action
 
 pytestmark = pytest.mark.pybullet
 
@@ -45,7 +45,7 @@ def verdicts(folder: Path, jump: str, time: float, *expected: Any, **keys: Any) 
     (folder / "teleport.sim.yml").write_text(json.dumps(scenario))
     ran = sim_action(folder, "run", "teleport.sim.yml")
     assert ran.returncode == 1, ran.stdout + ran.stderr
-    found: list[dict[str, Any]] = json.loads((folder / "sim-results/results.json").read_text())["outcomes"]
+    found: list[dict[str, Any]] = outcomes(folder)
     return [expectation["verdict"] for expectation in found[0]["expectations"]]
 
 

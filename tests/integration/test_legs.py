@@ -10,14 +10,13 @@ import mujoco
 import pytest
 
 from sim_action.robot.model.link_motion import centre_of_mass
-from sim_action.scenario.loading import build_scene
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from sim_action.state.command import JointTargets
 from sim_action.state.verdict import Verdict
 from sim_action.world import World
 from tests.integration.engines import advance, at, on_every_engine, running, scene_of
 from tests.integration.test_link_contacts import GRAVITY, table
-from tests.scenarios import load
+from tests.simulated import simulated
 
 CRANE = Path(__file__).parents[2] / "examples/assertions/crane.urdf"
 # The table: a plate of 5 kg on four balls of 200 g, and 0.3 m between its middle and theirs.
@@ -35,8 +34,7 @@ def run(tmp_path: Path, engine: str, *expect: dict[str, Any], urdf: str = "", **
         "backend": engine,
         **keys,
     }
-    loaded = load(tmp_path, repr(scenario).replace("'", '"').replace("True", "true"))
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(tmp_path, repr(scenario).replace("'", '"').replace("True", "true"))
 
 
 def barely(tmp_path: Path, engine: str, margin: float, **keys: Any) -> tuple[Verdict, ...]:

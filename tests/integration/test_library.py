@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import json
 import pickle
 import shutil
 import subprocess
@@ -20,6 +19,7 @@ from sim_action import Results, Scenario, load, run, validate
 from sim_action.errors import InvalidScenario, MissingScenario, SimActionError, UsageError
 from sim_action.parts import Travel, Upright
 from sim_action.results.events import Finished, Started
+from tests.integration.conftest import outcomes
 from tests.integration.conftest import sim_action as command_line
 
 FILE = """\
@@ -60,7 +60,7 @@ def folder(tmp_path: Path) -> Path:
 def test_results_are_those_of_the_command_line(folder: Path) -> None:
     results = run(folder)
     assert command_line(folder, "run", "--quiet").returncode == results.exit_code == 1
-    theirs = json.loads((folder / "sim-results/results.json").read_text())["outcomes"]
+    theirs = outcomes(folder)
     assert [(each.name, each.status, each.digest) for each in results] == [
         (each["name"], each["status"], each["digest"]) for each in theirs
     ]

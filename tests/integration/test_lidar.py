@@ -13,11 +13,12 @@ from sim_action.core.geometry import Pose, compose, quaternion_from_rpy, rotate
 from sim_action.engines import installed
 from sim_action.robot.model.kinematics import link_poses
 from sim_action.scenario.loading import build_scene
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from sim_action.state.trace import Trace
 from tests.integration.ray_oracle import Floats, first_hits
 from tests.integration.test_rays import TOLERANCES
 from tests.scenarios import load
+from tests.simulated import simulated
 
 pytestmark = pytest.mark.parametrize("engine", installed())
 
@@ -61,8 +62,7 @@ time_limit: 10 s
 
 def run(folder: Path, text: str, engine: str, seed: int = 0) -> SimulationRun:
     shutil.copy(EXAMPLE / "follow_wall.py", folder)
-    loaded = load(folder, f"{text}seed: {seed}\nbackend: {engine}\n")
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(folder, f"{text}seed: {seed}\nbackend: {engine}\n")
 
 
 def sensor_poses(trace: Trace, base_to_sensor: Pose) -> list[Pose]:

@@ -24,6 +24,7 @@ from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.trace import FloatArray
 from tests.integration.engines import on_every_engine
 from tests.robot.model.test_inverse_kinematics import INERTIAL, joint, limits
+from tests.simulated import simulated
 from tools.bench.robots import ROBOTS
 
 EXAMPLE: Final = Path(__file__).parents[2] / "examples/ur5e_gripper/pick_and_place.sim.yml"
@@ -151,8 +152,5 @@ def test_a_gripper_that_stays_open_carries_nothing(engine: str, tmp_path: Path) 
     text = EXAMPLE.read_text(encoding="utf-8")
     opened = text.replace("effort: {left_finger_joint: 60 N}", "effort: {left_finger_joint: -5 N}")
     assert opened != text
-    path = tmp_path / "s.sim.yml"
-    path.write_text(f"backend: {engine}\n{opened}")
-    loaded = load_scenario(path)
-    done = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    done = simulated(tmp_path, f"backend: {engine}\n{opened}")
     assert next(verdict.status for verdict in done.verdicts) == "failed"

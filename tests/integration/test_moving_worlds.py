@@ -19,6 +19,7 @@ from sim_action.world import GRAVITY, World
 from sim_action.world.scene import Scene
 from tests.integration.engines import advance, at, on_every_engine, running, scene_of
 from tests.scenarios import load
+from tests.simulated import simulated
 
 RATE = 240
 
@@ -326,8 +327,7 @@ def test_a_run_that_was_over_too_early_says_so(engine: str, tmp_path: Path) -> N
         "commands: {twist: [{linear: 0.2}]}\nexpect: [{travel: {at_least: 20 cm}}]\n"
         "world: {disturbances: [{at: 0.5 s, velocity: [0, 0, 0.1]}, {at: 3 s, velocity: [0, 0.1, 0]}]}\n"
     )
-    loaded = load(tmp_path, text)
-    ran = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    ran = simulated(tmp_path, text)
     assert [finding.message for finding in ran.findings] == [
         f"world.disturbances[1] never began: it is due at 3 s, but the run ended at {ran.sim_time:.4g} s"
     ]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import junitparser
 import pytest
 
-from tests.integration.conftest import sim_action
+from tests.integration.conftest import outcomes, sim_action
 
 # The first reading comes at 1 s, after the window of the expectation has closed.
 UNREAD = """\
@@ -37,7 +36,7 @@ def test_every_report_shows_that_it_was_not_exercised(tmp_path: Path) -> None:
     assert (suite.tests, suite.failures, suite.errors) == (2, 0, 1)
     ((error,),) = (case.result for case in suite if case.result)
     assert (type(error), error.type) == (junitparser.Error, "not_exercised")
-    (outcome,) = json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"]
+    (outcome,) = outcomes(tmp_path)
     assert outcome["status"] == "not_exercised"
     unread, upright = (expected["verdict"]["judged"] for expected in outcome["expectations"])
     assert unread == {"moments": 0, "first": None, "last": None}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -10,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_action.scenario.loading import build_scene
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from tests.integration.engines import on_every_engine
-from tests.scenarios import load
+from tests.simulated import simulated
 
 GRAVITY = 9.80665
 RATE = 240
@@ -46,8 +44,7 @@ def run(folder: Path, engine: str, *asked: dict[str, Any], **keys: Any) -> Simul
         "backend": engine,
         **keys,
     }
-    loaded = load(folder, json.dumps(scenario))
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(folder, scenario)
 
 
 def fallen(steps: int) -> float:

@@ -12,7 +12,6 @@ too, is half a step of turning by which the engines' steps are off an arc.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -21,12 +20,11 @@ from typing import Final
 import numpy as np
 import pytest
 
-from sim_action.core.permissions import Permissions
-from sim_action.scenario.loading import build_scene, load_scenario
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from sim_action.state.trace import FloatArray
 from tests.integration.engines import BALL, on_every_engine
 from tests.scenarios import LEAST, told
+from tests.simulated import simulated
 from tests.traces import WHEELS
 from tools.bench.robots import ROBOTS
 
@@ -118,7 +116,6 @@ every_robot = pytest.mark.parametrize(
 
 
 def run(folder: Path, engine: str, robot: Rolling, twist: Twist, *, sensor: bool = True) -> SimulationRun:
-    pytest.importorskip(engine, reason=f"{engine} is not installed")
     scenario = {
         "name": "it",
         "robot": {"model": robot.model, **robot.keys},
@@ -129,10 +126,7 @@ def run(folder: Path, engine: str, robot: Rolling, twist: Twist, *, sensor: bool
         "time_limit": TIME,
         "trace": {"rate": RATE},
     }
-    path = folder / "s.sim.yml"
-    path.write_text(json.dumps(scenario))
-    loaded = load_scenario(path, Permissions(outside=True))
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(folder, scenario, outside=True)
 
 
 def drift(found: SimulationRun) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from sim_action.engines import ENGINES, chosen
 from sim_action.engines.engine import Engine
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
+from tests.simulated import simulated
 
 SEPARATION = 0.160
 ACCELERATION = 1.0
@@ -127,10 +128,7 @@ def test_a_robot_that_sinks_while_it_settles_is_told_of(tmp_path: Path) -> None:
     inertia = '<inertial><mass value="1"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
     leg = '<collision><origin xyz="0.1 0 0"/><geometry><box size="0.02 0.02 0.5"/></geometry></collision>'
     (tmp_path / "leg.urdf").write_text(f'<robot name="r"><link name="base">{inertia}{leg}</link></robot>')
-    path = tmp_path / "leg.sim.yml"
-    path.write_text("name: leg\nrobot: {model: leg.urdf}\nexpect: [upright]\ntime_limit: 1 s\n")
-    loaded = load_scenario(path)
-    run = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    run = simulated(tmp_path, "name: leg\nrobot: {model: leg.urdf}\nexpect: [upright]\ntime_limit: 1 s\n")
     assert any(
         note.startswith("while the robot settled, before t = 0, its base link 'base' tilted by") for note in run.notes
     )

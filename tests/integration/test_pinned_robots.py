@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from sim_action.core.errors import SimulationUnstable
-from sim_action.core.permissions import Permissions
-from sim_action.scenario.loading import build_scene, load_scenario
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from tests.integration.engines import on_every_engine
 from tests.integration.test_bolted_contacts import ARM, BASE, INERTIAL
+from tests.simulated import simulated
 
 BLOCK = """
 <robot name="block"><link name="block">
@@ -33,16 +31,12 @@ def press(squeeze: float) -> dict[str, Any]:
 
 
 def run(folder: Path, engine: str, urdf: str, *objects: dict[str, Any], **keys: Any) -> SimulationRun:
-    pytest.importorskip(engine, reason=f"{engine} is not installed")
     (folder / "robot.urdf").write_text(urdf)
     asked = (
         [{"joint": {"name": "shoulder", "at_most": "1 rad"}}] if "shoulder" in urdf else [{"travel": {"at_most": 5}}]
     )
     scenario = {"name": "s", "backend": engine, "robot": {"model": "robot.urdf"}, "world": {"objects": objects}}
-    path = folder / "s.sim.yml"
-    path.write_text(json.dumps({**scenario, "expect": asked, "duration": 2, "time_limit": 2, **keys}))
-    loaded = load_scenario(path, Permissions())
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(folder, {**scenario, "expect": asked, "duration": 2, "time_limit": 2, **keys})
 
 
 def block(mass: float) -> str:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from sim_action.engines import installed
-from tests.integration.conftest import fresh_sim_action, sim_action
+from tests.integration.conftest import fresh_sim_action, outcomes, sim_action
 from tests.onnx_files import DOUBLE, balance, linear
 
 ROOT = Path(__file__).parents[2]
@@ -42,11 +40,6 @@ def control(observation, springs, dampers):
 """
 # Powers of two: the products are exact, so both ways round once.
 SPRINGS, DAMPERS = (-64.0, -16.0), (-2.0, -0.25)
-
-
-def outcomes(folder: Path) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = json.loads((folder / "sim-results/results.json").read_text())["outcomes"]
-    return found
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import subprocess
 import xml.etree.ElementTree as ET
@@ -13,7 +12,7 @@ import pytest
 
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
-from tests.integration.conftest import sim_action
+from tests.integration.conftest import outcomes, sim_action
 from tests.soak import soaked
 
 SCENARIO = """\
@@ -245,4 +244,4 @@ def test_it_may_be_asked_for_elsewhere(way: str, tmp_path: Path) -> None:
     repeats = outcome(tmp_path).repeats
     assert repeats
     assert repeats.count == 2
-    assert json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"][0]["repeats"]["agreed"] == 2
+    assert outcomes(tmp_path)[0]["repeats"]["agreed"] == 2

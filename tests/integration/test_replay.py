@@ -10,7 +10,8 @@ import pytest
 from sim_action.engines import installed
 from tests.commands.logs import bags
 from tests.commands.logs.bags import WRITERS, csv_file, drive, joint_state, joints, mcap_file, ros1_bag, ros2_bag
-from tests.integration.test_examples import outcomes, sim_action
+from tests.integration.conftest import outcomes
+from tests.integration.test_examples import sim_action
 
 TWISTS = [(n / 20, 0.2 if n < 40 else 0.1, 0.5 if n % 40 < 20 else -0.3) for n in range(61)] + [(3.05, 0.0, 0.0)]
 

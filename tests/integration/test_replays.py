@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from sim_action.recording.replay.replay_file import read_replay
-from tests.integration.conftest import sim_action
+from tests.integration.conftest import outcomes, sim_action
 
 DRIVES = """\
 name: burger drives on
@@ -26,7 +25,7 @@ def control(observation):
 
 
 def outcome(folder: Path) -> dict[str, Any]:
-    found: list[dict[str, Any]] = json.loads((folder / "sim-results/results.json").read_text())["outcomes"]
+    found: list[dict[str, Any]] = outcomes(folder)
     assert len(found) == 1
     return found[0]
 

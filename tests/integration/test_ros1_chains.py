@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.integration.test_examples import outcomes, sim_action
+from tests.integration.conftest import outcomes
+from tests.integration.test_examples import sim_action
 from tests.ros.ros1.launches import needs_ros, package
 from tests.soak import soaked
 

@@ -12,8 +12,9 @@ from typing import Any
 
 import pytest
 
+from tests.integration.conftest import outcomes
 from tests.integration.marked_processes import wait_for, wait_until
-from tests.integration.test_examples import ROOT, outcomes, sim_action
+from tests.integration.test_examples import ROOT, sim_action
 from tests.ros.ros1.launches import needs_ros, package
 
 pytestmark = needs_ros

@@ -9,9 +9,10 @@ import pytest
 
 from sim_action.engines import ENGINES, installed
 from sim_action.scenario.loading import build_scene
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from sim_action.state.command import JointTargets
 from tests.scenarios import load
+from tests.simulated import simulated
 
 WHEEL: Final = """\
 <robot name="wheel">
@@ -39,8 +40,7 @@ def run(folder: Path, engine: str, targets: str) -> SimulationRun:
     (folder / "ctl.py").write_text(
         f"from sim_action import JointTargets\ndef control(seen): return JointTargets({targets})\n"
     )
-    loaded = load(folder, SCENARIO.format(engine=engine))
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(folder, SCENARIO.format(engine=engine))
 
 
 @pytest.mark.parametrize("engine", installed())
@@ -67,8 +67,7 @@ def test_a_velocity_beyond_the_limit_is_the_limit(engine: str, tmp_path: Path) -
 def test_a_log_saturates_as_a_script_does(engine: str, column: str, tmp_path: Path) -> None:
     scripted = run(tmp_path, engine, f"{column}={{'axle': 50}}")
     (tmp_path / "log.csv").write_text(f"time,{column}.axle\n0,50\n")
-    loaded = load(tmp_path, SCENARIO.format(engine=engine).replace("script: ctl.py", "replay: log.csv"))
-    replayed = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    replayed = simulated(tmp_path, SCENARIO.format(engine=engine).replace("script: ctl.py", "replay: log.csv"))
     assert replayed.digest == scripted.digest
     (note,) = (note for note in scripted.notes if "commanded " in note)
     assert note.replace("ctl.py", "log.csv") in replayed.notes

@@ -6,15 +6,13 @@ import json
 import os
 import re
 import shutil
-import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.integration.conftest import sim_action
+from tests.integration.conftest import interpreter, sim_action
 
 ROOT = Path(__file__).parents[2]
 
@@ -246,13 +244,6 @@ def test_what_is_not_installed_for_an_action_is_not_imported(
         "import sys\nfrom sim_action.cli.main import call\n"
         f"call(sys.argv[1:])\nprint(sorted({absent} & set(sys.modules)))"
     )
-    ran = subprocess.run(
-        [sys.executable, "-c", code, *arguments, *folder],
-        cwd=workspace,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    ran = interpreter(workspace, "-c", code, *arguments, *folder, env={**os.environ, "PYTHONPATH": str(ROOT)})
     assert ran.stdout.splitlines()[-1] == "[]", ran.stdout + ran.stderr
     assert folder == [] or Path(folder[0], "results.json").exists()

@@ -12,7 +12,8 @@ import pytest
 
 from sim_action.engines import installed, named_version
 from sim_action.state.trace_storage import load_trace
-from tests.integration.test_examples import outcomes, sim_action
+from tests.integration.conftest import outcomes
+from tests.integration.test_examples import sim_action
 
 SHARED = """\
 robot: {model: turtlebot3_burger}

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from sim_action.engines import installed
-from sim_action.scenario.loading import build_scene
-from sim_action.simulation.loop import SimulationRun, simulate
-from tests.integration.conftest import sim_action
-from tests.scenarios import load
+from sim_action.simulation.loop import SimulationRun
+from tests.integration.conftest import outcomes, sim_action
+from tests.simulated import simulated
 
 SCENARIO = """\
 name: burger
@@ -29,7 +28,7 @@ time_limit: 4 s
 def outcome(folder: Path, expectation: str, *arguments: str) -> dict[str, Any]:
     (folder / "s.sim.yml").write_text(SCENARIO.format(expectation=expectation))
     sim_action(folder, "run", *arguments, "s.sim.yml")
-    (found,) = json.loads((folder / "sim-results/results.json").read_text())["outcomes"]
+    (found,) = outcomes(folder)
     assert isinstance(found, dict)
     return found
 
@@ -148,15 +147,14 @@ backend: {engine}
 """
 
 
-def simulated(folder: Path, formula: str, engine: str) -> SimulationRun:
+def formula_run(folder: Path, formula: str, engine: str) -> SimulationRun:
     (folder / "arm.urdf").write_text(ARM)
-    loaded = load(folder, LIFTING.format(formula=json.dumps(formula), engine=engine))
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(folder, LIFTING.format(formula=json.dumps(formula), engine=engine))
 
 
 @pytest.mark.parametrize("engine", installed())
 def test_bounds_on_links_and_objects_are_barely_kept_or_broken(engine: str, tmp_path: Path) -> None:
-    free = simulated(tmp_path, "always ('tip-1'.z < 1.4 m and distance('tip-1', ball) < 99 m)", engine)
+    free = formula_run(tmp_path, "always ('tip-1'.z < 1.4 m and distance('tip-1', ball) < 99 m)", engine)
     lifted, turning = free.trace.joint_position[:, 0], free.trace.joint_velocity[:, 0]
     ball = free.trace.objects["ball"].position_xyz
     tip = np.column_stack((0.5 * np.cos(lifted), np.zeros(len(lifted)), 1 - 0.5 * np.sin(lifted)))
@@ -175,6 +173,6 @@ def test_bounds_on_links_and_objects_are_barely_kept_or_broken(engine: str, tmp_
             # PyBullet gives distances in single precision.
             slack = (1e-6 if "clearance" in signal else 1e-9) * (1 if name == "max" else -1)
             kept.append(f"{signal} {relation} {float(extreme) + slack!r} {unit}")
-            broken = simulated(tmp_path, f"always ({signal} {relation} {float(extreme) - slack!r} {unit})", engine)
+            broken = formula_run(tmp_path, f"always ({signal} {relation} {float(extreme) - slack!r} {unit})", engine)
             assert not broken.verdicts[0].passed, (signal, name)
-    assert simulated(tmp_path, f"always ({' and '.join(kept)})", engine).verdicts[0].passed
+    assert formula_run(tmp_path, f"always ({' and '.join(kept)})", engine).verdicts[0].passed

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from sim_action.engines import installed
-from sim_action.scenario.loading import build_scene
-from sim_action.simulation.loop import SimulationRun, simulate
-from tests.scenarios import load
+from sim_action.simulation.loop import SimulationRun
+from tests.simulated import simulated
 
 INERTIA = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
 INERTIAL = f'<inertial><mass value="1"/>{INERTIA}</inertial>'
@@ -52,8 +51,7 @@ def control(seen):
 def run(folder: Path, engine: str, text: str, script: str = "") -> SimulationRun:
     (folder / "slider.urdf").write_text(SLIDER)
     (folder / "ctl.py").write_text(script)
-    loaded = load(folder, f"{text}backend: {engine}\n")
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(folder, f"{text}backend: {engine}\n")
 
 
 def cart(folder: Path, engine: str, script: str, keys: str, *, end: float = 1.0) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import tempfile
 from pathlib import Path
@@ -15,13 +14,12 @@ from hypothesis import strategies as st
 
 from sim_action.core.errors import MissedContact, RunError, SimulationUnstable
 from sim_action.core.geometry import quaternion_from_rpy, rotate
-from sim_action.core.permissions import Permissions
-from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.guards import Tunnelling
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from sim_action.state.trace import FloatArray
 from sim_action.world import World
 from tests.integration.engines import at, on_every_engine, running, scene_of
+from tests.simulated import simulated
 from tests.soak import examples
 
 BALL = """
@@ -74,12 +72,8 @@ class Shot(NamedTuple):
 
 
 def run(folder: Path, engine: str, **keys: Any) -> SimulationRun:
-    pytest.importorskip(engine, reason=f"{engine} is not installed")
     scenario = {"name": "s", "backend": engine, "expect": ["no_collision"], "time_limit": 1, **keys}
-    path = folder / "s.sim.yml"
-    path.write_text(json.dumps(scenario))
-    loaded = load_scenario(path, Permissions())
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(folder, scenario)
 
 
 def robot_shot(folder: Path, engine: str, shot: Shot, **wall: Any) -> SimulationRun:

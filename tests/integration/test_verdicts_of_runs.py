@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -13,9 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.engines import installed
-from sim_action.scenario.loading import build_scene
-from sim_action.simulation.loop import SimulationRun, simulate
-from tests.scenarios import load
+from sim_action.simulation.loop import SimulationRun
+from tests.simulated import simulated
 from tests.soak import examples
 
 DURATION_S: Final = 0.75
@@ -77,8 +75,7 @@ def ran(
         "time_limit": limit,
         "backend": engine,
     }
-    loaded = load(folder, json.dumps(scenario))
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(folder, scenario)
 
 
 speeds = st.floats(-0.6, 0.6).map(lambda value: round(value, 3))

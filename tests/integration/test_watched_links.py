@@ -6,7 +6,6 @@ of the base and the joints, and velocities from differences.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -15,12 +14,11 @@ from typing import Any, Final
 import numpy as np
 
 from sim_action.core.geometry import Vector3
-from sim_action.scenario.loading import build_scene
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from sim_action.state.trace import FloatArray, Trace
 from tests.integration.engines import on_every_engine
 from tests.integration.test_probe import INERTIAL
-from tests.scenarios import load
+from tests.simulated import simulated
 
 _LIMIT: Final = '<limit lower="-3" upper="3" effort="50" velocity="10"/>'
 MODEL: Final = f"""\
@@ -224,8 +222,7 @@ def ran(folder: Path, engine: str, expected: list[dict[str, Any]]) -> Simulation
         "time_limit": END_S,
         "backend": engine,
     }
-    loaded = load(folder, json.dumps(scenario))
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(folder, scenario)
 
 
 def on(link: str | None, frame: str, assertion: dict[str, Any]) -> dict[str, Any]:

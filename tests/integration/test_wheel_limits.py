@@ -14,6 +14,7 @@ from sim_action.scenario.loading import build_scene
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.start_checks import BOLTED
 from tests.scenarios import load
+from tests.simulated import simulated
 
 DRIVES: Final = Path(__file__).parents[2] / "examples/drives"
 # In rad/s, of every wheel; their radius is 0.1 m.
@@ -39,8 +40,7 @@ def run(folder: Path, engine: str, drive: str, linear: float, angular: float) ->
     limited = re.sub(r'velocity="50"', f'velocity="{FASTEST}"', (DRIVES / source).read_text())
     (folder / "robot.urdf").write_text(limited)
     text = SCENARIO.format(drive=ROVER.get(drive, ""), linear=linear, angular=angular, engine=engine)
-    loaded = load(folder, text)
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(folder, text)
 
 
 @pytest.mark.parametrize("engine", installed())

@@ -14,7 +14,18 @@ from sim_action.core.geometry import Vector3
 from sim_action.meshes.convex_hull import mass_properties
 from sim_action.world import GRAVITY, Body, Heightfield, MeshFile, OccupancyMap, Ramp, Stairs, World
 from sim_action.world.parts import HullPart
-from tests.integration.engines import BALL, CRATE, advance, at, on_every_engine, one_link, push, running, scene_of
+from tests.integration.engines import (
+    BALL,
+    CRATE,
+    advance,
+    at,
+    on_every_engine,
+    one_link,
+    push,
+    running,
+    scene_of,
+    travelled,
+)
 from tests.worlds import with_files, write_map
 
 pytestmark = on_every_engine
@@ -32,8 +43,7 @@ def slippery(friction: float) -> str:
 def resting(engine: str, folder: Path, world: World, urdf: str, steps: int = 960, **pose: float) -> Vector3:
     """Where a robot comes to lie."""
     scene = with_files(scene_of(folder, urdf, at(**pose), world))
-    with running(engine, scene) as backend:
-        trace = advance(backend, 0, steps)
+    trace = travelled(engine, scene, steps)
     x, y, z = trace.base_position_xyz[-1].tolist()
     return (x, y, z)
 
@@ -41,16 +51,14 @@ def resting(engine: str, folder: Path, world: World, urdf: str, steps: int = 960
 @pytest.mark.parametrize("gravity", [MOON, 9.80665, 25.0])
 def test_things_fall_as_gravity_says(engine: str, gravity: float, tmp_path: Path) -> None:
     scene = scene_of(tmp_path, BALL, at(z=10), World(gravity=gravity))
-    with running(engine, scene) as backend:
-        trace = advance(backend, 0, 200)
+    trace = travelled(engine, scene, 200)
     assert trace.base_position_xyz[-1, 2] == pytest.approx(10 - gravity / 240**2 * 200 * 201 / 2, abs=1e-6)
 
 
 def test_gravity_may_point_anywhere_or_be_none(engine: str, tmp_path: Path) -> None:
     for gravity in ((1.0, -2.0, 3.0), 0.0):
         scene = scene_of(tmp_path, BALL, at(z=10), World.model_validate({"gravity": gravity}))
-        with running(engine, scene) as backend:
-            trace = advance(backend, 0, 240)
+        trace = travelled(engine, scene, 240)
         assert trace.base_linear_xyz[-1] == pytest.approx(gravity or (0, 0, 0), abs=1e-6)
 
 
@@ -78,8 +86,7 @@ def test_a_ball_rolls_down_a_ramp(engine: str, tmp_path: Path) -> None:
     slope = math.radians(15)
     ramp = Body(name="ramp", ramp=Ramp(length=8, width=2, angle=slope), friction=1.0)
     robot = at(x=2.0, z=6 * math.tan(slope) + 0.1 / math.cos(slope))
-    with running(engine, scene_of(tmp_path, BALL, robot, World(objects=(ramp,)))) as backend:
-        trace = advance(backend, 0, 240)
+    trace = travelled(engine, scene_of(tmp_path, BALL, robot, World(objects=(ramp,))), 240)
     # A ball has 5/7 of the acceleration of what slides without friction.
     assert trace.speed[-1] == pytest.approx(5 / 7 * GRAVITY * math.sin(slope), rel=0.01)
 
@@ -238,9 +245,7 @@ def test_walls_are_where_the_map_says(engine: str, way: tuple[int, int], stop: i
     name = write_map(tmp_path, ROOM, origin=[-1.0, -0.5, 0.0])
     walls = Body(name="walls", map=OccupancyMap(file=name, height=0.4), friction=0.0)
     scene = with_files(scene_of(tmp_path, SMALL_BALL, at(x=0, y=0), World(objects=(walls,)), rate=1000))
-    with running(engine, scene, contacts=True) as backend:
-        push(backend, (2.0 * way[0], 2.0 * way[1], 0))
-        trace = advance(backend, 0, 1500)
+    trace = travelled(engine, scene, 1500, start=((2.0 * way[0], 2.0 * way[1], 0),), contacts=True)
     touch = trace.contacts[0]
     axis = 0 if way[0] else 1
     assert touch.body == "walls"
