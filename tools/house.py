@@ -43,6 +43,9 @@ LIMITS: Final[Mapping[str, int]] = {
 # The rows that hold. `make lint` keeps them.
 ENFORCED: Final = frozenset(
     {
+        "modules of sim_action",
+        "modules with a single importer",
+        "circles of modules",
         "imports that run upward",
         "comparisons of a part's key outside the part",
         "lists of engine names outside ENGINES",
