@@ -21,9 +21,9 @@ ENGINES: Final = frozenset(
 
 GATED: Final = {
     "assertions/follow_path.py": "Workspace.file",
-    "commands/logs/csv_log.py": "Workspace.file_or_folder",
     "commands/logs/rosbag.py": "Workspace.file_or_folder, and Workspace.file for each file in the folder",
     "commands/onnx_network.py": "Workspace.file",
+    "commands/replay.py": "Workspace.file_or_folder",
     "core/user_scripts.py": "Workspace.file",
     "meshes/__init__.py": "Packages.file, or Workspace.file for meshes of the world",
     "meshes/collada.py": "beside a mesh that was let through: only a name without folders, and no link",
@@ -47,16 +47,15 @@ OWN: Final = frozenset(
     {
         "app/library_results.py",
         "cli/pyproject.py",  # only if it lies in the workspace, with links resolved
-        "core/checkout.py",
         "core/content_cache.py",
-        "core/file_digests.py",
         "core/files.py",
+        "core/git_tree.py",
+        "core/permissions.py",
         "core/provenance.py",
         "recording/replay/replay_file.py",
         "reports/html/document.py",
         "results/artifacts.py",
         "results/journal.py",
-        "results/journal_follower.py",
         "results/results_json.py",
         "results/written_files.py",
         "runner/cluster/task.py",

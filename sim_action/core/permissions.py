@@ -94,8 +94,6 @@ def scripts_refused(choice: AllowScripts, environment: Mapping[str, str], folder
             f"scripts are not run on {event}: a pull request from a fork could run code with the secrets of this "
             f"repository; {_REMEDY}"
         )
-    from sim_action.core.permissions import foreign_checkout
-
     if (found := foreign_checkout(environment, folders)) is not None:
         return f"scripts are not run on {event} here, because {found}; {_REMEDY}"
     return None

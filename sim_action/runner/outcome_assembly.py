@@ -192,8 +192,6 @@ class OutcomeAssembly:
         turns = [self._ended[place][turn] for turn in range(1, self.repeat + 1)]
         if len(turns) == 1:
             return turns[0]
-        from sim_action.runner.outcome_assembly import merge_repeats
-
         return merge_repeats(run, turns, self._folder)
 
 

@@ -26,7 +26,7 @@ TESTS = (
     "tests/assertions/test_cuts.py",
     "tests/assertions/test_signals.py",
     "tests/assertions/test_verdict_properties.py",
-    "tests/app/test_explain.py",
+    "tests/app/test_catalogue.py",
     "tests/core/test_registry.py",
     "tests/test_docs.py",
     "tests/test_parts.py",

@@ -58,6 +58,13 @@ def test_circles_count_imports_in_functions_but_not_those_for_type_checkers(
     assert list(measured.circles()) == expected[:circles]
 
 
+def test_a_module_that_imports_itself_is_listed(tmp_path: Path) -> None:
+    measured = package(
+        tmp_path, app__one="def f() -> None:\n    from sim_action.app.one import x\n", app__two="x = 1\n"
+    )
+    assert list(measured.self_imports()) == ["sim_action.app.one"]
+
+
 def test_imports_that_run_upward_are_those_of_a_higher_layer_and_of_the_root(tmp_path: Path) -> None:
     measured = package(
         tmp_path,

@@ -68,7 +68,7 @@ def opening_cost() -> float:
     return float(printed.stdout) / 1000
 
 
-def opening_command(web: Path = ROOT / "tools/viewer") -> list[str]:
+def opening_command(viewer: Path = ROOT / "tools/viewer") -> list[str]:
     """Return Node.js, the script that opens a page, and the browser. Raises NotMeasuredError naming what is missing."""
     node = shutil.which("node", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
     if node is None:
@@ -76,9 +76,11 @@ def opening_command(web: Path = ROOT / "tools/viewer") -> list[str]:
     browser = shutil.which("chromium") or shutil.which("google-chrome")
     if browser is None:
         raise NotMeasuredError("neither chromium nor google-chrome is installed")
-    if not (web / "node_modules/playwright-core").is_dir():
-        raise NotMeasuredError(f"the Node package playwright-core is missing; install it with: npm ci --prefix {web}")
-    return [node, str(web / "tests/opening.mjs"), browser]
+    if not (viewer / "node_modules/playwright-core").is_dir():
+        raise NotMeasuredError(
+            f"the Node package playwright-core is missing; install it with: npm ci --prefix {viewer}"
+        )
+    return [node, str(viewer / "tests/opening.mjs"), browser]
 
 
 def _text(results: Results, folder: Path) -> str:

@@ -1,4 +1,4 @@
-"""Recorded logs as commands with times: CSV (`csv_log.py`) and ROS (`rosbag.py`).
+"""Recorded logs as commands with times: CSV (`commands/replay.py`) and ROS (`rosbag.py`).
 
 Times never decrease. A log that cannot be read raises RecordingError.
 """

@@ -224,9 +224,3 @@ def test_principal_moments_are_eigenvalues(
     element = next(read_document(written(tmp_path / "good.urdf", GOOD)).elements("link/inertial/inertia"))
     element.attrib.update({name: str(value) for name, value in zip(names, moments, strict=True)})
     assert principal_moments(element) == pytest.approx(principal, abs=1e-12)
-
-
-def _written(folder: Path) -> Path:
-    path = folder / "good.urdf"
-    path.write_text(GOOD, encoding="utf-8")
-    return path
