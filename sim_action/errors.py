@@ -3,8 +3,6 @@
 Each has `problems`: what to fix, each with its place and its message; empty if no file is at fault.
 """
 
-from __future__ import annotations
-
 from sim_action.core.errors import InternalError as InternalError
 from sim_action.core.errors import InvalidScenario as InvalidScenario
 from sim_action.core.errors import Location as Location

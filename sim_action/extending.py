@@ -5,8 +5,6 @@ sensor derives from `Sensor`; a reading is a `Values`. A package names its class
 `sim_action.assertions` and `sim_action.sensors`. `sim_action.testing` tests them.
 """
 
-from __future__ import annotations
-
 from sim_action.assertions import Assertion as Assertion
 from sim_action.assertions.monitors import Monitor as Monitor
 from sim_action.assertions.monitors import State as State

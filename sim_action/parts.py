@@ -10,8 +10,6 @@ Example:
     Scenario(..., expect=[Travel(at_least=1.5), Upright(max_tilt=0.1)])
 """
 
-from __future__ import annotations
-
 from sim_action.assertions.clearance import Clearance as Clearance
 from sim_action.assertions.combined import AllOf as AllOf
 from sim_action.assertions.combined import AnyOf as AnyOf

@@ -45,6 +45,7 @@ _WIDTHS: Final = {
 
 
 def _no_links(_: Trace) -> Mapping[str, Any]:
+    """Return nothing: only traces for classes of the user's know the robot."""
     return {}
 
 

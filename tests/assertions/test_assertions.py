@@ -364,6 +364,21 @@ class Nearby:
         return Verdict(self.state is State.HOLDS)
 
 
+class Sampled:
+    """A monitor of an installed package, which sets what it says of itself when it is made."""
+
+    def __init__(self) -> None:
+        self.state = State.HOLDS
+        self.is_sampled = True
+        self.is_momentary = True
+
+
+def test_a_monitor_without_the_base_class_may_set_its_answers_on_the_instance() -> None:
+    opened = AdaptedMonitor.of(Sampled())
+    assert opened.is_sampled
+    assert opened.is_momentary
+
+
 def test_a_monitor_without_the_base_class_gets_what_it_lacks() -> None:
     opened = AdaptedMonitor.of(Nearby())
     assert (opened.state, opened.is_decided, opened.unmet_premises, opened.is_sampled) == (

@@ -201,5 +201,7 @@ class AdaptedMonitor(Monitor):
 
 
 def _states(monitor: Any, name: str) -> bool:
+    if not isinstance(monitor, Monitor):
+        return hasattr(monitor, name)
     default = getattr(Monitor, name)
     return getattr(type(monitor), name, default) is not default
