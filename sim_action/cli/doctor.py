@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-import resource
 import shutil
 import sys
 import tempfile
@@ -169,6 +168,9 @@ def _limits() -> Iterator[Finding]:
         yield Finding("good", "parallel runs", text)
     if sys.platform == "win32":
         return
+    # Windows lacks it.
+    import resource
+
     _, most = resource.getrlimit(resource.RLIMIT_AS)
     if most not in (resource.RLIM_INFINITY, -1) and most < MEMORY:
         allowed = f"{most / 2**30:.3g} GiB of address space, and a scenario may use {MEMORY >> 30}"

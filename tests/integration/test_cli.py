@@ -397,7 +397,6 @@ UNUSED_IN_A_RUN = (
     "robot.reading.xacro_expansion",
     "runner.engine_agreement",
     "runner.golden_update",
-    "runner.repeat",
     "scenario.body_overlaps",
     "sensors.lidar",
     "sensors.rendering.solids",

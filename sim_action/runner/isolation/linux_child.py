@@ -19,7 +19,6 @@ import os
 import pickle
 import resource
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -417,6 +416,9 @@ class SharedChild(LinuxChild):
         """
         former = former_files(job)
         with files_of_child() as (scratch, files):
+            # A child that is not shared needs none.
+            import socket
+
             ours, others = socket.socketpair()
             with ours, others:
                 ours.setblocking(False)
