@@ -14,10 +14,12 @@ import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
 from random import Random
-from statistics import NormalDist
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sim_action.core.records import dataclass
+
+if TYPE_CHECKING:
+    from statistics import NormalDist
 
 MAX_RUNS: Final = 10_000
 """The largest number of runs that `runs_for_power` considers."""
@@ -293,7 +295,7 @@ def paired_bootstrap(differences: Sequence[float], confidence: float, seed: int 
     # Means that are equal but for rounding count half: differences with few distinct values have many of them.
     slack = 1e-12 * max(map(abs, values))
     share = (bisect_left(means, mean - slack) + bisect_right(means, mean + slack)) / (2.0 * len(means))
-    bias = NormalDist().inv_cdf(min(max(share, 0.5 / RESAMPLES), 1.0 - 0.5 / RESAMPLES))
+    bias = _normal().inv_cdf(min(max(share, 0.5 / RESAMPLES), 1.0 - 0.5 / RESAMPLES))
     deviations = [value - mean for value in values]
     cubes, squares = (math.fsum(each**power for each in deviations) for power in (3, 2))
     acceleration = cubes / (6.0 * squares**1.5)
@@ -320,10 +322,17 @@ def _quantile(ascending: Sequence[float], share: float) -> float:
 
 def _corrected(side: float, bias: float, acceleration: float) -> float:
     shifted = bias + side
-    return NormalDist().cdf(bias + shifted / (1.0 - acceleration * shifted))
+    return _normal().cdf(bias + shifted / (1.0 - acceleration * shifted))
 
 
 def _upper_normal(confidence: float) -> float:
     if not 0.5 <= confidence < 1.0:
         raise ValueError(f"a confidence is at least 0.5 and below 1: {confidence}")
-    return NormalDist().inv_cdf((1.0 + confidence) / 2.0)
+    return _normal().inv_cdf((1.0 + confidence) / 2.0)
+
+
+def _normal() -> NormalDist:
+    # Only comparisons need it, and it costs each run milliseconds.
+    from statistics import NormalDist
+
+    return NormalDist()
