@@ -22,6 +22,8 @@ def gzserver() -> int:
     from sim_action.core.process import collect_garbage_rarely
 
     collect_garbage_rarely()
+    # Before any thread starts, also those of numpy and engines: one that does not block the signals may receive them.
+    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
     from sim_action.ros.ros1.launch_request import (
         FOLDER_VARIABLE,
         PROCESS_FILE,
@@ -30,8 +32,6 @@ def gzserver() -> int:
         new_run_folder,
     )
 
-    # Before any thread starts, also those of an engine: a thread that does not block the signals may receive them.
-    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
     folder = Path(os.environ[FOLDER_VARIABLE])
     request = SimulationRequest.model_validate_json((folder / REQUEST_FILE).read_bytes())
     run = new_run_folder(folder)
