@@ -123,7 +123,7 @@ def eyes(engine: str, folder: Path, world: str) -> tuple[float, float]:
     found = run(engine, folder, world=world, twist="{linear: 0}", seconds=1, sensor=CAMERA)
     depth = found.trace.sensors["camera"].columns["depth"][-1]
     eye = found.trace.base_position_xyz[-1]
-    path = folder / "it.sim.yml"
+    path = folder / "s.sim.yml"
     with running(engine, build_scene(load_scenario(path))) as backend:
         x, y, z = eye[0] + 0.2, eye[1], eye[2] + 0.23
         share = backend.cast_rays((x, y, z), np.array([[x + 10, y, z]]))[0]
