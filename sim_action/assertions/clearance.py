@@ -13,7 +13,6 @@ from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import bounds_title, check_bounds
 from sim_action.assertions.monitors.goals import Goal, Invariant, joined
 from sim_action.assertions.monitors.proximity import distances_known, least_so_far, recorded
-from sim_action.assertions.monitors.window import counted
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetres
 from sim_action.core.lazy_numpy import np
@@ -194,7 +193,7 @@ class ClearanceMonitor(Monitor):
         record = self._recorded(trace)
         known = distances_known(trace, record, self.is_known or self.steps.moments > 0)
         end = float(trace.time[-1]) if len(trace) else self.end
-        later = replace(self, end=end, steps=counted(self.steps, known))
+        later = replace(self, end=end, steps=self.steps.followed_by(known.time))
         return later.measured(record) if len(record) else later
 
     def _recorded(self, trace: Trace) -> ClearanceRecord:

@@ -12,8 +12,8 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion, Reference, shortened_title
 from sim_action.assertions.monitors import Monitor
-from sim_action.assertions.monitors.combination import AtOnceMonitor, Combination, NegationMonitor
-from sim_action.assertions.monitors.window import Window
+from sim_action.assertions.temporal_logic.combination import AtOnceMonitor, Combination, NegationMonitor
+from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import KeyPath

@@ -14,8 +14,9 @@ from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import Bounds, bounds_title, check_bounds, check_order
 from sim_action.assertions.monitors.contact_force import Forces, MeanForce, duration_text, times_of
-from sim_action.assertions.monitors.goals import HoldTime, joined
+from sim_action.assertions.monitors.goals import joined
 from sim_action.assertions.monitors.proximity import NO_FORCE, least_so_far, nearest_of, touching_at, with_zeros
+from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import units
 from sim_action.core.field_types import (
     FrozenModel,

@@ -10,8 +10,8 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
-from sim_action.assertions.monitors.goals import Goal, HoldTime
-from sim_action.assertions.monitors.window import counted
+from sim_action.assertions.monitors.goals import Goal
+from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import geometry, units
 from sim_action.core.field_types import (
     PositiveMetresPerSecond,
@@ -220,7 +220,7 @@ class GraspMonitor(Monitor):
             best=self.best.observe(trace.time, squeeze - self.least),
             before=self._window(trace),
             nearest=self._nearest(grip),
-            steps=counted(self.steps, trace),
+            steps=self.steps.followed_by(trace.time),
             end=float(trace.time[-1]),
         )
 

@@ -12,7 +12,6 @@ from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import check_order
 from sim_action.assertions.monitors.goals import Invariant, joined
-from sim_action.assertions.monitors.window import counted
 from sim_action.core import units
 from sim_action.core.field_types import Metres
 from sim_action.core.geometry import Vector3
@@ -284,7 +283,7 @@ class FeetMonitor(Monitor):
         if fewest is not self.fewest:
             there = standing[:, int((trace.time == fewest.time).argmax())]
             aloft = tuple(foot for foot, on in zip(self.footing.feet, there, strict=True) if not on)
-        return replace(self, fewest=fewest, most=most, aloft=aloft, steps=counted(self.steps, trace))
+        return replace(self, fewest=fewest, most=most, aloft=aloft, steps=self.steps.followed_by(trace.time))
 
     @override
     def truth(self, trace: Trace) -> Truth:
@@ -398,7 +397,7 @@ class SupportMonitor(Monitor):
         if fold is not self.fold:
             there = self.footing.standing(trace)[:, int((trace.time == fold.time).argmax())]
             standing = tuple(foot for foot, on in zip(self.footing.feet, there, strict=True) if on)
-        return replace(self, fold=fold, standing=standing, steps=counted(self.steps, trace))
+        return replace(self, fold=fold, standing=standing, steps=self.steps.followed_by(trace.time))
 
     @override
     def truth(self, trace: Trace) -> Truth:

@@ -13,13 +13,12 @@ from sim_action.assertions.monitors import (
     State,
     Truth,
 )
-from sim_action.assertions.monitors.becoming import Rest
 from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor, bounds_title, check_order
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
-from sim_action.assertions.monitors.window import counted
 from sim_action.assertions.reach import Reach
 from sim_action.assertions.settled import Settled
 from sim_action.assertions.stay_within import StayWithin
+from sim_action.assertions.temporal_logic.becoming import Rest
 from sim_action.assertions.upright import Upright
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetres, PositiveMetres, Without
@@ -295,7 +294,7 @@ class ObjectMonitor(Monitor):
         seen = self._seen(trace)
         if not len(seen):
             return replace(self, end=end, known=self._known(trace))
-        monitor, steps = self._opened(seen).observe(seen), counted(self.steps, seen)
+        monitor, steps = self._opened(seen).observe(seen), self.steps.followed_by(seen.time)
         return replace(self, end=end, monitor=monitor, steps=steps, known=self._known(trace))
 
     def truth(self, trace: Trace) -> Truth:

@@ -159,12 +159,7 @@ class OdometryMonitor(Monitor):
             return later
         errors = _errors(record, truths, ways)
         # The odometry starts at the true pose: its error at t = 0 says nothing.
-        counted = record.time[record.time > _SAME_TIME_S]
-        readings = (
-            self.readings.followed_by(len(counted), float(counted[0]), float(counted[-1]))
-            if len(counted)
-            else self.readings
-        )
+        readings = self.readings.followed_by(record.time[record.time > _SAME_TIME_S])
         folds = zip(self.folds, self.limits, strict=True)
         return replace(
             later,

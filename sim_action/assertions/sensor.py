@@ -219,7 +219,7 @@ class SensorMonitor(Monitor):
             return self
         values = picked(record.columns[self.reading], self.which)
         fold = self._fold.observe(record.time, self._margin(values))
-        readings = self.readings.followed_by(len(record), float(record.time[0]), float(record.time[-1]))
+        readings = self.readings.followed_by(record.time)
         if fold is self._fold:
             return replace(self, readings=readings)
         value = float(values[int((record.time == fold.time).argmax())])

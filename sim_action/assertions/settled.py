@@ -12,8 +12,8 @@ from typing_extensions import override
 from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.base_motion import BaseMotion
-from sim_action.assertions.monitors.goals import HoldTime
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
+from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetresPerSecond, PositiveRadiansPerSecond, PositiveSeconds
 from sim_action.core.lazy_numpy import np

@@ -11,9 +11,9 @@ from sim_action.assertions import Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.bounds import check_interval
-from sim_action.assertions.monitors.goals import HoldTime
 from sim_action.assertions.monitors.proximity import distances, nearest_of, touching_at
 from sim_action.assertions.settled import AtRest
+from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetres
 from sim_action.core.lazy_numpy import np

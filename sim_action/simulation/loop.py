@@ -15,8 +15,8 @@ from typing import Final, Literal, Self
 import numpy as np
 
 from sim_action.assertions.monitors import Monitor, State
-from sim_action.assertions.monitors.becoming import Rest
-from sim_action.assertions.monitors.window import Window
+from sim_action.assertions.temporal_logic.becoming import Rest
+from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core.errors import BadStart, ControllersFinished, FileProblem, RunError
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S

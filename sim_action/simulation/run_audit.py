@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Final, Self
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.monitors.becoming import Rest
+from sim_action.assertions.temporal_logic.becoming import Rest
 from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.yaml_document import KeyPath

@@ -34,11 +34,12 @@ class Judged:
     first: float | None = None
     last: float | None = None
 
-    def followed_by(self, moments: int, first: float, last: float) -> Judged:
-        """Return the moments with `moments` later ones, from `first` to `last` in s of sim time."""
-        if not moments:
+    def followed_by(self, time: NDArray[Any]) -> Judged:
+        """Return the moments with later ones, at (N,) s of sim time."""
+        if not len(time):
             return self
-        return Judged(self.moments + moments, first if self.first is None else self.first, last)
+        first = float(time[0]) if self.first is None else self.first
+        return Judged(self.moments + len(time), first, float(time[-1]))
 
 
 @dataclass(frozen=True, slots=True)

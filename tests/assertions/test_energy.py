@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from sim_action.assertions.energy import Energy
-from sim_action.assertions.monitors.window import Window
+from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.state.observation import JointState
 from sim_action.state.verdict import Verdict
 from tests.traces import START, WHEELS, judged, monitor, scene, trace

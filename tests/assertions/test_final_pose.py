@@ -9,7 +9,7 @@ import pytest
 
 from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.monitors import State
-from sim_action.assertions.monitors.window import Window
+from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core.geometry import Pose, multiply, quaternion_from_rpy
 from sim_action.simulation.loop import Panel
 from sim_action.state.verdict import Verdict

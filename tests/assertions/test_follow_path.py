@@ -24,7 +24,7 @@ from sim_action.assertions.follow_path import (
     smoothed,
 )
 from sim_action.assertions.monitors import State
-from sim_action.assertions.monitors.window import Window
+from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core.workspace import Workspace
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict

@@ -13,7 +13,7 @@ import pytest
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.assertions.combined import AtOnce, Combined, Negation
 from sim_action.assertions.monitors import State
-from sim_action.assertions.monitors.window import Window
+from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.permissions import Permissions
 from sim_action.reports import ReportOptions

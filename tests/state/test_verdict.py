@@ -84,5 +84,5 @@ def test_without_a_count_the_verdict_stands_as_it_is() -> None:
 
 
 def test_moments_follow_each_other() -> None:
-    judged = Judged().followed_by(3, 0.5, 1.5).followed_by(0, 9.0, 9.0).followed_by(2, 2.0, 2.5)
+    judged = Judged().followed_by(np.array([0.5, 1.0, 1.5])).followed_by(np.array([])).followed_by(np.array([2.0, 2.5]))
     assert judged == Judged(5, 0.5, 2.5)

@@ -13,8 +13,6 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 from unittest.mock import patch
 
-from sim_action.assertions import clearance
-from sim_action.assertions.monitors import combination, window
 from sim_action.assertions.temporal_logic import monitor
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.scenario.model import LoadedScenario
@@ -47,11 +45,7 @@ time_limit: 4 s
 """
 
 
-_COUNTING: Final[tuple[tuple[Any, str], ...]] = (
-    *((module, "counted") for module in (window, combination, clearance)),
-    (monitor, "with_judged"),
-    (Judged, "followed_by"),
-)
+_COUNTING: Final[tuple[tuple[Any, str], ...]] = ((monitor, "with_judged"), (Judged, "followed_by"))
 """All functions that count. One calls another: what they take together is counted twice, and an upper bound."""
 
 

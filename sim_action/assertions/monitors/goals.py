@@ -6,22 +6,15 @@ A margin is the distance of a signal to its limit. It is positive on the allowed
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, ClassVar, Final, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 from sim_action.assertions.monitors import State, Truth
 from sim_action.core import units
-from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from sim_action.state.trace import FloatArray
-
-
-# Sim time is step / rate: equal durations differ by rounding.
-_DIGITS: Final = 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,53 +153,3 @@ class ClosestApproach:
             return ""
         off, _ = units.display_apart(self.angle_error, self.angle_tolerance, "rad")
         return f", {off} off its {self.angle},"
-
-
-@dataclass(frozen=True, slots=True)
-class HoldTime:
-    """A goal: a condition holds without interruption for a given time.
-
-    Attributes:
-        wanted: the required duration in s.
-        since: sim time in s since which the condition holds; None if it does not hold at the last step.
-        goal: the fold of the duration. Its time is the end of the longest interval.
-    """
-
-    wanted: float
-    since: float | None = None
-    goal: Goal = Goal()
-
-    @property
-    def state(self) -> State:
-        """The state of the goal."""
-        return self.goal.state
-
-    @property
-    def longest(self) -> float:
-        """The longest duration so far in s; 0 if the condition never held."""
-        return max(0.0, self.wanted + (-math.inf if self.goal.margin is None else self.goal.margin))
-
-    @property
-    def began(self) -> float:
-        """Sim time in s at which the longest interval began. Meaningful only if there is one."""
-        return (self.goal.time or 0.0) - self.longest
-
-    def observe(self, time: FloatArray, holds: NDArray[np.bool_]) -> Self:
-        """Return the fold after these steps; `time` in s and `holds`, each (T,)."""
-        if not len(time):
-            return self
-        since = self._since(time, holds)
-        margin = np.where(holds, np.round(time - since - self.wanted, _DIGITS) + 0.0, -math.inf)
-        goal = self.goal.observe(time, margin)
-        return replace(self, since=float(since[-1]) if holds[-1] else None, goal=goal)
-
-    def lasting(self, time: FloatArray, holds: NDArray[np.bool_]) -> FloatArray:
-        """Return (T,) s for which the condition has held at each step; 0 where it does not hold."""
-        return np.where(holds, np.round(time - self._since(time, holds), _DIGITS), 0.0)
-
-    def _since(self, time: FloatArray, holds: NDArray[np.bool_]) -> FloatArray:
-        """Return (T,) s of sim time since which the condition holds, where it holds."""
-        held_before = np.concatenate(([self.since is not None], holds[:-1]))
-        begins = np.where(holds & ~held_before, time, -math.inf)
-        first = begins[0] if self.since is None else self.since
-        return np.asarray(np.maximum.accumulate(np.concatenate(([first], begins[1:]))), dtype=np.float64)

@@ -11,7 +11,7 @@ import numpy as np
 from typing_extensions import override
 
 from sim_action.assertions.monitors import Fold, Monitor, State
-from sim_action.assertions.monitors.combination import Junction
+from sim_action.assertions.temporal_logic.combination import Junction
 from sim_action.assertions.temporal_logic.formula import (
     Always,
     And,
@@ -31,6 +31,7 @@ from sim_action.assertions.temporal_logic.formula import (
     signals_of,
     signed_parts,
 )
+from sim_action.assertions.temporal_logic.formula_claims import premises
 from sim_action.assertions.temporal_logic.robustness import (
     Cause,
     Samples,
@@ -41,7 +42,6 @@ from sim_action.assertions.temporal_logic.robustness import (
     values,
 )
 from sim_action.assertions.temporal_logic.signal_reader import SignalReader
-from sim_action.assertions.temporal_logic.vacuity import premises
 from sim_action.core import units
 from sim_action.core.records import dataclass, replace
 from sim_action.state.trace import FloatArray
@@ -149,11 +149,7 @@ class BestMoment:
 
 def with_judged(judged: Judged, rows: Samples, first: int, margins: FloatArray) -> Judged:
     """Return the judged steps and those from row `first` whose margin is finite: a comparison was evaluated there."""
-    indices = np.flatnonzero(np.isfinite(margins))
-    if not len(indices):
-        return judged
-    times = rows.time[first + indices[[0, -1]]]
-    return judged.followed_by(len(indices), float(times[0]), float(times[1]))
+    return judged.followed_by(rows.time[first + np.flatnonzero(np.isfinite(margins))])
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import reduce
-from typing import Final, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from sim_action.assertions.temporal_logic.formula import (
     horizon,
     signed_parts,
 )
+from sim_action.assertions.temporal_logic.windows import NOTHING_LEAST, greatest_of_windows, least_of_windows, until
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.trace import FloatArray
@@ -70,60 +71,13 @@ class Samples:
         """Return the samples from index `first` up to, not including, `last`."""
         return replace(self, rows=self.rows[first:last])
 
-    def at_or_after(self, time: float | FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
+    def at_or_after(self, time: float | FloatArray) -> NDArray[np.intp]:
         """Return the index of the first step at or after a time, or (N,) of them."""
         return np.asarray(np.searchsorted(self.time, np.asarray(time) - TIME_EPSILON_S), dtype=np.intp)
 
-    def after(self, time: float | FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
+    def after(self, time: float | FloatArray) -> NDArray[np.intp]:
         """Return the index of the first step after a time, or (N,) of them."""
         return np.asarray(np.searchsorted(self.time, np.asarray(time) + TIME_EPSILON_S), dtype=np.intp)
-
-
-Indices = NDArray[np.intp]
-
-NOTHING_LEAST: Final = np.inf
-"""The minimum of an empty window."""
-
-
-def least_of_windows(values: FloatArray, first: Indices, last: Indices) -> FloatArray:
-    """Return (N,) the minimum of `values[first:last]` for N windows; +inf for an empty one. Runs in O(n log n).
-
-    Two overlapping windows of a power of two cover each window. Their minima come from a sparse table by doubling, of
-    which only one row is kept.
-    """
-    found = np.full(len(first), NOTHING_LEAST)
-    length = last - first
-    # The base-2 logarithm of the length, rounded down.
-    level = np.frexp(length.astype(np.float64))[1] - 1
-    row, width = values, 1
-    for step in range(int(level.max(initial=-1)) + 1):
-        here = (level == step) & (length > 0)
-        found[here] = np.minimum(row[first[here]], row[last[here] - width])
-        row, width = np.minimum(row[:-width], row[width:]), 2 * width
-    return found
-
-
-def greatest_of_windows(values: FloatArray, first: Indices, last: Indices) -> FloatArray:
-    """Return (N,) the maximum of `values[first:last]` for N windows; -inf for an empty one."""
-    return -least_of_windows(-values, first, last)
-
-
-def until(before: FloatArray, then: FloatArray) -> FloatArray:
-    """Return (T,) z with z[i] = max(then[i], min(before[i], z[i + 1])), and z[T] = -inf. Runs in O(n log n).
-
-    Each step clips the value of the next one to [then, max(before, then)]. Two such clips are one clip again, so the
-    clips of 1, 2, 4, ... steps are made by doubling.
-    """
-    lower, upper = then.copy(), np.maximum(before, then)
-    width = 1
-    while width < len(lower):
-        near_low, near_high = lower[:-width], upper[:-width]
-        lower[:-width], upper[:-width] = (
-            np.clip(lower[width:], near_low, near_high),
-            np.clip(upper[width:], near_low, near_high),
-        )
-        width *= 2
-    return lower
 
 
 def robustness(formula: Formula, samples: Samples, *, contrary: bool = False, strong: bool = False) -> FloatArray:  # noqa: PLR0911 - a line for each kind
@@ -204,7 +158,7 @@ def values(term: Term, samples: Samples) -> FloatArray:
             return reduce(np.multiply, (values(factor, samples) for factor in term.factors))
 
 
-def _windows(interval: Interval, samples: Samples) -> tuple[Indices, Indices]:
+def _windows(interval: Interval, samples: Samples) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     first = samples.at_or_after(samples.time + interval.start)
     return first, np.maximum(first, samples.after(samples.time + interval.end))
 

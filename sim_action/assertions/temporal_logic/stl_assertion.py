@@ -22,6 +22,7 @@ from sim_action.assertions.temporal_logic.formula import (
     everything,
     finite_horizon,
 )
+from sim_action.assertions.temporal_logic.formula_claims import audit_forces, audit_formula, audit_formula_of_robot
 from sim_action.assertions.temporal_logic.formula_signals import (
     channels_of,
     dimension_problems,
@@ -147,20 +148,14 @@ class Stl(Assertion):
 
     @override
     def claims(self, setting: Setting) -> Findings:
-        from sim_action.assertions.temporal_logic.formula_claims import audit_formula
-
         yield from audit_formula(self.formula, self.parsed, setting.physics)
 
     @override
     def robot_claims(self, scene: Scene) -> Findings:
-        from sim_action.assertions.temporal_logic.formula_claims import audit_formula_of_robot
-
         yield from audit_formula_of_robot(self.formula, self.parsed, scene)
 
     @override
     def run_claims(self, run: JudgedRun) -> Findings:
-        from sim_action.assertions.temporal_logic.formula_claims import audit_forces
-
         # A premise that never held is a finding of its own.
         if run.verdict.status == "passed" and not run.lacks_premise:
             yield from audit_forces(self.parsed, run.trace)

@@ -1,4 +1,4 @@
-"""Time windows around monitors."""
+"""Time windows around monitors, and the time for which a goal must hold."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import pytest
 from sim_action.assertions.clearance import Clearance
 from sim_action.assertions.distance import Travel
 from sim_action.assertions.monitors import State
-from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.sensor import SensorReading
+from sim_action.assertions.temporal_logic.windows import HoldTime, Window
 from sim_action.assertions.upright import Upright
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import ClearanceWatch
@@ -165,3 +165,41 @@ def test_a_window_that_never_opened_was_not_exercised() -> None:
         told = window(assertion, after=5.0).observe(ride()).verdict()
         assert told.status == "not_exercised"
         assert told.message == ("never checked: the run ended before 5 s (after); run for longer, or lower 'after'")
+
+
+HOLD_TIME = np.arange(1.0, 9.0)
+
+
+def seen(*holds: int, wanted: float = 2.0) -> HoldTime:
+    return HoldTime(wanted).observe(HOLD_TIME[: len(holds)], np.array(holds, dtype=bool))
+
+
+@pytest.mark.parametrize(
+    ("holds", "began", "decided"),
+    [((1, 1, 1), 1.0, 3.0), ((0, 1, 1, 0, 1, 1, 1, 1), 5.0, 7.0), ((0, 1, 1, 1), 2.0, 4.0)],
+)
+def test_it_is_met_once_the_stretch_is_long_enough(holds: tuple[int, ...], began: float, decided: float) -> None:
+    met = seen(*holds)
+    assert (met.state, met.began, met.goal.time, met.longest) == (State.HOLDS, began, decided, 2.0)
+
+
+def test_the_longest_stretch_is_kept() -> None:
+    missed = seen(1, 0, 1, 1, 0, 1)
+    assert (missed.state, missed.longest, missed.began, missed.since) == (State.PENDING, 1.0, 3.0, 6.0)
+
+
+def test_what_never_was_lasted_for_no_time() -> None:
+    assert (HoldTime(2.0).longest, seen(0, 0).longest, seen(0, 0).state) == (0.0, 0.0, State.PENDING)
+
+
+def test_a_stretch_of_no_time_is_met_by_the_first_moment() -> None:
+    assert seen(0, 0, wanted=0.0).state is State.PENDING
+    assert seen(0, 1, wanted=0.0).goal.time == 2.0
+
+
+def test_rounding_of_sim_time_costs_no_step() -> None:
+    time = np.arange(100, 400) / 240  # (340 - 100) / 240 is 1, but 340 / 240 - 100 / 240 is not
+    for first in range(60):
+        holds = np.arange(300) >= first
+        assert HoldTime(1.0).observe(time, holds).goal.time == time[first + 240]
+        assert HoldTime(2 / 240).observe(time, holds).goal.time == time[first + 2]

@@ -15,7 +15,6 @@ from typing_extensions import override
 
 from sim_action.assertions.monitors import Fold, Monitor, State, Truth
 from sim_action.assertions.monitors.goals import Goal
-from sim_action.assertions.monitors.window import counted
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
@@ -143,7 +142,9 @@ class Combination(Junction, Parts):
     @override
     def observe(self, trace: Trace) -> Self:
         monitors = tuple(monitor.observe(trace) for monitor in self.monitors)
-        return replace(self, monitors=monitors, steps=counted(self.steps, trace), before=self._last_truths(trace))
+        return replace(
+            self, monitors=monitors, steps=self.steps.followed_by(trace.time), before=self._last_truths(trace)
+        )
 
     def truth(self, trace: Trace) -> Truth:
         """See Monitor.truth. At least one part is true; `all_of` has no truth, see `at_once`."""
@@ -289,7 +290,7 @@ class NegationMonitor(Monitor):
 
     @override
     def observe(self, trace: Trace) -> Self:
-        return replace(self, monitor=self.monitor.observe(trace), steps=counted(self.steps, trace))
+        return replace(self, monitor=self.monitor.observe(trace), steps=self.steps.followed_by(trace.time))
 
     @override
     def truth(self, trace: Trace) -> Truth:

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, Final, Self
 from typing_extensions import override
 
 from sim_action.assertions.monitors import Monitor, State
-from sim_action.assertions.monitors.goals import HoldTime, joined
+from sim_action.assertions.monitors.goals import joined
+from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import units
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
