@@ -364,6 +364,9 @@ _CONNECT_TIMEOUT_S: Final = 5.0
 # A worker that dies for the third time while it runs a scenario.
 _LOCAL_SETTINGS: Final = {
     "distributed.scheduler.allowed-failures": 2,
+    # So long after the death of a worker, LocalCluster ends for good what restarts workers if no worker happens to be
+    # there at that moment (15 s by default): the next one may be starting on a busy machine.
+    "distributed.deploy.lost-worker-timeout": "7d",
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.worker.profile.enabled": False,
     # Nobody looks at what Dask would measure many times a second.
