@@ -19,14 +19,27 @@ from sim_action.core.units import display, is_bare, with_si_unit
 from sim_action.core.wording import counted
 from sim_action.results.outcome import ExpectationOutcome, Failure, GateStatistics, Outcome, Status, status_of
 from sim_action.scenario.sharing import share_parts
-from sim_action.scenario.variations.gate import Passes, PlannedGate, Quantile, StopEarly, percent, percents_apart
+from sim_action.scenario.variations.gate import (
+    MAJORITY,
+    Gate,
+    Passes,
+    PlannedGate,
+    Quantile,
+    StopEarly,
+    percent,
+    percents_apart,
+)
+from sim_action.state.reproducibility import RELATIVE_FIGURES
 from sim_action.state.verdict import Verdict
-from sim_action.world.claims import AuditWarning
+from sim_action.world.claims import LOW_GATE, AuditWarning
 
 _BLOCKING: Final = ("interrupted", "internal", "missing", "invalid")
 """The kinds of failures that leave a gate without a verdict, the worst first."""
 
 _PERCENT: Final = 100.0
+
+_ROUNDING: Final = 1e-6
+"""The relative difference, and the difference in SI units, up to which two runs of an engine count as equal."""
 
 
 def judged_gate(planned: PlannedGate, runs: Sequence[Outcome]) -> Outcome:
@@ -81,22 +94,54 @@ def _blocking(planned: PlannedGate, runs: Sequence[Outcome], looked_at: Sequence
     if len(runs) > planned.runs:
         message = f"{len(runs)} runs belong to a gate of {planned.runs}; merge the results of one list of scenarios"
         return Failure(kind="invalid", title="too many runs", message=message, location=planned.location)
-    if (problem := _same_run(looked_at) or _other_unit(planned, looked_at)) is not None:
+    if (problem := _one_sample(planned.gate, looked_at) or _other_unit(planned, looked_at)) is not None:
         return Failure(kind="invalid", title="invalid gate", message=problem, location=planned.location)
     return None
 
 
-def _same_run(runs: Sequence[Outcome]) -> str | None:
-    """Return the problem if all runs are equal: neither the draws nor the noise had an effect."""
+def _one_sample(gate: Gate, runs: Sequence[Outcome]) -> str | None:
+    """Return the problem of a claim whose runs are one run: neither the draws nor the noise had an effect on it."""
     if len(runs) < 2 or any(run.digest is None for run in runs):
         return None
-    found = {(run.digest, *(expected.verdict.measured for expected in run.expectations)) for run in runs}
-    if len(found) > 1:
-        return None
-    return (
-        f"all {len(runs)} runs are the same run, bit for bit: neither what is drawn nor noise had an effect; draw a "
-        "key that matters, or let a controller read the noisy sensor"
-    )
+    claims: list[tuple[str, str | None]] = [(claim.of, claim.expectation) for claim in gate.quantile]
+    if gate.passes is not None or gate.stop_early is not None:
+        claims.insert(0, ("the rate", None))
+    moved_alike = _are_alike([run.motion or (run.digest,) for run in runs])
+    # Another place to start has no effect on quantities of the motion alone.
+    started_elsewhere = all(run.motion for run in runs) and _are_alike([run.motion[:RELATIVE_FIGURES] for run in runs])
+    for name, only in claims if moved_alike or started_elsewhere else ():
+        verdicts = [_verdicts(run, only) for run in runs]
+        are_of_motion = all(verdict.unit not in ("", "contacts") for row in verdicts for verdict in row)
+        if (moved_alike or are_of_motion) and _are_alike([list(map(_value, row)) for row in verdicts]):
+            return (
+                f"all {len(runs)} runs are the same run for {name}: neither what is drawn nor noise had an effect "
+                "beyond rounding; draw a key that matters, or let a controller read the noisy sensor"
+            )
+    return None
+
+
+def _verdicts(run: Outcome, only: str | None) -> list[Verdict]:
+    """Return the verdict of one expectation, if it has one, or of all."""
+    if only is None:
+        return [expected.verdict for expected in run.expectations]
+    verdict = _named(only, run)
+    return [] if verdict is None else [verdict]
+
+
+def _value(verdict: Verdict) -> float | str:
+    return verdict.status if verdict.measured is None else verdict.measured
+
+
+def _are_alike(rows: Sequence[Sequence[float | str | None]]) -> bool:
+    """Return True if all rows have equal values, numbers by less than the rounding of an engine."""
+    first, *others = rows
+    return all(len(row) == len(first) and all(map(_is_alike, row, first)) for row in others)
+
+
+def _is_alike(value: float | str | None, other: float | str | None) -> bool:
+    if isinstance(value, float) and isinstance(other, float):
+        return math.isclose(value, other, rel_tol=_ROUNDING, abs_tol=_ROUNDING)
+    return value == other
 
 
 def _other_unit(planned: PlannedGate, runs: Sequence[Outcome]) -> str | None:
@@ -125,6 +170,8 @@ def _conditions(
         yield _test(gate.stop_early, counts, decision, planned.runs)
     for quantile in gate.quantile:
         yield _quantile(quantile, runs)
+    if gate.passes is None and gate.stop_early is None and counts.rate < MAJORITY and not planned.may_be_low:
+        yield _minority(counts)
     if counts.without_verdict or gate.errors.at_most:
         yield _errors(gate.errors.at_most, counts)
 
@@ -204,6 +251,12 @@ def _test(test: StopEarly, counts: _Counts, decision: SequentialVerdict | None, 
     word = "accepts" if decision == "accepted" else "rejects"
     message = f"{counts}; the test {word} {rates} {sure} after {counted(counts.runs, 'run')}"
     return name, Verdict(decision == "accepted", measured=counts.rate * _PERCENT, unit="%", message=message)
+
+
+def _minority(counts: _Counts) -> Condition:
+    limit = f"at least {percent(MAJORITY)} of the runs pass"
+    message = f"{counts}; a quantile alone says nothing about failed runs: state 'passes', or allow: [{LOW_GATE}]"
+    return limit, Verdict(False, counts.rate * _PERCENT, MAJORITY * _PERCENT, unit="%", message=message)
 
 
 def _errors(most: int, counts: _Counts) -> Condition:

@@ -276,6 +276,7 @@ class Outcome(FrozenModel):
         seed: the random seed of the run.
         scenario_seed: the seed of the scenario, from which `seed` is derived, if this is one of its samples.
         digest: the SHA-256 hash of the state at every physics step, and of the messages that nodes sent.
+        motion: figures of the robot's motion, in SI units, if this is a variation: a gate compares its runs by them.
         engine: name and version of the engine that ran it, also if there is no verdict; None if none was selected.
         repeats: the repeated runs; this outcome describes the first run, or the first of the runs that agree.
         provenance: the versions and the machine that produced the run.
@@ -310,6 +311,7 @@ class Outcome(FrozenModel):
     seed: int | None = None
     scenario_seed: int | None = None
     digest: str | None = None
+    motion: tuple[float, ...] = ()
     repeats: Repeats | None = None
     engine: str | None = None
     provenance: Provenance | None = None

@@ -50,6 +50,7 @@ from sim_action.scenario.mutation import Mutation
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.recorder import RunRecorder
 from sim_action.simulation.seams import UNTOUCHED, Seams
+from sim_action.state.reproducibility import motion_figures
 from sim_action.state.trace_storage import save_trace
 from sim_action.world.scene import Scene
 
@@ -401,6 +402,7 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         seed=scenario.seed,
         scenario_seed=job.loaded.source.scenario_seed,
         digest=run.digest,
+        motion=motion_figures(run.trace) if job.loaded.source.group is not None else (),
         engine=run.engine,
         warnings=(*job.loaded.warnings, *(each.warning(job.loaded.document) for each in run.findings)),
         notes=run.notes,

@@ -382,7 +382,7 @@ def environment_problems(scenario: Scenario) -> SpecProblems:
 
 
 _REMEDY: Final = (
-    "draw a key in 'variations', such as world.ground.friction: {uniform: [0.4, 0.8]}, or give a sensor 'noise'"
+    "draw a key in 'variations', such as world.ground.friction: {uniform: [0.05, 0.8]}, or give a sensor 'noise'"
 )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Iterator
+from typing import Final
 
 import numpy as np
 
@@ -46,6 +47,28 @@ class Digest:
     def hexdigest(self) -> str:
         """Return the digest as 64 hexadecimal digits."""
         return self._hash.hexdigest()
+
+
+RELATIVE_FIGURES: Final = 13
+"""The number of figures of a motion that do not depend on the place and the heading at its start."""
+
+
+def motion_figures(trace: Trace) -> tuple[float, ...]:
+    """Return figures in SI units by which runs of a robot are compared with a tolerance: other motions have others.
+
+    They are the time at the end, means and last values of the motion in the frame of its start, means of its joints
+    (weighted, so that no two count alike), and at last the place and the heading of the start.
+    """
+    heading, start_xyz = trace.yaw[0], trace.base_position_xyz[0]
+    cosine, sine = np.cos(heading), np.sin(heading)
+    x, y, z = (trace.base_position_xyz - start_xyz).T
+    ahead, aside, turned = cosine * x + sine * y, cosine * y - sine * x, np.unwrap(trace.yaw) - heading
+    weights = np.arange(1.0, len(trace.joint_names) + 1)
+    columns = (ahead, aside, turned, z, trace.tilt, trace.speed, trace.turn_rate)
+    joints = (trace.joint_position @ weights, np.abs(trace.joint_velocity) @ weights)
+    means = (column.mean() for column in (*columns, *joints))
+    last = (column[-1] for column in (ahead, aside, turned))
+    return tuple(map(float, (trace.time[-1], *means, *last, *start_xyz, cosine, sine)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,6 +56,9 @@ NOT_REPRODUCIBLE: Final = "not-reproducible"
 LOGGED_ERROR: Final = "logged-error"
 """The rule about errors that nodes log."""
 
+LOW_GATE: Final = "low-gate"
+"""The rule about gates that pass although most of their runs fail."""
+
 INCOMPLETE_WORLD: Final = "incomplete-world"
 """The rule about files of a world that cannot be used, so that an obstacle is missing."""
 
@@ -134,6 +137,10 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             "a node that is never quiet or acts by the wall clock, or `pace: realtime`",
         ),
         LOGGED_ERROR: Rule("warning", "a ROS 2 node that logged at the level ERROR or FATAL"),
+        LOW_GATE: Rule(
+            "error",
+            "a gate that passes although most of its runs fail: a rate, or the share of a quantile, below 50 %",
+        ),
         INCOMPLETE_WORLD: Rule(
             "error", "a model or a mesh of a world file that is not found or cannot be used: an obstacle is missing"
         ),

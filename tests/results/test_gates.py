@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from random import Random
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sim_action.core.errors import ExitCode, Location
+from sim_action.core.records import replace
 from sim_action.core.statistics.binomial import chances
 from sim_action.results.gates import judged_gate, over_variations
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Status
 from sim_action.scenario.variations.gate import Gate, PlannedGate
+from sim_action.state.reproducibility import RELATIVE_FIGURES
 from sim_action.state.verdict import Judged, Verdict
 
 NINETY = {"passes": {"at_least": "90 %"}}
@@ -256,16 +260,113 @@ def test_a_quantile_in_another_unit_is_no_verdict() -> None:
 
 
 def test_runs_that_are_one_run_show_nothing() -> None:
-    """Such as noise of a sensor that nobody reads."""
+    """Such as noise of a sensor that nobody reads; results of older versions have digests only."""
     same = [PASS.model_copy(update={"digest": "a"})] * 61
     judged = judged_gate(planned(NINETY, 61), same)
     assert (judged.status, judged.exit_code) == ("error", ExitCode.INVALID)
-    assert judged.failures[0].message.startswith("all 61 runs are the same run, bit for bit")
+    assert judged.failures[0].message.startswith("all 61 runs are the same run for the rate")
     other = PASS.model_copy(update={"digest": "b"})
     assert judged_gate(planned(NINETY, 61), [*same[1:], other]).status == "passed"
     # An expectation may judge what the robot does not react to, such as a noisy reading.
     noisy = run(value=1.6).model_copy(update={"digest": "a"})
     assert judged_gate(planned(NINETY, 61), [*same[1:], noisy]).status == "passed"
+
+
+FIGURES = (2.0, *[0.5] * (RELATIVE_FIGURES - 1), 0.0, 0.0, 0.0, 1.0, 0.0)
+"""Those of a motion: at last the place and the heading at its start."""
+
+
+def moved(
+    number: int,
+    changed: Mapping[int, float] | None = None,
+    *,
+    value: float = 1.5,
+    unit: str = "m",
+    status: Status = "passed",
+) -> Outcome:
+    """Return run `number`; `changed`: figures of its motion by their places."""
+    figures = list(FIGURES)
+    for place, figure in (changed or {}).items():
+        figures[place] = figure
+    outcome = run(status, value)
+    (expected,) = outcome.expectations
+    verdict = replace(expected.verdict, measured=value, unit=unit)
+    judged = expected.model_copy(update={"verdict": verdict})
+    return outcome.model_copy(update={"digest": str(number), "motion": tuple(figures), "expectations": (judged,)})
+
+
+CLAIMS = (
+    NINETY,
+    {"stop_early": {"reject": "50 %", "accept": "90 %"}},
+    {"quantile": {"of": "travel.measured", "q": "50 %", "at_least": "1 m"}},
+    {"quantile": {"of": "travel.margin", "q": "50 %", "at_least": "-9 m"}},
+)
+
+
+@pytest.mark.parametrize("claims", CLAIMS)
+@given(
+    seed=st.integers(0, 2**32),
+    count=st.integers(29, 80),
+    value=st.floats(-1e6, 1e6),
+    status=st.sampled_from(["passed", "failed"]),
+)
+def test_runs_that_differ_by_rounding_are_one_sample(
+    claims: dict[str, Any], seed: int, count: int, value: float, status: Status
+) -> None:
+    """Also if the limit lies between two of them."""
+    runs, random = [], Random(seed)
+    for number in range(count):
+        figures = {place: figure + random.uniform(-4e-7, 4e-7) for place, figure in enumerate(FIGURES)}
+        runs.append(moved(number, figures, value=value + random.uniform(-4e-7, 4e-7), status=status))
+    judged = judged_gate(planned(claims, count), runs)
+    assert judged.status == "error"
+    assert judged.failures[0].message.startswith("all ")
+    assert "same run for" in judged.failures[0].message
+
+
+@pytest.mark.parametrize("place", range(RELATIVE_FIGURES))
+def test_runs_of_which_one_moved_otherwise_are_samples(place: int) -> None:
+    runs = [moved(number) for number in range(28)] + [moved(28, {place: FIGURES[place] + 1e-4})]
+    assert judged_gate(planned(NINETY, 29), runs).status == "passed"
+
+
+def test_another_place_to_start_is_no_sample_of_a_quantity_of_the_motion() -> None:
+    """But it is one of where the robot collides."""
+    started = RELATIVE_FIGURES
+    runs = [moved(number, {started: number / 10}) for number in range(29)]
+    assert judged_gate(planned(NINETY, 29), runs).status == "error"
+    contacts = [moved(number, {started: number / 10}, value=0.0, unit="contacts") for number in range(29)]
+    assert judged_gate(planned(NINETY, 29), contacts).status == "passed"
+    measured = [moved(number, {started: number / 10}, value=1 + number / 10) for number in range(29)]
+    assert judged_gate(planned(NINETY, 29), measured).status == "passed"
+
+
+def test_a_quantile_of_what_is_the_same_in_all_runs_shows_nothing() -> None:
+    """Although another expectation measured something else in each."""
+    runs = []
+    for number in range(29):
+        one = moved(number)
+        (expected,) = one.expectations
+        other = expected.model_copy(
+            update={"name": "sees", "assertion": "sensor", "verdict": replace(expected.verdict, measured=float(number))}
+        )
+        runs.append(one.model_copy(update={"expectations": (expected, other)}))
+    assert judged_gate(planned(NINETY, 29), runs).status == "passed"
+    claim = {"quantile": {"of": "travel.measured", "q": "50 %", "at_least": "1 m"}}
+    judged = judged_gate(planned(NINETY | claim, 29), runs)
+    assert "same run for travel.measured" in judged.failures[0].message
+
+
+@pytest.mark.parametrize(("passes", "status"), [(0, "failed"), (14, "failed"), (15, "passed"), (29, "passed")])
+def test_a_quantile_alone_does_not_hide_that_most_runs_fail(passes: int, status: Status) -> None:
+    claim = {"quantile": {"of": "travel.measured", "q": "50 %", "at_least": "1 m"}}
+    runs = [PASS] * passes + [FAIL] * (29 - passes)
+    judged = judged_gate(planned(claim, 29), runs)
+    assert judged.status == status
+    allowed = planned(claim, 29).model_copy(update={"may_be_low": True})
+    assert judged_gate(allowed, runs).status == "passed"
+    if status == "failed":
+        assert "a quantile alone says nothing about failed runs" in messages(judged)[1]
 
 
 def test_more_runs_than_planned_leave_no_verdict() -> None:

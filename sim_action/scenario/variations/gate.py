@@ -18,6 +18,7 @@ from sim_action.core.statistics import binomial, order_statistics
 from sim_action.core.statistics.sequential import SequentialTest
 from sim_action.core.wording import counted, did_you_mean, nearest, shown
 from sim_action.core.yaml_document import Document, KeyPath
+from sim_action.world.claims import LOW_GATE, allowed_rules
 
 GATE: Final = "gate"
 """The key of the gate."""
@@ -26,6 +27,9 @@ SAMPLE: Final = "sample"
 """The label of a sample of a scenario that draws nothing, in the names of its runs."""
 
 MAX_RUNS_OF_GATE: Final = 10_000
+
+MAJORITY: Final = 0.5
+"""The share of runs that pass below which a gate needs permission to pass."""
 
 _DIGITS: Final = 14
 _LEAST_DIGITS_SHOWN: Final = 4
@@ -155,6 +159,11 @@ class Quantile(FrozenModel):
         """Return True for the margin, False for the measured value."""
         return self.of.endswith(".margin")
 
+    @property
+    def share(self) -> float:
+        """The share of runs that keep the bound if the claim holds."""
+        return _rounded(1.0 - self.q) if self.at_most is None else self.q
+
 
 def _listed(stated: object) -> object:
     if isinstance(stated, (dict, Quantile)):
@@ -209,6 +218,7 @@ class PlannedGate(FrozenModel):
         location: the place of the key `gate`.
         group: the name of the scenario.
         runs: the number of samples.
+        may_be_low: True if it may pass although most of its runs fail.
     """
 
     name: str
@@ -218,14 +228,16 @@ class PlannedGate(FrozenModel):
     group: str
     gate: Gate
     runs: Annotated[int, Field(ge=1, le=MAX_RUNS_OF_GATE)]
+    may_be_low: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class GateOfScenario:
-    """The gate that a scenario states, and the place of its key."""
+    """The gate that a scenario states, and the place of its key; `may_be_low`: see `PlannedGate`."""
 
     gate: Gate
     location: Location
+    may_be_low: bool = False
 
     def planned(self, name: str, group: str, file: str, line: int | None, runs: int) -> PlannedGate:
         """Return the gate of so many runs; see `PlannedGate`.
@@ -233,7 +245,14 @@ class GateOfScenario:
         `file`: that of the scenario; the gate may be written in a base file.
         """
         return PlannedGate(
-            name=name, file=file, line=line, location=self.location, group=group, gate=self.gate, runs=runs
+            name=name,
+            file=file,
+            line=line,
+            location=self.location,
+            group=group,
+            gate=self.gate,
+            runs=runs,
+            may_be_low=self.may_be_low,
         )
 
 
@@ -273,9 +292,28 @@ def stated_gate(document: Document) -> GateOfScenario | None:
         for index, each in enumerate(gate.quantile)
         if (problem := _unknown(each, document.data.get("expect"))) is not None
     ]
+    may_be_low = LOW_GATE in allowed_rules(document.data)
+    if not may_be_low:
+        problems += [document.problem(_written(path, stated), text) for path, text in _low(gate)]
     if problems:
         raise InvalidScenario(problems)
-    return GateOfScenario(gate, document.location((GATE,)))
+    return GateOfScenario(gate, document.location((GATE,)), may_be_low)
+
+
+def _low(gate: Gate) -> Iterator[tuple[KeyPath, str]]:
+    """Yield the claims that hold although most of the runs fail."""
+    rates: list[tuple[KeyPath, float, str]] = [
+        (("quantile", index), claim.share, "a share") for index, claim in enumerate(gate.quantile)
+    ]
+    if gate.passes is not None:
+        rates.append((("passes", "at_least"), gate.passes.at_least, "a rate"))
+    if gate.stop_early is not None:
+        rates.append((("stop_early", "accept"), gate.stop_early.accept, "a rate"))
+    for path, rate, what in rates:
+        if rate < MAJORITY:
+            meant = f"write '{percent(rate * 100)}' if that is meant, or " if MAJORITY <= rate * 100 < 1 else ""
+            accept = f"{meant}accept it with allow: [{LOW_GATE}]"
+            yield path, f"{what} of {percent(rate)} allows most of the runs to fail; {accept} [{LOW_GATE}]"
 
 
 def _written(path: KeyPath, stated: object) -> KeyPath:

@@ -205,6 +205,26 @@ def test_equal_samples_that_are_known_before_any_run_are_refused(tmp_path: Path,
     assert told_of_first(tmp_path, f"{noisy}{text}") == []
 
 
+@pytest.mark.parametrize(
+    ("gate", "place", "problem"),
+    [
+        ("{passes: {at_least: 0.9 %}, runs: 9}", ".passes.at_least", "a rate of 0.9 % allows most of the runs to fail"),
+        ("{passes: {at_least: 0.49}, runs: 29}", ".passes.at_least", "a rate of 49 % allows"),
+        ("{stop_early: {reject: 10 %, accept: 40 %}, runs: 29}", ".stop_early.accept", "a rate of 40 % allows"),
+        ("{quantile: {of: travel.measured, q: 99 %, at_least: 1 cm}, runs: 29}", ".quantile", "a share of 1 % allows"),
+        ("{quantile: [{of: travel.margin, q: 5 %, at_most: 9 m}], runs: 59}", ".quantile.0", "a share of 5 % allows"),
+    ],
+)
+def test_a_gate_that_most_runs_may_fail_needs_permission(tmp_path: Path, gate: str, place: str, problem: str) -> None:
+    (found,) = refused(tmp_path, f"{DRAWN}gate: {gate}\n")
+    assert f"gate{place}: {problem}" in found
+    assert found.endswith("allow: [low-gate] [low-gate]")
+    assert ("write '90 %' if that is meant, or" in found) == ("0.9 %" in gate)
+    (first, *_) = runs(tmp_path, f"{DRAWN}gate: {gate}\nallow: [low-gate]\n")
+    assert first.gate is not None
+    assert first.gate.may_be_low
+
+
 def test_an_expectation_that_is_a_name_alone_is_found(tmp_path: Path) -> None:
     gate = f"{DRAWN}gate: {{quantile: {{of: no_collision.measured, q: 50 %, at_most: 0}}, runs: 9}}\n"
     once = LEAST.replace("expect:\n", "expect:\n  - no_collision\n")

@@ -39,7 +39,7 @@ UNIFORM = "robot.pose.x: {uniform: [0, 1]}"
 
 
 def sources(folder: Path, variations: str, runs: int | None = None) -> tuple[Source, ...]:
-    gate = f"gate: {{passes: {{at_least: 1 %, confidence: 50 %}}, runs: {runs}}}\n" if runs else ""
+    gate = f"gate: {{passes: {{at_least: 50 %, confidence: 50 %}}, runs: {runs}}}\n" if runs else ""
     document = read_document("s.sim.yml", f"{LEAST}variations:\n  {variations.replace('; ', chr(10) + '  ')}\n{gate}")
     return expanded(Source(folder / "s.sim.yml", Workspace(folder, folder), document, "push"), None)
 
