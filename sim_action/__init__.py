@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from sim_action.state.command import Command as Command
     from sim_action.state.command import JointTargets as JointTargets
     from sim_action.state.command import LinkWrench as LinkWrench
+    from sim_action.state.joint_motion import JointMotion as JointMotion
     from sim_action.state.observation import Contact as Contact
     from sim_action.state.observation import JointState as JointState
     from sim_action.state.observation import LinkState as LinkState
@@ -50,6 +51,7 @@ _HOMES = {
     "sim_action.robot.model.link_motion": ("LinkMotion",),
     "sim_action.scenario.written": ("Scenario",),
     "sim_action.state.command": ("Command", "JointTargets", "LinkWrench"),
+    "sim_action.state.joint_motion": ("JointMotion",),
     "sim_action.state.observation": ("Contact", "JointState", "LinkState", "Observation"),
     "sim_action.state.readings": ("CameraImage", "ContactReading", "ImuReading", "LidarScan", "OdometryReading"),
     "sim_action.state.trace": ("Trace",),

@@ -154,6 +154,9 @@ class Saturation:
     def clip(self, targets: JointTargets) -> JointTargets:
         """Return clipped targets. A position beyond the limits is kept: the joint stops at its limit."""
         self._note_positions(targets.position)
+        for motion in targets.motions:
+            for extreme in motion.extremes:
+                self._note_positions(extreme)
         velocity = self._cut(targets.velocity, "velocity", self._max_velocity)
         effort = self._cut(targets.effort, "effort", self._max_effort)
         max_effort = self._cut(targets.max_effort, "effort", self._max_effort)

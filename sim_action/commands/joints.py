@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache, partial
 from itertools import pairwise
 from types import MappingProxyType
 from typing import Annotated, ClassVar, Final, Literal, Self
@@ -31,6 +30,7 @@ from sim_action.robot.model.joint_selection import joints_set_by, selects, setti
 from sim_action.robot.model.kinematics import beyond_limits, too_fast, too_strong
 from sim_action.robot.model.robot_model import Joint, Reading, RobotModel
 from sim_action.state.command import JointTargets
+from sim_action.state.joint_motion import Curve, JointMotion, held, resting, straight
 from sim_action.world.claims import Findings, Setting, late_points
 from sim_action.world.scene import Scene
 
@@ -86,17 +86,18 @@ class JointCommands(CommandSource):
     point from 0 s on; to let it wait, add a point with the same value. After its last point it keeps the value. A joint
     has either positions, velocities or efforts, not a mixture.
 
-    Between two points, `linear` is a straight line. `minimum_jerk` starts and ends at rest at each point that names the
-    joint, also at points in between; its peak speed, half way, is 1.875 times that of the straight line. `hold` is a
-    step at each point.
+    Between two points, `linear` has a constant speed. It changes this speed in 20 ms at a point: at the first and the
+    last one it starts and ends at rest, and it rests where it turns back. `minimum_jerk` starts and ends at rest at
+    each point that names the joint, also at points in between; its peak speed, half way, is 1.875 times the mean speed.
+    `hold` is a step at each point.
 
-    A servo with the model's effort and velocity limits follows positions. It also gets the speed of its target, so that
-    the joint does not lag behind. A motor with the same effort limit follows velocities. An effort is applied directly:
+    A servo with the model's effort and velocity limits follows positions. It gets a target and the speed of this target
+    at each physics step, so that the joint does not lag behind: positions do not depend on the `rate`. A motor with the same effort limit follows velocities. An effort is applied directly:
     nothing else holds such a joint from 0 s on. Before 0 s, while the robot comes to rest, joints with positions are
     held at their initial positions, and joints with velocities are braked.
 
-    Positions, speeds and efforts beyond the limits of the model are errors before the run. A command holds until the
-    next tick: a higher `rate` gives smoother curves.
+    Positions, speeds and efforts beyond the limits of the model are errors before the run. A velocity or an effort
+    holds until the next tick: a higher `rate` gives smoother curves. So do positions if commands are lost or late.
     """
 
     is_written: ClassVar[bool] = True
@@ -106,7 +107,10 @@ class JointCommands(CommandSource):
     ]
     interpolation: Annotated[Interpolation, Field(description="interpolation between two points")] = "linear"
     # It divides the usual rates of the physics: 200, 240 and 1000 Hz.
-    rate: Annotated[PositiveHertz, Field(description="rate of the ticks at which commands are given")] = 40.0
+    rate: Annotated[
+        PositiveHertz,
+        Field(description="rate of the ticks at which velocities and efforts are given; not of positions"),
+    ] = 40.0
 
     def problems(self, workspace: Workspace) -> SpecProblems:
         """Yield points that are not in the order of time, and joints with two kinds of targets."""
@@ -136,28 +140,26 @@ class JointCommands(CommandSource):
 
     @override
     def open(self, scene: Scene) -> Controller:
-        paths, jumps, last = self._paths(scene), BLENDS[self.interpolation].jumps, self.points[-1].at
-        period = 1 / self.rate
-        # Targets are taken at the middle of a tick: a servo follows step by step, from the first step of the tick on.
-        half_way, half_time = (0.0, 0.0) if jumps else ((period - 1 / scene.physics.rate) / 2, period / 2)
-
-        positions_at = lru_cache(maxsize=2)(
-            partial(_values, paths["position"])
-        )  # the end of a tick is the start of the next one
+        paths, last, half_time = self._paths(scene), self.points[-1].at, 1 / self.rate / 2
+        curves = {name: path.blend.curve(path.times, path.values) for name, path in paths["position"].items()}
+        motions = (JointMotion.of(curves),) if curves else ()
 
         def command(time: float) -> JointTargets | None:
-            if time > last + period:
+            if time > last + 1 / self.rate:
                 return None  # all targets stay as they are
-            now = _tick(time)
-            here = positions_at(now)
-            speeds = {} if jumps else _mean_speeds(here, positions_at(_tick(time + period)), period)
+            # Velocities and efforts are those at the middle of a tick.
+            middle = _tick(time) + (0.0 if self.interpolation == "hold" else half_time)
             return JointTargets(
-                position=_values(paths["position"], now + half_way) if half_way else here,
-                velocity={**speeds, **_values(paths["velocity"], now + half_time)},
-                effort=_values(paths["effort"], now + half_time),
+                velocity=_values(paths["velocity"], middle), effort=_values(paths["effort"], middle), motions=motions
             )
 
         return OpenLoop(command, self._holding(scene))
+
+    @override
+    def tick_rate(self, physics_rate: float) -> float:
+        """See CommandSource.tick_rate: positions move between ticks, so few ticks are enough for them."""
+        only_positions = not any(point.velocity or point.effort for point in self.points)
+        return physics_rate / max(1, round(physics_rate)) if only_positions and self.is_perfect else self.rate
 
     def _paths(self, scene: Scene) -> dict[Reading, dict[str, JointPath]]:
         """Return quantity -> joint name -> path."""
@@ -176,10 +178,6 @@ def _values(paths: Mapping[str, JointPath], time: float) -> dict[str, float]:
     return {name: path.value(time) for name, path in paths.items()}
 
 
-def _mean_speeds(here: Mapping[str, float], there: Mapping[str, float], period: float) -> dict[str, float]:
-    return {name: (there[name] - value) / period for name, value in here.items()}
-
-
 def _tick(time: float) -> float:
     return round(time, 9) + 1e-9
 
@@ -190,16 +188,13 @@ class Blend:
 
     Attributes:
         share: share of the time -> share of the distance; both in [0, 1).
-        peak: peak speed as a multiple of the mean speed; None for a step.
+        peak: peak speed as a multiple of the mean speed, without ramps; None for a step.
+        curve: times in s and values of knots -> the curve that a position follows.
     """
 
     share: Callable[[float], float]
     peak: float | None
-
-    @property
-    def jumps(self) -> bool:
-        """Return True for a step, which has no speed."""
-        return self.peak is None
+    curve: Callable[[Sequence[float], Sequence[float]], Curve]
 
 
 def _minimum_jerk(share: float) -> float:
@@ -208,9 +203,9 @@ def _minimum_jerk(share: float) -> float:
 
 BLENDS: Final = MappingProxyType[Interpolation, Blend](
     {
-        "linear": Blend(lambda share: share, 1.0),
-        "minimum_jerk": Blend(_minimum_jerk, 1.875),
-        "hold": Blend(lambda _: 0.0, None),
+        "linear": Blend(lambda share: share, 1.0, straight),
+        "minimum_jerk": Blend(_minimum_jerk, 1.875, resting),
+        "hold": Blend(lambda _: 0.0, None, held),
     }
 )
 

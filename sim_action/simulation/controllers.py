@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from copy import deepcopy
 from functools import lru_cache
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller, OpenLoop
 from sim_action.core import units
 from sim_action.core.errors import BadSource, ScriptError, SourceProblem
 from sim_action.core.geometry import Twist
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, field, replace
 from sim_action.drives import DriveMotion
 from sim_action.scenario.model import Scenario
 from sim_action.sensors import MountedSensor
 from sim_action.simulation.run_audit import CommandLog
 from sim_action.simulation.seams import UNTOUCHED, Seams
-from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, commands_of
+from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, commands_of, without_joints
+from sim_action.state.joint_motion import JointMotion
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Transcript
 from sim_action.state.transmission import Line
@@ -31,6 +34,12 @@ Told = Callable[[float, Command], None]
 """Receives every command, with the sim time in s."""
 
 NO_WHEELS: Final = "a controller sent a twist, but the wheels of the robot are unknown; name them in robot.drive"
+# Recordings hold the targets of motions at about this rate.
+_TOLD_HZ: Final = 40.0
+
+# A change of a position target is a step from this on, in rad or m: smaller ones are rounding of logs.
+_LEAST_STEP: Final = 1e-3
+
 TWO_WAYS: Final = "a controller sent, at the same tick, a twist and a target for joint"
 
 
@@ -49,9 +58,85 @@ class _Source:
     index: int
     controller: Controller
     period: int
-    line: Line[tuple[Twist | JointTargets, ...]] | None = None
+    line: Line[tuple[int, tuple[Twist | JointTargets, ...]]] | None = None
     moved: set[str] = field(default_factory=set)
     wrenches: dict[str, tuple[LinkWrench, ...]] = field(default_factory=dict)
+
+
+class _Followed(NamedTuple):
+    """A motion with its delay in s, and the sim time in s until which it is known."""
+
+    motion: JointMotion
+    delay_s: float
+    until_s: float
+
+
+class _Motions:
+    """The motions of position targets that are in effect, and the steps of all position targets.
+
+    Attributes:
+        steps: joint -> the sim times in s at which its position target changed in a step.
+    """
+
+    def __init__(self, beginnings: Mapping[str, float], rate: float, told: Told) -> None:
+        """`beginnings`: the positions in rad (or m) of the joints at t = 0."""
+        self.steps: dict[str, list[float]] = {}
+        self._rate, self._told, self._told_stride = rate, told, max(1, round(rate / _TOLD_HZ))
+        self._active: list[_Followed] = []
+        # Joint -> its last position target, the velocity of this target, and its physics step.
+        self._last = {name: (position, 0.0, 0) for name, position in beginnings.items()}
+
+    def take(self, command: JointTargets, step: int, *, sent: int, until: float) -> None:
+        """Let joints follow the motions of a command, from a physics step on, and let its other joints leave theirs."""
+        if self._active:
+            known = [followed.motion for followed in self._active]
+            if until == math.inf and command.motions and all(map(known.__contains__, command.motions)):
+                return
+            named = set(command.names())
+            self._active = [
+                followed._replace(motion=motion)
+                for followed in self._active
+                for motion in without_joints((followed.motion,), named)
+            ]
+        self._active += [_Followed(motion, (step - sent) / self._rate, until) for motion in command.motions]
+        for name, position in command.position.items():
+            self._note_step(name, position, command.velocity.get(name, 0.0), step)
+
+    def rows(self, step: int, steps: int) -> list[JointTargets]:
+        """Return the targets of the following steps; nothing if all motions have ended, and their joints rest."""
+        if not self._active:
+            return []
+        moments = np.arange(step, step + steps + 1) / self._rate
+        rows = [JointTargets() for _ in range(steps)]
+        for motion, delay, until in self._active:
+            times = np.minimum(moments, until) - delay
+            positions, velocities, stepped = motion.targets(times, 1 / self._rate)
+            here, ahead, jumped = positions.tolist(), velocities.tolist(), stepped.any()
+            for name, position, velocity in zip(motion.names, here[0], ahead[0], strict=True):
+                self._note_step(name, position, velocity, step)
+            for row, column in np.argwhere(stepped).tolist() if jumped else ():
+                self.steps.setdefault(motion.names[column], []).append((step + row) / self._rate)
+            for index, (at, speed) in enumerate(zip(here, ahead, strict=True)):
+                before = rows[index]
+                position, velocity = (
+                    dict(zip(motion.names, at, strict=True)),
+                    dict(zip(motion.names, speed, strict=True)),
+                )
+                rows[index] = JointTargets({**before.position, **position}, {**before.velocity, **velocity})
+            last = step + steps - 1
+            self._last |= {name: (*state, last) for name, *state in zip(motion.names, here[-1], ahead[-1], strict=True)}
+        for index in range(-step % self._told_stride, steps, self._told_stride):
+            self._told((step + index) / self._rate, rows[index])
+        start = step / self._rate
+        self._active = [each for each in self._active if start - each.delay_s < each.motion.end]
+        return rows
+
+    def _note_step(self, name: str, position: float, velocity: float, step: int) -> None:
+        """Keep the position target of a joint, and note if it is a step."""
+        before, speed, when = self._last.get(name, (position, 0.0, step))
+        if abs(position - before - speed * (step - when) / self._rate) > _LEAST_STEP:
+            self.steps.setdefault(name, []).append(step / self._rate)
+        self._last[name] = position, velocity, step
 
 
 class Controls:
@@ -75,6 +160,7 @@ class Controls:
         self._told = told
         self._seams = seams
         self._motion = motion
+        self._motions = _Motions(scene.joint_positions, self._rate, told)
         self._twist: Twist | None = None
         # The twist that the wheels have reached; they keep their targets.
         self._reached: tuple[float, ...] = ()
@@ -174,6 +260,9 @@ class Controls:
         if self._late:
             steps = int(min([steps, *(line.next_step - step for _, line in self._late)]))
         planned = self._driven(steps)
+        if followed := self._motions.rows(step, steps):
+            pairs = zip(followed, planned, strict=False)
+            planned = [*(row.updated_by(wheels) for row, wheels in pairs), *followed[len(planned) :]]
         if asked is not None:
             planned = [asked.updated_by(planned[0]) if planned else asked, *planned[1:]]
         return padded(planned, steps)
@@ -198,8 +287,8 @@ class Controls:
             if step % source.period and (source.line is None or source.line.next_step > step):
                 continue
             try:
-                for command in self._commands(source, step, look_once):
-                    targets = self._taken(source, command, targets)
+                for sent, command in self._commands(source, step, look_once):
+                    targets = self._taken(source, command, targets, step=step, sent=sent)
                     told = command
                     if targets is not None and isinstance(command, JointTargets) and command.wrenches is not None:
                         told = replace(command, wrenches=targets.wrenches)
@@ -210,7 +299,7 @@ class Controls:
         return targets
 
     def _taken(
-        self, source: _Source, command: Twist | JointTargets, targets: JointTargets | None
+        self, source: _Source, command: Twist | JointTargets, targets: JointTargets | None, *, step: int, sent: int
     ) -> JointTargets | None:
         """Apply a command, and return the joint targets of this tick so far."""
         self.log.add(command)
@@ -219,6 +308,10 @@ class Controls:
             self._twist = command
             return targets
         self._claim(source, set(command.names()))
+        # What arrives late, or not at all, is known until the next tick only.
+        is_sampled = source.line is not None and isinstance(source.controller, OpenLoop)
+        until = (step + source.period) / self._rate if is_sampled else math.inf
+        self._motions.take(command, step, sent=sent, until=until)
         if command.wrenches is not None:
             command = replace(command, wrenches=self._pressed(source, command.wrenches))
         targets = targets.updated_by(command) if targets else command
@@ -232,15 +325,15 @@ class Controls:
             source.wrenches[link] = tuple(wrench for wrench in wrenches if wrench.link == link)
         return tuple(each for source in self._sources for held in source.wrenches.values() for each in held)
 
-    def _commands(self, source: _Source, step: int, look: Look) -> tuple[Twist | JointTargets, ...]:
-        """Return the commands of a source that take effect at this step: those of its tick, or late ones."""
+    def _commands(self, source: _Source, step: int, look: Look) -> list[tuple[int, Twist | JointTargets]]:
+        """Return the commands that take effect at this step, with the step at which the source sent them."""
         asked = () if step % source.period else self._asked(source, step, look)
         if source.line is None:
-            return asked
+            return [(step, command) for command in asked]
         if asked:
             # A script may change its command later.
-            source.line.send(step, deepcopy(asked))
-        return tuple(command for commands in source.line.arrived(step) for command in commands)
+            source.line.send(step, (step, deepcopy(asked)))
+        return [(sent, command) for sent, commands in source.line.arrived(step) for command in commands]
 
     def _asked(self, source: _Source, step: int, look: Look) -> tuple[Twist | JointTargets, ...]:
         """Return the commands of a source at its tick; its wrenches are together in one JointTargets."""
@@ -312,21 +405,22 @@ def _source(index: int, spec: CommandSource, controller: Controller, scenario: S
         return _Source(index, controller, period)
     if isinstance(controller, ClosedLoop) and controller.repeats:
         controller = replace(controller, command=_without_repeats(controller.command))
-    elif spec.dropouts and spec.is_written:
-        controller = replace(controller, command=_with_repeats(controller.command))
+    elif isinstance(controller, OpenLoop):
+        repeats = bool(spec.dropouts and spec.is_written)
+        controller = replace(controller, command=_with_repeats(controller.command, all_answers=repeats))
     random = scene.generator(f"transmission of commands[{index}]")
     return _Source(index, controller, period, Line(spec, scenario.physics.rate, random))
 
 
-def _with_repeats(command: Callable[[Any], Answer]) -> Callable[[Any], Answer]:
-    """Return a controller that repeats its last answer instead of None, so that the end of a path arrives."""
+def _with_repeats(command: Callable[[Any], Answer], *, all_answers: bool) -> Callable[[Any], Answer]:
+    """Return a controller that repeats a motion, or its last answer, instead of None, so that the end of it arrives."""
     last: Answer = None
 
     def kept(moment: Any) -> Answer:
         nonlocal last
         answer = command(moment)
         last = last if answer is None else answer
-        return last
+        return last if all_answers or (isinstance(last, JointTargets) and last.motions) else answer
 
     return kept
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, Final
@@ -17,7 +18,8 @@ from sim_action.robot.model.robot_model import RobotModel
 from sim_action.scenario.mutation import Mutation
 from sim_action.sensors import Measure, Sight
 from sim_action.simulation.seams import Seams
-from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, commands_of
+from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, commands_of, without_joints
+from sim_action.state.joint_motion import JointMotion
 from sim_action.world.scene import Scene
 
 
@@ -126,6 +128,7 @@ def without_motor(targets: JointTargets, joint: str) -> JointTargets:
         velocity=others(targets.velocity),
         effort={**others(targets.effort), joint: 0.0},
         max_effort=others(targets.max_effort),
+        motions=without_joints(targets.motions, {joint}),
     )
 
 
@@ -182,7 +185,14 @@ class _Robot:
             position={name: self._farther(name, value, factor) for name, value in command.position.items()},
             velocity={name: factor * value for name, value in command.velocity.items()},
             effort={name: factor * value for name, value in command.effort.items()},
+            motions=tuple(self._farther_motion(motion, factor) for motion in command.motions),
         )
+
+    def _farther_motion(self, motion: JointMotion, factor: float) -> JointMotion:
+        pairs = zip(motion.names, motion.curves, strict=True)
+        curves = tuple(curve.scaled(factor, self.start.get(name, 0.0)) for name, curve in pairs)
+        lower, upper = zip(*(self.limits.get(name, (-math.inf, math.inf)) for name in motion.names), strict=True)
+        return replace(motion, curves=curves, lower=lower, upper=upper)
 
     def _farther(self, joint: str, position: float, factor: float) -> float:
         start = self.start.get(joint, 0.0)
@@ -204,6 +214,10 @@ class _Robot:
             velocity=self._swapped(command.velocity),
             effort=self._swapped(command.effort),
             max_effort=self._swapped(command.max_effort),
+            motions=tuple(
+                replace(motion, names=tuple(self.partners.get(name, name) for name in motion.names))
+                for motion in command.motions
+            ),
         )
 
     def _swapped(self, group: Mapping[str, float]) -> dict[str, float]:

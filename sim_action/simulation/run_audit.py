@@ -88,7 +88,10 @@ class CommandLog:
     def _moves(self, targets: JointTargets) -> bool:
         if _is_motion(*targets.velocity.values()):
             return True
-        return any(abs(at - self.positions.get(name, at)) > _MIN_TARGET for name, at in targets.position.items())
+        aims = (targets.position, *(extreme for motion in targets.motions for extreme in motion.extremes))
+        return any(
+            abs(at - self.positions.get(name, at)) > _MIN_TARGET for positions in aims for name, at in positions.items()
+        )
 
 
 def _is_motion(*values: float) -> bool:

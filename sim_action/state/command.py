@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import Final
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Final
 
 from sim_action.core.geometry import ZERO, Twist, Vector3
 from sim_action.core.records import dataclass, field
+
+if TYPE_CHECKING:
+    from sim_action.state.joint_motion import JointMotion
 
 WORLD_FRAME: Final = "world"
 
@@ -70,6 +73,8 @@ class JointTargets:
         max_effort: joint name -> N m (or N), the limit for the servo of that joint; default: the limit of the model.
         base: the push on the base; None: as before. For drives, not for scripts.
         wrenches: all wrenches on links; None: as before. For engines: a script answers with a LinkWrench instead.
+        motions: position targets that go on to move by themselves, until their joints are named again. For the loop,
+            which gives the engine a position and a velocity for each physics step.
     """
 
     position: Mapping[str, float] = field(default_factory=dict)
@@ -78,18 +83,22 @@ class JointTargets:
     max_effort: Mapping[str, float] = field(default_factory=dict)
     base: BasePush | None = None
     wrenches: tuple[LinkWrench, ...] | None = None
+    motions: tuple[JointMotion, ...] = ()
 
     def names(self) -> Iterator[str]:
         """Yield every joint with a target, once."""
         yield from self.position
         yield from (name for name in self.velocity if name not in self.position)
         yield from self.effort
+        for motion in self.motions:
+            yield from motion.names
 
     def updated_by(self, later: JointTargets) -> JointTargets:
         """Return these targets, replaced by those of `later` for the joints that it names."""
         if not any(self.names()) and self.base is None and self.wrenches is None:
             return later
         renamed = set(later.names())
+        motions = self.motions and without_joints(self.motions, renamed)
 
         def kept(group: Mapping[str, float]) -> dict[str, float]:
             return {name: value for name, value in group.items() if name not in renamed}
@@ -101,7 +110,14 @@ class JointTargets:
             max_effort={**kept(self.max_effort), **later.max_effort},
             base=later.base or self.base,
             wrenches=self.wrenches if later.wrenches is None else later.wrenches,
+            motions=(*motions, *later.motions),
         )
+
+
+def without_joints(motions: Iterable[JointMotion], joints: Collection[str]) -> tuple[JointMotion, ...]:
+    """Return what is left of motions without some joints."""
+    left = (motion.only(name for name in motion.names if name not in joints) for motion in motions)
+    return tuple(motion for motion in left if motion.names)
 
 
 Command = Twist | JointTargets | LinkWrench
