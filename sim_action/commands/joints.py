@@ -92,9 +92,10 @@ class JointCommands(CommandSource):
     `hold` is a step at each point.
 
     A servo with the model's effort and velocity limits follows positions. It gets a target and the speed of this target
-    at each physics step, so that the joint does not lag behind: positions do not depend on the `rate`. A motor with the same effort limit follows velocities. An effort is applied directly:
-    nothing else holds such a joint from 0 s on. Before 0 s, while the robot comes to rest, joints with positions are
-    held at their initial positions, and joints with velocities are braked.
+    at each physics step, so that the joint does not lag behind: positions do not depend on the `rate`. A motor with the
+    same effort limit follows velocities. An effort is applied directly: nothing else holds such a joint from 0 s on.
+    Before 0 s, while the robot comes to rest, joints with positions are held at their initial positions, and joints
+    with velocities are braked.
 
     Positions, speeds and efforts beyond the limits of the model are errors before the run. A velocity or an effort
     holds until the next tick: a higher `rate` gives smoother curves. So do positions if commands are lost or late.
@@ -109,7 +110,7 @@ class JointCommands(CommandSource):
     # It divides the usual rates of the physics: 200, 240 and 1000 Hz.
     rate: Annotated[
         PositiveHertz,
-        Field(description="rate of the ticks at which velocities and efforts are given; not of positions"),
+        Field(description="rate of the ticks at which velocities and efforts are given"),
     ] = 40.0
 
     def problems(self, workspace: Workspace) -> SpecProblems:

@@ -204,7 +204,7 @@ def test_a_point_does_not_concern_joints_that_it_does_not_name() -> None:
     both = spec(
         {"at": 1, "position": {"shoulder": 0.5}}, {"at": 2, "position": {"elbow": 1, "shoulder": 1.5}}, rate=240
     )
-    elbow = 1 / 1.95
+    elbow = 1 / 1.98
     assert at(both, 1.0) == JointTargets(
         position=near(elbow=0.5, shoulder=0.5), velocity=near(elbow=elbow, shoulder=0.5)
     )
