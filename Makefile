@@ -28,7 +28,7 @@ HAS_NODE = $(WITH_NODE) node -e 'process.exit(parseInt(process.versions.node) < 
 # A shell that forbids bytecode would have each of the thousands of processes of a test run compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: viewer screenshots demo demo-pictures check check-tests test for-tests bytecode soak coverage lint house lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots accuracy picture bench fuzz mutants workflow lock clean
+.PHONY: viewer screenshots demo demo-pictures check check-tests test for-tests bytecode soak coverage lint house lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots accuracy picture bench findings fuzz mutants workflow lock clean
 
 demo: $(VENV)/.installed ## run the scenario at the top of README.md
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
@@ -66,6 +66,7 @@ lint-style: $(VENV)/.dev
 	$(BIN)/python -m tools.style
 	$(BIN)/python -m tools.release check
 	$(BIN)/python -m tools.house --enforced
+	$(BIN)/python -m tools.findings --check
 
 house: $(VENV)/.dev ## measure the size and the order of the code against its limits; `-v` of tools.house lists the places
 	$(BIN)/python -m tools.house
@@ -134,6 +135,11 @@ demo-pictures: $(VENV)/.dev viewer ## take the pictures of examples/demo: the vi
 
 bench: $(VENV)/.dev viewer ## ratios against the raw engine; what cannot be measured here is named with its reason
 	$(BIN)/python -m tools.bench.run
+
+findings: ## run the scripts of findings/, or those that ONLY names; each installs public packages in a temporary folder
+	@failed=; for name in $(or $(ONLY),$(basename $(notdir $(wildcard findings/*.sh)))); do \
+	  echo "$$name"; PYTHON=$(PYTHON) bash findings/$$name.sh || failed="$$failed $$name"; \
+	done; [ -z "$$failed" ] || { echo "failed:$$failed"; exit 1; }
 
 fuzz: $(VENV)/.dev ## a quarter of an hour of scenarios, models and other files that nobody has written
 	$(BIN)/python -m tests.fuzz
