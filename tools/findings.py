@@ -11,10 +11,10 @@ PAGE: Final = FOLDER / "README.md"
 _HEAD: Final = """\
 # Findings
 
-Behaviour of libraries, formats and tools of this field that a good guess gets wrong, and that is no fault of sim-action.
-Each script installs pinned public packages in a temporary folder, runs them without sim-action, prints what it sees, and
-fails if that is no longer what its first comment states. Its comment also says what one would guess, and for whom it
-matters.
+Behaviour of libraries, formats and tools of this field that a good guess gets wrong, and that is no fault of
+sim-action. Each script installs pinned public packages in a temporary folder, runs them without sim-action, prints what
+it sees, and fails if that is no longer what its first comment states. Its comment also says what one would guess, and
+for whom it matters.
 
 Run all with `make findings`, or some with `make findings ONLY="NAME NAME"`. No test and no CI job runs them. This page
 is generated: `python -m tools.findings`.
