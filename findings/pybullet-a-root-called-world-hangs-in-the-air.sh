@@ -29,7 +29,8 @@ for name in ("world", "world_link"):
     for _ in range(24):
         p.stepSimulation()
     height = p.getBasePositionAndOrientation(robot)[0][2]
-    print(f"seen {name}: mass {p.getDynamicsInfo(robot, -1)[0]:g} falls: {height < 4.99}")
+    # PyBullet writes a warning without a newline before this line.
+    print(f"\nseen {name}: mass {p.getDynamicsInfo(robot, -1)[0]:g} falls: {height < 4.99}")
 END
 seen=$(venv/bin/python try.py | grep '^seen')
 stated='seen world: mass 0 falls: False
