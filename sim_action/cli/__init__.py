@@ -31,7 +31,7 @@ class Subcommand:
 
 
 _REPORTS: Final = ("output_dir", "junit", "junit_strict", "report", "summary", "annotations", "verbose", "quiet")
-_RUNS: Final = ("paths", "backend", "seed", "repeat", "unexercised", "jobs", "fail_fast", "resume", "record")
+_RUNS: Final = ("paths", "backend", "seed", "repeat", "unexercised", "jobs", "fail_fast", "record")
 _PROOFS: Final = ("paths", "seed", "jobs", "output_dir", "report", "summary", "annotations", "quiet")
 
 SUBCOMMANDS: Final[Mapping[str, Subcommand]] = MappingProxyType(

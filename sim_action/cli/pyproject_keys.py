@@ -16,6 +16,7 @@ CALLER_ONLY: Final = {
     "pass-env": "--pass-env",
     "package": "--package",
     "packages": "--package",
+    "resume": "--resume",
 }
 """Keys that the table must not have, because a pull request can change it -> the option of the caller."""
 
@@ -38,7 +39,6 @@ class Defaults(FrozenModel):
     unexercised: Annotated[Literal["error", "warn"] | None, Field(description="as --unexercised")] = None
     jobs: Annotated[int | None, Field(ge=1, le=256, description="as --jobs")] = None
     fail_fast: Annotated[bool | None, Field(alias="fail-fast", description="as --fail-fast")] = None
-    resume: Annotated[bool | None, Field(description="as --resume")] = None
     record: Annotated[tuple[str, ...] | None, Field(description="formats, as --record")] = None
     output_dir: Annotated[str | None, Field(alias="output-dir", min_length=1, description="as --output-dir")] = None
     junit: Annotated[str | None, Field(min_length=1, description="as --junit")] = None

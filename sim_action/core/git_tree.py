@@ -113,6 +113,7 @@ _ARGUMENTS: Final = (
     *("-c", "core.fsmonitor=false", "-c", "core.hooksPath=/dev/null", "-c", "core.untrackedCache=false"),
     *("ls-files", "-z", "-t", "--stage", "--debug", "--others", "--exclude-standard"),
 )
+_INDEX_ARGUMENTS: Final = (*_ARGUMENTS[: _ARGUMENTS.index("ls-files")], "ls-files", "-z", "--stage")
 # The tag of an untracked file; or mode, object, stage and path of a tracked one, followed by its stamps.
 _ENTRY: Final = re.compile(
     rb"(?:\? ([^\0]+)|\w (\d{6}) ([0-9a-f]+) \d\t([^\0]+))\0"
@@ -158,7 +159,7 @@ class GitTree:
 class GitListing:
     """A running git that lists the files of a repository."""
 
-    def __init__(self, root: Path, outermost: Path | None = None) -> None:
+    def __init__(self, root: Path, outermost: Path | None = None, arguments: tuple[str, ...] = _ARGUMENTS) -> None:
         """Start git; an error is raised by `tree`. `outermost`: the repository around all that are listed."""
         self.root = root
         self._process: subprocess.Popen[bytes] | None = None
@@ -171,7 +172,7 @@ class GitListing:
             return
         try:
             self._process = subprocess.Popen(  # noqa: S603 - fixed words
-                (program, *_ARGUMENTS),
+                (program, *arguments),
                 cwd=root,
                 env=_environment(root),
                 stdin=subprocess.DEVNULL,
@@ -219,6 +220,32 @@ class GitListing:
         if self._process is not None and self._process.returncode is None:
             self._process.kill()
             self._process.communicate()
+
+
+def repositories_around(path: Path) -> list[Path]:
+    """Return the folders around a file that have a `.git`, with links followed and not followed."""
+    named = Path(os.path.abspath(path))  # noqa: PTH100 - links are not followed
+    folders = dict.fromkeys((*named.parents, *Path(os.path.realpath(path)).parents))
+    return [folder for folder in folders if (folder / ".git").exists()]
+
+
+def is_tracked(root: Path, path: Path) -> bool:
+    """Return True if the index of a repository names a file, under any spelling of its path. Raise GitError.
+
+    A file in a submodule that is no repository of its own is not known.
+    """
+    listing = GitListing(root, arguments=_INDEX_ARGUMENTS)
+    found, name = _status(path), path.name.casefold()
+    inside = {folder for folder in Path(os.path.realpath(path)).parents if not (folder / ".git").exists()}
+    for entry in listing.output().split(b"\0")[:-1]:
+        mode, _, tracked = entry.partition(b" ")
+        place = root / os.fsdecode(tracked.partition(b"\t")[2])
+        if mode == _SUBMODULE and Path(os.path.realpath(place)) in inside:
+            raise GitError(f"{_shown(place)} is a submodule without a repository")
+        status = _status(place) if place.name.casefold() == name else None
+        if status is not None and found is not None and os.path.samestat(status, found):
+            return True
+    return False
 
 
 class _Reader:

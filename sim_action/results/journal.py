@@ -32,6 +32,7 @@ from sim_action.core.version import __version__
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.results.events import Event, Finished, Progressed, RunEnded, Started
 from sim_action.results.gates import over_variations
+from sim_action.results.journal_seal import Seal
 from sim_action.results.outcome import Failure, NotNegative, Outcome
 from sim_action.results.results_json import MAX_OUTCOMES, Results, Shard, is_inconsistent
 from sim_action.scenario.sharing import share_parts
@@ -123,6 +124,7 @@ class Record:
         turn: the number of the repetition, counted from 1; None for a final outcome.
         key: the digest of everything that the outcome may depend on; None: it is not known.
         taken_over: True for an outcome of an earlier call, see `run --resume`.
+        seal: the keyed digest of a line with a key, see `Seal`.
     """
 
     at: NotNegative
@@ -132,6 +134,7 @@ class Record:
     key: str | None = None
     taken_over: bool = False
     outcome: Outcome | None = None
+    seal: str | None = None
 
     __pydantic_config__: ClassVar[ConfigDict] = FrozenModel.model_config
 
@@ -159,12 +162,14 @@ class Recorded:
         header: the first line.
         records: all other lines.
         finished: the place of each final outcome -> its record.
+        unsealed: the number of records that lost their keys, see `read_journal`.
     """
 
     def __init__(self, header: Header) -> None:
         self.header = header
         self.records: list[Record] = []
         self.finished: dict[int, Record] = {}
+        self.unsealed = 0
         self._last: Outcome | None = None
 
     def add(self, record: Record) -> None:
@@ -260,7 +265,8 @@ class Journal:
         self._size = 0
         self._recorded = Recorded(header)
         for record in taken_over:
-            self._recorded.add(replace(record, at=0.0, taken_over=True))
+            self._recorded.add(replace(record, at=0.0, taken_over=True, seal=None))
+        self._seal = Seal.of_user()
         self._attempt(self._write_whole)
 
     def __call__(self, event: Event) -> None:
@@ -321,7 +327,7 @@ class Journal:
             self._leave()
             self._write_whole()
             return
-        line = _line(record)
+        line = self._line(record)
         _write_all(self._descriptor, line)
         self._size += len(line)
         self._is_synced &= record.event == "started"
@@ -339,12 +345,16 @@ class Journal:
         """Write the header and all records to a new file. Raise OSError."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(self._path) as file:
-            self._size = file.write(_line(self._recorded.header))
+            self._size = file.write(self._recorded.header.model_dump_json(exclude_defaults=True).encode() + b"\n")
             for record in self._recorded.records:
                 if not record.is_interrupted:
-                    self._size += file.write(_line(record))
+                    self._size += file.write(self._line(record))
         self._descriptor = os.open(self._path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0) | _NO_LINK)
         self._is_synced = False
+
+    def _line(self, record: Record) -> bytes:
+        line = _records().dump_json(record, exclude_defaults=True) + b"\n"
+        return self._seal.on(line) if self._seal is not None and record.key is not None else line
 
     def _sync(self) -> None:
         """Wait until everything that was written is on the disk. Raise OSError."""
@@ -359,19 +369,25 @@ class Journal:
             self._descriptor = None
 
 
-def read_journal(folder: Path) -> Recorded:
+def read_journal(folder: Path, *, sealed: bool = False) -> Recorded:
     """Read the journal of an output folder. Raise UsageError.
 
     Lines that are not valid are left out: a killed process may leave the last line unfinished. A final outcome whose
-    status contradicts its failures or expectations is not valid.
+    status contradicts its failures or expectations is not valid. With `sealed`, records without the seal of this user
+    lose their keys, and are counted.
     """
+    seal = Seal.of_user() if sealed else None
     path = folder / JOURNAL_FILE
     try:
         with open_regular(path, follow_link=False) as file:
             recorded = Recorded(Header.model_validate_json(file.readline(_MAX_HEADER_BYTES)))
             for line in islice(iter(partial(file.readline, MAX_LINE_BYTES), b""), MAX_RECORDS):
                 with suppress(ValueError):
-                    recorded.add(parsed_record(line))
+                    record = parsed_record(line)
+                    if sealed and record.key is not None and not (seal is not None and seal.fits(line)):
+                        record = replace(record, key=None)
+                        recorded.unsealed += 1
+                    recorded.add(record)
     except OSError as error:
         reason = system_reason(error)
     except ValidationError as error:
@@ -404,12 +420,6 @@ def parsed_record(line: bytes) -> Record:
     if record.event == "finished" and record.outcome is not None and is_inconsistent(record.outcome):
         raise ValueError("its status contradicts its failures or expectations")
     return record
-
-
-def _line(data: Header | Record) -> bytes:
-    if isinstance(data, Header):
-        return data.model_dump_json(exclude_defaults=True).encode() + b"\n"
-    return _records().dump_json(data, exclude_defaults=True) + b"\n"
 
 
 @cache

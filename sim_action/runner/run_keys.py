@@ -26,10 +26,12 @@ from sim_action.core.permissions import Permissions
 from sim_action.core.provenance import cpu_model
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.version import PACKAGE_FOLDER
+from sim_action.core.wording import counted, escaped_line
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.engines import ENGINES
 from sim_action.results.artifacts import RunFiles, stored_file
 from sim_action.results.journal import JOURNAL_FILE, Planned, Record, Recorded, read_journal
+from sim_action.results.journal_seal import distrusted, key_file
 from sim_action.results.outcome import Outcome, Status
 from sim_action.results.results_json import is_inconsistent
 from sim_action.runner.child_outcome import engine_provenance
@@ -294,6 +296,10 @@ _ALL_CHANGED: Final = (
     "no verdict of the earlier run is taken over: since then, files, options, environment variables, software or the "
     "current folder have changed"
 )
+_UNSEALED: Final = (
+    "without a valid seal; the scenarios run again, because another user or program may have written the journal, or "
+    "the key in the cache folder was lost"
+)
 _FINAL: Final[frozenset[Status]] = frozenset({"passed", "failed", "not_exercised", "flaky"})
 
 
@@ -347,13 +353,18 @@ def take_over(
     """
     if not (folder / JOURNAL_FILE).is_file():
         return TakenOver(remarks=(f"there is no earlier run to resume: {folder} has no {JOURNAL_FILE}",))
+    for path in (folder / JOURNAL_FILE, key_file()):
+        if path is not None and (reason := distrusted(path)) is not None:
+            return TakenOver(remarks=(escaped_line(f"no verdict is taken over: {path} {reason}"),))
     try:
-        recorded = read_journal(folder)
+        recorded = read_journal(folder, sealed=True)
     except UsageError as error:
         return TakenOver(remarks=(f"there is no earlier run to resume: {error}",))
     search = _Search(folder, planned, runs, assembly, files, keys, _by_key(recorded))
     records = [record for places in assembly.scenarios for record in search.records(places)]
     remarks = tuple(dict.fromkeys(search.reasons))
+    if recorded.unsealed:
+        remarks += (f"{counted(recorded.unsealed, 'verdict')} of the earlier run {_UNSEALED}",)
     if not records and search.earlier and not remarks:
         remarks = (_ALL_CHANGED,)
     return TakenOver(tuple(records), frozenset(search.kept), remarks)

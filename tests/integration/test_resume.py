@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 
 from sim_action.core.git_tree import CLOCK_TICK_NS
+from sim_action.results.journal_seal import Seal
 from tests.integration.conftest import outside_of_github, sim_action
 from tests.soak import soaked
 
@@ -125,8 +126,10 @@ def files(folder: Path) -> set[str]:
 
 
 def suite(folder: Path, **commands: str) -> Path:
-    """A folder with a scenario for each command source."""
+    """A repository with a scenario for each command source. It ignores all files: only those that they name count."""
     folder.mkdir(exist_ok=True)
+    subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
+    (folder / ".git/info/exclude").write_text("*")
     for name, each in commands.items():
         (folder / f"{name}.sim.yml").write_text(ONE.format(name=name, commands=each), encoding="utf-8")
     return folder
@@ -414,11 +417,169 @@ def test_code_that_may_read_anything_runs_again(tmp_path: Path) -> None:
     assert "no verdict of the earlier run is taken over" in printed
 
 
-def test_code_without_git_runs_again_and_the_reason_is_printed(tmp_path: Path) -> None:
+def git(folder: Path, *words: str) -> None:
+    identity = ("-c", "user.name=a", "-c", "user.email=a@b", "-c", "protocol.file.allow=always")
+    subprocess.run(["git", *identity, *words], cwd=folder, check=True, capture_output=True)
+
+
+def forged(folder: Path, *, resealed: bool = False) -> None:
+    """Run a scenario that fails, and make its journal and traces say that it passed.
+
+    `resealed`: with a seal, as if the stranger had the key; then only the place of the journal is in the way.
+    """
+    sim_action(folder, "run", "sim", "--no-report")
+    lines = []
+    for written in (folder / JOURNAL).read_bytes().splitlines(keepends=True):
+        data, line = json.loads(written), written
+        if data.get("event") == "finished":
+            outcome = data["outcome"]
+            outcome["status"] = "passed"
+            outcome.pop("failures", None)
+            for expectation in outcome["expectations"]:
+                expectation["verdict"]["passed"] = True
+                expectation["verdict"]["margin"] = 1.0
+            del data["seal"]
+            line = json.dumps(data).encode() + b"\n"
+            seal = Seal.of_user() if resealed else Seal(b"a key of the stranger")
+            assert seal is not None
+            line = seal.on(line)
+        lines.append(line)
+    (folder / JOURNAL).write_bytes(b"".join(lines))
+    for name in ("results.json", "junit.xml", ".gitignore"):
+        (folder / "sim-results" / name).unlink()
+
+
+STANDS = "twist: [{linear: 0.0}]"
+OF_JOB = {"GITHUB_ACTIONS": "true", "GITHUB_EVENT_NAME": "pull_request"}
+
+
+def without_git(folder: Path) -> str:
+    return "without a git repository that names its own files"
+
+
+def committed(folder: Path) -> str:
+    git(folder, "init", "-q")
+    git(folder, "add", "-Af")
+    git(folder, "commit", "-qm", "a")
+    return "belongs to the git repository"
+
+
+def staged_under_another_spelling(folder: Path) -> str:
+    """As a file system sees it that does not distinguish letter case: one file with two names."""
+    committed(folder)
+    git(folder, "mv", "-f", "sim-results", "SIM-RESULTS")
+    (folder / "sim-results").mkdir()
+    for path in (folder / "SIM-RESULTS").rglob("*"):
+        place = folder / "sim-results" / path.relative_to(folder / "SIM-RESULTS")
+        place.mkdir() if path.is_dir() else place.hardlink_to(path)
+    return "belongs to the git repository"
+
+
+def scenarios_in_submodule(folder: Path) -> str:
+    origin = folder.parent / "origin"
+    shutil.move(folder / "sim", origin)
+    committed(origin)
+    git(folder, "init", "-q")
+    git(folder, "submodule", "add", "-q", str(origin), "sim")
+    return committed(folder)
+
+
+def scenarios_in_nested_repository(folder: Path) -> str:
+    git(folder / "sim", "init", "-q")
+    git(folder, "init", "-q")
+    git(folder, "add", "-f", "sim-results")
+    return "belongs to the git repository"
+
+
+def everything_in_submodule_without_repository(folder: Path) -> str:
+    origin = folder.parent / "origin"
+    shutil.copytree(folder, origin)
+    committed(origin)
+    shutil.rmtree(folder)
+    git(folder.parent, "init", "-q")
+    git(folder.parent, "submodule", "add", "-q", str(origin), folder.name)
+    (folder / ".git").unlink()
+    return "is a submodule without a repository"
+
+
+def broken_repository(folder: Path) -> str:
+    (folder / ".git").mkdir()
+    return "git cannot list its files"
+
+
+def repository_around(folder: Path) -> str:
+    """The nearest repository does not know the journal, one around it does."""
+    git(folder.parent, "init", "-q")
+    git(folder.parent, "add", "-Af", folder.name)
+    git(folder, "init", "-q")
+    return "belongs to the git repository"
+
+
+def worktree(folder: Path) -> str:
+    main = folder.rename(folder.parent / "main")
+    committed(main)
+    git(main, "worktree", "add", "-q", "--detach", str(folder))
+    return "belongs to the git repository"
+
+
+@pytest.mark.parametrize("resealed", [False, True])
+@pytest.mark.parametrize(
+    "layout",
+    [
+        without_git,
+        committed,
+        staged_under_another_spelling,
+        scenarios_in_submodule,
+        scenarios_in_nested_repository,
+        everything_in_submodule_without_repository,
+        broken_repository,
+        repository_around,
+        worktree,
+    ],
+)
+def test_a_journal_of_the_checkout_is_not_believed(
+    tmp_path: Path, layout: Callable[[Path], str], *, resealed: bool
+) -> None:
+    folder = tmp_path / "outer/job"
+    folder.mkdir(parents=True)
+    suite(folder / "sim", a=STANDS)
+    shutil.rmtree(folder / "sim/.git")
+    forged(folder, resealed=resealed)
+    reason = layout(folder)
+    printed = sim_action(folder, "run", "sim", "--no-report", "--resume", **OF_JOB, GITHUB_WORKSPACE=str(folder))
+    assert printed.returncode == 1, printed.stdout + printed.stderr
+    assert "0 of 1 scenario taken over" in printed.stdout + printed.stderr
+    assert reason in printed.stderr
+    assert results(folder)["outcomes"][0]["status"] == "failed"
+
+
+def test_a_journal_without_our_seal_runs_again(tmp_path: Path) -> None:
+    """It is not tracked, as after a download, and everything else about it is right."""
+    suite(tmp_path / "sim", a=STANDS)
+    shutil.rmtree(tmp_path / "sim/.git")
+    git(tmp_path, "init", "-q")
+    forged(tmp_path)
+    assert "1 verdict of the earlier run without a valid seal; the scenarios run again" in run(
+        tmp_path, "sim", "--no-report", "--resume"
+    )
+    assert results(tmp_path)["outcomes"][0]["status"] == "failed"
+    assert taken_over(tmp_path) == []
+
+
+def test_only_the_caller_can_resume(tmp_path: Path) -> None:
+    folder = suite(tmp_path, a=TWIST)
+    (folder / "pyproject.toml").write_text("[tool.sim-action]\nresume = true\n")
+    found = sim_action(folder, "run")
+    assert found.returncode == 2
+    assert "pyproject.toml:2:1: resume: cannot be set in this file" in found.stderr
+    assert "use --resume instead" in found.stderr
+
+
+def test_without_git_everything_runs_again_and_the_reason_is_printed(tmp_path: Path) -> None:
     folder = suite(tmp_path, a="script: drive.py", b=TWIST)
+    shutil.rmtree(folder / ".git")
     (folder / "drive.py").write_text(DRIVES)
     run(folder)
     printed = run(folder, "--resume")
-    assert taken_over(folder) == ["b"]
-    assert "verdicts of user code are not taken over: " in printed
-    assert "not the root of a git repository" in printed
+    assert taken_over(folder) == []
+    assert "without a git repository that names its own files" in printed
