@@ -105,8 +105,13 @@ def _problem_with_targets(targets: JointTargets, scene: Scene) -> str | None:
         return "a push of the base, which only drives may command; use joint targets"
     if targets.wrenches is not None:
         return "JointTargets with wrenches; answer with a tuple (JointTargets, LinkWrench, ...) instead"
-    for name in (*targets.names(), *targets.max_effort):
-        if (trouble := scene.model.why_not_driven(str(name))) is not None:
+    named: list[tuple[str, Reading | None]] = [
+        *((name, "position") for name in targets.position),
+        *((name, "velocity") for name in targets.velocity if name not in targets.position),
+        *((name, None) for name in (*targets.effort, *targets.max_effort)),
+    ]
+    for name, reading in named:
+        if (trouble := scene.model.why_not_driven(str(name), reading)) is not None:
             return f"a target for a joint that cannot be driven: {trouble}"
     negative = next((name for name, effort in targets.max_effort.items() if effort < 0), None)
     return (

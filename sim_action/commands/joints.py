@@ -306,7 +306,7 @@ def model_fit_problems(points: Sequence[JointPoint], blend: Blend, scene: Scene)
     yield from _selection_problems(points, scene.model)
     unknown = FirstFew()
     for name, joint_knots in by_joint.items():
-        if (trouble := scene.model.why_not_driven(name)) is None:
+        if (trouble := scene.model.why_not_driven(name, joint_knots[0].reading)) is None:
             yield from _joint_problems(scene.model.joints_by_name[name], joint_knots, blend, scene)
         elif unknown.one_more():
             yield joint_knots[0].path, trouble

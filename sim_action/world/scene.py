@@ -172,8 +172,8 @@ class Scene:
         }
 
     @property
-    def controls(self) -> dict[str, float]:
-        """The initial controls of the model's motors that the keyframe states, in the unit of each actuator.
+    def controls(self) -> dict[str, tuple[float, ...]]:
+        """The initial controls of the model's motors that the keyframe states, in the units of each actuator.
 
         Motors of joints whose positions `robot.joints` states begin there.
         """
@@ -185,7 +185,7 @@ class Scene:
             for joint in self.model.moving_joints
             if joint.motor is not None and self.model.leaders(joint.name) & stated
         }
-        return {name: control for name, control in self.keyframe.controls.items() if name not in moved}
+        return {name: controls for name, controls in self.keyframe.controls.items() if name not in moved}
 
     def _stated_positions(self) -> dict[str, float]:
         if not self.robot.joints:

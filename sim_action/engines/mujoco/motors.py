@@ -25,7 +25,7 @@ from sim_action.drives.wheels import held_joints
 from sim_action.engines.engine import UNLIMITED_EFFORT
 from sim_action.engines.mujoco.names import engine_name
 from sim_action.engines.mujoco.scene import IMPEDANCE, STEPS_TO_CONVERGE, CompiledScene, solver_parameters
-from sim_action.robot.model.robot_model import Joint, MotorKind, RobotModel
+from sim_action.robot.model.robot_model import FOLLOWED, Joint, MotorKind, Reading, RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import FloatArray
 from sim_action.world.scene import Scene
@@ -36,8 +36,7 @@ _SERVO_SHARE: Final = 0.1
 _Numbers = slice | NDArray[np.intp]
 
 _FREE, _VELOCITY, _POSITION, _OWN = range(4)
-# What the motors that a model states can be commanded to do.
-_MODES: Final = {"position": (_POSITION, _VELOCITY), "velocity": (_VELOCITY,), "effort": (_FREE,)}
+_READINGS: Final[Mapping[int, Reading]] = {_POSITION: "position", _VELOCITY: "velocity", _FREE: "effort"}
 
 
 class Motors:
@@ -75,7 +74,7 @@ class Motors:
         held = held_joints(model)
         for number, joint in enumerate(joints):
             kind = self._actuators.kind(number)
-            if kind in {"position", "velocity"}:
+            if kind in {"position", "velocity", "voltage", "none"}:
                 self._set(number, _OWN, 0.0, self._friction[number])
             elif joint.name in held and not (is_passive and kind is None):
                 self._set(number, _POSITION, self._data.qpos[self._qpos[number]], self._max_effort[number])
@@ -113,13 +112,14 @@ class Motors:
                     continue
                 number = self._index[name]
                 limit = targets.max_effort.get(name)
-                if not self._command_own(number, mode, target, limit):
+                ahead = targets.velocity.get(name, 0.0) if mode == _POSITION else 0.0
+                if not self._command_own(number, mode, target, limit, ahead):
                     self._set(number, mode, target, self._max_effort[number] if limit is None else limit)
         for name in targets.position:
             self._ahead[self._index[name]] = float(targets.velocity.get(name, 0.0))
         for name, effort in targets.effort.items():
             number = self._index[name]
-            if not self._command_own(number, _FREE, effort, None):
+            if not self._command_own(number, _FREE, effort, None, 0.0):
                 self._set(number, _FREE, 0.0, self._friction[number])
                 self._data.qfrc_applied[self._dofs[number]] = self._applied[number] = effort
         if self._rows_are_others:
@@ -161,21 +161,21 @@ class Motors:
             efforts[own] = self._data.qfrc_actuator[self._dofs[own]]
         return np.concatenate((efforts, self._no_motors)) if self._no_motors.size else efforts
 
-    def _command_own(self, number: int, mode: int, target: float, limit: float | None) -> bool:
+    def _command_own(self, number: int, mode: int, target: float, limit: float | None, ahead: float) -> bool:
         """Command the motor that the model states; return False if there is none, or if it cannot do this."""
         kind, motors = self._actuators.kind(number), self._actuators
         if kind is None:
             return False
-        can = _MODES[kind]
-        motors.switch(number, limit, on=mode in can)
-        if mode not in can:
+        can = _READINGS[mode] in FOLLOWED[kind]
+        motors.switch(number, limit, on=can)
+        if not can:
             return False
         self._set(number, _OWN, 0.0, self._friction[number])
         if mode == _POSITION:
-            motors.hold(number, target)
+            motors.hold(number, target, ahead)
         elif mode == _FREE:
             motors.exert(number, target)
-        elif kind == "velocity":
+        elif kind != "position":
             motors.turn(number, target)
         else:
             motors.creep(number, target)
@@ -240,17 +240,28 @@ def _in_a_row(numbers: NDArray[np.intp]) -> _Numbers:
 
 
 _FOLLOWS_CONTROL: Final = (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
+_INPUT: Final = mujoco.mjtCtrlInput
+_GAIN: Final = mujoco.mjtGain
+# Where `actuator_dynprm` has the largest rate of the target of a controller; the target is then its first activation.
+_SLEW: Final = {int(mujoco.mjtDyn.mjDYN_PID): 1, int(mujoco.mjtDyn.mjDYN_DCMOTOR): 7}
 
 
 class Actuators:
     """The motors of the model, by the number of their joint in the order of the robot model."""
 
-    def __init__(self, model: RobotModel, compiled: CompiledScene, rate: float, controls: Mapping[str, float]) -> None:
+    def __init__(
+        self, model: RobotModel, compiled: CompiledScene, rate: float, controls: Mapping[str, Sequence[float]]
+    ) -> None:
         """`controls`: initial controls by the name of the actuator; other position servos begin at their joints."""
         self._model, self._data, self._rate = compiled.model, compiled.data, rate
         self._joints = model.motor_joints
         self._numbers = {joint.name: number for number, joint in enumerate(self._joints)}
         self._actuator = [self._number(joint) for joint in self._joints]
+        self._controls = self._model.actuator_ctrladr.tolist()
+        self._gears = self._model.actuator_gear[self._model.actuator_outadr, 0].tolist()
+        # A <pid> or <dcmotor> has its gains elsewhere, and an input for each quantity.
+        kinds = self._model.actuator_gaintype
+        self._has_inputs = ((kinds == _GAIN.mjGAIN_PID) | (kinds == _GAIN.mjGAIN_DCMOTOR)).tolist()
         self._gains, self._biases = self._model.actuator_gainprm.copy(), self._model.actuator_biasprm.copy()
         self._forces = self._model.actuator_forcerange.copy(), self._model.actuator_forcelimited.copy()
         # Position targets of all joints, which a motor on a tendon needs together.
@@ -266,8 +277,9 @@ class Actuators:
             if kind == "position":
                 self._aim(number)
         self._hold_others()
-        for name, control in controls.items():
-            self._data.ctrl[self._model.actuator(engine_name(name)).id] = control
+        for name, own in controls.items():
+            first = self._controls[self._model.actuator(engine_name(name)).id]
+            self._data.ctrl[first : first + len(own)] = own
         self._begin()
 
     def kind(self, number: int) -> MotorKind | None:
@@ -275,11 +287,12 @@ class Actuators:
         motor = self._joints[number].motor
         return None if motor is None else motor.kind
 
-    def hold(self, number: int, position: float) -> None:
-        """Set the target of a position servo in rad (m)."""
+    def hold(self, number: int, position: float, speed: float) -> None:
+        """Set the target of a position servo in rad (m), and the speed of the target, if it has an input for that."""
         self.creeping.pop(number, None)
         self._targets[number] = position
         self._aim(number)
+        self._lead(number, speed)
 
     def creep(self, number: int, speed: float) -> None:
         """Move the target of a position servo from where the joint is, in rad/s (m/s)."""
@@ -287,28 +300,43 @@ class Actuators:
             joint = self._model.joint(engine_name(self._joints[number].name)).qposadr[0]
             self._targets[number] = float(self._data.qpos[joint])
         self.creeping[number] = speed
+        self._lead(number, speed)
 
     def turn(self, number: int, speed: float) -> None:
-        """Set the target of a velocity servo in rad/s (m/s)."""
+        """Set the target of a velocity servo in rad/s (m/s); for a voltage, that of a motor without load."""
         at = self._actuator[number]
-        self._data.ctrl[at] = -self._biases[at, 2] * self._model.actuator_gear[at, 0] * speed / self._gains[at, 0]
+        speed *= self._gears[at]
+        if self._has_inputs[at]:
+            voltage = self._input(at, _INPUT.mjINPUT_VOLTAGE)
+            to = self._input(at, _INPUT.mjINPUT_VEL) if voltage is None else voltage
+            self._data.ctrl[to] = speed if voltage is None else speed * self._gains[at, 1]
+            return
+        # The position target of an integrator moves.
+        order = 1 if self._integrates(at) else 2
+        self._data.ctrl[self._controls[at]] = -self._biases[at, order] * speed / self._gains[at, 0]
 
     def exert(self, number: int, effort: float) -> None:
-        """Set the effort of a motor in N m (N)."""
+        """Set the effort of a motor in N m (N); for a voltage, that of a motor at rest."""
         at = self._actuator[number]
-        self._data.ctrl[at] = effort / (self._model.actuator_gear[at, 0] * self._gains[at, 0])
+        gain = float(self._gains[at, 0])
+        if self._has_inputs[at]:
+            gain = 1.0 if self._input(at, _INPUT.mjINPUT_VOLTAGE) is None else float(self._gains[at, 1]) / gain
+        self._data.ctrl[self._controls[at]] = effort / (self._gears[at] * gain)
 
     def switch(self, number: int, limit: float | None, *, on: bool) -> None:
         """Switch a motor on or off; `limit`: of its effort in N m (N), below that of the model."""
         at = self._actuator[number]
         if at < 0:
             return
-        self._model.actuator_gainprm[at] = self._gains[at] if on else 0.0
-        self._model.actuator_biasprm[at] = self._biases[at] if on else 0.0
         ranges, limited = self._forces
         self._model.actuator_forcerange[at], self._model.actuator_forcelimited[at] = ranges[at], limited[at]
+        if self._has_inputs[at]:
+            limit = limit if on else 0.0
+        else:
+            self._model.actuator_gainprm[at] = self._gains[at] if on else 0.0
+            self._model.actuator_biasprm[at] = self._biases[at] if on else 0.0
         if limit is not None:
-            most = limit / abs(float(self._model.actuator_gear[at, 0]))
+            most = limit / abs(self._gears[at])
             lower, upper = ranges[at].tolist() if limited[at] else (-most, most)
             self._model.actuator_forcerange[at] = max(lower, -most), min(upper, most)
             self._model.actuator_forcelimited[at] = True
@@ -326,7 +354,20 @@ class Actuators:
             self._aim(number)
 
     def _number(self, joint: Joint) -> int:
-        return -1 if joint.motor is None else int(self._model.actuator(engine_name(joint.motor.actuator)).id)
+        if joint.motor is None or joint.motor.kind == "none":
+            return -1
+        return int(self._model.actuator(engine_name(joint.motor.actuator)).id)
+
+    def _input(self, at: int, kind: mujoco.mjtCtrlInput) -> int | None:
+        """Return the index in `ctrl` of an input of a <pid> or <dcmotor>; None if it does not have it."""
+        present = int(self._model.actuator_ctrlspec[at])
+        return self._controls[at] + (present & (int(kind) - 1)).bit_count() if present & kind else None
+
+    def _lead(self, number: int, speed: float) -> None:
+        """Set the velocity input of a position servo that has one."""
+        at = self._actuator[number]
+        if self._has_inputs[at] and (to := self._input(at, _INPUT.mjINPUT_VEL)) is not None:
+            self._data.ctrl[to] = self._gears[at] * speed
 
     def _tendon(self, name: str) -> list[tuple[int, float]]:
         """Return the joints of a fixed tendon with their coefficients."""
@@ -343,8 +384,13 @@ class Actuators:
         at = self._actuator[number]
         through = self._on_tendon.get(at)
         length = self._target(number) if through is None else sum(share * self._target(n) for n, share in through)
-        length *= self._model.actuator_gear[at, 0]
-        self._data.ctrl[at] = -(self._biases[at, 0] + self._biases[at, 1] * length) / self._gains[at, 0]
+        self._balance(at, length * self._gears[at])
+
+    def _balance(self, at: int, length: float) -> None:
+        """Set the control of a position servo to its balance at a length of the actuator."""
+        if not self._has_inputs[at]:
+            length = -(self._biases[at, 0] + self._biases[at, 1] * length) / self._gains[at, 0]
+        self._data.ctrl[self._controls[at]] = length
 
     def _target(self, number: int) -> float:
         mimic = self._joints[number].mimic
@@ -355,19 +401,29 @@ class Actuators:
     def _hold_others(self) -> None:
         """Set the controls of position servos that no command can name to their balance where they begin."""
         mujoco.mj_fwdPosition(self._model, self._data)
-        for at in set(range(self._model.nu)).difference(self._actuator):
-            gain, (bias, per_length) = float(self._gains[at, 0]), self._biases[at, :2].tolist()
-            fixed = self._model.actuator_gaintype[at] == mujoco.mjtGain.mjGAIN_FIXED
-            if fixed and gain and per_length and self._model.actuator_biastype[at] == mujoco.mjtBias.mjBIAS_AFFINE:
-                self._data.ctrl[at] = -(bias + per_length * self._data.actuator_length[at]) / gain
+        for at in set(range(self._model.nactuator)).difference(self._actuator):
+            fixed = self._model.actuator_gaintype[at] == _GAIN.mjGAIN_FIXED and bool(self._gains[at, 0])
+            is_affine = self._model.actuator_biastype[at] == mujoco.mjtBias.mjBIAS_AFFINE
+            is_servo = fixed and is_affine and bool(self._biases[at, 1]) and not self._integrates(at)
+            if is_servo or (self._has_inputs[at] and self._input(at, _INPUT.mjINPUT_POS) is not None):
+                self._balance(at, self._length(at))
+
+    def _integrates(self, at: int) -> bool:
+        return bool(self._model.actuator_dyntype[at] == mujoco.mjtDyn.mjDYN_INTEGRATOR)
+
+    def _length(self, at: int) -> float:
+        return float(self._data.actuator_length[self._model.actuator_outadr[at]])
 
     def _begin(self) -> None:
         """Begin the motors with an own state at rest: filters at their control, integrators at their position."""
         mujoco.mj_fwdPosition(self._model, self._data)
-        for actuator in np.flatnonzero(self._model.actuator_actadr >= 0):
-            last = self._model.actuator_actadr[actuator] + self._model.actuator_actnum[actuator] - 1
-            kind = self._model.actuator_dyntype[actuator]
+        for actuator in np.flatnonzero(self._model.actuator_actadr >= 0).tolist():
+            first = self._model.actuator_actadr[actuator]
+            last = first + self._model.actuator_actnum[actuator] - 1
+            kind, control = self._model.actuator_dyntype[actuator], self._controls[actuator]
             if kind in _FOLLOWS_CONTROL:
-                self._data.act[last] = self._data.ctrl[actuator]
+                self._data.act[last] = self._data.ctrl[control]
             elif kind == mujoco.mjtDyn.mjDYN_INTEGRATOR:
-                self._data.act[last] = self._data.actuator_length[actuator]
+                self._data.act[last] = self._length(actuator)
+            elif kind in _SLEW and self._model.actuator_dynprm[actuator, _SLEW[kind]]:
+                self._data.act[first] = self._data.ctrl[control]

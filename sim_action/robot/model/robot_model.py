@@ -20,7 +20,21 @@ MESH_OF_TEXT: Final = "mjcf:"
 """Prefix in `Visual.file` of the name of a mesh that an MJCF text contains."""
 
 
-MotorKind = Literal["position", "velocity", "effort"]
+MotorKind = Literal["position", "velocity", "effort", "voltage", "none"]
+
+
+Reading = Literal["position", "velocity", "effort"]
+
+FOLLOWED: Final = MappingProxyType[MotorKind, tuple[Reading, ...]](
+    {
+        "position": ("position", "velocity"),
+        "velocity": ("velocity",),
+        "effort": ("effort",),
+        "voltage": ("velocity", "effort"),
+        "none": (),
+    }
+)
+"""Kind of a motor -> the quantities that it follows by its own control."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,19 +43,34 @@ class Motor:
 
     Attributes:
         actuator: its name in the model.
-        kind: the quantity that its control sets: it is a position servo, a velocity servo, or exerts an effort.
+        kind: the quantity that its control sets: it is a position servo, a velocity servo, exerts an effort, or is a DC
+            motor at a voltage; "none": no command can set its control.
         tendon: the fixed tendon on which it acts, together with its other joints; empty if it acts on the joint.
+        is_replaceable: True if an ideal servo acts in its place when a command asks for what it cannot do.
+        reason: why no command can set its control, to follow "it".
     """
 
     actuator: str
     kind: MotorKind
     tendon: str = ""
+    is_replaceable: bool = True
+    reason: str = ""
 
     @property
     def text(self) -> str:
         """Its kind, its name and its tendon."""
-        kind = "motor" if self.kind == "effort" else f"{self.kind} servo"
+        names = {"effort": "motor", "voltage": "DC motor", "none": "actuator"}
+        kind = names.get(self.kind, f"{self.kind} servo")
         return f"{kind} '{self.actuator}'{f' on tendon {self.tendon!r}' if self.tendon else ''}"
+
+    def why_not(self, reading: Reading | None) -> str | None:
+        """Return why it cannot be commanded, by a quantity if that is known; None if it can, or if a servo can."""
+        if self.kind == "none":
+            return f"{self.text} drives it, which no command can set, because it {self.reason}"
+        able = FOLLOWED[self.kind]
+        if self.is_replaceable or reading in {None, "effort", *able}:
+            return None
+        return f"{self.text} drives it, which cannot follow a {reading}; command its {' or '.join(able)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,14 +80,14 @@ class Keyframe:
     Attributes:
         joints: joint name -> rad (m if prismatic).
         base: pose of the base link, world frame; None if it is fixed.
-        controls: actuator name -> control, in the actuator's own unit; empty if the keyframe states none.
+        controls: actuator name -> its controls, in the actuator's own units; empty if the keyframe states none.
         place: where it stands; None if that is unknown.
         flaw: the reason why it cannot be used; then it has no positions.
     """
 
     joints: Mapping[str, float]
     base: Pose | None = None
-    controls: Mapping[str, float] = field(default_factory=dict)
+    controls: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     place: Location | None = None
     flaw: str = ""
 
@@ -116,8 +145,6 @@ class Mjcf:
     paired: frozenset[frozenset[str]] = frozenset()
     floor_look: FloorLook | None = None
 
-
-Reading = Literal["position", "velocity", "effort"]
 
 READINGS: Final = MappingProxyType(
     {
@@ -469,8 +496,11 @@ class RobotModel:
         """The name of the base link, which is not the child of a joint."""
         return next(link.name for link in self.links if link.name not in self.joints_to)
 
-    def why_not_driven(self, name: str) -> str | None:
-        """Return a message if no motor can move a joint, or if there is no such joint; None if a motor can."""
+    def why_not_driven(self, name: str, reading: Reading | None = None) -> str | None:
+        """Return a message if no motor can move a joint, or if there is no such joint; None if a motor can.
+
+        :param reading: the quantity that is commanded; None if that is not known.
+        """
         joint = self.joints_by_name.get(name)
         ball = name if name in self.balls else joint.ball if joint else ""
         if ball:
@@ -480,6 +510,8 @@ class RobotModel:
             return f"the model has no moving joint '{name}'{did_you_mean(name, moving)}"
         if joint.mimic is not None:
             return f"joint '{name}' cannot be commanded: it mimics '{joint.mimic.joint}'; command that joint"
+        if joint.motor is not None and (trouble := joint.motor.why_not(reading)) is not None:
+            return f"joint '{name}' cannot be commanded: {trouble}"
         return None
 
     def leaders(self, name: str) -> set[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from itertools import islice
 from typing import Any, Final
 
 import mujoco
@@ -10,7 +11,7 @@ import mujoco
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.robot.model.robot_model import Joint, Keyframe, Motor, MotorKind, ball_angles
-from sim_action.robot.reading.mjcf.mujoco_spec import Built
+from sim_action.robot.reading.mjcf.mujoco_spec import Built, inputs
 
 _NO_COMMAND: Final = (
     "an <actuator> that no command can name, because it {}: it keeps its control of robot.keyframe; without one, a "
@@ -23,7 +24,15 @@ _PLACES: Final = {
     _TRN.mjTRN_SLIDERCRANK: "a slider-crank",
 }
 _ON_JOINT: Final = frozenset({_TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT})
-_RANKS: Final[Mapping[MotorKind, int]] = {"position": 0, "velocity": 1, "effort": 2}
+_RANKS: Final[Mapping[MotorKind, int]] = {"position": 0, "velocity": 1, "voltage": 2, "effort": 3}
+_INPUT: Final = mujoco.mjtCtrlInput
+# Inputs of <pid> and <dcmotor>, in their order; the first one that an actuator has is commanded.
+_INPUTS: Final[Mapping[MotorKind, mujoco.mjtCtrlInput]] = {
+    "position": _INPUT.mjINPUT_POS,
+    "velocity": _INPUT.mjINPUT_VEL,
+    "effort": _INPUT.mjINPUT_FF,
+    "voltage": _INPUT.mjINPUT_VOLTAGE,
+}
 _DIRECT: Final = frozenset({mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT})
 
 
@@ -40,7 +49,7 @@ def motors_of(built: Built, moving: Iterable[str]) -> dict[str, Motor]:
     for actuator, kind in sorted(candidates, key=lambda candidate: _RANKS[candidate[1]]):
         name = actuator.target
         if actuator.trntype in _ON_JOINT and name in joints and name not in found:
-            found[name] = Motor(actuator.name, kind)
+            found[name] = Motor(actuator.name, kind, is_replaceable=not inputs(actuator) and not _integrates(actuator))
             commanded.add(actuator.name)
     for actuator, kind in candidates:
         through = tendons.get(actuator.target, ()) if actuator.trntype == _TRN.mjTRN_TENDON else ()
@@ -51,6 +60,8 @@ def motors_of(built: Built, moving: Iterable[str]) -> dict[str, Motor]:
         if actuator.name not in commanded:
             reason = _why_not_commanded(actuator, joints, tendons)
             built.notes.leave_out(actuator, _NO_COMMAND.format(reason))
+            if actuator.trntype in _ON_JOINT and actuator.target in joints and not _is_passive(actuator):
+                found.setdefault(actuator.target, Motor(actuator.name, "none", is_replaceable=False, reason=reason))
     return found
 
 
@@ -63,7 +74,11 @@ def _why_not_commanded(actuator: Any, joints: set[str], tendons: Mapping[str, tu
     through = tendons.get(actuator.target, ())
     reasons = (
         (actuator.dyntype == mujoco.mjtDyn.mjDYN_MUSCLE, "is a muscle"),
-        (actuator.dyntype not in _DIRECT, "acts on the integral of its control, as <intvelocity> does"),
+        (inputs(actuator) == _INPUT.mjINPUT_NONE, "has no control"),
+        (
+            actuator.dyntype == mujoco.mjtDyn.mjDYN_INTEGRATOR and not _integrates(actuator),
+            "acts on the integral of its control",
+        ),
         (on_tendon and not through, "acts on a spatial tendon"),
         (on_tendon and _kind(actuator) != "position", "acts on a fixed tendon and is not a position servo"),
         (on_tendon, "acts on a fixed tendon whose joints have motors of their own, or are not all hinges and slides"),
@@ -76,6 +91,10 @@ def _why_not_commanded(actuator: Any, joints: set[str], tendons: Mapping[str, tu
 
 def _kind(actuator: Any) -> MotorKind | None:
     """Return what the control of an actuator sets; None if it is something else."""
+    if (stated := inputs(actuator)) != 0:
+        return next((kind for kind, bit in _INPUTS.items() if stated & bit), None)
+    if _integrates(actuator):
+        return "velocity"
     if actuator.gaintype != mujoco.mjtGain.mjGAIN_FIXED or actuator.dyntype not in _DIRECT or not actuator.gainprm[0]:
         return None
     if actuator.biastype == mujoco.mjtBias.mjBIAS_NONE:
@@ -83,6 +102,19 @@ def _kind(actuator: Any) -> MotorKind | None:
     if actuator.biastype != mujoco.mjtBias.mjBIAS_AFFINE:
         return None
     return "position" if actuator.biasprm[1] else "velocity" if actuator.biasprm[2] else "effort"
+
+
+def _integrates(actuator: Any) -> bool:
+    """Return True if the control is the velocity of a position target, as of <intvelocity>."""
+    is_linear = actuator.gaintype == mujoco.mjtGain.mjGAIN_FIXED and actuator.biastype == mujoco.mjtBias.mjBIAS_AFFINE
+    is_servo = is_linear and bool(actuator.gainprm[0]) and bool(actuator.biasprm[1])
+    return is_servo and actuator.dyntype == mujoco.mjtDyn.mjDYN_INTEGRATOR
+
+
+def _is_passive(actuator: Any) -> bool:
+    """Return True for an actuator that only brakes: <damper>, and a <dcmotor> without a control."""
+    is_damper = actuator.gaintype == mujoco.mjtGain.mjGAIN_AFFINE and not any(actuator.gainprm[:2])
+    return inputs(actuator) == _INPUT.mjINPUT_NONE or (is_damper and actuator.biastype == mujoco.mjtBias.mjBIAS_NONE)
 
 
 def _joints_of(tendon: Any) -> tuple[str, ...]:
@@ -94,17 +126,20 @@ def largest_efforts(model: Any, motors: Mapping[str, Motor]) -> dict[str, float]
     """Return joint name -> the largest effort of its motors in N m or N, by the limits of force and control."""
     limits: dict[str, float] = {}
     for name, motor in motors.items():
-        if motor.tendon:
+        if motor.tendon or motor.kind == "none":
             continue
         number = model.actuator(motor.actuator).id
-        gear = abs(float(model.actuator_gear[number, 0]))
+        gear, control = (
+            abs(float(model.actuator_gear[model.actuator_outadr[number], 0])),
+            model.actuator_ctrladr[number],
+        )
         most = []
         if model.actuator_forcelimited[number]:
             most.append(max(map(abs, model.actuator_forcerange[number].tolist())))
-        if motor.kind == "effort" and model.actuator_ctrllimited[number]:
-            most.append(
-                max(map(abs, model.actuator_ctrlrange[number].tolist())) * abs(model.actuator_gainprm[number, 0])
-            )
+        if motor.kind == "effort" and model.actuator_ctrllimited[control]:
+            is_direct = model.actuator_gaintype[number] != mujoco.mjtGain.mjGAIN_FIXED
+            gain = 1.0 if is_direct else abs(model.actuator_gainprm[number, 0])
+            most.append(max(map(abs, model.actuator_ctrlrange[control].tolist())) * gain)
         if most and min(most) * gear > 0:
             limits[name] = float(min(most) * gear)
     for joint in range(model.njnt):
@@ -125,7 +160,7 @@ def keyframes_of(built: Built, joints: Iterable[Joint], free: str | None) -> dic
     found = dict[str, Keyframe]()
     for name, qpos, ctrl, place in built.keyframes:
         flaw = _wrong_count("qpos", qpos, count, "joints")
-        flaw = flaw or _wrong_count("ctrl", ctrl, len(built.actuators), "actuators")
+        flaw = flaw or _wrong_count("ctrl", ctrl, sum(built.actuators.values()), "actuators")
         if flaw:
             found.setdefault(name, Keyframe({}, place=place, flaw=flaw))
             continue
@@ -139,8 +174,9 @@ def keyframes_of(built: Built, joints: Iterable[Joint], free: str | None) -> dic
         if free is not None and free in at:
             x, y, z, *turned = at[free]
             base = Pose((x, y, z - built.mjcf.floor), _turn(turned))
-        controls = dict(zip(built.actuators, ctrl, strict=True)) if ctrl else {}
-        controls = {name: control for name, control in controls.items() if name in built.mjcf.actuators}
+        rest = iter(ctrl)
+        controls = {name: tuple(islice(rest, own)) for name, own in built.actuators.items()} if ctrl else {}
+        controls = {name: own for name, own in controls.items() if name in built.mjcf.actuators}
         positions = {joint.name: at[joint.name][0] for joint in moving if joint.name in at}
         angles = {ball: ball_angles(turn) for ball, turn in balls.items()}
         for joint in moving:

@@ -29,6 +29,7 @@ _FACES: Final = (0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3)
 _NO_FRAME: Final = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 _GEOM: Final = mujoco.mjtGeom
 _FREE: Final = mujoco.mjtJoint.mjJNT_FREE
+_INPUT: Final = mujoco.mjtCtrlInput
 # Numbers in `qpos`; other joints have one.
 _NUMBERS: Final = {_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
 
@@ -55,7 +56,7 @@ class Built:
         drawn: mesh name -> its file, for meshes that are drawn from their files.
         positions: joint name -> its first number and its count in `qpos` of the file, with all bodies.
         keyframes: those of the file, in its order.
-        actuators: names, in the order of the file.
+        actuators: name -> the number of its controls, in the order of the file.
         notes: parts that are left out.
     """
 
@@ -64,7 +65,7 @@ class Built:
     drawn: Mapping[str, MeshFile]
     positions: Mapping[str, tuple[int, int]]
     keyframes: tuple[StatedKeyframe, ...]
-    actuators: tuple[str, ...]
+    actuators: Mapping[str, int]
     notes: Notes
 
 
@@ -73,7 +74,7 @@ def build(files: MjcfFiles, place: Location) -> Built:
     spec = mujoco.MjSpec.from_string(files.text, include=dict(files.models))
     _name_all(spec)
     positions = _positions(spec)
-    actuators = tuple(actuator.name for actuator in spec.actuators)
+    actuators = {actuator.name: _controls(actuator) for actuator in spec.actuators}
     keyframes = _keyframes(spec, files)
     notes = Notes(files, place)
     floor, floor_look = _floor(spec, notes, files.patterns)
@@ -204,6 +205,22 @@ def _positions(spec: Any) -> dict[str, tuple[int, int]]:
             first += found[joint.name][1]
         waiting += reversed(body.bodies)
     return found
+
+
+def inputs(actuator: Any) -> int:
+    """Return the inputs of a <pid> or <dcmotor> as bits of mujoco.mjtCtrlInput; 0 for other actuators."""
+    if actuator.gaintype not in {mujoco.mjtGain.mjGAIN_PID, mujoco.mjtGain.mjGAIN_DCMOTOR}:
+        return 0
+    is_pid = actuator.gaintype == mujoco.mjtGain.mjGAIN_PID
+    return int(actuator.ctrlspec) or int(_INPUT.mjINPUT_POS | _INPUT.mjINPUT_VEL if is_pid else _INPUT.mjINPUT_VOLTAGE)
+
+
+def _controls(actuator: Any) -> int:
+    """Return the number of controls of an actuator: its share of `ctrl` of a keyframe."""
+    if actuator.gaintype == mujoco.mjtGain.mjGAIN_SO3:
+        return 4 if actuator.ctrlspec == mujoco.mjtCtrlChart.mjCHART_QUAT else 3
+    stated = inputs(actuator)
+    return (stated & ~int(_INPUT.mjINPUT_NONE)).bit_count() if stated else 1
 
 
 def _keyframes(spec: Any, files: MjcfFiles) -> tuple[StatedKeyframe, ...]:

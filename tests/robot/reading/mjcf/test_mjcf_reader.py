@@ -443,7 +443,7 @@ def test_a_keyframe_leaves_out_the_controls_of_other_bodies(tmp_path: Path) -> N
     others = '<actuator><motor name="m" joint="lift"/><motor name="off" joint="lift" group="3"/></actuator>'
     key = '<keyframe><key name="home" qpos="0.5" ctrl="1 2"/></keyframe>'
     found = model(tmp_path, HOIST, others + key, '<option actuatorgroupdisable="3"/>')
-    assert found.keyframes["home"].controls == {"m": 1}
+    assert found.keyframes["home"].controls == {"m": (1,)}
     assert found.mjcf is not None
     assert found.mjcf.actuators == ("m",)
     assert notes(found) == ["an <actuator> is left out, because <option actuatorgroupdisable> disables its group"]
@@ -495,7 +495,7 @@ def test_ignored_options_are_named(option: str, start: str, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("actuator", "reason"),
     [
-        ('<intvelocity joint="lift" actrange="-1 1"/>', "acts on the integral of its control"),
+        ('<general joint="lift" dyntype="integrator"/>', "acts on the integral of its control"),
         ('<damper joint="lift" ctrlrange="0 1"/>', "is neither a motor nor a servo"),
         ('<motor tendon="pull"/>', "acts on a fixed tendon and is not a position servo"),
         ('<adhesion body="upper" ctrlrange="0 1"/>', "acts on a body"),
