@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field
@@ -38,11 +38,13 @@ class OpenLoop:
         command: sim time in s -> command.
         holding: targets that hold joints before t = 0, while the robot comes to rest; limited joints are held anyway.
         notes: notes for the user after the run.
+        due: the rising physics steps at which it is called, and no other; None: at every tick.
     """
 
     command: Callable[[float], Answer]
     holding: JointTargets = field(default_factory=JointTargets)
-    notes: Sequence[str] = ()
+    notes: Iterable[str] = ()
+    due: Sequence[int] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +110,10 @@ class CommandSource(Transmission):
 
     def fitted(self, physics_rate: float) -> Self:
         """Return this source with a default rate that divides that of the physics in Hz."""
+        return self
+
+    def among(self, sources: Sequence[CommandSource]) -> Self:
+        """Return this source as one of all sources of a scenario."""
         return self
 
     @property

@@ -1,66 +1,78 @@
 """Replay the commands of a recorded log: `replay: logs/monday.csv`, or `replay: monday.bag` with its `topic:`.
 
-Logs of ROS are read only in the scenario's own process. CSV is read when the scenario is validated: a header, then one
-row per command, with `time` in s, and a twist or joint targets.
-
-    time,linear,angular
-    0.0,0.2,0
-    1.5,0.2,0.5
-
-The input is not trusted: its size is bounded, and it contains only numbers and names.
+CSV is read when the scenario is validated, logs of ROS only in the scenario's own process. The input is not trusted.
 """
 
 from __future__ import annotations
 
-import csv
 import math
-import re
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from decimal import Decimal
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
-from io import TextIOWrapper
+from itertools import pairwise
 from pathlib import Path, PurePath
-from typing import Annotated, Final
+from posixpath import normpath
+from typing import Annotated, Final, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, PrivateAttr
 from typing_extensions import override
 
-from sim_action.commands import CommandSource, Controller, OpenLoop
+from sim_action.commands import CommandSource, Controller, OpenLoop, fitting_rate
 from sim_action.commands.controller_answers import Saturation
-from sim_action.commands.logs import KINDS, JointColumn, TimedCommand, rosbag, row_targets, used_columns
-from sim_action.commands.logs.rosbag import TWISTS, MessageType
-from sim_action.core.errors import Location, RecordingError
-from sim_action.core.field_types import NamesFile, NonNegativeSeconds, PositiveSeconds
-from sim_action.core.files import open_regular
+from sim_action.commands.logs import KINDS, Content, JointColumn, Kind, Recorded, Steering, Trajectory, rosbag
+from sim_action.commands.logs.csv_table import Header, Table
+from sim_action.commands.logs.ros_messages import TWISTS, MessageType, Stamps, Wanted
+from sim_action.core.errors import RecordingError
+from sim_action.core.field_types import NamesFile, NonNegativeSeconds, PositiveHertz, PositiveSeconds, Seconds
 from sim_action.core.geometry import Twist
-from sim_action.core.records import dataclass
-from sim_action.core.wording import did_you_mean, escaped_line, shown
+from sim_action.core.lazy_numpy import np
+from sim_action.core.wording import did_you_mean, escaped_line
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.model.kinematics import beyond_limits
 from sim_action.robot.model.robot_model import RobotModel
-from sim_action.state.command import Command, JointTargets
+from sim_action.state.command import Answer, Command, JointTargets
+from sim_action.state.joint_motion import Curve, JointMotion, held, straight
+from sim_action.world.claims import ClaimFinding, Findings, Setting
 from sim_action.world.scene import Scene
 
 _CSV: Final = ".csv"
 
-_ROUNDING: Final = 1e-9
-"""In s: a command at the time of a tick belongs to that tick, also if the times differ by rounding."""
+_ROUNDING: Final = 1e-6
+"""In ticks: two times that differ by less are the same."""
+
+# Speeds of a log that differ by more from those of its positions, as a share and in rad/s or m/s, are not its own.
+_DIFFERENT: Final = 0.5
+_SLOW_RADPS: Final = 0.05
+
+MAX_GAP_S: Final = 1.0
+"""Between two rows that are farther apart, a joint holds its position, and then steps."""
+
+_LOOK_S: Final = 0.1
+"""The longest time in s between two ticks of a log without a rate."""
 
 
 class ReplayCommands(CommandSource):
     """Repeats the commands of a recorded log at their original times.
 
-    The log is a CSV file, or a log of ROS: rosbag1 (`.bag`), rosbag2 (its folder, or a single `.db3` or `.mcap` file).
-    Its first command is given at t = 0. Commands between two ticks are given at the later tick, so choose a `rate` that
-    is at least the rate of the log. A command holds until the next one, and the last one until the end. So the log
-    should end with a stop; or set a `timeout`, as real bases have one.
+    The log is a CSV file, or a log of ROS: rosbag1 (`.bag`), rosbag2 (its folder, or a single `.db3` or `.mcap` file),
+    also if it is compressed (`.zstd`). Time 0 of a log is its first command that the scenario replays, on any topic:
+    two topics of one log keep their distance in time, and so do several logs with `clock: shared`. `start` and `end`
+    cut the log, and `offset` shifts this source.
+
+    A row acts at its own time: at the nearest physics step, or with a `rate` at its next tick. A command holds until
+    the next one, and the last one until the end. So the log should end with a stop; or set a `timeout`, as real bases
+    have one. Positions of joints are interpolated between rows, with the velocities of the log if it has them; a joint
+    holds its position over a gap of more than 1 s. A note counts the rows that were not used, with the reason.
 
     A CSV file has a header with `time` (s) and either `linear`, `lateral`, `angular` (m/s, rad/s) or
-    `position.<joint>`, `velocity.<joint>`, `effort.<joint>` (SI units). From ROS logs, `Twist`, `TwistStamped` and
-    `JointState` messages are replayed at the times at which the log received them. If a joint has several of position,
-    velocity and effort, the first of them is used. Targets beyond the limits of the model are clipped, with a note.
+    `position.<joint>`, `velocity.<joint>`, `effort.<joint>` (SI units). A unit may follow a name: `time [ms]`. Files of
+    PlotJuggler, `rostopic echo -p`, pandas and our own recordings are recognised. For other files, `columns` names the
+    column of each meaning, with its unit: `{time: 'stamp [ns]', linear: speed}`. Other columns are ignored.
+
+    From ROS logs, `Twist`, `TwistStamped`, `AckermannDrive`, `AckermannDriveStamped`, `JointState`, `JointTrajectory`
+    and `Float64MultiArray` (with `joints`) are replayed. If a joint has several of position, velocity and effort, the
+    first of them is used; NaN means that a joint has none. Targets beyond the limits of the model are clipped, with a
+    note. An unfinished MCAP file is read up to its end, with a note.
 
     ROS logs need `pip install '.[rosbags]'` in a checkout of sim-action, and in a workflow the input `extras: rosbags`.
     """
@@ -68,20 +80,87 @@ class ReplayCommands(CommandSource):
     replay: Annotated[
         str,
         NamesFile(),
-        Field(min_length=1, description="path of the log: .csv, .bag, .db3, .mcap, or the folder of a rosbag2"),
+        Field(
+            min_length=1,
+            description="path of the log: .csv, .bag, .db3, .mcap (also .zstd), or the folder of a rosbag2",
+        ),
     ]
-    topic: Annotated[str | None, Field(min_length=1, description="topic to replay; required for logs of ROS")] = None
+    rate: Annotated[
+        PositiveHertz,
+        Field(
+            description="rate of the ticks at which rows act; if it is not stated, each row acts at its own time, and "
+            "the trace has 10 rows per second"
+        ),
+    ] = 10.0
+    topic: Annotated[
+        str | None,
+        Field(min_length=1, description="topic to replay; required for logs of ROS, and for CSV with several topics"),
+    ] = None
     type: Annotated[
         MessageType | None, Field(description="message type of the topic; default: the type in the log")
     ] = None
+    stamps: Annotated[
+        Stamps,
+        Field(description="times of a log of ROS: of receipt, of `header.stamp`, or of `/clock` in the log"),
+    ] = "receipt"
+    columns: Annotated[
+        dict[str, str] | None,
+        Field(
+            min_length=1,
+            description="columns of a CSV file: `time`, `linear`, `lateral`, `angular`, `position.<joint>`, "
+            "`velocity.<joint>`, `effort.<joint>` -> the name in the file, with its unit; default: recognised",
+        ),
+    ] = None
+    array_joints: Annotated[
+        tuple[str, ...],
+        Field(alias="joints", description="joints of the numbers of a `Float64MultiArray`, in their order"),
+    ] = ()
+    interface: Annotated[Kind, Field(description="quantity of the numbers of a `Float64MultiArray`")] = "position"
     only_joints: Annotated[
         tuple[str, ...] | None,
         Field(min_length=1, description="joints to move; default: all joints in the log"),
     ] = None
+    clock: Annotated[
+        Literal["own", "shared"],
+        Field(description="`shared`: the log has the same time 0 as all other logs that share it"),
+    ] = "own"
     start: Annotated[NonNegativeSeconds, Field(description="time in the log that corresponds to t = 0")] = 0.0
+    end: Annotated[
+        NonNegativeSeconds | None, Field(description="time in the log after which its rows are left out")
+    ] = None
+    offset: Annotated[Seconds, Field(description="sim time that is added to the times of this source")] = 0.0
     timeout: Annotated[
         PositiveSeconds | None, Field(description="time after which a twist expires and the base stops; default: never")
     ] = None
+
+    _same_clock: tuple[ReplayCommands, ...] = PrivateAttr(default=())
+
+    @override
+    def tick_rate(self, physics_rate: float) -> float:
+        return self.rate if self.has_rate else physics_rate
+
+    @property
+    def has_rate(self) -> bool:
+        """True if its ticks have a rate of their own."""
+        return "rate" in self.model_fields_set
+
+    @override
+    def fitted(self, physics_rate: float) -> Self:
+        if self.has_rate:
+            return self
+        fitting = self.model_copy(update={"rate": fitting_rate(self.rate, physics_rate)})
+        fitting.model_fields_set.discard("rate")
+        return fitting
+
+    @override
+    def among(self, sources: Sequence[CommandSource]) -> Self:
+        logs = [source for source in sources if isinstance(source, ReplayCommands)]
+        shared = {normpath(log.replay) for log in logs if log.clock == "shared"}
+        mine = shared if normpath(self.replay) in shared else {normpath(self.replay)}
+        source = self.model_copy()
+        same = tuple(log for log in logs if log is not self and normpath(log.replay) in mine)
+        source._same_clock = same  # noqa: SLF001 - a copy of itself
+        return source
 
     def problems(self, workspace: Workspace) -> SpecProblems:
         """See CommandSource.problems. A CSV file is read; a log of ROS is not."""
@@ -90,20 +169,43 @@ class ReplayCommands(CommandSource):
         except PathError as error:
             yield ("replay",), str(error)
         else:
-            yield from _log_problems(self, path)
+            yield from _csv_problems(self, path) if self._is_csv else _ros_problems(self, path)
+        if self.end is not None and self.end <= self.start:
+            yield ("end",), f"must be later than 'start' ({self.start:g} s)"
+
+    @property
+    def _is_csv(self) -> bool:
+        return PurePath(self.replay).suffix == _CSV
+
+    def table(self, path: Path) -> Table:
+        """Return the CSV file as this source reads it."""
+        return Table(path, self.replay, self.columns, self.topic)
 
     @property
     @override
     def unchecked(self) -> tuple[str, ...]:
-        if _is_csv(self):
-            return ()
-        return (f"topics of {self.replay}: the log is read when the scenario runs",)
+        return () if self._is_csv else (f"topics of {self.replay}: the log is read when the scenario runs",)
 
     def model_problems(self, scene: Scene) -> SpecProblems:
         """See CommandSource.model_problems: joints that no motor can move."""
         troubles = (self._why_not_moved(name, scene.model) for name in sorted(self.joints(scene)))
         if trouble := next(filter(None, troubles), None):
             yield (("only_joints",), trouble) if self.only_joints else (("replay",), f"{self.replay}: {trouble}")
+
+    @override
+    def robot_claims(self, scene: Scene, setting: Setting) -> Findings:
+        """Yield a second row after the end of the run: its times may be in another unit."""
+        if not self._is_csv or self._same_clock:
+            return
+        try:
+            times = self._times(self.recorded(scene.workspace), scene.workspace)
+        except RecordingError:
+            return  # another check reports it
+        second = next((time for time in times if time > max(times[0], 0.0)), 0.0)
+        if second > setting.end:
+            message = f"the second row of {self.replay} is at {second:g} s, but the run ends at {setting.end:g} s"
+            hint = "if its times are in ms, state it: columns: {time: 'time [ms]', ...}"
+            yield ClaimFinding("segment-beyond-run", ("replay",), f"{message} ({setting.end_key}); {hint}")
 
     @override
     def gives_twists(self, scene: Scene) -> bool:
@@ -115,60 +217,63 @@ class ReplayCommands(CommandSource):
         if self.gives_twists(scene):
             return frozenset()
         header = self._csv_header(scene.workspace)
-        return frozenset(self.only_joints or (() if header is None else header.joint_names))
+        return frozenset(self.only_joints or (self.array_joints if header is None else header.joint_names))
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises RecordingError, and RunError for a log that does not fit into memory."""
-        commands = list(self._read_commands(scene.workspace))
-        for key, message in self._mismatches(commands, scene.model):
+        recorded = self.recorded(scene.workspace)
+        for key, message in self._mismatches(recorded, scene):
             raise RecordingError(f"{self.replay}: {message}", key)
-        chosen = [(time, self._chosen(command)) for time, command in commands]
-        playback, motors = Playback(chosen, self.start, self.timeout), Saturation(scene.model, self.replay)
-        holding = _holding(chosen[0][1], scene)
-        return OpenLoop(lambda time: motors.clip_answer(playback.command(time)), holding, motors.notes)
+        playback = Playback(self, recorded, self._times(recorded, scene.workspace), scene)
+        due = None if self.has_rate or not self.is_perfect else playback.due
+        return OpenLoop(playback.command, playback.holding, playback, due)
 
     def _csv_header(self, workspace: Workspace) -> Header | None:
         """Return the header of a CSV log; None for other logs, and if it cannot be read, which `problems` reports."""
         try:
             path = workspace.file_or_folder(self.replay)
-            return read_header(path, self.replay) if _is_csv(self) else None
+            return self.table(path).header() if self._is_csv else None
         except (PathError, RecordingError):
             return None
 
-    def _read_commands(self, workspace: Workspace) -> Iterable[TimedCommand]:
-        """Return all commands of the log. Raises RecordingError."""
+    def recorded(self, workspace: Workspace) -> Recorded:
+        """Return the rows of the log. Raises RecordingError."""
         try:
             path = workspace.file_or_folder(self.replay)
-            if _is_csv(self):
-                return read_csv(path, self.replay)
+            if self._is_csv:
+                return self.table(path).read()
             for file in rosbag.files_of(path, self.replay) if path.is_dir() else ():
                 workspace.file(str(path / file))
         except PathError as error:
             raise RecordingError(f"{self.replay}: {error}") from None
-        return rosbag.read_commands(path, self.replay, self.topic or "", self.type)
+        wanted = Wanted(self.topic or "", self.type, self.stamps, self.array_joints, self.interface)
+        return rosbag.read_log(path, self.replay, wanted)
 
-    def _chosen(self, command: Command) -> Command:
-        if self.only_joints is None or not isinstance(command, JointTargets):
-            return command
-        return JointTargets(
-            position={name: command.position[name] for name in self.only_joints if name in command.position},
-            velocity={name: command.velocity[name] for name in self.only_joints if name in command.velocity},
-            effort={name: command.effort[name] for name in self.only_joints if name in command.effort},
-        )
+    def _times(self, recorded: Recorded, workspace: Workspace) -> list[float]:
+        """Return the times of the rows in s, on the clock that this source shares with others."""
+        firsts = [other.recorded(workspace).rows[0][0] for other in self._same_clock]
+        origin = min([recorded.rows[0][0], *firsts])
+        return [(time_ns - origin) / 1e9 for time_ns, _ in recorded.rows]
 
-    def _mismatches(self, commands: Sequence[TimedCommand], model: RobotModel) -> Iterator[tuple[str, str]]:
+    def _mismatches(self, recorded: Recorded, scene: Scene) -> Iterator[tuple[str, str]]:
         """Yield keys that do not fit the log, and joints of the log that do not fit the robot."""
-        named = {name for _, command in commands if isinstance(command, JointTargets) for name in command.names()}
+        contents = [content for _, content in recorded.rows]
+        named = {name for content in contents for name in _joints_in(content)}
         for (key, *_), message in _kind_problems(self, holds_twists=not named):
             yield str(key), message
-        if self.start > (end := commands[-1][0]):
-            yield "start", f"the log ends before that time, {end:g} s after its first message"
+        if isinstance(contents[0], Steering) and not scene.mobility.wheelbase:
+            yield "topic", "its messages steer a car, but the robot has no drive with steered wheels"
         for name in self.only_joints or ():
             if name not in named:
                 yield "only_joints", f"the log has no joint '{name}'{did_you_mean(name, named)}"
         for name in self.only_joints or sorted(named):
-            if (trouble := self._why_not_moved(name, model)) is not None:
+            if (trouble := self._why_not_moved(name, scene.model)) is not None:
                 yield "only_joints" if self.only_joints else "replay", trouble
+        times = self._times(recorded, scene.workspace)
+        if self.start > times[-1]:
+            yield "start", f"the log ends before that time, {times[-1]:g} s after its first command"
+        if self.end is not None and self.end < times[0]:
+            yield "end", f"the first command is later, at {times[0]:g} s"
 
     def _why_not_moved(self, name: str, model: RobotModel) -> str | None:
         trouble = model.why_not_driven(name)
@@ -177,23 +282,10 @@ class ReplayCommands(CommandSource):
         return f"{trouble}; list the joints to move in 'only_joints'"
 
 
-def _holding(first: Command, scene: Scene) -> JointTargets:
-    """Return the targets before t = 0 for the joints of the first command: initial positions, velocities of 0."""
-    if not isinstance(first, JointTargets):
-        return JointTargets()
-    beginnings = scene.joint_positions
-    return JointTargets(
-        position={name: beginnings[name] for name in first.position},
-        velocity=dict.fromkeys(first.velocity, 0.0),
-    )
-
-
-def _is_csv(spec: ReplayCommands) -> bool:
-    return PurePath(spec.replay).suffix == _CSV
-
-
-def _log_problems(spec: ReplayCommands, path: Path) -> SpecProblems:
-    yield from _csv_problems(spec, path) if _is_csv(spec) else _ros_problems(spec, path)
+def _joints_in(content: Content) -> Iterable[str]:
+    if isinstance(content, Mapping):
+        return (column.joint for column in content)
+    return content.joints if isinstance(content, Trajectory) else ()
 
 
 def _kind_problems(spec: ReplayCommands, *, holds_twists: bool) -> SpecProblems:
@@ -208,16 +300,17 @@ def _kind_problems(spec: ReplayCommands, *, holds_twists: bool) -> SpecProblems:
 
 
 def _csv_problems(spec: ReplayCommands, path: Path) -> SpecProblems:
-    for key, value in (("topic", spec.topic), ("type", spec.type)):
-        if value is not None:
-            yield (key,), "a CSV file has no topics; remove this key"
+    for key in ("type", "stamps", "joints", "interface"):
+        if ("array_joints" if key == "joints" else key) in spec.model_fields_set:
+            yield (key,), "this is for logs of ROS, not for a CSV file; remove this key"
+    table = spec.table(path)
     try:
-        header = read_header(path, spec.replay)
-        last = max(time for time, _ in read_csv(path, spec.replay))
+        header, rows = table.header(), table.read().rows
     except RecordingError as error:
         yield ("replay",), str(error)
         return
-    if spec.start > last:
+    last = (rows[-1][0] - rows[0][0]) / 1e9
+    if spec.start > last and spec.clock == "own" and spec.topic is None:
         yield ("start",), f"the log ends before that time, {last:g} s after its first row"
     yield from _kind_problems(spec, holds_twists=header.holds_twists)
     for name in spec.only_joints or ():
@@ -231,6 +324,8 @@ def _ros_problems(spec: ReplayCommands, path: Path) -> SpecProblems:
         return
     if spec.topic is None:
         yield ("replay",), "a log of ROS needs a topic to replay, such as topic: /cmd_vel"
+    if spec.columns is not None:
+        yield ("columns",), "only a CSV file has columns; remove this key"
     if spec.type is not None:
         yield from _kind_problems(spec, holds_twists=spec.type in TWISTS)
     if find_spec(rosbag.PACKAGE) is None:
@@ -238,234 +333,205 @@ def _ros_problems(spec: ReplayCommands, path: Path) -> SpecProblems:
 
 
 class Playback:
-    """Selects the commands of a log at each tick; the times of the ticks must rise.
-
-    Args:
-        commands: the log; a command holds until the next one.
-        start_s: time in the log, in s, that corresponds to t = 0.
-        timeout_s: time in s after which a twist expires; None: never.
-    """
-
-    def __init__(self, commands: Sequence[TimedCommand], start_s: float, timeout_s: float | None) -> None:
-        self._commands = commands
-        self._start_s = start_s
-        self._timeout_s = float("inf") if timeout_s is None else timeout_s
-        self._next = 0
-
-    def command(self, time: float) -> Command | None:
-        """Return the new command at a tick, at a sim time in s; None if there is none."""
-        now = self._start_s + time
-        new: Command | None = None
-        while self._next < len(self._commands) and self._commands[self._next][0] <= now + _ROUNDING:
-            new = _after(new, self._commands[self._next][1])
-            self._next += 1
-        last, command = self._commands[max(0, self._next - 1)]
-        if isinstance(command, Twist) and now - last > self._timeout_s + _ROUNDING:
-            return Twist()
-        return new
-
-
-def _after(earlier: Command | None, later: Command) -> Command:
-    if isinstance(earlier, JointTargets) and isinstance(later, JointTargets):
-        return earlier.updated_by(later)
-    return later
-
-
-MAX_BYTES: Final = 25_000_000
-MAX_ROWS: Final = 250_000
-# The count of digits is bounded, because long numbers are slow to convert.
-_DIGITS: Final = r"[-+]?(?:[0-9]{1,40}(?:\.[0-9]{0,40})?|\.[0-9]{1,40})(?:[eE][-+]?[0-9]{1,3})?"
-_NUMBER: Final = re.compile(_DIGITS)
-_NUMBERS: Final = re.compile(f"{_DIGITS}(?:,{_DIGITS})*")
-
-Line = tuple[int, list[str]]
-"""The number of a line, from 1, and its cells."""
-
-MAX_COLUMNS: Final = 1_000
-
-TIME: Final = "time"
-
-TWIST: Final = ("linear", "lateral", "angular")
-
-_ALLOWED: Final = (TIME, *TWIST, *(f"{kind}.<joint>" for kind in KINDS))
-
-
-def read_header(path: Path, name: str) -> Header:
-    """Read the header of a file; `name` is its name in messages. Raises RecordingError."""
-    with _lines(path, name) as lines:
-        return _header(lines, name)
-
-
-def read_csv(path: Path, name: str) -> Iterator[TimedCommand]:
-    """Yield the commands of a file, at least one. Raises RecordingError."""
-    with _lines(path, name) as lines:
-        header = _header(lines, name)
-        command = _twists(header) if header.holds_twists else _joint_targets(header)
-        clock, time_column = _Clock(), header.columns.index(TIME)
-        for count, (line, cells) in enumerate(lines):
-            if count == MAX_ROWS:
-                raise _error(name, line, f"the log has more than {MAX_ROWS:,} rows: keep only the part to replay")
-            try:
-                row = _numbers(cells, header)
-                time = clock.since_first(cells[time_column])
-            except ValueError as error:
-                raise _error(name, line, str(error)) from None
-            yield time, command(row)
-        if clock.first is None:
-            raise RecordingError(f"{name}: there is no row after the header, so nothing to replay")
-
-
-class _Clock:
-    """Converts times without loss of digits: seconds since 1970 need all of them."""
-
-    def __init__(self) -> None:
-        self.first: Decimal | None = None
-        self._last = Decimal()
-
-    def since_first(self, text: str) -> float:
-        """Return the time since the first row, in s. Raises ValueError for a time before the previous row."""
-        time = Decimal(text)
-        if self.first is None:
-            self.first = self._last = time
-        if time < self._last:
-            raise ValueError(f"column '{TIME}': {shown(text)} is earlier than the previous row, {self._last}")
-        self._last = time
-        return float(time - self.first)
-
-
-@contextmanager
-def _lines(path: Path, name: str) -> Iterator[Iterator[Line]]:
-    try:
-        with open_regular(path, follow_link=False) as file:
-            if (size := file.seek(0, 2)) > MAX_BYTES:
-                most = f"at most {MAX_BYTES // 1_000_000} MB of CSV are allowed"
-                raise RecordingError(f"{name}: the file has {size / 1e6:.0f} MB; {most}: keep only the part to replay")
-            file.seek(0)
-            with TextIOWrapper(file, encoding="utf-8-sig", newline="") as text:
-                yield _cells(text, name)
-    except OSError as error:
-        raise RecordingError(f"{name}: the file cannot be read: {error.strerror}") from None
-
-
-def _cells(text: TextIOWrapper, name: str) -> Iterator[Line]:
-    """Yield the lines that are not blank. Raises RecordingError."""
-    reader = csv.reader(text, strict=True)
-    try:
-        for cells in reader:
-            if cells:
-                yield reader.line_num, [cell.strip() for cell in cells]
-    except csv.Error as error:
-        raise _error(name, reader.line_num, f"not valid CSV: {error}") from None
-    except UnicodeDecodeError as error:
-        raise RecordingError(f"{name}: not UTF-8 text ({error.reason}); is this a CSV file?") from None
-
-
-def _header(lines: Iterator[Line], name: str) -> Header:
-    line, columns = next(lines, (0, []))
-    if not columns:
-        raise RecordingError(
-            f"{name}: the file is empty; its first line must name the columns, such as {TIME},linear,angular"
-        )
-    try:
-        return Header.of(columns)
-    except HeaderError as error:
-        raise _error(name, line, str(error)) from None
-
-
-def _numbers(cells: Sequence[str], header: Header) -> list[float]:
-    """Return the values of a row. Raises ValueError."""
-    if len(cells) != len(header.columns):
-        raise ValueError(f"{len(cells)} cells, but the header has {len(header.columns)} columns")
-    with suppress(ValueError):
-        row = list(map(float, cells))
-        # The sum of finite numbers may overflow: then each number is checked.
-        if _NUMBERS.fullmatch(",".join(cells)) and math.isfinite(sum(row)):
-            return row
-    for column, cell in zip(header.columns, cells, strict=True):
-        if _NUMBER.fullmatch(cell) is None or not math.isfinite(float(cell)):
-            raise ValueError(f"column {shown(column)}: expected a finite number, found {shown(cell)}")
-    return list(map(float, cells))
-
-
-def _twists(header: Header) -> Callable[[list[float]], Command]:
-    # A missing column refers to a 0 that is appended to the row.
-    linear, lateral, angular = (
-        header.columns.index(name) if name in header.columns else len(header.columns) for name in TWIST
-    )
-
-    def command(row: list[float]) -> Command:
-        row.append(0.0)
-        return Twist((row[linear], row[lateral], 0.0), (0.0, 0.0, row[angular]))
-
-    return command
-
-
-def _joint_targets(header: Header) -> Callable[[list[float]], Command]:
-    columns = [(index, column) for index, column in enumerate(header.joints) if column is not None]
-    counting = [columns[place] for place in used_columns(column for _, column in columns)]
-    return lambda row: row_targets((column, row[index]) for index, column in counting)
-
-
-def _error(name: str, line: int, message: str) -> RecordingError:
-    return RecordingError(escaped_line(f"{Location(name, line)}: {message}"))
-
-
-class HeaderError(ValueError):
-    """A header that is not valid."""
-
-
-@dataclass(frozen=True, slots=True)
-class Header:
-    """The columns of a file.
+    """The commands of a log at the ticks of a source. Iterating yields the notes on the run so far.
 
     Attributes:
-        columns: the names of the columns, in the order of the file.
-        joints: the joint and quantity of each column, None for other columns; empty if the file has twists.
+        due: the physics steps at which it has a command, and some others; for a source without a rate.
+        holding: the targets before t = 0 of the joints that it moves: initial positions, velocities of 0.
     """
 
-    columns: tuple[str, ...]
-    joints: tuple[JointColumn | None, ...] = ()
+    def __init__(self, spec: ReplayCommands, recorded: Recorded, times: Sequence[float], scene: Scene) -> None:
+        """Args: `times`: of the rows, in s, on the clock of the log."""
+        self._spec, self._scene, self._recorded = spec, scene, recorded
+        self._rate = spec.tick_rate(scene.physics.rate)
+        self._step_s = 1 / scene.physics.rate
+        # Half of the last digit, also of the time of the first row.
+        rounding = recorded.resolution_s * (0.5 if recorded.rows[0][0] == 0 else 1.0)
+        self._tolerance = min(0.5 / self._rate, max(self._step_s / 2, rounding))
+        self._answers: dict[int, Command] = {}
+        self._unused = dict(recorded.unused)
+        self._motors = Saturation(scene.model, spec.replay)
+        self._now = 0.0
+        end = math.inf if spec.end is None else spec.end
+        kept = [
+            (time - spec.start + spec.offset, content)
+            for time, (_, content) in zip(times, recorded.rows, strict=True)
+            if time <= end
+        ]
+        self._count("are after 'end'", len(times) - len(kept))
+        self._moments = [time for time, _ in kept]
+        self.holding = JointTargets()
+        if isinstance(kept[0][1], Twist | Steering):
+            self._add_twists(kept)
+        elif isinstance(kept[0][1], Trajectory):
+            self._add_trajectories(kept)
+        else:
+            self._add_rows(kept)
+        looks = range(0, 1 + self._tick(self._moments[-1]), max(1, int(self._rate * _LOOK_S)))
+        self.due = tuple(sorted({*self._answers, *looks}))
 
-    @classmethod
-    def of(cls, columns: Sequence[str]) -> Header:
-        """Return the header for the names of columns. Raises HeaderError."""
-        if problem := next(_problems(columns), None):
-            raise HeaderError(problem)
-        joints = tuple(map(_joint_column, columns))
-        return cls(tuple(columns), joints if any(joints) else ())
+    def command(self, time: float) -> Answer:
+        """Return the new command at a tick, at a sim time in s; None if there is none."""
+        self._now = time
+        return self._motors.clip_answer(self._answers.get(round(time * self._rate)))
 
-    @property
-    def holds_twists(self) -> bool:
-        """Return True if the file has twists of the base."""
-        return not self.joints
+    def __iter__(self) -> Iterator[str]:
+        yield from self._recorded.notes
+        yield from self._motors.notes
+        now = round(self._now * self._rate)
+        following = now + 1 if self._spec.has_rate else next((tick for tick in self.due if tick > now), math.inf)
+        late = sum(self._tick(time) >= following for time in self._moments)
+        unused = {**self._unused, f"were due after the end of the run ({self._now:.3g} s)": late}
+        reasons = [f"{count} {reason}" for reason, count in unused.items() if count]
+        if reasons:
+            of = f" of {self._spec.topic}" if self._spec.topic else ""
+            total = f"{sum(unused.values())} of {self._recorded.read} rows"
+            yield escaped_line(f"{self._spec.replay}{of}: {total} were not used: {', '.join(reasons)}")
 
-    @property
-    def joint_names(self) -> frozenset[str]:
-        """The joints that the file commands."""
-        return frozenset(column.joint for column in self.joints if column is not None)
+    def _count(self, reason: str, count: int) -> None:
+        self._unused[reason] = self._unused.get(reason, 0) + count
+
+    def _tick(self, time: float) -> int:
+        """Return the tick of a row at a sim time in s; that of a row before t = 0 is the first."""
+        return max(0, math.ceil((time - self._tolerance) * self._rate - _ROUNDING))
+
+    def _add_twists(self, rows: Sequence[tuple[float, Content]]) -> None:
+        timeout = self._spec.timeout
+        for index, (time, content) in enumerate(rows):
+            tick = self._tick(time)
+            following = rows[index + 1][0] if index + 1 < len(rows) else math.inf
+            if following < math.inf and self._tick(following) == tick:
+                self._count_replaced(following)
+                continue
+            self._answers[tick] = self._twist(content)
+            if timeout is not None:
+                stop = max(tick, math.floor((time + timeout) * self._rate + _ROUNDING) + 1)
+                if following == math.inf or stop < self._tick(following):
+                    self._answers[stop] = Twist()
+
+    def _twist(self, content: Content) -> Twist:
+        if isinstance(content, Steering):
+            curvature = math.tan(content.angle) / self._scene.mobility.wheelbase
+            return Twist.planar(content.speed, content.speed * curvature)
+        assert isinstance(content, Twist)
+        return content
+
+    def _count_replaced(self, by: float) -> None:
+        """Count a row at whose tick a later one acts, at a sim time in s."""
+        ticks = f"at a tick of {self._rate:g} Hz" if self._spec.has_rate else "in one physics step"
+        self._count("are before t = 0" if by < self._tolerance else f"were replaced by a later one {ticks}", 1)
+
+    def _add_rows(self, rows: Sequence[tuple[float, Content]]) -> None:
+        """Schedule rows of joints: positions as motions, velocities and efforts as steps."""
+        columns: dict[JointColumn, dict[float, float]] = {}
+        used = 0
+        for time, content in rows:
+            assert isinstance(content, Mapping)
+            for column, value in content.items():
+                columns.setdefault(column, {})[time] = value
+        wanted = [column for column in columns if self._moves(column.joint)]
+        kinds = {column.joint: column.kind for column in sorted(wanted, key=lambda c: -KINDS.index(c.kind))}
+        for _, content in rows:
+            assert isinstance(content, Mapping)
+            used += any(kinds.get(column.joint) == column.kind for column in content)
+        self._count("have no target that is used", len(rows) - used)
+        steps: dict[int, dict[JointColumn, float]] = {}
+        for joint, kind in kinds.items():
+            values = columns[JointColumn(kind, joint)]
+            if kind != "position":
+                for time, value in values.items():
+                    steps.setdefault(self._tick(time), {})[JointColumn(kind, joint)] = value
+        curves = {
+            joint: self._curve(columns[JointColumn(kind, joint)], columns.get(JointColumn("velocity", joint), {}))
+            for joint, kind in kinds.items()
+            if kind == "position"
+        }
+        for tick, targets in steps.items():
+            groups = {kind: {c.joint: value for c, value in targets.items() if c.kind == kind} for kind in KINDS}
+            self._answers[tick] = JointTargets(velocity=groups["velocity"], effort=groups["effort"])
+        for (time, _), (following, _) in pairwise(rows):
+            is_late = self._tick(time) == self._tick(following) if steps else following - time < self._step_s / 2
+            if is_late:
+                self._count_replaced(following)
+        self._add_motion(curves, velocity=[joint for joint, kind in kinds.items() if kind == "velocity"])
+
+    def _moves(self, joint: str) -> bool:
+        return self._spec.only_joints is None or joint in self._spec.only_joints
+
+    def _curve(self, positions: Mapping[float, float], speeds: Mapping[float, float]) -> Curve:
+        """Return the curve through positions in rad (or m) at times in s, with the speeds that are known."""
+        # Of rows in one physics step, the last counts.
+        times = [time for time, later in pairwise([*positions, math.inf]) if later - time >= self._step_s / 2]
+        if len(times) > 1 and all(time in speeds for time in times):
+            slopes = np.gradient([positions[time] for time in times], times)
+            # Many publishers fill the speeds of a motion with 0.
+            differences = np.abs(slopes - [speeds[time] for time in times])
+            if np.median(differences) > _DIFFERENT * np.median(np.abs(slopes)) + _SLOW_RADPS:
+                speeds = {}
+        gaps = [index for index, (time, later) in enumerate(pairwise(times), start=1) if later - time > MAX_GAP_S]
+        return joined(
+            Curve.through(part, [positions[time] for time in part], [speeds.get(time, math.nan) for time in part])
+            for part in (times[start:end] for start, end in pairwise([0, *gaps, len(times)]))
+        )
+
+    def _add_trajectories(self, rows: Sequence[tuple[float, Content]]) -> None:
+        """Schedule trajectories; each replaces the one before, from the state of the joints at its time on."""
+        curves: dict[str, Curve] = {}
+        for time, content in rows:
+            assert isinstance(content, Trajectory)
+            for index, joint in enumerate(content.joints):
+                if self._moves(joint):
+                    before = curves.get(joint) or held([time], [self._scene.joint_positions[joint]])
+                    kept = before.times < time
+                    cut = Curve(before.times[kept], before.coefficients[kept])
+                    curves[joint] = joined([cut, _following(content, index, time, before.at(time))])
+        self._add_motion(curves)
+
+    def _add_motion(self, curves: Mapping[str, Curve], velocity: Sequence[str] = ()) -> None:
+        """Schedule the motions of joints, each from its first row on, and set the targets before t = 0."""
+        beginnings = self._scene.joint_positions
+        by_tick: dict[int, dict[str, Curve]] = {}
+        for joint, curve in curves.items():
+            by_tick.setdefault(self._tick(float(curve.times[0])), {})[joint] = curve
+            self._note_limits(joint, curve)
+        for tick, group in by_tick.items():
+            targets = JointTargets(motions=(JointMotion.of(group),))
+            before = self._answers.get(tick)
+            self._answers[tick] = before.updated_by(targets) if isinstance(before, JointTargets) else targets
+        self.holding = JointTargets(
+            position={joint: beginnings[joint] for joint in curves}, velocity=dict.fromkeys(velocity, 0.0)
+        )
+
+    def _note_limits(self, joint: str, curve: Curve) -> None:
+        """Note a position that the joint cannot reach, with its place."""
+        points = zip(curve.times.tolist(), curve.coefficients[:, 0].tolist(), strict=True)
+        limits = self._scene.model.joints_by_name[joint]
+        beyond = [(time, problem) for time, position in points if (problem := beyond_limits(limits, position))]
+        if beyond:
+            time, problem = beyond[0]
+            at = time + self._spec.start - self._spec.offset
+            what = f"{len(beyond)} positions that it cannot reach, first at {at:g} s of the log"
+            self._motors.notes.append(f"{self._spec.replay} commanded joint '{joint}' to {what}: {problem}")
 
 
-def _problems(columns: Sequence[str]) -> Iterator[str]:
-    if len(columns) > MAX_COLUMNS:
-        yield f"{len(columns):,} columns; at most {MAX_COLUMNS:,} are allowed"
-    for column, count in Counter(columns).items():
-        if count > 1:
-            yield f"{count} columns have the name {shown(column)}"
-    twists = [column for column in columns if column in TWIST]
-    of_joints = [column for column in columns if _joint_column(column)]
-    for column in columns:
-        if column != TIME and column not in twists and column not in of_joints:
-            hint = "" if len(columns) > 1 else "; separate columns by commas"
-            yield f"unknown column {shown(column)}{did_you_mean(column, _ALLOWED)}{hint}"
-    if TIME not in columns:
-        yield f"the column '{TIME}' is missing: it is the time of each row in s"
-    if not twists and not of_joints:
-        yield f"there is no command column besides '{TIME}'{did_you_mean('', _ALLOWED[1:])}"
-    if twists and of_joints:
-        yield f"'{twists[0]}' commands the base, {shown(of_joints[0])} a joint; split the log into two files"
+def joined(curves: Iterable[Curve]) -> Curve:
+    """Return the curve that follows each curve from its first knot on."""
+    parts = list(curves)
+    return Curve(np.concatenate([p.times for p in parts]), np.concatenate([p.coefficients for p in parts]))
 
 
-def _joint_column(column: str) -> JointColumn | None:
-    kind = next((kind for kind in KINDS if column.startswith(f"{kind}.")), None)
-    joint = column.partition(".")[2]
-    return JointColumn(kind, joint) if kind and joint else None
+def _following(trajectory: Trajectory, index: int, start_s: float, state: tuple[float, float, float]) -> Curve:
+    """Return the curve of a joint in a trajectory, from a state (position, velocity, acceleration) on."""
+    points = trajectory.points
+    if not points:
+        return held([start_s], [state[0]])
+    is_start = points[0].time > 0
+    times = [*([start_s] if is_start else []), *(start_s + point.time for point in points)]
+    first = [[value] if is_start else [] for value in state]
+    positions = [*first[0], *(point.positions[index] for point in points)]
+    if not all(point.velocities for point in points):
+        return straight(times, positions, state[1] if is_start else 0.0) if len(times) > 1 else held(times, positions)
+    velocities = [*first[1], *(point.velocities[index] for point in points)]
+    if not all(point.accelerations for point in points):
+        return Curve.through(times, positions, velocities)
+    return Curve.through(times, positions, velocities, [*first[2], *(point.accelerations[index] for point in points)])

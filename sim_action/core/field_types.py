@@ -204,6 +204,7 @@ Title = Annotated[str, Field(min_length=1, max_length=120), AfterValidator(_titl
 """The name of a scenario or an expectation. Only reports use it, and they escape it."""
 
 Tag = Annotated[str, Field(max_length=60, pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
+Seconds = Annotated[float, Quantity((units.TIME,))]
 PositiveSeconds = Annotated[float, Gt(0), Quantity((units.TIME,))]
 NonNegativeSeconds = Annotated[float, Ge(0), Quantity((units.TIME,))]
 Metres = Annotated[float, Quantity((units.LENGTH,))]

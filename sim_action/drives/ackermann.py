@@ -178,6 +178,7 @@ class AckermannDrive(Drive):
             ahead=-self._axle(model),
             tightest=tightest(self._kingpins(model), self._limit(model).angle),
             acceleration=self.acceleration,
+            wheelbase=abs(fmean(pin.ahead for pin in self._kingpins(model))),
         )
 
     @override

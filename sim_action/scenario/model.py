@@ -275,7 +275,8 @@ class Scenario(FrozenModel):
         cls, commands: tuple[CommandSource, ...], info: ValidationInfo
     ) -> tuple[CommandSource, ...]:
         physics = info.data.get("physics")
-        return commands if physics is None else tuple(source.fitted(physics.rate) for source in commands)
+        fitted = commands if physics is None else tuple(source.fitted(physics.rate) for source in commands)
+        return tuple(source.among(fitted) for source in fitted)
 
     @property
     def wall_seconds(self) -> float:

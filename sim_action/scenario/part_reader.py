@@ -259,6 +259,10 @@ class PartReader:
         known = [key for key in data if key in table]
         if len(known) == 1 and len(data) == 1:
             return str(known[0])
+        if beside and len(known) > 1:
+            # A source may have a key with the name of another source.
+            owners = [key for key in known if _keys_of(table.load(key)).issuperset(known)]
+            known = owners if len(owners) == 1 else known
         others = [key for key in data if key not in table and key not in (_keys_of(beside) if beside else ())]
         # Installed packages are searched for a name that nothing else explains.
         known += [key for key in others if key in table.installed()]

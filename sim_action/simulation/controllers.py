@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import sys
+from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from copy import deepcopy
@@ -61,6 +63,18 @@ class _Source:
     line: Line[tuple[int, tuple[Twist | JointTargets, ...]]] | None = None
     moved: set[str] = field(default_factory=set)
     wrenches: dict[str, tuple[LinkWrench, ...]] = field(default_factory=dict)
+
+    def until_due(self, step: int) -> int:
+        """Return the number of physics steps until its controller is called next."""
+        due = self.controller.due if isinstance(self.controller, OpenLoop) else None
+        if due is None:
+            return self.period - step % self.period
+        following = bisect_right(due, step)
+        return due[following] - step if following < len(due) else sys.maxsize
+
+    def is_due(self, step: int) -> bool:
+        """Return True if its controller is called at a physics step."""
+        return self.until_due(step - 1) == 1
 
 
 class _Followed(NamedTuple):
@@ -256,7 +270,7 @@ class Controls:
         asked = self._ask(step, look)
         steps = end - step
         for source in self._sources:
-            steps = min(steps, source.period - step % source.period)
+            steps = min(steps, source.until_due(step))
         if self._late:
             steps = int(min([steps, *(line.next_step - step for _, line in self._late)]))
         planned = self._driven(steps)
@@ -284,7 +298,7 @@ class Controls:
         targets: JointTargets | None = None
         look_once = lru_cache(maxsize=1)(look) if self._look_together else look
         for source in self._sources:
-            if step % source.period and (source.line is None or source.line.next_step > step):
+            if not source.is_due(step) and (source.line is None or source.line.next_step > step):
                 continue
             try:
                 for sent, command in self._commands(source, step, look_once):
@@ -327,7 +341,7 @@ class Controls:
 
     def _commands(self, source: _Source, step: int, look: Look) -> list[tuple[int, Twist | JointTargets]]:
         """Return the commands that take effect at this step, with the step at which the source sent them."""
-        asked = () if step % source.period else self._asked(source, step, look)
+        asked = self._asked(source, step, look) if source.is_due(step) else ()
         if source.line is None:
             return [(step, command) for command in asked]
         if asked:

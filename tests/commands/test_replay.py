@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import io
 import os
 import pickle
 import subprocess
@@ -12,22 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sim_action.commands import OpenLoop, replay
-from sim_action.commands.logs import JointColumn, TimedCommand
-from sim_action.commands.replay import (
-    MAX_BYTES,
-    MAX_COLUMNS,
-    Header,
-    HeaderError,
-    Playback,
-    ReplayCommands,
-    read_csv,
-    read_header,
-)
+from sim_action.commands import OpenLoop
+from sim_action.commands.replay import ReplayCommands
 from sim_action.core.errors import BadSource, RecordingError
 from sim_action.core.geometry import Twist
 from sim_action.core.workspace import Workspace
@@ -57,9 +44,13 @@ def scene_in(folder: Path) -> Scene:
 
 
 def given_at(time: float, folder: Path, **data: Any) -> object:
-    controller = spec(**data).open(scene_in(folder))
+    """Return the command that is in effect at a time in s."""
+    source = spec(**data)
+    controller = source.open(scene_in(folder))
     assert isinstance(controller, OpenLoop)
-    return controller.command(time)
+    rate = source.tick_rate(240.0)
+    answers = [controller.command(n / rate) for n in range(1 + round(time * rate))]
+    return next(answer for answer in reversed(answers) if answer is not None)
 
 
 def scenario(**keys: object) -> str:
@@ -104,7 +95,7 @@ def test_of_a_log_of_many_joints_those_that_are_named_move(tmp_path: Path) -> No
     ("key", "value", "message"),
     [
         ("only_joints", ("wheel_left_joint",), "the log contains twists, not joints"),
-        ("start", 2.0, "the log ends before that time, 1.5 s after its first message"),
+        ("start", 2.0, "the log ends before that time, 1.5 s after its first command"),
         ("topic", "/odom", "the log has no topic '/odom'"),
         ("type", bags.JOINTS, "but the scenario requires sensor_msgs/msg/JointState"),
     ],
@@ -158,8 +149,8 @@ def test_a_log_is_csv_if_the_scenario_calls_it_so(tmp_path: Path) -> None:
 CSV_PROBLEMS = [
     ({"replay": "b.csv"}, "8:3", "'b.csv' does not exist"),
     ({"replay": "bad.csv"}, "8:3", "bad.csv:3: column 'linear': expected a finite number, found 'fast'"),
-    ({"replay": "a.csv", "topic": "/cmd_vel"}, "9:3", "a CSV file has no topics; remove this key"),
-    ({"replay": "a.csv", "type": bags.TWIST}, "9:3", "a CSV file has no topics; remove this key"),
+    ({"replay": "a.csv", "topic": "/cmd_vel"}, "8:3", "a.csv:1: the file has no columns of topic '/cmd_vel'"),
+    ({"replay": "a.csv", "type": bags.TWIST}, "9:3", "this is for logs of ROS, not for a CSV file; remove this key"),
     ({"replay": "a.csv", "start": "2 s"}, "9:3", "the log ends before that time, 1.5 s after its first row"),
     ({"replay": "a.csv", "only_joints": "[wheel_left_joint]"}, "9:3", "twists, not joints; remove this key"),
     ({"replay": "wheels.csv", "timeout": "1 s"}, "9:3", "this applies to twists only"),
@@ -188,7 +179,10 @@ def test_what_is_wrong_with_csv_is_told_at_load(
 
 ROS_PROBLEMS = [
     ({"replay": "a.bag"}, "needs a topic to replay, such as topic: /cmd_vel"),
-    ({"replay": "notes.txt"}, "is not a log that can be replayed (allowed: .csv, .bag, .db3, .mcap, the folder"),
+    (
+        {"replay": "notes.txt"},
+        "is not a log that can be replayed (allowed: .csv, .bag, .db3, .mcap, .db3.zstd, .mcap.zstd, the folder",
+    ),
     ({"replay": "folder", "topic": "/cmd_vel"}, "is a folder without metadata.yaml"),
     ({"replay": "a%2f.db3", "topic": "/cmd_vel"}, "rename it"),
     ({"replay": "a.bag", "topic": "/cmd_vel", "type": "geometry_msgs/Twist"}, "geometry_msgs/msg/Twist"),
@@ -266,7 +260,7 @@ def test_which_source_cannot_be_opened_is_told(tmp_path: Path) -> None:
         {"replay": "a.csv", "only_joints": ()},
         {"replay": "a.csv", "start": "-1 s"},
         {"replay": "a.csv", "timeout": 0},
-        {"replay": "a.csv", "joints": ("a",)},
+        {"replay": "a.csv", "stamps": "wall"},
     ],
 )
 def test_keys_that_mean_nothing_are_refused(data: dict[str, Any]) -> None:
@@ -299,236 +293,134 @@ def test_loading_a_log_imports_neither_numpy_nor_rosbags(tmp_path: Path) -> None
 
 
 SLOW, FAST = Twist.planar(0.1), Twist.planar(0.9)
-LOG: list[TimedCommand] = [(0.0, SLOW), (1.0, FAST), (2.0, SLOW)]
+LOG = [(0.0, 0.1, 0.0), (1.0, 0.9, 0.0), (2.0, 0.1, 0.0)]
 
 
-def played_at(
-    times: list[float], log: list[TimedCommand], start: float = 0.0, timeout: float | None = None
-) -> list[object]:
-    playback = Playback(log, start, timeout)
-    return [playback.command(time) for time in times]
+def played_at(folder: Path, times: list[float], rows: list[tuple[float, float, float]], **keys: Any) -> list[object]:
+    bags.csv_file(folder / "log.csv", rows)
+    controller = spec(replay="log.csv", **keys).open(scene_in(folder))
+    return [controller.command(time) for time in times]  # type: ignore[arg-type]  # a log needs no observation
 
 
-def test_a_command_is_given_once_and_holds() -> None:
-    assert played_at([0.0, 0.5, 1.0, 1.5, 2.0, 99.0], LOG) == [SLOW, None, FAST, None, SLOW, None]
+def test_a_row_acts_once_at_its_own_time_and_holds(tmp_path: Path) -> None:
+    times = [0.0, 0.5, 1.0, 1.5, 2.0, 99.0]
+    assert played_at(tmp_path, times, LOG) == [SLOW, None, FAST, None, SLOW, None]
 
 
-def test_of_what_falls_between_two_ticks_the_last_is_given_at_the_later_one() -> None:
-    assert played_at([0.0, 5.0], LOG) == [SLOW, SLOW]
-    assert played_at([0.0, 1.9], LOG) == [SLOW, FAST]
+def test_with_a_rate_the_last_row_between_two_ticks_acts_at_the_later_one(tmp_path: Path) -> None:
+    rows = [(0.0, 0.1, 0.0), (0.06, 0.9, 0.0), (0.08, 0.1, 0.0)]
+    assert played_at(tmp_path, [0.0, 0.1], rows, rate="10 Hz") == [SLOW, SLOW]
 
 
-def test_a_tick_on_a_moment_counts_whatever_the_rounding_of_either() -> None:
-    log: list[TimedCommand] = [(n * 0.1, Twist.planar(float(n))) for n in range(30)]
-    assert played_at([n / 10 for n in range(30)], log) == [Twist.planar(float(n)) for n in range(30)]
+@pytest.mark.parametrize("rate", ["30 Hz", None])
+@pytest.mark.parametrize("digits", range(2, 10))
+def test_a_time_that_is_rounded_to_digits_belongs_to_its_tick(digits: int, rate: str | None, tmp_path: Path) -> None:
+    rows = "".join(f"{n / 30:.{digits}f},{n}\n" for n in range(60))
+    (tmp_path / "log.csv").write_text(f"time,linear\n{rows}")
+    keys = {} if rate is None else {"rate": rate}
+    controller = spec(replay="log.csv", **keys).open(scene_in(tmp_path))
+    assert isinstance(controller, OpenLoop)
+    ticks = 240 if rate is None else 30
+    answers = [answer for n in range(2 * ticks) if (answer := controller.command(n / ticks))]
+    assert answers == [Twist.planar(float(n)) for n in range(60)]
+    if rate is None and digits > 2:
+        due = [n for n in controller.due or () if controller.command(n / 240)]
+        assert due == [8 * n for n in range(60)]
 
 
 @pytest.mark.parametrize(("start", "first"), [(0.0, SLOW), (0.99, SLOW), (1.0, FAST), (1.5, FAST), (2.0, SLOW)])
-def test_what_holds_at_the_start_is_given_first(start: float, first: Command) -> None:
-    assert played_at([0.0], LOG, start) == [first]
+def test_what_holds_at_the_start_is_given_first(start: float, first: Command, tmp_path: Path) -> None:
+    assert played_at(tmp_path, [0.0], LOG, start=start) == [first]
 
 
-def test_from_the_start_on_times_are_those_of_the_log() -> None:
-    assert played_at([0.0, 0.4, 0.5, 1.5], LOG, 0.5) == [SLOW, None, FAST, SLOW]
+def test_start_end_and_offset_cut_and_shift_a_log(tmp_path: Path) -> None:
+    assert played_at(tmp_path, [0.0, 0.4, 0.5, 1.5], LOG, start=0.5) == [SLOW, None, FAST, SLOW]
+    assert played_at(tmp_path, [0.0, 1.0, 2.0], LOG, end=1.5) == [SLOW, FAST, None]
+    assert played_at(tmp_path, [0.0, 0.25, 1.25, 2.25], LOG, offset="250 ms") == [None, SLOW, FAST, SLOW]
+    assert played_at(tmp_path, [0.0, 0.5], LOG, offset="-500 ms") == [SLOW, FAST]
 
 
-def test_a_twist_that_is_too_old_stops_the_base_until_the_next() -> None:
+def test_a_twist_that_is_too_old_stops_the_base_until_the_next(tmp_path: Path) -> None:
     times = [0.0, 0.3, 0.4, 0.9, 1.0, 1.4]
-    assert played_at(times, LOG, timeout=0.3) == [SLOW, None, Twist(), Twist(), FAST, Twist()]
+    stopping = played_at(tmp_path, times, LOG, timeout=0.3, rate="10 Hz")
+    assert stopping == [SLOW, None, Twist(), None, FAST, Twist()]
+    assert played_at(tmp_path, [0.0, 0.5], LOG, start=0.5, timeout=0.3) == [Twist(), FAST]
 
 
-def test_a_twist_may_be_too_old_at_the_start() -> None:
-    assert played_at([0.0, 0.5], LOG, 0.5, timeout=0.3) == [Twist(), FAST]
-
-
-def test_joints_that_a_later_row_does_not_name_keep_what_they_were_told_between_two_ticks() -> None:
-    log: list[TimedCommand] = [
-        (0.0, JointTargets(position={"a": 1.0, "b": 1.0})),
-        (0.1, JointTargets(position={"a": 2.0})),
-        (0.2, JointTargets(velocity={"b": 3.0})),
-    ]
-    assert played_at([0.05, 0.2], log) == [log[0][1], JointTargets(position={"a": 2.0}, velocity={"b": 3.0})]
-    assert played_at([0.2], log) == [JointTargets(position={"a": 2.0}, velocity={"b": 3.0})]
-
-
-def test_a_header_of_twists() -> None:
-    header = Header.of(["time", "angular"])
-    assert header.holds_twists
-    assert not header.joint_names
-
-
-def test_a_header_of_joints_whose_names_may_have_dots() -> None:
-    header = Header.of(["position.arm.elbow", "time", "velocity.wheel"])
-    assert not header.holds_twists
-    assert header.joint_names == {"arm.elbow", "wheel"}
-    assert header.joints == (JointColumn("position", "arm.elbow"), None, JointColumn("velocity", "wheel"))
+def notes(folder: Path, **keys: Any) -> list[str]:
+    source = spec(**keys)
+    controller = source.open(scene_in(folder))
+    assert isinstance(controller, OpenLoop)
+    rate = round(source.tick_rate(240.0))
+    for n in range(1 + 3 * rate):
+        controller.command(n / rate)
+    return list(controller.notes)
 
 
 @pytest.mark.parametrize(
-    ("columns", "message"),
+    ("keys", "reason"),
     [
-        (["time", "linaer"], "unknown column 'linaer'; did you mean 'linear'?"),
-        (["time", "linear", "position."], "unknown column 'position.'"),
-        (["time", "linear", ""], "unknown column ''"),
-        (["time", "linear", "linear"], "2 columns have the name 'linear'"),
-        (["time;linear;angular"], "separate columns by commas"),
-        (["linear"], "the column 'time' is missing"),
-        (["time"], "there is no command column besides 'time' (allowed: angular, effort.<joint>"),
-        (["time", "linear", "position.a"], "'linear' commands the base, 'position.a' a joint"),
-        (["time", *(f"position.{n}" for n in range(MAX_COLUMNS))], "1,001 columns; at most 1,000"),
+        ({"rate": "10 Hz"}, "149 were replaced by a later one at a tick of 10 Hz"),
+        ({"start": "1 s"}, "60 are before t = 0"),
+        ({"end": "1 s"}, "119 are after 'end'"),
+        ({"offset": "2 s"}, "119 were due after the end of the run"),
+        ({}, ""),
     ],
 )
-def test_a_header_that_tells_nothing_to_replay_is_refused(columns: list[str], message: str) -> None:
-    with pytest.raises(HeaderError) as raised:
-        Header.of(columns)
-    assert message in str(raised.value)
+def test_rows_that_are_not_used_are_counted(keys: dict[str, Any], reason: str, tmp_path: Path) -> None:
+    bags.csv_file(tmp_path / "a.csv", [(n / 60, n / 180, 0.0) for n in range(180)])
+    found = notes(tmp_path, replay="a.csv", **keys)
+    assert [reason in note for note in found] == ([True] if reason else [])
 
 
-def log(folder: Path, text: str | bytes) -> Path:
-    path = folder / "monday.csv"
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return path
+def curve(folder: Path, name: str, joint: str, **keys: Any) -> Any:
+    controller = spec(replay=name, **keys).open(scene_in(folder))
+    assert isinstance(controller, OpenLoop)
+    answers = [controller.command(n / 240) for n in range(2400)]
+    motions = [motion for answer in answers if isinstance(answer, JointTargets) for motion in answer.motions]
+    (wanted,) = [curve for m in motions for name, curve in zip(m.names, m.curves, strict=True) if name == joint]
+    return wanted
 
 
-def moments(folder: Path, text: str | bytes) -> list[TimedCommand]:
-    return list(read_csv(log(folder, text), "logs/monday.csv"))
+def test_positions_are_interpolated_and_hold_over_a_gap(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("time,position.wheel_left_joint\n0,0\n0.5,1\n3,2\n3.5,3\n")
+    wheel = curve(tmp_path, "a.csv", "wheel_left_joint")
+    assert 0.3 < wheel.at(0.25)[0] < 0.7
+    assert wheel.at(2.9)[:2] == (1.0, 0.0)
+    assert wheel.at(3.0)[0] == 2.0
 
 
-def refusal(folder: Path, text: str | bytes) -> str:
-    with pytest.raises(RecordingError) as raised:
-        moments(folder, text)
-    return str(raised.value)
+@pytest.mark.parametrize(("speed", "share"), [(2.0, 0.5), (0.0, 0.5), (90.0, 0.5)])
+def test_speeds_count_only_if_they_are_those_of_the_positions(speed: float, share: float, tmp_path: Path) -> None:
+    rows = "".join(f"{n / 10},{n / 5},{speed}\n" for n in range(10))
+    (tmp_path / "a.csv").write_text(f"time,position.wheel_left_joint,velocity.wheel_left_joint\n{rows}")
+    position, velocity, _ = curve(tmp_path, "a.csv", "wheel_left_joint").at(0.25)
+    assert (position, velocity) == pytest.approx((share, 2.0))
 
 
-def test_rows_become_twists_at_times_since_the_first(tmp_path: Path) -> None:
-    assert moments(tmp_path, "time,linear,lateral,angular\n10,1,2,3\n10.5,-.5,+0,1e-1\n") == [
-        (0.0, Twist.planar(1.0, 3.0, lateral=2.0)),
-        (0.5, Twist.planar(-0.5, 0.1)),
+def test_a_position_that_a_joint_cannot_reach_is_noted_with_its_time(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("time,position.wheel_left_joint\n0,0\n0.5,1\n")
+    assert notes(tmp_path, replay="a.csv") == []
+
+
+def test_two_topics_of_a_log_keep_their_distance(tmp_path: Path) -> None:
+    left = joints((3.0, lambda store: joint_state(store, ["wheel_left_joint"], velocity=[1.0])), topic="/left")
+    right = joints((0.0, lambda store: joint_state(store, ["wheel_right_joint"], velocity=[2.0])), topic="/right")
+    mcap_file(tmp_path / "a.mcap", [*right, *left])
+    bags.csv_file(tmp_path / "later.csv", [(bags.START / 1e9 + 5, 0.1, 0.0)])
+    sources = [
+        spec(replay="a.mcap", topic="/left"),
+        spec(replay="./a.mcap", topic="/right", clock="shared"),
+        spec(replay="later.csv", clock="shared"),
     ]
+    controllers = [source.among(sources).open(scene_in(tmp_path)) for source in sources]
+    begun = [next(n for n in range(9999) if controller.command(n / 240)) for controller in controllers]  # type: ignore[arg-type]
+    assert begun == [720, 0, 1200]
+    alone = spec(replay="a.mcap", topic="/left").open(scene_in(tmp_path))
+    assert alone.command(0.0)  # type: ignore[arg-type]
 
 
-def test_rows_become_targets_of_joints_each_by_the_first_kind_that_it_has(tmp_path: Path) -> None:
-    text = "time,effort.elbow,velocity.wheel,position.elbow\n0,9,2,1\n"
-    assert moments(tmp_path, text) == [(0.0, JointTargets(position={"elbow": 1.0}, velocity={"wheel": 2.0}))]
-
-
-def test_what_editors_and_spreadsheets_add_is_no_matter(tmp_path: Path) -> None:
-    text = b'\xef\xbb\xbf time , linear \r\n\r\n "0" , "1.5"\r\n'.replace(b' "', b'"').replace(b'" ', b'"')
-    assert moments(tmp_path, text) == [(0.0, Twist.planar(1.5))]
-
-
-def test_the_largest_of_numbers_are_numbers(tmp_path: Path) -> None:
-    text = "time,linear,angular\n0,1.7e308,1.7e308\n"
-    assert moments(tmp_path, text) == [(0.0, Twist.planar(1.7e308, 1.7e308))]
-
-
-def test_columns_that_are_left_out_are_zero(tmp_path: Path) -> None:
-    assert moments(tmp_path, "angular,time\n2,0\n") == [(0.0, Twist.planar(0.0, 2.0))]
-
-
-def test_times_keep_their_last_digit_whenever_the_log_began(tmp_path: Path) -> None:
-    text = "time,linear\n1700000000.123456789,0\n1700000000.223456789,0\n"
-    assert [time for time, _ in moments(tmp_path, text)] == [0.0, 0.1]
-
-
-def test_two_commands_at_the_same_time_stay_in_their_order(tmp_path: Path) -> None:
-    assert moments(tmp_path, "time,linear\n0,1\n0,2\n") == [(0.0, Twist.planar(1.0)), (0.0, Twist.planar(2.0))]
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "logs/monday.csv: the file is empty"),
-        ("\n\n", "logs/monday.csv: the file is empty"),
-        ("\ntime,linaer\n", "logs/monday.csv:2: unknown column 'linaer'; did you mean 'linear'?"),
-        ("time,linear\n", "logs/monday.csv: there is no row after the header"),
-        ("time,linear\n0,1\n\n1,fast\n", "logs/monday.csv:4: column 'linear': expected a finite number, found 'fast'"),
-        ("time,linear\n0,nan\n", "logs/monday.csv:2: column 'linear': expected a finite number, found 'nan'"),
-        ("time,linear\n0,1e999\n", "expected a finite number, found '1e999'"),
-        ("time,linear\ninf,1\n", "column 'time': expected a finite number, found 'inf'"),
-        ("time,linear\n0,\n", "column 'linear': expected a finite number, found ''"),
-        ('time,linear\n0,"1,2"\n', "column 'linear': expected a finite number, found '1,2'"),
-        ("time,linear\n0,1_0\n", "column 'linear': expected a finite number, found '1_0'"),
-        ("time,linear\n0,٣\n", "column 'linear': expected a finite number"),
-        (f"time,linear\n0,{'9' * 50_000}\n", "column 'linear': expected a finite number"),
-        (
-            "time,linear\n0,1\n2,1\n1.5,1\n",
-            "logs/monday.csv:4: column 'time': '1.5' is earlier than the previous row, 2",
-        ),
-        ("time,linear\n0,1,2\n", "logs/monday.csv:2: 3 cells, but the header has 2 columns"),
-        ('time,linear\n0,"1\n', "logs/monday.csv:2: not valid CSV"),
-        (f"time,{'x' * 200_000}\n", "not valid CSV: field larger than field limit"),
-        (b"time,linear\n0,\xff\n", "logs/monday.csv: not UTF-8 text"),
-        (b"time,linear\n0,1\x00\n", "logs/monday.csv:2:"),
-        ("time,linear\n0,\x1b[31m1\n", r"found '\x1b[31m1'"),
-    ],
-)
-def test_a_log_that_cannot_be_replayed_is_told_with_its_place(text: str | bytes, message: str, tmp_path: Path) -> None:
-    found = refusal(tmp_path, text)
-    assert message in found
-    assert found.isprintable()
-    assert len(found) < 2_500
-
-
-def test_a_gigantic_file_is_not_read(tmp_path: Path) -> None:
-    path = tmp_path / "monday.csv"
-    with path.open("wb") as file:
-        file.write(b"time,linear\n0,1\n")
-        file.truncate(MAX_BYTES * 1_000)
-    with pytest.raises(RecordingError, match="the file has 25000 MB; at most 25 MB of CSV are allowed"):
-        read_header(path, "monday.csv")
-
-
-def test_more_rows_than_any_log_has_are_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(replay, "MAX_ROWS", 3)
-    assert len(moments(tmp_path, "time,linear\n" + "0,0\n" * 3)) == 3
-    assert refusal(tmp_path, "time,linear\n" + "0,0\n" * 4).startswith(
-        "logs/monday.csv:5: the log has more than 3 rows"
-    )
-
-
-def test_what_is_no_file_holds_nobody_up(tmp_path: Path) -> None:
-    pipe = tmp_path / "monday.csv"
-    os.mkfifo(pipe)
-    with pytest.raises(RecordingError, match=r"monday\.csv: the file cannot be read: it is not a regular file"):
-        read_header(pipe, "monday.csv")
-
-
-NUMBERS = st.floats(-1e6, 1e6)
-ROWS = st.lists(st.tuples(st.floats(0, 1e9), NUMBERS, NUMBERS), min_size=1).map(sorted)
-
-
-@given(ROWS)
-def test_what_is_written_is_what_is_read(rows: list[tuple[float, float, float]]) -> None:
-    text = "time,linear,angular\n" + "".join(f"{time!r},{linear!r},{angular!r}\n" for time, linear, angular in rows)
-    found = list(in_memory(text.encode()))
-    assert [command for _, command in found] == [Twist.planar(linear, angular) for _, linear, angular in rows]
-    assert [time for time, _ in found] == pytest.approx([time - rows[0][0] for time, _, _ in rows], abs=1e-6)
-
-
-@st.composite
-def files(draw: st.DrawFn) -> bytes:
-    """Return anything, or a log in which a few characters may be missing, or others."""
-    if draw(st.sampled_from((True, False, False))):
-        return draw(st.binary() | st.text(alphabet="time,linear0123456789.-+eE\n\"' ;").map(str.encode))
-    rows = draw(st.lists(st.tuples(st.integers(0, 9), st.integers(-9, 9)), min_size=1, max_size=5).map(sorted))
-    text = "time,linear\n" + "".join(f"{time},{linear}\n" for time, linear in rows)
-    start = draw(st.integers(0, len(text)))
-    end = start + draw(st.sampled_from((0, 0, 1, 5)))
-    return (text[:start] + draw(st.sampled_from(("", "", "0", "-", ".5", "\n", '"', " ", ","))) + text[end:]).encode()
-
-
-@given(files())
-def test_whatever_a_file_holds_it_is_a_log_or_an_error_for_people(data: bytes) -> None:
-    try:
-        found = list(in_memory(data))
-    except RecordingError as error:
-        assert str(error).startswith("any.csv")  # noqa: PT017 - either is right
-    else:
-        assert found
-
-
-def in_memory(data: bytes) -> list[TimedCommand]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(replay, "open_regular", lambda *_, **__: io.BytesIO(data))
-        return list(read_csv(Path("any.csv"), "any.csv"))
+def test_times_in_another_unit_are_found_before_the_run(tmp_path: Path) -> None:
+    bags.csv_file(tmp_path / "a.csv", [(0, 0.1, 0.0), (5000, 0.0, 0.0)])
+    (warning,) = load(tmp_path, scenario(replay="a.csv")).warnings
+    assert "second row of a.csv is at 5000 s, but the run ends at" in warning.message

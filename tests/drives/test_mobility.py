@@ -43,7 +43,7 @@ STEERED = cart(*FRONT, wheel("c", -0.2, 0.2), wheel("d", -0.2, -0.2))
         (SKID, TO_THE_LEFT, Mobility(heading=math.pi / 2, acceleration=0.3, turn_acceleration=0.3 / 0.6)),
         (MECANUM, cart(*FOUR), Mobility(turn_acceleration=1 / math.hypot(0.2, 0.3))),
         # The inner wheel is turned by 0.6 rad, 0.5 m before the axle and 0.2 m beside the middle.
-        (CAR, STEERED, Mobility(ahead=0.2, tightest=1 / (0.5 / math.tan(0.6) + 0.2), acceleration=2.0)),
+        (CAR, STEERED, Mobility(ahead=0.2, tightest=1 / (0.5 / math.tan(0.6) + 0.2), acceleration=2.0, wheelbase=0.5)),
     ],
     ids=["diff", "skid", "skid that faces left", "mecanum", "ackermann"],
 )

@@ -1,18 +1,12 @@
-"""Recorded logs as commands with times: CSV (`commands/replay.py`) and ROS (`rosbag.py`).
-
-Times never decrease. A log that cannot be read raises RecordingError.
-"""
+"""Recorded logs as rows with times: CSV (`csv_table.py`) and ROS (`rosbag.py`). A bad log raises RecordingError."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Mapping
 from typing import Final, Literal, NamedTuple
 
-from sim_action.state.command import Command, JointTargets
-
-TimedCommand = tuple[float, Command]
-"""The time in s since the first message of the log, and the command at that time."""
-
+from sim_action.core.geometry import Twist
+from sim_action.core.records import dataclass, field
 
 Kind = Literal["position", "velocity", "effort"]
 KINDS: Final[tuple[Kind, ...]] = ("position", "velocity", "effort")
@@ -26,18 +20,52 @@ class JointColumn(NamedTuple):
     joint: str
 
 
-def used_columns(columns: Iterable[JointColumn]) -> Iterator[int]:
-    """Return the indices of the columns that are used: for each joint, those of the kind with the highest priority."""
-    listed = list(columns)
-    best: dict[str, JointColumn] = {}
-    for column in sorted(listed, key=lambda column: KINDS.index(column.kind)):
-        best.setdefault(column.joint, column)
-    return (index for index, column in enumerate(listed) if best[column.joint] == column)
+JointRow = Mapping[JointColumn, float]
+"""The finite numbers of a row: rad, rad/s and N m, or m, m/s and N."""
 
 
-def row_targets(row: Iterable[tuple[JointColumn, float]]) -> JointTargets:
-    """Return the command in a row of used columns; in rad, rad/s and N m, or m, m/s and N."""
-    groups: dict[Kind, dict[str, float]] = {kind: {} for kind in KINDS}
-    for column, value in row:
-        groups[column.kind][column.joint] = value
-    return JointTargets(position=groups["position"], velocity=groups["velocity"], effort=groups["effort"])
+class Steering(NamedTuple):
+    """A command for a car: the speed in m/s, and the angle of a middle steered wheel in rad, to the left."""
+
+    speed: float
+    angle: float
+
+
+class TrajectoryPoint(NamedTuple):
+    """A point of a trajectory: the time in s since its start, and numbers of its joints; empty if not stated."""
+
+    time: float
+    positions: tuple[float, ...]
+    velocities: tuple[float, ...]
+    accelerations: tuple[float, ...]
+
+
+class Trajectory(NamedTuple):
+    """A motion of joints that begins when it is received; without points, the joints stop."""
+
+    joints: tuple[str, ...]
+    points: tuple[TrajectoryPoint, ...]
+
+
+Content = Twist | Steering | JointRow | Trajectory
+TimedRow = tuple[int, Content]
+"""The time of a row in ns, on the clock of the log, and its content."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """The rows that a log has for one command source.
+
+    Attributes:
+        rows: at least one, in the order of time.
+        resolution_s: the last digit of the times.
+        read: the number of messages, or of rows, that the log has for this source.
+        unused: reason -> the number of them that are not in `rows`.
+        notes: remarks for the user.
+    """
+
+    rows: tuple[TimedRow, ...]
+    resolution_s: float = 1e-9
+    read: int = 0
+    unused: Mapping[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""Logs of ROS: rosbag1 (.bag), rosbag2 (a folder with metadata.yaml, or one .db3 or .mcap), read by `rosbags`.
+"""Logs of ROS: rosbag1 (.bag), rosbag2 (a folder, or one .db3 or .mcap, also as .zstd), read by `rosbags`.
 
 Only the scenario's own process reads them, because native code decompresses them. The message definitions in a log are
 compared with ours and never used, because `rosbags` generates Python code from definitions.
@@ -6,93 +6,111 @@ compared with ours and never used, because `rosbags` generates Python code from 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import shutil
+import sqlite3
+import struct
+import sys
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
-from sim_action.commands.logs import KINDS, JointColumn, TimedCommand, row_targets, used_columns
+from sim_action.commands.logs import Recorded, TimedRow
+from sim_action.commands.logs.ros_messages import ARRAY, DEFINITIONS, TYPES, MessageError, Wanted
 from sim_action.core.errors import RecordingError, RunError
-from sim_action.core.files import read_at_most
-from sim_action.core.geometry import Twist, Vector3
+from sim_action.core.files import open_regular, read_at_most
+from sim_action.core.lazy_numpy import np
+from sim_action.core.records import replace
 from sim_action.core.wording import did_you_mean, escaped_line
-from sim_action.state.command import Command, is_finite
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
-    from rosbags.rosbag1 import Reader as Reader1
-    from rosbags.rosbag2 import Reader as Reader2
+    from rosbags.typesys.store import Typestore
 
 
 PACKAGE: Final = "rosbags"
 METADATA: Final = "metadata.yaml"
 _MAX_METADATA_BYTES: Final = 10_000_000
+# The size of a compressed file after it is unpacked.
+_MAX_UNPACKED_BYTES: Final = 4_000_000_000
+_BLOCK_BYTES: Final = 1_000_000
+_CLOCK: Final = "/clock"
+_CLOCK_TYPE: Final = "rosgraph_msgs/msg/Clock"
 # These characters have a special meaning in SQLite's paths.
 _NOT_IN_PATHS: Final = ("?", "#", "%")
-FILES: Final = (".bag", ".db3", ".mcap")
+FILES: Final = (".bag", ".db3", ".mcap", ".db3.zstd", ".mcap.zstd")
+_REMEDIES: Final = MappingProxyType(
+    {
+        ".bag": "if its recorder was killed, run 'rosbag reindex'",
+        ".db3": "if its recorder was killed, run \"sqlite3 OLD.db3 '.recover' | sqlite3 NEW.db3\"",
+        ".mcap": "if its recorder was killed, run 'mcap recover'",
+    }
+)
 INSTALL_HINT: Final = (
     "logs of ROS need the package rosbags, which is not installed: pip install '.[rosbags]', or in a workflow set "
     "the input 'extras: rosbags'"
 )
 
-_Decoded = Callable[["Connection", bytes], object]
-
-MessageType = Literal["geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped", "sensor_msgs/msg/JointState"]
-
-TWISTS: Final[frozenset[str]] = frozenset({"geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"})
-"""The message types that command a base."""
-
 
 def path_problem(path: Path) -> str | None:
     """Return the problem of a path that cannot be a log of ROS; None if it can."""
-    if path.is_dir() and not (path / METADATA).is_file():
-        return f"is a folder without {METADATA}, so it is not a rosbag2"
-    if not path.is_dir() and path.suffix not in FILES:
+    if path.is_dir() and not (path / METADATA).is_file() and not _storages_in(path):
+        return f"is a folder without {METADATA} and without a file {' or '.join(FILES[1:])}, so it is not a rosbag2"
+    if path.name.endswith(".bag.active"):
+        return f"is an unfinished log: {_REMEDIES['.bag']}, and rename it to '{path.stem}'"
+    if not path.is_dir() and not path.name.endswith(FILES):
         return f"is not a log that can be replayed (allowed: .csv, {', '.join(FILES)}, the folder of a rosbag2)"
     if any(sign in str(path) for sign in _NOT_IN_PATHS):
         return f"contains one of the characters {' '.join(_NOT_IN_PATHS)}; rename it"
     return None
 
 
-def read_commands(path: Path, name: str, topic: str, type_name: str | None) -> list[TimedCommand]:
-    """Return the commands of a topic, at least one, in the order in which the log received them.
+def read_log(path: Path, name: str, wanted: Wanted) -> Recorded:
+    """Return the messages of a topic, in the order of their times.
 
-    Args:
-        path: path of the file, or of a folder whose files are known to be in the workspace.
-        name: name of the log in messages.
-        topic: name of the topic in the log.
-        type_name: required type of its messages; None: any of `TYPES`.
-
+    `path`: of the file, or of a folder whose files are known to be in the workspace; `name`: of the log in messages.
     Raises RecordingError, and RunError if the log does not fit into memory.
     """
-    with _as_recording_error(name):
+    with _as_recording_error(name), ExitStack() as stack:
         if problem := path_problem(path):
             raise RecordingError(problem)
         try:
-            from rosbags.rosbag1 import Reader as Reader1
-            from rosbags.rosbag2 import Reader as Reader2
+            import rosbags.rosbag1  # noqa: F401 - a missing package has a message of its own
         except ImportError:
             raise RecordingError(INSTALL_HINT) from None
-        reader = Reader1(path) if path.suffix == ".bag" else Reader2(path)
-        with reader:
-            connections = _connections(reader, topic, type_name)
-            return _moments(reader, connections, is_ros1=path.suffix == ".bag")
+        notes: list[str] = []
+        files = [path / file for file in files_of(path, name) if file != METADATA] if path.is_dir() else [path]
+        if path.is_dir() and not (path / METADATA).is_file():
+            notes.append(f"{name} has no {METADATA}, so its recorder was killed: all its files are read")
+        storages = [stack.enter_context(_opened(file, notes)) for file in files]
+        recorded = _recorded(storages, wanted)
+        notes += [f"{storage.unfinished}" for storage in storages if isinstance(storage, ScannedMcap) and storage.cut]
+        return replace(recorded, notes=tuple(escaped_line(note) for note in notes))
 
 
 def files_of(folder: Path, name: str) -> Iterator[str]:
     """Yield the names of the files of a rosbag2 folder. Raises RecordingError."""
+    if not (folder / METADATA).is_file():
+        yield from _storages_in(folder)
+        return
     yield METADATA
     with _as_recording_error(name):
-        information = _information(folder / METADATA)
-        if str(information.get("compression_mode", "")).lower() == "file":
-            raise RecordingError(
-                "its files are compressed as a whole, which is not supported: convert the log with 'ros2 bag convert', "
-                "or record it with '--compression-mode message'"
+        # The names begin with the name of the folder in logs of Foxy.
+        names = [Path(str(path)).name for path in _information(folder / METADATA)["relative_file_paths"]]
+        # A recorder that is killed has not compressed its last file.
+        yield from (
+            next(
+                (file for file in (name, f"{name}.zstd", name.removesuffix(".zstd")) if (folder / file).exists()), name
             )
-        # rosbags uses the file names in the same way.
-        names = [Path(str(path)).name for path in information["relative_file_paths"]]
-    yield from names
+            for name in names
+        )
+
+
+def _storages_in(folder: Path) -> list[str]:
+    return sorted(file.name for file in folder.iterdir() if file.name.endswith(FILES[1:]))
 
 
 def _information(metadata: Path) -> dict[str, Any]:
@@ -104,6 +122,198 @@ def _information(metadata: Path) -> dict[str, Any]:
     if not isinstance(information, dict):
         raise RecordingError(f"its {METADATA} has no information about the log")
     return information
+
+
+class _Storage(Protocol):
+    """A reader of one file of a log."""
+
+    @property
+    def connections(self) -> list[Connection]:
+        """The topics."""
+
+    def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+        """Yield connection, time of receipt in ns and data of all messages of some connections."""
+
+
+@contextmanager
+def _opened(file: Path, notes: list[str]) -> Iterator[_Storage]:
+    """Open a file of a log; files of other forms are brought into one that `rosbags` reads. Notes are added."""
+    from rosbags.rosbag1 import Reader as Reader1
+    from rosbags.rosbag2 import Reader as Reader2
+    from rosbags.rosbag2 import ReaderError
+
+    suffix = Path(file.name.removesuffix(".zstd")).suffix
+    journals = [journal for end in ("-wal", "-journal") if (journal := file.with_name(file.name + end)).is_file()]
+    try:
+        with ExitStack() as stack:
+            if file.suffix == ".zstd":
+                file = _unpacked(file, Path(stack.enter_context(TemporaryDirectory())))
+            elif suffix == ".db3" and any(journal.stat().st_size for journal in journals):
+                file = _finished(file, journals, Path(stack.enter_context(TemporaryDirectory())))
+                notes.append(f"{file.name} was not closed by its recorder: its {journals[0].name} is read, too")
+            if suffix == ".mcap":
+                try:
+                    with Reader2(file) as indexed:
+                        is_indexed = bool(indexed.message_count)
+                except (ReaderError, KeyError):
+                    is_indexed = False
+                if not is_indexed:
+                    yield stack.enter_context(ScannedMcap(file))
+                    return
+            reader = Reader1(file) if suffix == ".bag" else Reader2(file)
+            stack.enter_context(reader)
+            yield reader
+    except (RecordingError, MemoryError):
+        raise
+    except Exception as error:  # noqa: BLE001 - readers raise many types for damaged logs
+        what = str(error) or "the log is damaged"
+        problem = f"the log cannot be read: {type(error).__name__}: {what}; {_REMEDIES[suffix]}"
+        raise RecordingError(problem) from None
+
+
+def _unpacked(file: Path, folder: Path) -> Path:
+    """Decompress a file into a folder."""
+    target, size = folder / file.stem, 0
+    with (
+        open_regular(file, follow_link=True) as packed,
+        _zstd().open(packed, "rb") as source,
+        target.open("wb") as copy,
+    ):
+        while block := source.read(_BLOCK_BYTES):
+            size += len(block)
+            if size > _MAX_UNPACKED_BYTES:
+                raise RecordingError(f"{file.name} has more than {_MAX_UNPACKED_BYTES // 10**9} GB when it is unpacked")
+            copy.write(block)
+    return target
+
+
+def _finished(file: Path, journals: Sequence[Path], folder: Path) -> Path:
+    """Return a copy of a database, in a folder, with the messages of its journals."""
+    for path in (file, *journals):
+        with open_regular(path, follow_link=False) as source, (folder / path.name).open("wb") as copy:
+            shutil.copyfileobj(source, copy)
+    database = sqlite3.connect(folder / file.name)
+    database.execute("PRAGMA journal_mode=DELETE").fetchall()
+    database.close()
+    return folder / file.name
+
+
+_MAGIC: Final = b"\x89MCAP0\r\n"
+_ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
+_RECORD_HEAD: Final = struct.Struct("<BQ")
+# Times of the first and the last message, size and checksum of the records, length of the compression's name.
+_CHUNK_HEAD: Final = struct.Struct("<QQQII")
+_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F
+
+
+class ScannedMcap:
+    """A reader of an MCAP file from its beginning: without an index, unfinished, or with messages of ROS 1.
+
+    Attributes:
+        connections: of all channels.
+        cut: True if the file ends within its data.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.cut = False
+        self.connections: list[Connection] = []
+
+    def __enter__(self) -> Self:
+        from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
+
+        formats = {"ros1msg": MessageDefinitionFormat.MSG, "ros2msg": MessageDefinitionFormat.MSG}
+        schemas: dict[int, tuple[str, MessageDefinition]] = {}
+        channels: dict[int, Connection] = {}
+        for kind, data in self._records():
+            if kind == _SCHEMA:
+                name, encoding, text = _texts(data[2:], 3)
+                of = MessageDefinition(formats.get(encoding, MessageDefinitionFormat.NONE), text)
+                schemas[struct.unpack_from("<H", data)[0]] = name, of
+            elif kind == _CHANNEL:
+                channel, schema = struct.unpack_from("<HH", data)
+                topic, encoding = _texts(data[4:], 2)
+                name, definition = schemas.get(schema, ("", MessageDefinition(MessageDefinitionFormat.NONE, "")))
+                type_name = name if "/msg/" in name else name.replace("/", "/msg/")
+                extra = ConnectionExtRosbag2(encoding, [])
+                channels[channel] = Connection(channel, topic, type_name, definition, "", 0, extra, self)
+        self.connections = list(channels.values())
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    @property
+    def unfinished(self) -> str:
+        """A note on a file that is cut off."""
+        return f"{self._path.name} is unfinished: the messages up to its end were read ('mcap recover' repairs it)"
+
+    def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+        """See _Storage.messages; in the order of the file."""
+        by_id = {connection.id: connection for connection in connections}
+        for kind, data in self._records():
+            if kind == _MESSAGE:
+                channel, _, time_ns = struct.unpack_from("<HIQ", data)
+                if channel in by_id:
+                    yield by_id[channel], time_ns, data[22:]
+
+    def _records(self) -> Iterator[tuple[int, bytes]]:
+        """Yield kind and data of the records of the data section, also of those in chunks."""
+        with open_regular(self._path, follow_link=True) as file:
+            if file.read(len(_MAGIC)) != _MAGIC:
+                raise RecordingError("the file is not MCAP")
+            while True:
+                head = file.read(_RECORD_HEAD.size)
+                kind, size = _RECORD_HEAD.unpack(head) if len(head) == _RECORD_HEAD.size else (_CHUNK, 1)
+                data = file.read(min(size, _MAX_UNPACKED_BYTES))
+                self.cut = len(data) < size
+                if kind == _CHUNK:
+                    yield from _records_in(_chunk(data))
+                elif not self.cut:
+                    yield kind, data
+                if self.cut or kind == _DATA_END:
+                    return
+
+
+def _chunk(data: bytes) -> bytes:
+    """Return the decompressed records of a chunk; the beginning of them if it is cut off."""
+    if len(data) < _CHUNK_HEAD.size:
+        return b""
+    length = _CHUNK_HEAD.unpack_from(data)[-1]
+    start = _CHUNK_HEAD.size + length
+    compression, packed = data[_CHUNK_HEAD.size : start].decode(), data[start + 8 :]
+    if compression == "lz4":
+        from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
+
+        return bytes(LZ4FrameDecompressor().decompress(packed))
+    return bytes(_zstd().ZstdDecompressor().decompress(packed)) if compression == "zstd" else packed
+
+
+def _records_in(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield kind and data of the whole records in a chunk."""
+    place = 0
+    while place + _RECORD_HEAD.size <= len(data):
+        kind, size = _RECORD_HEAD.unpack_from(data, place)
+        place += _RECORD_HEAD.size + size
+        if place <= len(data):
+            yield kind, data[place - size : place]
+
+
+def _texts(data: bytes, count: int) -> Iterator[str]:
+    """Yield texts that begin with their lengths."""
+    place = 0
+    for _ in range(count):
+        (size,) = struct.unpack_from("<I", data, place)
+        yield data[place + 4 : place + 4 + size].decode()
+        place += 4 + size
+
+
+def _zstd() -> Any:
+    if sys.version_info >= (3, 14):
+        from compression import zstd
+    else:
+        from backports import zstd
+    return zstd
 
 
 @contextmanager
@@ -121,114 +331,164 @@ def _as_recording_error(name: str) -> Iterator[None]:
         raise RecordingError(escaped_line(f"{name}: the log cannot be read: {type(error).__name__}: {what}")) from None
 
 
-def _connections(reader: Reader1 | Reader2, topic: str, type_name: str | None) -> list[Connection]:
-    found = [connection for connection in reader.connections if connection.topic == topic]
-    if not found:
-        there = {connection.topic for connection in reader.connections}
-        raise RecordingError(f"the log has no topic '{topic}'{did_you_mean(topic, there)}", "topic")
-    if len({connection.msgtype for connection in found}) > 1:
-        raise RecordingError(f"topic '{topic}' has messages of several types", "topic")
-    there_is = found[0].msgtype
-    if there_is not in TYPES:
-        raise RecordingError(
-            f"topic '{topic}' has the type {there_is}, which is not supported{did_you_mean(there_is, TYPES)}", "topic"
-        )
-    if type_name not in (None, there_is):
-        raise RecordingError(f"topic '{topic}' has the type {there_is}, but the scenario requires {type_name}", "type")
-    return found
-
-
-def _moments(reader: Reader1 | Reader2, connections: list[Connection], *, is_ros1: bool) -> list[TimedCommand]:
-    topic = connections[0].topic
-    decoded = (_ros1 if is_ros1 else _ros2)(connections)
-    stamped: list[tuple[int, Command]] = []
-    for number, (connection, stamp, data) in enumerate(reader.messages(connections), start=1):
+def _recorded(storages: Sequence[_Storage], wanted: Wanted) -> Recorded:
+    topic, connections = wanted.topic, _connections(storages, wanted)
+    clock = _clock_of(storages) if wanted.stamps == "clock" else None
+    content_of, decoded = TYPES[connections[0].msgtype].content, _decoder(connections)
+    rows: list[TimedRow] = []
+    read = 0
+    for connection, receipt, data in (each for storage in storages for each in _messages(storage, connections)):
+        read += 1
         try:
-            stamped.append((stamp, command_of(connection.msgtype, decoded(connection, data))))
+            message = decoded(connection, data)
+            content = content_of(message, wanted)
+            if content is not None:
+                rows.append((_stamp(message) if wanted.stamps == "header" else receipt, content))
         except MessageError as error:
-            raise RecordingError(f"message {number} of '{topic}': {error}") from None
-    if not stamped:
-        raise RecordingError(f"the log has no message of '{topic}'")
+            raise RecordingError(f"message {read} of '{topic}': {error}") from None
+    if not rows:
+        empty = f"none of the {read} messages of '{topic}' has a finite value"
+        raise RecordingError(empty if read else f"the log has no message of '{topic}'")
+    if wanted.stamps == "header":
+        _refuse_falling([time_ns for time_ns, _ in rows], topic)
     # The messages of each file are in order, but the files may overlap.
-    stamped.sort(key=lambda each: each[0])
-    return [((stamp - stamped[0][0]) / 1e9, command) for stamp, command in stamped]
+    rows.sort(key=lambda row: row[0])
+    if clock is not None:
+        rows = [(time_ns, content) for time_ns, (_, content) in zip(clock([t for t, _ in rows]), rows, strict=True)]
+    return Recorded(tuple(rows), read=read, unused={"have no finite value": read - len(rows)})
 
 
-def _ros1(connections: list[Connection]) -> _Decoded:
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.ROS1_NOETIC)
-    for connection in connections:
-        _refuse_other(connection, {"*", store.generate_msgdef(connection.msgtype)[1]})
-    return lambda connection, data: store.deserialize_ros1(data, connection.msgtype)
-
-
-def _ros2(connections: list[Connection]) -> _Decoded:
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.LATEST)
-    for connection in connections:
-        _refuse_other(connection, {"", store.hash_rihs01(connection.msgtype)})
-        encoding = getattr(connection.ext, "serialization_format", "cdr")
-        if encoding != "cdr":
-            raise RecordingError(f"topic '{connection.topic}' is encoded as '{encoding}'; only cdr is supported")
-    return lambda connection, data: store.deserialize_cdr(data, connection.msgtype)
-
-
-def _refuse_other(connection: Connection, digests: set[str]) -> None:
-    """Raise RecordingError if a message type has the name of ours, but other fields."""
-    if connection.digest not in digests:
+def _connections(storages: Sequence[_Storage], wanted: Wanted) -> list[Connection]:
+    topic = wanted.topic
+    there = [connection for storage in storages for connection in storage.connections]
+    chosen = [connection for connection in there if connection.topic == topic]
+    if not chosen:
+        names = {connection.topic for connection in there}
+        cut = "; ".join(storage.unfinished for storage in storages if isinstance(storage, ScannedMcap) and storage.cut)
+        if cut:
+            raise RecordingError(f"the log has no readable topic '{topic}': {cut}")
+        raise RecordingError(f"the log has no topic '{topic}'{did_you_mean(topic, names)}", "topic")
+    if len({connection.msgtype for connection in chosen}) > 1:
+        raise RecordingError(f"topic '{topic}' has messages of several types", "topic")
+    type_name = chosen[0].msgtype
+    if type_name not in TYPES:
         raise RecordingError(
-            f"topic '{connection.topic}' has a type {connection.msgtype} that differs from the one of ROS (digest "
-            f"{connection.digest})"
+            f"topic '{topic}' has the type {type_name}, which is not supported{did_you_mean(type_name, TYPES)}", "topic"
+        )
+    if wanted.type not in (None, type_name):
+        raise RecordingError(
+            f"topic '{topic}' has the type {type_name}, but the scenario requires {wanted.type}", "type"
+        )
+    if wanted.stamps == "header" and not TYPES[type_name].has_header:
+        raise RecordingError(f"messages of the type {type_name} have no header; remove this key", "stamps")
+    if type_name == ARRAY and not wanted.joints:
+        raise RecordingError(f"topic '{topic}' has numbers without names: name their joints in 'joints'", "topic")
+    if type_name != ARRAY and wanted.joints:
+        raise RecordingError(f"messages of the type {type_name} need no names of joints; remove this key", "joints")
+    return chosen
+
+
+def _messages(storage: _Storage, wanted: Sequence[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+    """Yield the messages of some topics in a file, decompressed."""
+    mine = [connection for connection in storage.connections if connection in wanted]
+    for connection, receipt, data in storage.messages(mine) if mine else ():
+        yield connection, receipt, bytes(_zstd().decompress(data)) if data[:4] == _ZSTD_MAGIC else data
+
+
+_Decoded = Callable[["Connection", bytes], Any]
+
+
+def _decoder(connections: Sequence[Connection]) -> _Decoded:
+    """Return the function that decodes messages of some topics. Raises RecordingError."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    own = [get_types_from_msg(text, name) for name, text in DEFINITIONS.items()]
+    stores = {"cdr": get_typestore(Stores.LATEST), "ros1": get_typestore(Stores.ROS1_NOETIC)}
+    for store in stores.values():
+        for types in own:
+            store.register(types)
+    for connection in connections:
+        if (encoding := _encoding(connection)) not in stores:
+            supported = "only cdr and ros1 are supported"
+            raise RecordingError(f"topic '{connection.topic}' is encoded as '{encoding}'; {supported}")
+        _refuse_other(connection, stores[encoding], encoding)
+
+    def decoded(connection: Connection, data: bytes) -> Any:
+        if _encoding(connection) == "cdr":
+            return stores["cdr"].deserialize_cdr(data, connection.msgtype)
+        return stores["ros1"].deserialize_ros1(data, connection.msgtype)
+
+    return decoded
+
+
+def _encoding(connection: Connection) -> str:
+    from rosbags.interfaces import ConnectionExtRosbag2
+
+    return connection.ext.serialization_format if isinstance(connection.ext, ConnectionExtRosbag2) else "ros1"
+
+
+def _refuse_other(connection: Connection, store: Typestore, encoding: str) -> None:
+    """Raise RecordingError if a message type has the name of ours, but other fields."""
+    from rosbags.interfaces import MessageDefinitionFormat
+    from rosbags.typesys import get_types_from_msg
+
+    name, digest = connection.msgtype, connection.digest
+    own = store.hash_rihs01(name) if encoding == "cdr" else store.generate_msgdef(name)[1]
+    if not digest and connection.msgdef.format == MessageDefinitionFormat.MSG:
+        fields = get_types_from_msg(connection.msgdef.data, name)
+        digest = next((f"of {part}" for part, (_, of) in fields.items() if of != store.fielddefs[part][1]), "")
+    if digest not in ("", "*", own):
+        raise RecordingError(
+            f"topic '{connection.topic}' has a type {name} that differs from the one of ROS (digest {digest})"
         )
 
 
-class MessageError(ValueError):
-    """A message that cannot be converted to a command."""
+def _stamp(message: Any) -> int:
+    """Return the time in the header of a message, in ns. Raises MessageError."""
+    stamp = message.header.stamp
+    if not stamp.sec and not stamp.nanosec:
+        raise MessageError("its header.stamp is 0; use the time of receipt: remove 'stamps'")
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
-def command_of(type_name: str, message: Any) -> Command:
-    """Return the command in a message of one of `TYPES`. Raises MessageError."""
-    command = TYPES[type_name](message)
-    if not is_finite(command):
-        raise MessageError("it contains a value that is not finite")
-    return command
+def _refuse_falling(times: Sequence[int], topic: str) -> None:
+    for number, (before, time_ns) in enumerate(pairwise(times), start=2):
+        if time_ns < before:
+            raise RecordingError(
+                f"message {number} of '{topic}': its header.stamp is {(before - time_ns) / 1e9:g} s earlier than that "
+                "of the message before; remove 'stamps' to use the times of receipt",
+                "stamps",
+            )
 
 
-def _twist(message: Any) -> Twist:
-    return Twist(_vector(message.linear), _vector(message.angular))
+def _clock_of(storages: Sequence[_Storage]) -> Callable[[Sequence[int]], list[int]]:
+    """Return the function from times of receipt in ns to those of /clock, which is interpolated."""
+    connections = [
+        connection
+        for storage in storages
+        for connection in storage.connections
+        if connection.topic == _CLOCK and connection.msgtype == _CLOCK_TYPE
+    ]
+    if not connections:
+        raise RecordingError(f"the log has no topic '{_CLOCK}' of the type {_CLOCK_TYPE}", "stamps")
+    decoded = _decoder(connections)
+    moments = sorted(
+        (receipt, int(time.sec) * 1_000_000_000 + int(time.nanosec))
+        for storage in storages
+        for connection, receipt, data in _messages(storage, connections)
+        for time in [decoded(connection, data).clock]
+    )
+    for (_, before), (_, after) in pairwise(moments):
+        if after < before:
+            raise RecordingError(
+                f"{_CLOCK} falls from {before / 1e9:g} s to {after / 1e9:g} s; split the log", "stamps"
+            )
+    if not moments:
+        raise RecordingError(f"the log has no message of '{_CLOCK}'", "stamps")
+    receipts, times = ([moment[place] - moments[0][place] for moment in moments] for place in (0, 1))
 
+    def clock(received: Sequence[int]) -> list[int]:
+        since = np.interp([receipt - moments[0][0] for receipt in received], receipts, times)
+        return [moments[0][1] + round(seconds) for seconds in since.tolist()]
 
-def _vector(message: Any) -> Vector3:
-    return (float(message.x), float(message.y), float(message.z))
-
-
-def _stamped_twist(message: Any) -> Twist:
-    return _twist(message.twist)
-
-
-def _joint_state(message: Any) -> Command:
-    names = list(message.name)
-    if len(set(names)) != len(names):
-        raise MessageError("it names a joint twice")
-    values: dict[JointColumn, float] = {}
-    for kind in KINDS:
-        numbers: Sequence[float] = getattr(message, kind).tolist()
-        if numbers and len(numbers) != len(names):
-            raise MessageError(f"it has {len(names)} names, but {len(numbers)} numbers in '{kind}'")
-        values.update((JointColumn(kind, name), number) for name, number in zip(names, numbers, strict=False))
-    if not values:
-        raise MessageError("it has no position, velocity or effort")
-    columns = list(values)
-    return row_targets((columns[place], values[columns[place]]) for place in used_columns(columns))
-
-
-TYPES: Final[Mapping[str, Callable[[Any], Command]]] = MappingProxyType(
-    {
-        "geometry_msgs/msg/Twist": _twist,
-        "geometry_msgs/msg/TwistStamped": _stamped_twist,
-        "sensor_msgs/msg/JointState": _joint_state,
-    }
-)
-"""The type of a message -> the function that converts it."""
+    return clock

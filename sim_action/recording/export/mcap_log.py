@@ -77,7 +77,7 @@ def _write_topics(writer: Writer, written: list[Topic]) -> None:
         if topic.type not in schemas:
             text = definition(topic.type).encode()
             schemas[topic.type] = writer.register_schema(full_name(topic.type), "ros2msg", text)
-        channels.append(writer.register_channel(topic.name, "cdr", schemas[topic.type], topic.about))
+        channels.append(writer.register_channel(topic.name, "cdr", schemas[topic.type], topic.metadata))
     times = np.concatenate([topic.time for topic in written])
     messages = [message for topic in written for message in topic.messages]
     of = [channel for channel, topic in zip(channels, written, strict=True) for _ in topic.messages]
@@ -228,7 +228,8 @@ _TYPE: Final = "tf2_msgs/TFMessage"
 def transforms(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
     """Yield /tf with the moving frames at each moment, and /tf_static with the fixed ones."""
     time = run.trace.time
-    yield Topic("/tf_static", _TYPE, nanoseconds(time[:1]), _messages(time[:1], [*_fixed(run, frames)]))
+    fixed = _messages(time[:1], [*_fixed(run, frames)])
+    yield Topic("/tf_static", _TYPE, nanoseconds(time[:1]), fixed, is_latched=True)
     moving = [*_of_base(run, frames), *_of_joints(run), *_of_bodies(run, frames)]
     messages = [message for start, end in _spans(moving) for message in _messages(time[start:end], moving, start)]
     yield Topic("/tf", _TYPE, nanoseconds(time), messages)

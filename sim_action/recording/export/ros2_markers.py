@@ -81,7 +81,9 @@ def world_markers(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
         marker.add_to(form)
         columns += [stamps(time).astype(np.float64), *([points[None]] if len(points) else [])]
     if markers:
-        yield Topic("/world", "visualization_msgs/MarkerArray", nanoseconds(time), form.filled(1, *columns))
+        yield Topic(
+            "/world", "visualization_msgs/MarkerArray", nanoseconds(time), form.filled(1, *columns), is_latched=True
+        )
 
 
 def _world_markers(run: RecordedRun, frames: Frames) -> Iterator[tuple[Marker, FloatArray]]:
@@ -185,7 +187,7 @@ def _by_moment(run: RecordedRun) -> Iterator[tuple[int, ContactPoints]]:
 def robot_description(run: RecordedRun) -> Iterator[Topic]:
     """Yield /robot_description with a single message (in ROS it is transient local)."""
     message = CdrForm().string(urdf_of(run.scene.model)).filled(1)
-    yield Topic("/robot_description", "std_msgs/String", nanoseconds(run.trace.time[:1]), message)
+    yield Topic("/robot_description", "std_msgs/String", nanoseconds(run.trace.time[:1]), message, is_latched=True)
 
 
 def urdf_of(model: RobotModel) -> str:

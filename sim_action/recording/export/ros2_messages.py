@@ -164,6 +164,18 @@ def _closure(name: str) -> Iterator[str]:
 _NANOSECONDS = 1_000_000_000
 
 
+def _offered(depth: int, durability: int) -> str:
+    """Return a reliable profile of the last `depth` messages, in numbers, which all versions of rosbag2 read."""
+    forever = "{sec: 9223372036, nsec: 854775807}"
+    numbers = f"history: 1, depth: {depth}, reliability: 1, durability: {durability}, liveliness: 1"
+    times = ", ".join(f"{name}: {forever}" for name in ("deadline", "lifespan", "liveliness_lease_duration"))
+    return f"[{{{numbers}, {times}, avoid_ros_namespace_conventions: false}}]"
+
+
+_LATCHED: Final = _offered(1, 1)
+_VOLATILE: Final = _offered(10, 2)
+
+
 @dataclass(frozen=True)
 class Topic:
     """All messages of one topic.
@@ -173,6 +185,7 @@ class Topic:
         time: the sim time of each message in ns.
         messages: the encoded messages.
         about: metadata of the channel, for people.
+        is_latched: True if a subscriber that comes later gets the last message: durability transient_local.
     """
 
     name: str
@@ -180,6 +193,12 @@ class Topic:
     time: NDArray[np.int64]
     messages: list[bytes]
     about: dict[str, str] = field(default_factory=dict)
+    is_latched: bool = False
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """The metadata of its channel, as `ros2 bag record` writes it: the offered quality of service."""
+        return {**self.about, "offered_qos_profiles": _LATCHED if self.is_latched else _VOLATILE}
 
 
 def nanoseconds(time: ArrayLike) -> NDArray[np.int64]:

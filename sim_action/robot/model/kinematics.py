@@ -214,6 +214,7 @@ class Mobility:
         tightest: 1/m, the largest curvature that it can drive; inf if it turns in place.
         acceleration: m/s^2, limit of the forward acceleration.
         turn_acceleration: rad/s^2, limit of the angular acceleration when it turns in place.
+        wheelbase: m, from the fixed axle to the steered one; 0 if no wheel is steered.
     """
 
     heading: float = 0.0
@@ -221,6 +222,7 @@ class Mobility:
     tightest: float = math.inf
     acceleration: float = 1.0
     turn_acceleration: float = 1.0
+    wheelbase: float = 0.0
 
     @property
     def turns_in_place(self) -> bool:

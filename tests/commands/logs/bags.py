@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -119,12 +121,42 @@ def joints(*states: tuple[float, Callable[[Typestore], Any]], topic: str = "/joi
     return [(time, topic, JOINTS, make) for time, make in states]
 
 
+def packed(path: Path, entries: Iterable[Entry], storage: StoragePlugin, suffix: str) -> Path:
+    """Return a single file of a log whose files are compressed."""
+    folder = ros2_bag(path.with_name(f"{path.name}-folder"), entries, storage, CompressionMode.FILE)
+    (written,) = folder.glob(f"*{suffix}")
+    return written.rename(path)
+
+
+def ros1_mcap(path: Path, entries: Iterable[Entry]) -> Path:
+    """Write MCAP with messages of ROS 1, as `mcap convert` does."""
+    with path.open("wb") as file:
+        writer: Any = McapWriter(file, compression=CompressionType.LZ4)
+        writer.start(profile="ros1")
+        channels: dict[str, int] = {}
+        for time, topic, type_name, make in entries:
+            if topic not in channels:
+                text = ROS1.generate_msgdef(type_name)[0].encode()
+                schema = writer.register_schema(type_name.replace("/msg/", "/"), "ros1msg", text)
+                channels[topic] = writer.register_channel(topic, "ros1", schema)
+            moment = START + round(time * 1e9)
+            writer.add_message(channels[topic], moment, bytes(ROS1.serialize_ros1(make(ROS1), type_name)), moment)
+        writer.finish()
+    return path
+
+
 WRITERS: Final[dict[str, Callable[[Path, Iterable[Entry]], Path]]] = {
     "monday.bag": ros1_bag,
     "bz2.bag": lambda path, entries: ros1_bag(path, entries, "BZ2"),
     "lz4.bag": lambda path, entries: ros1_bag(path, entries, "LZ4"),
     "sqlite": ros2_bag,
     "sqlite-messages": lambda path, entries: ros2_bag(path, entries, compression=CompressionMode.MESSAGE),
+    "sqlite-files": lambda path, entries: ros2_bag(path, entries, compression=CompressionMode.FILE),
+    "mcap-files": lambda path, entries: ros2_bag(path, entries, StoragePlugin.MCAP, CompressionMode.FILE),
+    "monday.db3.zstd": lambda path, entries: packed(path, entries, StoragePlugin.SQLITE3, ".db3.zstd"),
+    "monday.mcap.zstd": lambda path, entries: packed(path, entries, StoragePlugin.MCAP, ".mcap.zstd"),
+    "messages.mcap": lambda path, entries: mcap_file(path, entries, CompressionMode.MESSAGE),
+    "ros1.mcap": ros1_mcap,
     "mcap": lambda path, entries: ros2_bag(path, entries, StoragePlugin.MCAP),
     "mcap-chunks": lambda path, entries: ros2_bag(path, entries, StoragePlugin.MCAP, CompressionMode.STORAGE),
     "monday.mcap": mcap_file,

@@ -4,36 +4,30 @@ from __future__ import annotations
 
 import random
 import shutil
+import sqlite3
 import sys
 from pathlib import Path
 from typing import Any, get_args
 
+import numpy as np
 import pytest
-from rosbags.rosbag2 import CompressionMode, Writer
+import yaml
+from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from sim_action.commands.logs import TimedCommand
-from sim_action.commands.logs.rosbag import (
-    TWISTS,
-    TYPES,
-    MessageError,
-    MessageType,
-    command_of,
-    files_of,
-    path_problem,
-    read_commands,
-)
+from sim_action.commands.logs import Content, Steering, Trajectory
+from sim_action.commands.logs.ros_messages import TWISTS, TYPES, MessageError, MessageType, Wanted
+from sim_action.commands.logs.rosbag import files_of, path_problem, read_log
 from sim_action.core.errors import RecordingError, RunError
 from sim_action.core.geometry import Twist
-from sim_action.state.command import JointTargets
 from tests.commands.logs import bags
 from tests.commands.logs.bags import (
     JOINTS,
     ROS1,
     ROS2,
-    STAMPED,
-    TWIST,
     WRITERS,
+    db3_file,
     drive,
     joint_state,
     joints,
@@ -44,6 +38,7 @@ from tests.commands.logs.bags import (
     twist,
 )
 
+TimedContent = tuple[float, Content]
 TWIST_MESSAGES = [(0.0, 0.2, 0.0), (0.1, 0.2, 0.5), (1.5, 0.0, 0.0)]
 in_every_format = pytest.mark.parametrize("log", list(WRITERS))
 
@@ -52,13 +47,14 @@ def written(folder: Path, log: str, entries: list[bags.Entry]) -> Path:
     return WRITERS[log](folder / log, entries)
 
 
-def read(path: Path, topic: str = "/cmd_vel", type_name: str | None = None) -> list[TimedCommand]:
-    return read_commands(path, "monday", topic, type_name)
+def read(path: Path, topic: str = "/cmd_vel", type_name: str | None = None, **keys: Any) -> list[TimedContent]:
+    rows = read_log(path, "monday", Wanted(topic, type_name, **keys)).rows
+    return [((time_ns - rows[0][0]) / 1e9, content) for time_ns, content in rows]
 
 
-def told(path: Path, topic: str = "/cmd_vel", type_name: str | None = None) -> str:
+def told(path: Path, topic: str = "/cmd_vel", type_name: str | None = None, **keys: Any) -> str:
     with pytest.raises(RecordingError) as raised:
-        read(path, topic, type_name)
+        read(path, topic, type_name, **keys)
     assert str(raised.value).startswith("monday: ")
     return str(raised.value)
 
@@ -79,8 +75,8 @@ def test_joints_come_out_as_they_went_in(log: str, tmp_path: Path) -> None:
         (0.5, lambda store: joint_state(store, ["a"], velocity=[3.0])),
     )
     assert read(written(tmp_path, log, states), "/joint_states") == [
-        (0.0, JointTargets(position={"a": 1.0, "b": 2.0})),
-        (0.5, JointTargets(velocity={"a": 3.0})),
+        (0.0, {("position", "a"): 1.0, ("position", "b"): 2.0}),
+        (0.5, {("velocity", "a"): 3.0}),
     ]
 
 
@@ -96,7 +92,7 @@ def test_a_topic_or_a_type_that_is_not_there_is_told_with_those_that_are(log: st
 @in_every_format
 def test_a_message_that_no_robot_can_be_told_is_named(log: str, tmp_path: Path) -> None:
     path = written(tmp_path, log, drive([*TWIST_MESSAGES, (2.0, float("nan"), 0.0)]))
-    assert told(path) == "monday: message 4 of '/cmd_vel': it contains a value that is not finite"
+    assert told(path) == "monday: message 4 of '/cmd_vel': linear.x is nan, which is not finite"
 
 
 def test_types_that_tell_no_robot_where_to_go_are_told(tmp_path: Path) -> None:
@@ -134,8 +130,8 @@ def test_a_topic_of_several_types_is_refused(tmp_path: Path) -> None:
 def test_what_is_no_cdr_is_refused(tmp_path: Path) -> None:
     with Writer(tmp_path / "bag", version=9) as writer:
         writer.add_connection("/cmd_vel", bags.TWIST, typestore=ROS2, serialization_format="json")
-    assert "json" in told(tmp_path / "bag")
-    assert "'/cmd_vel' is encoded as 'json'; only cdr is supported" in told(tmp_path / "bag/bag.db3")
+    for path in (tmp_path / "bag", tmp_path / "bag/bag.db3"):
+        assert "'/cmd_vel' is encoded as 'json'; only cdr and ros1 are supported" in told(path)
 
 
 def test_definitions_in_a_log_become_no_code(tmp_path: Path) -> None:
@@ -143,13 +139,9 @@ def test_definitions_in_a_log_become_no_code(tmp_path: Path) -> None:
     data = path.read_bytes()
     assert b"float64 x" in data
     path.write_bytes(data.replace(b"float64 x", b"float32 {"))
-    assert read(path)[0] == (0.0, Twist.planar(0.2))
-
-
-def test_a_bag_whose_files_would_have_to_be_unpacked_is_refused(tmp_path: Path) -> None:
-    path = ros2_bag(tmp_path / "bag", drive(TWIST_MESSAGES), compression=CompressionMode.FILE)
-    with pytest.raises(RecordingError, match="compressed as a whole"):
-        list(files_of(path, "monday"))
+    assert "cannot be read" in told(path)
+    path.write_bytes(data.replace(b"float64 x", b"float32 x"))
+    assert "differs from the one of ROS" in told(path)
 
 
 def test_the_files_of_a_bag_are_those_that_its_metadata_name(tmp_path: Path) -> None:
@@ -221,6 +213,11 @@ def damage(path: Path, draw: random.Random) -> None:
 both_generations = pytest.mark.parametrize("store", [ROS1, ROS2], ids=["ros1", "ros2"])
 
 
+def content_of(message: Any, **keys: Any) -> Content | None:
+    name = message.__msgtype__
+    return TYPES[name].content(message, Wanted("/topic", **keys))
+
+
 def test_every_type_that_a_scenario_can_name_is_read() -> None:
     assert set(get_args(MessageType)) == set(TYPES)
     assert set(TYPES) > TWISTS
@@ -228,30 +225,209 @@ def test_every_type_that_a_scenario_can_name_is_read() -> None:
 
 @both_generations
 def test_twists_with_and_without_a_stamp(store: Typestore) -> None:
-    assert command_of(TWIST, twist(store, 1.0, 2.0)) == Twist.planar(1.0, 2.0)
-    assert command_of(STAMPED, stamped(store, 1.0, 2.0)) == Twist.planar(1.0, 2.0)
+    assert content_of(twist(store, 1.0, 2.0)) == Twist.planar(1.0, 2.0)
+    assert content_of(stamped(store, 1.0, 2.0)) == Twist.planar(1.0, 2.0)
 
 
 @both_generations
-def test_a_joint_state_says_where_to_go_and_else_how_fast(store: Typestore) -> None:
-    message = joint_state(store, ["a", "b"], position=[1, 2], velocity=[3, 4], effort=[float("nan")] * 2)
-    assert command_of(JOINTS, message) == JointTargets(position={"a": 1.0, "b": 2.0})
-    assert command_of(JOINTS, joint_state(store, ["a"], velocity=[3], effort=[5])) == JointTargets(velocity={"a": 3.0})
-    assert command_of(JOINTS, joint_state(store, ["a"], effort=[5])) == JointTargets(effort={"a": 5.0})
+def test_a_joint_state_has_the_numbers_that_are_not_nan(store: Typestore) -> None:
+    nan = float("nan")
+    message = joint_state(store, ["a", "b"], position=[1, nan], velocity=[3, 4], effort=[nan] * 2)
+    assert content_of(message) == {("position", "a"): 1.0, ("velocity", "a"): 3.0, ("velocity", "b"): 4.0}
+    assert content_of(joint_state(store, ["a"], effort=[5])) == {("effort", "a"): 5.0}
+    assert content_of(joint_state(store, ["a"], position=[nan])) is None
+    assert content_of(joint_state(store, ["a"])) is None
+
+
+def array(*numbers: float) -> Any:
+    types = ROS2.types
+    layout = types["std_msgs/msg/MultiArrayLayout"]([], 0)
+    return types["std_msgs/msg/Float64MultiArray"](layout, np.array(numbers))
+
+
+def trajectory(names: list[str], *points: tuple[float, list[float]]) -> Any:
+    types = ROS2.types
+    none = np.array([])
+    made = [
+        types["trajectory_msgs/msg/JointTrajectoryPoint"](
+            np.array(positions),
+            none,
+            none,
+            none,
+            types["builtin_interfaces/msg/Duration"](int(time), int(time % 1 * 1e9)),
+        )
+        for time, positions in points
+    ]
+    return types["trajectory_msgs/msg/JointTrajectory"](bags.header(ROS2), names, made)
+
+
+def test_the_numbers_of_an_array_are_those_of_the_joints_that_the_scenario_names() -> None:
+    found = content_of(array(1.0, float("nan")), joints=("a", "b"), interface="velocity")
+    assert found == {("velocity", "a"): 1.0}
+
+
+def test_a_trajectory_keeps_its_points() -> None:
+    found = content_of(trajectory(["a", "b"], (0.5, [1.0, 2.0]), (1.0, [3.0, 4.0])))
+    assert isinstance(found, Trajectory)
+    assert [(point.time, point.positions) for point in found.points] == [(0.5, (1.0, 2.0)), (1.0, (3.0, 4.0))]
 
 
 @pytest.mark.parametrize(
     ("message", "what"),
     [
-        (twist(ROS2, float("nan"), 0.0), "not finite"),
-        (joint_state(ROS2, ["a"], position=[float("inf")]), "not finite"),
+        (twist(ROS2, float("nan"), 0.0), "linear.x is nan, which is not finite"),
+        (joint_state(ROS2, ["a"], position=[float("inf")]), "the position of joint 'a' is inf, which is not finite"),
         (joint_state(ROS2, ["a", "b"], position=[1.0]), "2 names, but 1 numbers in 'position'"),
         (joint_state(ROS2, ["a"], position=[1.0], effort=[1.0, 2.0]), "1 names, but 2 numbers in 'effort'"),
-        (joint_state(ROS2, ["a"]), "no position, velocity or effort"),
         (joint_state(ROS2, ["a", "a"], position=[1.0, 2.0]), "names a joint twice"),
+        (array(1.0), "it has 1 numbers for 0 joints"),
+        (trajectory(["a"], (1.0, [1.0]), (1.0, [2.0])), r"points\[1\] is at 1 s, not later than the point before"),
+        (trajectory(["a", "b"], (1.0, [1.0])), r"points\[0\] has 1 positions for 2 joints"),
     ],
 )
 def test_a_message_that_no_robot_can_be_told_is_refused(message: Any, what: str) -> None:
-    type_name = message.__msgtype__
     with pytest.raises(MessageError, match=what):
-        command_of(type_name, message)
+        content_of(message)
+
+
+CAR = """\
+float32 steering_angle
+float32 steering_angle_velocity
+float32 speed
+float32 acceleration
+float32 jerk
+"""
+
+
+def test_a_car_is_steered(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    name = "ackermann_msgs/msg/AckermannDrive"
+    store.register(get_types_from_msg(CAR, name))
+    message = store.types[name](0.5, 0.0, 1.5, 0.0, 0.0)
+    with Writer(tmp_path / "bag", version=9) as writer:
+        connection = writer.add_connection("/drive", name, typestore=store)
+        writer.write(connection, 1, store.serialize_cdr(message, name))
+    assert read(tmp_path / "bag", "/drive") == [(0.0, Steering(1.5, 0.5))]
+
+
+def state_at(seconds: float, velocity: float) -> Any:
+    message = joint_state(ROS2, ["a"], velocity=[velocity])
+    message.header.stamp = ROS2.types["builtin_interfaces/msg/Time"](int(seconds), round(seconds % 1 * 1e9))
+    return message
+
+
+def entries_at(*moments: tuple[float, float]) -> list[bags.Entry]:
+    return [(received, "/j", JOINTS, lambda _, at=stamp: state_at(at, 1.0)) for received, stamp in moments]
+
+
+def test_times_are_those_of_receipt_of_the_header_or_of_the_clock(tmp_path: Path) -> None:
+    clock = "rosgraph_msgs/msg/Clock"
+
+    def tick(seconds: int) -> Any:
+        return ROS2.types[clock](ROS2.types["builtin_interfaces/msg/Time"](seconds, 0))
+
+    clocks: list[bags.Entry] = [(t, "/clock", clock, lambda _, s=s: tick(s)) for t, s in ((0.0, 10), (4.0, 12))]
+    path = ros2_bag(tmp_path / "bag", [clocks[0], *entries_at((1.0, 5.0), (3.0, 8.5)), clocks[1]])
+    times = {stamps: [time for time, _ in read(path, "/j", stamps=stamps)] for stamps in ("receipt", "header", "clock")}
+    assert times == {"receipt": [0.0, 2.0], "header": [0.0, 3.5], "clock": [0.0, 1.0]}
+
+
+@pytest.mark.parametrize(
+    ("moments", "stamps", "message"),
+    [
+        ([(0.0, 5.0), (1.0, 4.0)], "header", "message 2 of '/j': its header.stamp is 1 s earlier"),
+        ([(0.0, 0.0)], "header", "message 1 of '/j': its header.stamp is 0"),
+        ([(0.0, 5.0)], "clock", "the log has no topic '/clock'"),
+    ],
+)
+def test_stamps_that_cannot_be_used_are_refused(
+    moments: list[tuple[float, float]], stamps: str, message: str, tmp_path: Path
+) -> None:
+    path = ros2_bag(tmp_path / "bag", entries_at(*moments))
+    assert message in told(path, "/j", stamps=stamps)
+
+
+def test_messages_without_a_header_have_no_stamps(tmp_path: Path) -> None:
+    path = ros2_bag(tmp_path / "bag", drive(TWIST_MESSAGES))
+    assert "have no header; remove this key" in told(path, stamps="header")
+
+
+def test_an_unfinished_mcap_without_a_whole_message_is_an_error(tmp_path: Path) -> None:
+    path = mcap_file(tmp_path / "a.mcap", drive(TWIST_MESSAGES), CompressionMode.STORAGE)
+    path.write_bytes(path.read_bytes()[:200])
+    assert "no readable topic '/cmd_vel': a.mcap is unfinished" in told(path)
+
+
+def test_an_mcap_that_is_cut_off_is_read_up_to_its_end(tmp_path: Path) -> None:
+    messages = [(n / 10, n / 100, 0.1) for n in range(300)]
+    path = mcap_file(tmp_path / "a.mcap", drive(messages))
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 4])
+    recorded = read_log(path, "monday", Wanted("/cmd_vel"))
+    assert 10 < len(recorded.rows) < 250
+    assert recorded.rows[5][1] == Twist.planar(0.05, 0.1)
+    assert recorded.notes == ("a.mcap is unfinished: the messages up to its end were read ('mcap recover' repairs it)",)
+
+
+def test_a_log_without_metadata_is_read_with_a_note(tmp_path: Path) -> None:
+    path = ros2_bag(tmp_path / "bag", drive(TWIST_MESSAGES))
+    (path / "metadata.yaml").unlink()
+    recorded = read_log(path, "monday", Wanted("/cmd_vel"))
+    assert len(recorded.rows) == 3
+    assert "its recorder was killed" in recorded.notes[0]
+
+
+def test_a_database_whose_recorder_was_killed_is_read_with_its_journal(tmp_path: Path) -> None:
+    path = db3_file(tmp_path / "a.db3", drive(TWIST_MESSAGES))
+    database = sqlite3.connect(path)
+    database.execute("PRAGMA journal_mode=WAL")
+    copies = "SELECT topic_id, timestamp + 1, data FROM messages"
+    database.execute(f"INSERT INTO messages (topic_id, timestamp, data) {copies}")
+    database.commit()
+    killed = tmp_path / "killed"
+    killed.mkdir()
+    for file in tmp_path.glob("a.db3*"):
+        if file.is_file():
+            shutil.copy(file, killed)
+    database.close()
+    recorded = read_log(killed / "a.db3", "monday", Wanted("/cmd_vel"))
+    assert len(recorded.rows) == 6
+    assert "was not closed by its recorder" in recorded.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("log", "remedy"), [("a.bag", "rosbag reindex"), ("a.db3", ".recover"), ("monday.bag.active", "rosbag reindex")]
+)
+def test_what_repairs_an_unfinished_log_is_named(log: str, remedy: str, tmp_path: Path) -> None:
+    write = db3_file if log.endswith(".db3") else ros1_bag
+    whole = write(tmp_path / f"w{Path(log).suffix}", drive(TWIST_MESSAGES))
+    data = whole.read_bytes()
+    (tmp_path / log).write_bytes(data[: len(data) * 2 // 3])
+    assert remedy in told(tmp_path / log)
+
+
+VERSIONS = {"foxy": 4, "galactic": 4, "humble": 5, "iron": 7, "jazzy": 9, "kilted": 9}
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP], ids=["sqlite3", "mcap"])
+@pytest.mark.parametrize("compression", [CompressionMode.NONE, CompressionMode.FILE, CompressionMode.MESSAGE])
+@pytest.mark.parametrize("distro", VERSIONS)
+def test_logs_of_every_distribution_are_read(
+    distro: str, compression: CompressionMode, storage: StoragePlugin, tmp_path: Path
+) -> None:
+    """The metadata of each distribution, as far as the versions of rosbag2 differ."""
+    path = ros2_bag(tmp_path / "bag", drive(TWIST_MESSAGES), storage, compression)
+    information = yaml.safe_load((path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    information["version"] = VERSIONS[distro]
+    information.pop("ros_distro")
+    information.pop("custom_data")
+    for topic in information["topics_with_message_count"]:
+        metadata = topic["topic_metadata"]
+        metadata.pop("type_description_hash")
+        metadata["offered_qos_profiles"] = "- history: 3\n  depth: 0\n  reliability: 1\n  durability: 2"
+    if VERSIONS[distro] < 5:
+        information.pop("files")
+        names = information["relative_file_paths"]
+        information["relative_file_paths"] = [f"bag/{name}" for name in names] if distro == "foxy" else names
+    (path / "metadata.yaml").write_text(yaml.safe_dump({"rosbag2_bagfile_information": information}))
+    assert read(path) == [(time, Twist.planar(linear, angular)) for time, linear, angular in TWIST_MESSAGES]
