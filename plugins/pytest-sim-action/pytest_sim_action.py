@@ -27,8 +27,11 @@ class SimActionWarning(pytest.PytestWarning):
     """A scenario checks less than it seems to check."""
 
 
-class ScenarioFailure(Exception):
-    """A scenario did not pass; the message is its part of the report of `sim-action run`."""
+class ScenarioError(Exception):
+    """A scenario has no verdict; the message is its part of the report of `sim-action run`.
+
+    One that has failed is an AssertionError, as other plugins expect it of a test.
+    """
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -79,26 +82,36 @@ class ScenarioItem(pytest.Item):
         for tag in scenarios[0].tags:
             # With --strict-markers, a mark has to be known.
             self.config.addinivalue_line("markers", f"{tag}: a tag of scenarios")
-            self.add_marker(tag)
+            self.keywords[tag] = True
+
+    def iter_markers_with_node(self, name: str | None = None) -> Iterator[tuple[Any, pytest.Mark]]:
+        """Yield the marks; tags are among them for `-m` only, which asks for all.
+
+        A plugin asks for its mark by name, and would act on a tag that is called `skip`, `xfail` or `timeout`.
+        """
+        yield from super().iter_markers_with_node(name)
+        if name is None:
+            yield from ((self, pytest.Mark(tag, (), {}, _ispytest=True)) for tag in self._scenarios[0].tags)
 
     def runtest(self) -> None:
-        """Run the scenario, or the gate. Raise ScenarioFailure if it does not pass."""
+        """Run the scenario, or the gate. Raise AssertionError if it failed, ScenarioError if it has no verdict."""
         results = _run(self, *self._scenarios)
-        for outcome in results:
-            if outcome.digest is not None:
-                self.user_properties.append((f"digest of {outcome.name}", outcome.digest))
+        properties = {f"digest of {each.name}": each.digest for each in results if each.digest is not None}
         for gate in results.gates:
-            counts = f"{gate.statistics.passed} of {gate.statistics.runs}"
-            self.user_properties.append((f"passed runs of {gate.name}", counts))
+            properties[f"passed runs of {gate.name}"] = f"{gate.statistics.passed} of {gate.statistics.runs}"
+        # The same item may run several times.
+        self.user_properties[:] = [each for each in self.user_properties if each[0] not in properties]
+        self.user_properties += properties.items()
         warnings = (warning for run in results.runs for warning in run.record.warnings)
         for text in dict.fromkeys(f"{warning.location}: {warning}" for warning in warnings):
             self.warn(SimActionWarning(text))
         if not results.passed:
-            raise ScenarioFailure(results.text)
+            raise (ScenarioError if any(each.errors for each in results) else AssertionError)(results.text)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """Return the report of a scenario that did not pass; that of another error as usual."""
-        return _told(excinfo) or super().repr_failure(excinfo, style)
+        is_failure = isinstance(excinfo.value, AssertionError)
+        return str(excinfo.value).rstrip("\n") if is_failure else _told(excinfo) or super().repr_failure(excinfo, style)
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
         """Return the file, the line from 0, and the name."""
@@ -110,10 +123,14 @@ def sim_run(request: pytest.FixtureRequest) -> SimRun:
     """Run a scenario: `sim_run(path_or_scenario, **{"robot.pose.yaw": 0.5})` returns `sim_action.Results`.
 
     A path starts in the folder of the test. Named arguments are keys of the scenario, or paths of keys as in
-    `variations`, with their new values. The report of scenarios that did not pass is shown if the test fails.
+    `variations`, with their new values. The report of scenarios that did not pass is shown if the test fails. A test
+    that does not look at the verdict of such a scenario fails.
     """
     import sim_action
     import sim_action.errors
+
+    # The same test may run several times.
+    seen = request.node.stash[_RESULTS] = []
 
     def run(scenario: str | os.PathLike[str] | sim_action.Scenario, **overrides: Any) -> sim_action.Results:
         __tracebackhide__ = True
@@ -134,11 +151,26 @@ def sim_run(request: pytest.FixtureRequest) -> SimRun:
             path = _shown(request.path.parent / scenario)
             several = sim_action.load(path, seed=request.config.getoption("--sim-seed"))
         results = _run(request.node, *(each.changed(overrides) for each in several))
-        if not results.passed:
+        if any(each.is_ignored_failure for each in results):
             request.node.add_report_section("call", _SECTION, results.text)
+        seen.append(results)
         return results
 
     return run
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    """Fail a test that has not looked at the verdict of a scenario that did not pass."""
+    yield
+    ignored = [each for results in item.stash.get(_RESULTS, []) for each in results if each.is_ignored_failure]
+    if ignored:
+        names = ", ".join(f"'{each.name}'" for each in ignored)
+        pytest.fail(f"{names} did not pass, and the test looked at no verdict: assert results.passed", pytrace=False)
+
+
+_RESULTS: Final = pytest.StashKey["list[sim_action.Results]"]()
+"""The results of all calls of `sim_run` in a test."""
 
 
 def _run(node: pytest.Item, *scenarios: sim_action.Scenario) -> sim_action.Results:
@@ -187,5 +219,5 @@ def _told(excinfo: pytest.ExceptionInfo[BaseException]) -> str | None:
     from sim_action.errors import InternalError, SimActionError
 
     error = excinfo.value
-    is_plain = isinstance(error, ScenarioFailure | SimActionError) and not isinstance(error, InternalError)
+    is_plain = isinstance(error, ScenarioError | SimActionError) and not isinstance(error, InternalError)
     return str(error).rstrip("\n") if is_plain else None

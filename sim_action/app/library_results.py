@@ -114,15 +114,30 @@ def _remove(path: Path, owner: int) -> None:
 
 
 class Outcome:
-    """The outcome of one scenario.
+    """The outcome of one scenario; it is true if the scenario passed.
 
     Attributes:
         record: everything that `results.json` has about it.
+        is_read: True if the program has read its verdict: its status, or the reasons for it.
     """
 
     def __init__(self, record: RecordedOutcome, folder: RunFolder) -> None:
         self.record = record
+        self.is_read = False
         self._folder = folder
+
+    def __bool__(self) -> bool:
+        return self.passed
+
+    @property
+    def is_ignored_failure(self) -> bool:
+        """True if it did not pass, and the program has not read its verdict."""
+        return self.record.status not in ("passed", "skipped") and not self.is_read
+
+    def read(self) -> RecordedOutcome:
+        """Return the record to a reader of the verdict."""
+        self.is_read = True
+        return self.record
 
     @property
     def name(self) -> str:
@@ -132,12 +147,12 @@ class Outcome:
     @property
     def status(self) -> Status:
         """The status: "passed", "failed", "flaky", "not_exercised", "error" or "skipped"; see `GateOutcome` also."""
-        return self.record.status
+        return self.read().status
 
     @property
     def passed(self) -> bool:
         """True if every expectation was judged and held, those with `severity: warning` apart."""
-        return self.record.status == "passed"
+        return self.read().status == "passed"
 
     @property
     def location(self) -> Location | None:
@@ -147,12 +162,17 @@ class Outcome:
     @property
     def expectations(self) -> tuple[ExpectationOutcome, ...]:
         """The expectations with their verdicts, in file order."""
-        return self.record.expectations
+        return self.read().expectations
 
     @property
-    def failures(self) -> tuple[Failure, ...]:
+    def failures(self) -> tuple[Failure | ExpectationOutcome, ...]:
+        """The reasons why it did not pass: `errors`, and expectations; each has `message` and `location`."""
+        return (*self.read().failures, *self.record.causes)
+
+    @property
+    def errors(self) -> tuple[Failure, ...]:
         """The reasons why there is no verdict; empty if there is one."""
-        return self.record.failures
+        return self.read().failures
 
     @property
     def variation(self) -> dict[str, Any]:
@@ -193,7 +213,7 @@ class Outcome:
         return (self.record,)
 
     def __repr__(self) -> str:
-        return f"Outcome(name={self.name!r}, status={self.status!r})"
+        return f"Outcome(name={self.name!r}, status={self.record.status!r})"
 
     def _repr_html_(self) -> str:
         return self._folder.html_of(self._shown) + self._folder.player_of(self.record)
@@ -243,25 +263,34 @@ class GateOutcome(Outcome):
 
     def __repr__(self) -> str:
         counts = f"passed {self.statistics.passed} of {self.statistics.runs} runs"
-        return f"GateOutcome(name={self.name!r}, status={self.status!r}, {counts})"
+        return f"GateOutcome(name={self.name!r}, status={self.record.status!r}, {counts})"
 
 
 class Results:
     """The results of a call of `sim_action.run`: a sequence of outcomes in the order of the scenarios.
 
-    A gate is one outcome, and has those of its runs.
+    A gate is one outcome, and has those of its runs. Results are true if all outcomes are.
 
     Attributes:
         record: everything that `results.json` has.
-        exit_code: the exit code that `sim-action run` would have.
         outcomes: an outcome for each scenario and each gate.
     """
 
     def __init__(self, record: results_json.Results, exit_code: ExitCode, folder: RunFolder) -> None:
         self.record = record
-        self.exit_code = exit_code
+        self._exit_code = exit_code
         self.outcomes = tuple(_outcomes(record, folder))
         self._folder = folder
+
+    def __bool__(self) -> bool:
+        return self.passed
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """The exit code that `sim-action run` would have."""
+        for outcome in self.outcomes:
+            outcome.read()
+        return self._exit_code
 
     @property
     def folder(self) -> Path:
@@ -330,7 +359,7 @@ class Results:
         return self._folder.text_of(self.record.outcomes)
 
     def __repr__(self) -> str:
-        counts = Counter(each.status for each in self.outcomes)
+        counts = Counter(each.record.status for each in self.outcomes)
         return f"Results({', '.join(f'{count} {status}' for status, count in counts.items())})"
 
     def _repr_html_(self) -> str:

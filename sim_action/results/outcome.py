@@ -195,6 +195,11 @@ class ExpectationOutcome(FrozenModel):
         return "warned" if is_soft else status
 
     @property
+    def message(self) -> str:
+        """The sentence of the verdict."""
+        return self.verdict.message
+
+    @property
     def failed(self) -> bool:
         """Return True if this expectation was judged and makes the scenario fail."""
         return self.status == "failed"

@@ -73,6 +73,43 @@ def test_results_are_those_of_the_command_line(folder: Path) -> None:
     )
 
 
+def test_results_are_true_if_they_passed(folder: Path) -> None:
+    """So `assert run(...)` is a check, and `failures` names each reason not to pass."""
+    passed, failed = run(folder / "a.sim.yml", report=False), run(folder, report=False)
+    assert passed
+    assert passed[0]
+    assert passed[0].failures == ()
+    assert not failed
+    assert [bool(each) for each in failed] == [True, False]
+    (reason,) = failed["b"].failures
+    assert reason.message.startswith("travelled ")
+    assert str(reason.location).endswith("b.sim.yml:5:11")
+    assert failed["b"].errors == ()
+
+
+def test_reasons_without_a_verdict_are_failures_and_errors(tmp_path: Path) -> None:
+    (tmp_path / "it.py").write_text("def control(observation):\n    raise ValueError('no')\n")
+    results = run(burger(commands={"script": str(tmp_path / "it.py")}), report=False, allow_outside=True)
+    assert not results[0]
+    assert results[0].failures == results[0].errors
+    assert "no" in results[0].errors[0].message
+
+
+@pytest.mark.parametrize("look", ["passed", "status", "expectations", "failures", "errors", "__bool__"])
+def test_a_failure_is_ignored_until_its_verdict_is_read(folder: Path, look: str) -> None:
+    results = run(folder, report=False)
+    assert str(results)
+    assert results[1].name == "b"
+    assert results[1].trace.time.size
+    assert [each.is_ignored_failure for each in results] == [False, True]
+    value = getattr(results[1], look)
+    assert value() is False if callable(value) else True
+    assert [each.is_ignored_failure for each in results] == [False, False]
+    again = run(folder, report=False)
+    assert not again
+    assert not again[1].is_ignored_failure
+
+
 def test_a_scenario_of_a_program_runs_like_its_text(tmp_path: Path) -> None:
     scenario = burger()
     (tmp_path / "same.sim.yml").write_text(scenario.to_yaml())

@@ -101,6 +101,124 @@ def test_variations_names_and_tags_select(pytester: pytest.Pytester, run: Run) -
     run("a.sim.yml::burger drives[yaw=0]").assert_outcomes(passed=1)
 
 
+ACTING = ("skip", "skipif", "xfail", "usefixtures", "parametrize", "filterwarnings", "timeout", "flaky", "order")
+"""Marks on which pytest, or a plugin that is often installed, acts."""
+
+
+def test_tags_select_and_do_nothing_else(pytester: pytest.Pytester, run: Run) -> None:
+    tagged = {f"a_{tag}": STUCK.replace("[slow]", f"[{tag}]").replace("stuck", f"is {tag}") for tag in ACTING}
+    write(pytester, **tagged)
+    (pytester.path / "conftest.py").write_text(
+        "def pytest_runtest_setup(item):\n"
+        f"    for name in {ACTING}:\n"
+        "        assert item.get_closest_marker(name) is None\n"
+        "        assert list(item.iter_markers(name)) == []\n"
+        "        assert (name in item.keywords) == (item.name == f'is {name}')\n"
+    )
+    run("--strict-markers").assert_outcomes(failed=len(ACTING))
+    run("-m", "xfail or timeout").assert_outcomes(failed=2, deselected=len(ACTING) - 2)
+    run("-m", "not skip", "-k", "skipif").assert_outcomes(failed=1, deselected=len(ACTING) - 1)
+
+
+def test_marks_of_the_user_act(pytester: pytest.Pytester, run: Run) -> None:
+    write(pytester, a=DRIVES, b=STUCK)
+    (pytester.path / "conftest.py").write_text(
+        "import pytest\n\n\ndef pytest_collection_modifyitems(items):\n    items[1].add_marker(pytest.mark.xfail)\n"
+    )
+    run().assert_outcomes(passed=1, xfailed=1)
+
+
+RAISED = """
+def pytest_exception_interact(node, call, report):
+    print()
+    print("of", node.name, "raised", call.excinfo.type.__name__)
+"""
+AGAIN = """
+def pytest_runtest_teardown(item):
+    item.runtest()
+"""
+
+
+def test_failed_expectations_are_assertion_errors_and_missing_verdicts_are_not(
+    pytester: pytest.Pytester, run: Run
+) -> None:
+    """Other plugins tell a test that failed from one that is broken by it."""
+    crash = DRIVES.replace("twist: [{linear: 1.0}]", "script: it.py").replace("burger drives", "crash")
+    write(pytester, a=DRIVES, b=STUCK, c=crash, d=GATE.replace("at_least: 50 %", "at_least: 80 %"))
+    (pytester.path / "it.py").write_text("def control(observation):\n    raise ValueError\n")
+    (pytester.path / "conftest.py").write_text(RAISED)
+    result = run("-s", "--deselect", "d.sim.yml::slip[yaw=1]")
+    raised = re.findall(r"^of (\S+) raised (\w+)", result.stdout.str(), re.MULTILINE)
+    assert set(raised) == {("stuck", "AssertionError"), ("crash", "ScenarioError"), ("slip[yaw=0]", "AssertionError")}
+
+
+def test_an_item_that_runs_again_has_its_properties_once(pytester: pytest.Pytester, run: Run) -> None:
+    write(pytester, a=DRIVES)
+    (pytester.path / "conftest.py").write_text(AGAIN)
+    run("--junitxml", "j.xml").assert_outcomes(passed=1)
+    assert (pytester.path / "j.xml").read_text().count("digest of") == 1
+
+
+IGNORED = """
+import pytest
+
+WAYS = {
+    "nothing": lambda results: None,
+    "its motion": lambda results: results[0].trace,
+    "its digest": lambda results: [each.digest for each in results],
+    "passed": lambda results: results.passed,
+    "itself": lambda results: not results,
+    "the outcome": lambda results: not results[0],
+    "status": lambda results: results[0].status == "failed",
+    "failures": lambda results: results[0].failures,
+    "exit code": lambda results: results.exit_code,
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("name", ["a", "b"])
+def test_it(sim_run, name, way):
+    WAYS[way](sim_run(f"{name}.sim.yml"))
+
+
+def test_one_of_two(sim_run):
+    assert not sim_run("b.sim.yml")
+    sim_run("b.sim.yml")
+
+
+def test_that_fails_by_itself(sim_run):
+    sim_run("b.sim.yml")
+    raise ValueError
+
+
+@pytest.fixture
+def ran(sim_run):
+    return sim_run("b.sim.yml")
+
+
+def test_of_a_fixture(ran):
+    pass
+"""
+
+
+def test_a_failure_that_a_test_ignores_fails_it(pytester: pytest.Pytester, run: Run) -> None:
+    write(pytester, a=DRIVES, b=STUCK)
+    (pytester.path / "test_it.py").write_text(IGNORED)
+    result = run("-rf", "test_it.py")
+    failed = re.findall(r"^FAILED \S+?::(.+?) - (.*)$", result.stdout.str(), re.MULTILINE)
+    assert [name for name, _ in failed] == [
+        "test_it[b-nothing]",
+        "test_it[b-its motion]",
+        "test_it[b-its digest]",
+        "test_one_of_two",
+        "test_that_fails_by_itself",
+        "test_of_a_fixture",
+    ]
+    assert failed[0][1].startswith("Failed: 'stuck' did not pass")
+    assert failed[4][1].startswith("ValueError")
+    result.stdout.fnmatch_lines(["*Captured sim-action call*", "✗ stuck  b.sim.yml*"])
+
+
 def test_a_file_that_is_invalid_is_an_error_with_its_problems(pytester: pytest.Pytester, run: Run) -> None:
     write(pytester, a=DRIVES, bad=DRIVES.replace("time_limit", "time_limt"))
     result = run("--continue-on-collection-errors")
