@@ -25,7 +25,8 @@ from sim_action.robot.model.joint_selection import (
     reading_of,
     unit_problem,
 )
-from sim_action.robot.model.robot_model import READINGS, Reading
+from sim_action.robot.model.kinematics import beyond_limits
+from sim_action.robot.model.robot_model import READINGS, Joint, Reading
 from sim_action.state.verdict import Signal
 from sim_action.world.claims import ClaimFinding, Findings
 from sim_action.world.scene import Scene
@@ -101,12 +102,24 @@ class JointReading(Assertion):
         if self.name not in moving:
             yield ("name",), f"the model has no moving joint '{self.name}'{did_you_mean(self.name, moving)}"
             return
-        dimension = scene.model.joints_by_name[self.name].dimension(self.reading)
+        joint = scene.model.joints_by_name[self.name]
         for key, written in self._asked().items():
             try:
-                units.parse(0.0 if written is None else written, dimension)
+                units.parse(0.0 if written is None else written, joint.dimension(self.reading))
             except units.UnitError as error:
                 yield (key,), str(error)
+        if self.reading == "position":
+            lower, upper = scene.model.reach(self.name)
+            yield from self._unreachable(replace(joint, lower=lower, upper=upper))
+
+    def _unreachable(self, joint: Joint) -> SpecProblems:
+        """Yield a goal beyond the limits of the joint."""
+        lower, upper = joint.range
+        at_least, _, near, tolerance = (self._magnitude(value) for value in self._asked().values())
+        if at_least is not None and at_least > upper and (problem := beyond_limits(joint, at_least)) is not None:
+            yield ("at_least",), f"'{self.name}' never gets there: {problem}"
+        if near is not None and abs(near - max(lower, min(upper, near))) > (tolerance or 0.0):
+            yield ("near",), f"'{self.name}' never comes so near: {beyond_limits(joint, near)}"
 
     @override
     def robot_claims(self, scene: Scene) -> Findings:

@@ -88,6 +88,28 @@ def test_a_length_is_no_position_of_a_joint_that_turns() -> None:
     assert problem == (("near",), "'cm' is not a unit of angle; use one of: rad, deg")
 
 
+@pytest.mark.parametrize(
+    ("spec", "key"),
+    [
+        ({"at_least": 0.55}, "at_least"),
+        ({"near": 0.6, "tolerance": 0.05}, "near"),
+        ({"near": -0.3, "tolerance": 0.05}, "near"),
+        ({"at_least": 0.5}, ""),
+        ({"at_least": -3.0}, ""),
+        ({"at_most": 0.7}, ""),
+        ({"near": 0.6, "tolerance": 0.1}, ""),
+        ({"reading": "velocity", "at_least": 5.0}, ""),
+    ],
+)
+def test_a_goal_beyond_the_limits_of_a_joint_is_a_problem(spec: dict[str, Any], key: str) -> None:
+    model = burger()
+    joints = tuple(dataclasses.replace(joint, type="revolute", lower=-0.2, upper=0.5) for joint in model.joints)
+    where = scene(dataclasses.replace(model, joints=joints))
+    problems = list(JointReading(name=WHEEL, **spec).problems(where))
+    assert [path for path, _ in problems] == ([(key,)] if key else [])
+    assert all("is outside the limits of the joint, -11.46 deg to 28.65 deg" in message for _, message in problems)
+
+
 def test_a_miss_by_a_hair_is_told_apart_from_the_tolerance() -> None:
     spec = JointReading(name=WHEEL, reading="effort", near=1.0, tolerance=0.1)
     verdict = judged(spec, trace([1.0], effort=[1.10001]))

@@ -12,7 +12,7 @@ from sim_action.state.trace import FloatArray
 from tests.physics.case import Case, Run, Setup
 from tests.physics.measures import GRAVITY, Measure
 from tests.physics.oracles import pendulum_period
-from tests.physics.robots import arm, lift, pendulum
+from tests.physics.robots import arm, followers, lift, pendulum
 from tools.bench.robots import ROBOTS, KnownRobot
 
 GROUP: Final = "arms"
@@ -213,6 +213,47 @@ def weak_fall(weight: float, brake: float, seconds: float) -> float:
     return angle
 
 
+def behind(multipliers: tuple[float, ...]) -> Measure:
+    """The largest distance of followers from where their leader puts them, in rad."""
+
+    def measure(run: Run) -> float:
+        leader = joint_angle(run, "leader")
+        followed = zip(multipliers, range(1, len(multipliers) + 1), strict=True)
+        return max(float(np.abs(joint_angle(run, f"follower{n}") - ratio * leader).max()) for ratio, n in followed)
+
+    return measure
+
+
+def _followers() -> list[Case]:
+    """Followers stay with a light leader that moves and holds them; its motor carries all loads through the gears."""
+    cases = []
+    rows = (
+        ("10 kg twice as far", ((2.0, 10.0),), False),
+        ("100 kg the other way", ((-1.0, 100.0),), False),
+        ("1 kg half as far", ((0.5, 1.0),), False),
+        ("0.1 kg ten times as far", ((10.0, 0.1),), False),
+        ("two of 5 and 20 kg", ((1.0, 5.0), (-2.0, 20.0)), False),
+        ("2 kg that its leader carries", ((-1.0, 2.0),), True),
+    )
+    for what, loads, in_series in rows:
+        ratios = tuple(ratio for ratio, _ in loads)
+        points = {"commands": {"joints": [{"at": 2, "position": {"leader": 0.6 / max(map(abs, ratios))}}], "rate": 40}}
+        robot = {**_BOLTED, "pose": {"z": 3.0}}
+        model, name = followers(loads, in_series=in_series), f"follower of {what}"
+        moves = Setup(model, 3.0, {**points, **_ALLOW}, robot)
+        keys: dict[str, Any] = {"group": GROUP, "unit": "rad", "kind": "bound", "truth": 0.0, "family": name}
+        most = math.radians(0.05)
+        cases.append(Case(f"{name}: lag behind it", setups=(moves,), measure=behind(ratios), tolerance=most, **keys))
+        # With level loads: each turns by its multiplier, and a load on the leader by one more.
+        torque = sum(
+            (ratio + in_series) * mass * GRAVITY * 0.5 + in_series * mass * GRAVITY * 0.2 for ratio, mass in loads
+        )
+        keys |= {"unit": "N m", "kind": "analytic", "truth": -torque, "tolerance": abs(0.01 * torque)}
+        holds = (Setup(model, 3.0, _ALLOW, robot),)
+        cases.append(Case(f"{name}: torque of its leader", setups=holds, measure=effort("leader"), **keys))
+    return cases
+
+
 _PATH: Final = {
     "shoulder": [(0.0, 0.0), (2.0, 1.0), (4.0, -0.5)],
     "elbow": [(0.0, 0.0), (2.0, -0.8), (4.0, 0.4)],
@@ -265,4 +306,4 @@ def _trajectories() -> list[Case]:
     return cases
 
 
-CASES: Final = (*_pendulums(), *_held(), *_weak(), *_trajectories())
+CASES: Final = (*_pendulums(), *_held(), *_weak(), *_followers(), *_trajectories())

@@ -80,9 +80,11 @@ def joint(
     *,
     axis: Vector3 = (0.0, 1.0, 0.0),
     limit: str = "",
+    mimic: str = "",
 ) -> str:
     ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{triple(at)}"/><axis xyz="{triple(axis)}"/>'
-    return f'<joint name="{name}" type="{kind}">{ends}{f"<limit {limit}/>" if limit else ""}</joint>\n'
+    others = "".join(f"<{tag} {stated}/>" for tag, stated in (("limit", limit), ("mimic", mimic)) if stated)
+    return f'<joint name="{name}" type="{kind}">{ends}{others}</joint>\n'
 
 
 def robot(*parts: str) -> str:
@@ -257,6 +259,19 @@ def arm(*, effort: float = 100.0, payload: float = 1.0) -> str:
         link("payload", load),
         joint("grip", "fixed", "lower", "payload", (0.5, 0.0, 0.0)),
     )
+
+
+def followers(loads: tuple[tuple[float, float], ...], *, in_series: bool = False) -> str:
+    """A light leader, and for each (multiplier, kg) a follower that carries a load at 0.5 m; with motors that hold."""
+    limit = 'lower="-3" upper="3" effort="10000" velocity="10"'
+    parts = [link("base", inertial(1.0, (1.0, 1.0, 1.0))), link("lead", inertial(1.0, (0.01, 0.01, 0.01)))]
+    parts.append(joint("leader", "revolute", "base", "lead", limit=limit))
+    for number, (multiplier, mass) in enumerate(loads, start=1):
+        name, mimic = f"load{number}", f'joint="leader" multiplier="{multiplier:g}"'
+        parts.append(link(name, inertial(mass, (0.01, 0.01, 0.01), (0.5, 0.0, 0.0))))
+        parent, at = ("lead", (0.2, 0.0, 0.0)) if in_series else ("base", (0.0, 1.0, 0.0))
+        parts.append(joint(f"follower{number}", "revolute", parent, name, at, limit=limit, mimic=mimic))
+    return robot(*parts)
 
 
 def lift(payload: float) -> str:

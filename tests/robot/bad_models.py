@@ -239,6 +239,7 @@ BAD_MODELS = [
     ),
     _bad("missing-visual", 12, "</link>", '<visual><geometry><mesh filename="a.dae"/></geometry></visual></link>'),
     _bad("unlimited-joint", 14, '    <limit lower="-1" upper="2" effort="10" velocity="3"/>\n', "", "no limit"),
+    _bad("continuous-limits", 19, "revolute", "continuous"),
     _bad("missing-limits", 19, 'lower="-1" upper="2" ', ""),
     _bad("reversed-limits", 19, 'lower="-1" upper="2"', 'lower="2" upper="-1"'),
     _bad("locked-joint", 19, 'lower="-1" upper="2"', 'lower="0" upper="0"'),

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import sys
 from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import mujoco
@@ -25,6 +25,7 @@ from sim_action.engines import named_version
 from sim_action.engines.body_control import HeldWrenches
 from sim_action.engines.clearances import ClearanceRecorder
 from sim_action.engines.engine import NO_CHANNELS, Engine
+from sim_action.engines.joint_stops import JointStops
 from sim_action.engines.mujoco.body_control import BasePusher, MuJoCoBodyControl
 from sim_action.engines.mujoco.motors import Motors
 from sim_action.engines.mujoco.names import with_user_names
@@ -81,6 +82,7 @@ class MuJoCoEngine(Engine):
         self._motors = Motors(scene, compiled, self._rate)
         self._pusher, self._pushes = BasePusher(compiled, self._rate), False
         self._states = StateRecorder(compiled, scene.model, self._rate, self._motors.efforts)
+        self._stops = JointStops.of(scene.model, compiled.positions.tolist())
         self._links = Links(compiled)
         self._objects = Objects(compiled)
         self._rays = Rays(compiled)
@@ -236,6 +238,7 @@ class MuJoCoEngine(Engine):
         )
         first_half, second_half, disturbed = mujoco.mj_step1, mujoco.mj_step2, self._is_disturbed
         steps, kept, qpos, qvel = self._states.opened()
+        stops, positions = self._stops, memoryview(data.qpos)
         is_engaged = False
         for step, wanted in enumerate(targets, start=first_step + 1):
             if wanted is not None:
@@ -260,6 +263,8 @@ class MuJoCoEngine(Engine):
                 carry()
             correct(references)
             second_half(model, data)
+            if stops is not None and (passed := stops.passed(positions)):
+                self._stop(passed)
             if disturbed:
                 self._end_disturbances(step)
             steps.append(step)
@@ -268,6 +273,13 @@ class MuJoCoEngine(Engine):
             kept += efforts().tobytes()
             for watch in watchers:
                 watch(step)
+
+    def _stop(self, passed: Iterable[tuple[int, float, bool]]) -> None:
+        """Move joints back that have passed their stops."""
+        for at, stop, rests in passed:
+            self._data.qpos[at] = stop
+            if rests:
+                self._data.qvel[self._compiled.velocities[self._compiled.positions == at]] = 0.0
 
     def _apply(self, wanted: JointTargets) -> None:
         self._motors.apply(wanted)

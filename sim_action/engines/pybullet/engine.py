@@ -26,6 +26,7 @@ from sim_action.engines import named_version
 from sim_action.engines.body_control import HeldWrenches
 from sim_action.engines.clearances import ClearanceRecorder
 from sim_action.engines.engine import NO_CHANNELS, UNLIMITED_EFFORT, Engine
+from sim_action.engines.joint_stops import JointStops
 from sim_action.engines.observers import LazyContacts, ReadPoses, Recorders, path_contacts
 from sim_action.engines.pybullet.body_control import BasePusher, PyBulletBodyControl
 from sim_action.engines.pybullet.connection import connect_ahead, connected, release
@@ -44,7 +45,6 @@ from sim_action.engines.pybullet.queries import (
 )
 from sim_action.engines.pybullet.scene import (
     BASE,
-    add_gear,
     add_object,
     add_rotor,
     configure,
@@ -67,7 +67,7 @@ if TYPE_CHECKING:
     from sim_action.engines.pybullet.colliding_links import SelfCollision
     from sim_action.engines.pybullet.passive_joints import BallJoints, Springs
     from sim_action.engines.pybullet.sliding import SlidingWheels
-    from sim_action.robot.model.robot_model import RobotModel
+    from sim_action.robot.model.robot_model import Mimic, RobotModel
 
 
 class PyBulletEngine(Engine):
@@ -274,6 +274,7 @@ class PyBulletEngine(Engine):
         self._states = StateRecorder(
             self._client, self._robot, self._joint_names, motors, balls, rate=self._rate, efforts=self._held_efforts
         )
+        self._states.stops = JointStops.of(scene.model, range(len(self._motor_names)))
         self._pusher = BasePusher(self._client, self._robot, self._rate)
 
     def _ball_joints(self, numbers: Mapping[str, int]) -> BallJoints | None:
@@ -298,6 +299,23 @@ class PyBulletEngine(Engine):
 
         return Springs(self._client, self._robot, sprung)
 
+    def _coupled(self, model: RobotModel) -> dict[str, Mimic]:
+        """Couple the followers of joints; return each leader whose motor acts on another joint -> that joint."""
+        if all(joint.mimic is None for joint in model.motor_joints):
+            return {}
+        from sim_action.engines.pybullet.passive_joints import couple
+
+        carriers = couple(self._client, self._robot, model, self._index)
+        for leader, gear in carriers.items():
+            ratio = abs(gear.multiplier)
+            self._max_effort[gear.joint] = self._max_effort[leader] / ratio
+            self._max_velocity[gear.joint] = self._max_velocity[leader] * ratio
+        places = {name: place for place, name in enumerate(self._motor_names)}
+        self._states.carriers = [
+            (places[leader], places[gear.joint], gear.multiplier) for leader, gear in carriers.items()
+        ]
+        return carriers
+
     def _calm(self, scene: Scene) -> tuple[str, ...]:
         """Change damped joints so that no damping adds energy, and return the notes about them."""
         if not self._is_damped:
@@ -318,17 +336,12 @@ class PyBulletEngine(Engine):
         positions, held = scene.joint_positions, held_joints(scene.model)
         if self._balls is not None:
             self._balls.release([positions[joint.name] for joint in scene.model.moving_joints if joint.ball])
-        for joint in scene.model.motor_joints:
-            position = positions[joint.name]
-            pybullet.resetJointState(self._robot, self._index[joint.name], position, physicsClientId=self._client)
-            if joint.name in held:
-                self._servo(joint.name, position, self._max_effort[joint.name])
-            else:
-                # Switches the default motor off; only the joint's own friction remains.
-                self._motor(joint.name, pybullet.VELOCITY_CONTROL, force=self._friction[joint.name])
-            if joint.mimic is not None:
-                leader = self._index[joint.mimic.joint]
-                add_gear(self._client, self._robot, self._index[joint.name], leader, joint.mimic)
+        for name, number in self._index.items():
+            pybullet.resetJointState(self._robot, number, positions[name], physicsClientId=self._client)
+            # Switches the default motor off; only the joint's own friction remains.
+            self._motor(name, pybullet.VELOCITY_CONTROL, force=self._friction[name])
+        self._carriers = self._coupled(scene.model)
+        self._apply(JointTargets({name: positions[name] for name in self._motor_names if name in held}))
         place(self._client, self._robot, self._ground, scene.placement, self._states.com_in_link)
 
     def _apply(self, targets: JointTargets) -> None:
@@ -338,6 +351,8 @@ class PyBulletEngine(Engine):
         if self._held_efforts:
             for name in targets.names():
                 self._held_efforts.pop(self._index[name], None)
+        if self._carriers:
+            targets = self._carried(targets)
         turned, limits = targets.velocity, self._max_effort
         if targets.max_effort:
             limits = {**limits, **targets.max_effort}
@@ -351,6 +366,22 @@ class PyBulletEngine(Engine):
         for name, effort in targets.effort.items():
             self._motor(name, pybullet.VELOCITY_CONTROL, force=self._friction[name])
             self._held_efforts[self._index[name]] = effort
+
+    def _carried(self, targets: JointTargets) -> JointTargets:
+        """Return the targets with those of leaders converted for the joints on which their motors act."""
+        position, velocity, limits = dict(targets.position), dict(targets.velocity), dict(targets.max_effort)
+        for leader, gear in self._carriers.items():
+            if leader in targets.effort:
+                self._motor(gear.joint, pybullet.VELOCITY_CONTROL, force=self._friction[gear.joint])
+            if leader in position:
+                joint, wanted = self._model.joints_by_name[leader], position.pop(leader)
+                lower, upper = joint.range
+                position[gear.joint] = gear.multiplier * max(lower, min(upper, wanted)) + gear.offset
+            if leader in velocity:
+                velocity[gear.joint] = gear.multiplier * velocity.pop(leader)
+            if leader in limits:
+                limits[gear.joint] = limits.pop(leader) / abs(gear.multiplier)
+        return replace(targets, position=position, velocity=velocity, max_effort=limits)
 
     def _servo(self, joint: str, position: float, max_effort: float, ahead: float = 0.0) -> None:
         fastest = self._max_velocity[joint]
@@ -407,10 +438,23 @@ class StateRecorder:
         _, _, _, com_position, com_orientation, *_ = pybullet.getDynamicsInfo(robot, BASE, client)
         self.com_in_link: Final = Pose(com_position, com_orientation)
         """The centre of mass of the base, in the frame of its link."""
+        self.stops: JointStops | None = None
+        """The stops of the joints; None if there are none."""
+        self.carriers: Sequence[tuple[int, int, float]] = ()
+        """Places of a leader and of the joint on which its motor acts, and the speed of the second over the first."""
 
     def keep(self, step: int) -> None:
-        """Read the present state, and keep it as that of a step; it is called at every step."""
-        self._rows += self._packed.pack(*self._read(step))
+        """Read the present state, and keep it as that of a step; it is called at every step.
+
+        Joints that have passed their stops are moved back.
+        """
+        row = self._read(step)
+        if self.stops is not None and (passed := self.stops.passed(row[_BASE_COLUMNS::3])):
+            for place, stop, rests in passed:
+                speed = 0.0 if rests else row[_BASE_COLUMNS + 3 * place + 1]
+                pybullet.resetJointState(self._robot, self._motors[place], stop, speed, self._client)
+            row = self._read(step)
+        self._rows += self._packed.pack(*row)
 
     def last(self) -> list[float]:
         """Return the row that was kept last, in the order of `Trace.state`, but with the base's centre of mass."""
@@ -465,6 +509,10 @@ class StateRecorder:
             else:
                 for angle, velocity, _, effort in pybullet.getJointStates(self._robot, self._motors, self._client):
                     row += (angle, velocity, effort)
+            for leader, carrier, ratio in self.carriers:
+                own, carried = _BASE_COLUMNS + 3 * leader + 2, _BASE_COLUMNS + 3 * carrier + 2
+                row[own] += ratio * row[carried]
+                row[carried] = 0.0
         if self._balls is not None:
             for angle, speed in zip(*self._balls.state(), strict=True):
                 row += (angle, speed, 0.0)

@@ -1,7 +1,11 @@
-"""Passive joints in PyBullet: ball joints, the springs of joints, and their damping.
+"""Passive joints in PyBullet: ball joints, followers of other joints, the springs of joints, and their damping.
 
 PyBullet starts each ball joint with a motor that holds it. It gives the orientation and the angular velocity of the
 child link in the frame of its principal axes.
+
+PyBullet solves motors and gears one after the other, again and again, and stops too early if a light joint with a motor
+leads a heavy one: the heavy one sags. So the motor of a leader acts on the joint of its group with which this converges
+best, with speed and effort converted by the gear, and all others are geared to that joint.
 
 PyBullet applies the damping of a joint as a force that is constant within a step. A damping d (N m s/rad) takes d/I of
 the joint's speed per second, I being the moment of inertia that it brakes. If it takes more than twice the speed within
@@ -29,9 +33,17 @@ from numpy.typing import NDArray
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass, replace
+from sim_action.drives.wheels import joints_above
 from sim_action.engines.pybullet.scene import BASE
-from sim_action.robot.model.robot_model import Joint, ball_angles, ball_orientation
+from sim_action.robot.model.robot_model import Joint, Mimic, RobotModel, ball_angles, ball_orientation
 
+# A gear is stronger than any motor, and corrects most of its error within one step.
+_GEAR_FORCE: Final = 1e5
+_GEAR_CORRECTION: Final = 0.8
+# For gears, and for those to a joint that carries the follower, which converge worse. By default PyBullet takes at most
+# 50 iterations; it stops as soon as nothing changes.
+_GEARED_ITERATIONS: Final = 500
+_SERIES_ITERATIONS: Final = 5000
 _STILL: Final = {"targetVelocity": (0, 0, 0), "positionGain": 0, "velocityGain": 0, "force": (0, 0, 0)}
 
 
@@ -71,6 +83,71 @@ class BallJoints:
 def _turned(rotation: geometry.Quaternion, frame: geometry.Quaternion) -> geometry.Quaternion:
     x, y, z = geometry.rotate(frame, rotation[:3])
     return (x, y, z, rotation[3])
+
+
+def couple(client: int, robot: int, model: RobotModel, numbers: Mapping[str, int]) -> dict[str, Mimic]:
+    """Couple joints to their leaders like gears without play.
+
+    Return each leader whose motor acts on another joint -> that joint, with its gear to the leader. `numbers`: joint ->
+    its number. The robot must be complete.
+    """
+    groups: dict[str, dict[str, Mimic]] = {}
+    for joint in model.motor_joints:
+        gear = model.gear(joint.name)
+        groups.setdefault(gear.joint, {})[joint.name] = gear
+    carriers: dict[str, Mimic] = {}
+    in_series = any(_is_above(model, leader, name) for leader, group in groups.items() for name in group)
+    iterations = _SERIES_ITERATIONS if in_series else _GEARED_ITERATIONS
+    pybullet.setPhysicsEngineParameter(numSolverIterations=iterations, physicsClientId=client)
+    for leader, group in groups.items():
+        if len(group) == 1:
+            continue
+        carrier = leader if model.balls else _carrier(client, robot, numbers, group)
+        driven = group[carrier]
+        if carrier != leader:
+            carriers[leader] = replace(driven, joint=carrier)
+        for name in group.keys() - {carrier}:
+            ratio = group[name].multiplier / driven.multiplier
+            joints = robot, numbers[name], robot, numbers[carrier]
+            frames = (0, 0, 1), (0, 0, 0), (0, 0, 0)
+            made = pybullet.createConstraint(*joints, pybullet.JOINT_GEAR, *frames, physicsClientId=client)
+            # PyBullet holds the joint + gearRatio x carrier at the target.
+            pybullet.changeConstraint(
+                made,
+                gearRatio=-ratio,
+                relativePositionTarget=group[name].offset - ratio * driven.offset,
+                maxForce=_GEAR_FORCE,
+                erp=_GEAR_CORRECTION,
+                physicsClientId=client,
+            )
+    return carriers
+
+
+def _is_above(model: RobotModel, leader: str, name: str) -> bool:
+    """Return True if a joint carries another one."""
+    return model.joints_by_name[leader] in joints_above(model, name)
+
+
+def _carrier(client: int, robot: int, numbers: Mapping[str, int], group: Mapping[str, Mimic]) -> str:
+    """Return the joint of a group on which the solver converges best if the motor acts on it."""
+    count = pybullet.getNumJoints(robot, client)
+    moving = [number for number in range(count) if pybullet.getJointInfo(robot, number, client)[3] >= 0]
+    states = pybullet.getJointStates(robot, moving, client)
+    masses = np.array(pybullet.calculateMassMatrix(robot, [state[0] for state in states], physicsClientId=client))
+    # With a free base, its six motions come first.
+    places = len(masses) - len(moving) + np.array([moving.index(numbers[name]) for name in group])
+    mobility = np.linalg.inv(masses)[np.ix_(places, places)]
+    ratios = np.array([gear.multiplier for gear in group.values()])
+
+    def remainder(carrier: int) -> float:
+        """Return the share of an error that remains after one iteration of Gauss and Seidel."""
+        rows = np.eye(len(ratios))
+        rows[:, carrier] = -ratios / ratios[carrier]
+        rows[carrier, carrier] = 1.0
+        coupled = rows @ mobility @ rows.T
+        return float(np.abs(np.linalg.eigvals(np.linalg.solve(np.tril(coupled), np.triu(coupled, 1)))).max())
+
+    return list(group)[min(range(len(ratios)), key=remainder)]
 
 
 class Springs:

@@ -26,7 +26,7 @@ from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass, field
 from sim_action.engines.pybullet.connection import look
 from sim_action.robot.audit.kinematic_tree import beyond_pybullet
-from sim_action.robot.model.robot_model import Mimic, Surface
+from sim_action.robot.model.robot_model import Surface
 from sim_action.world import MAX_SPEED, Body, World, placed
 from sim_action.world.ground import ground_tiles
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart
@@ -39,8 +39,9 @@ BASE: Final = -1
 _DROP_HEIGHT_M: Final = 100.0
 # Bullet's default. The setting outlives a connection, so it is set for each one.
 _CONTACT_BREAKING_THRESHOLD: Final = 0.02
-# Bullet's default, which also outlives a connection.
+# Bullet's defaults, which also outlive a connection.
 _RESIDUAL_THRESHOLD: Final = 1e-7
+_ITERATIONS: Final = 50
 # Cylinders as hulls would ride 1 mm high and cost twice as much. The default inertia is that of the collision shapes.
 _LOAD_FLAGS: Final = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
 # Without neighbours: PyBullet leaves out direct parents and children.
@@ -50,9 +51,6 @@ _COLLISION: Final = re.compile(r"<collision[\s/>]")
 _LOOK: Final = '<visual><geometry><box size="1 1 1"/></geometry></visual>'
 # PyBullet has fewer files open at the same time while it reads a model.
 _OPEN_FILES: Final = 8
-# A gear is stronger than any motor, and corrects most of its error within one step.
-_GEAR_FORCE: Final = 1e5
-_GEAR_CORRECTION: Final = 0.8
 
 
 def configure(client: int, rate: float, gravity_xyz: Vector3, *, exact: bool = False) -> None:
@@ -64,6 +62,7 @@ def configure(client: int, rate: float, gravity_xyz: Vector3, *, exact: bool = F
     pybullet.setGravity(*gravity_xyz, client)
     pybullet.setPhysicsEngineParameter(
         solverResidualThreshold=0.0 if exact else _RESIDUAL_THRESHOLD,
+        numSolverIterations=_ITERATIONS,
         fixedTimeStep=1 / rate,
         contactBreakingThreshold=_CONTACT_BREAKING_THRESHOLD,
         deterministicOverlappingPairs=1,
@@ -214,23 +213,6 @@ def add_rotor(client: int, robot: int, link: int, axis_xyz: Vector3, inertia: fl
     along = geometry.rotate(geometry.conjugate(principal_axes), axis_xyz)
     inertias = [own + inertia * part**2 for own, part in zip(principal_inertia, along, strict=True)]
     pybullet.changeDynamics(robot, link, localInertiaDiagonal=inertias, physicsClientId=client)
-
-
-def add_gear(client: int, robot: int, follower: int, leader: int, mimic: Mimic) -> None:
-    """Couple a joint to its leader like a gear without play."""
-    frames = ((0, 0, 1), (0, 0, 0), (0, 0, 0))
-    gear = pybullet.createConstraint(
-        robot, follower, robot, leader, pybullet.JOINT_GEAR, *frames, physicsClientId=client
-    )
-    # PyBullet holds follower + gearRatio x leader at the target.
-    pybullet.changeConstraint(
-        gear,
-        gearRatio=-mimic.multiplier,
-        relativePositionTarget=mimic.offset,
-        maxForce=_GEAR_FORCE,
-        erp=_GEAR_CORRECTION,
-        physicsClientId=client,
-    )
 
 
 def place(client: int, body: int, ground: int, placement: Placement, com_in_link: Pose | None = None) -> None:

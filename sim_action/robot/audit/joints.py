@@ -9,7 +9,15 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.geometry import ZERO
 from sim_action.core.wording import did_you_mean
-from sim_action.robot.documents.urdf_elements import BALLS, MAX_PART_SIZE_M, child_of, number, parent_of, vector
+from sim_action.robot.documents.urdf_elements import (
+    BALLS,
+    MAX_PART_SIZE_M,
+    UNLIMITED,
+    child_of,
+    number,
+    parent_of,
+    vector,
+)
 from sim_action.robot.documents.urdf_elements import limits as limits_of
 from sim_action.robot.documents.xml_document import ModelDocument
 from sim_action.robot.model.findings import Finding
@@ -44,12 +52,21 @@ def axes(document: ModelDocument) -> Iterator[Finding]:
 
 
 def limits(document: ModelDocument) -> Iterator[Finding]:
-    """Yield revolute and prismatic joints with missing, reversed or equal limits. URDF requires <limit> for both."""
+    """Yield revolute and prismatic joints with missing, reversed or equal limits; URDF requires <limit> for both.
+
+    Yield continuous joints with limits, which some programs apply: URDF and this one do not.
+    """
     for joint in document.elements("joint"):
         kind, name, limit = joint.attrib["type"], joint.attrib["name"], joint.find("limit")
+        lower, upper = number(limit, "lower"), number(limit, "upper")
+        if kind == "continuous" and limit is not None and -UNLIMITED < (lower or 0.0) < (upper or 0.0) < UNLIMITED:
+            message = (
+                f"continuous joint '{name}' has limits of {lower or 0:g} and {upper or 0:g}, which do not count: it "
+                "turns without limits; make it 'revolute' if they should"
+            )
+            yield document.finding("continuous-limits", limit, message)
         if kind not in LIMITED:
             continue
-        lower, upper = number(limit, "lower"), number(limit, "upper")
         if limit is None and kind == "revolute":
             message = (
                 f"revolute joint '{name}' has no <limit>: it turns without limits; make it 'continuous' if it should"
@@ -147,7 +164,7 @@ def mimic_limits(document: ModelDocument) -> Iterator[Finding]:
             leader = mimic.attrib["joint"]
             message = (
                 f"joint '{name}' mimics '{leader}', which moves it from {low:g} to {high:g}, but its own limits are "
-                f"{lower:g} and {upper:g}: the result depends on the motors and masses of both; widen the limits"
+                f"{lower:g} and {upper:g}: both stop there; widen the limits"
             )
             yield document.finding("follower-limits", joint, message)
 

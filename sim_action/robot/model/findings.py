@@ -126,6 +126,9 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "zero-inertia": Rule("warning", "moments of inertia that are all 0: the mass counts as a ball of 5 cm radius"),
         "empty-shape": Rule("warning", "a collision shape whose sizes are all 0: it is ignored"),
         "unlimited-joint": Rule("warning", "a revolute joint without <limit>: it turns without limits"),
+        "continuous-limits": Rule(
+            "warning", "position limits of a continuous joint: URDF has none, so it turns without limits"
+        ),
         "still-mimic": Rule("warning", "a <mimic> that never moves its joint: the joint is fixed"),
         "many-joints": Rule(
             "warning", "more joints than PyBullet supports, 127 in total and 121 that move: only MuJoCo simulates them"

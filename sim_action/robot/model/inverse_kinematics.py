@@ -132,14 +132,15 @@ class Chain:
             mount = geometry.compose(mount, socket)
             if not joint.moves:
                 continue
-            leader, multiplier, offset = _leader(model, joint)
+            gear = model.gear(joint.name)
+            leader = model.joints_by_name[gear.joint]
             if not _can_move(model, leader):
                 mount = geometry.compose(mount, joint_motion(joint, positions.get(joint.name, joint.home)))
                 continue
             joints.setdefault(leader.name, leader)
             axis = Pose(joint.anchor_xyz, _from_z(joint.axis_xyz))
             column = list(joints).index(leader.name)
-            sections.append(_Section(joint, geometry.compose(mount, axis), column, multiplier, offset))
+            sections.append(_Section(joint, geometry.compose(mount, axis), column, gear.multiplier, gear.offset))
             mount = geometry.inverse(axis)
         limits = [_limits(sections, column) for column in range(len(joints))]
         sliding = [section.joint for section in sections if section.joint.type == "prismatic"]
@@ -217,16 +218,6 @@ def _way(model: RobotModel, link: str) -> Iterator[tuple[Pose, Joint]]:
             yield (Pose() if index else joint.origin), joint
 
 
-def _leader(model: RobotModel, joint: Joint) -> tuple[Joint, float, float]:
-    """Return the joint that a joint follows, or the joint itself, with the factor and the offset of its position."""
-    multiplier, offset = 1.0, 0.0
-    while joint.mimic is not None:
-        offset += multiplier * joint.mimic.offset
-        multiplier *= joint.mimic.multiplier
-        joint = model.joints_by_name[joint.mimic.joint]
-    return joint, multiplier, offset
-
-
 def _can_move(model: RobotModel, joint: Joint) -> bool:
     if model.why_not_driven(joint.name) is not None or joint.series or joint.stiffness:
         return False
@@ -240,11 +231,8 @@ def _limits(sections: Sequence[_Section], column: int) -> tuple[float, float, fl
         joint, factor = section.joint, section.multiplier
         if section.column != column or not factor:
             continue
-        low = -math.inf if joint.lower is None else joint.lower
-        high = math.inf if joint.upper is None else joint.upper
-        if low <= high:
-            ends = sorted((end - section.offset) / factor for end in (low, high))
-            lower, upper = max(lower, ends[0]), min(upper, ends[1])
+        ends = sorted((end - section.offset) / factor for end in joint.range)
+        lower, upper = max(lower, ends[0]), min(upper, ends[1])
         if joint.max_velocity:
             fastest = min(fastest, joint.max_velocity / abs(factor))
     return lower, upper, fastest

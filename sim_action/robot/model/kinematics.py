@@ -172,13 +172,9 @@ def _half_along(direction: Vector3, kind: str, half: Vector3) -> float:
 
 
 def beyond_limits(joint: Joint, position: float) -> str | None:
-    """Return a message if a position in rad (m if prismatic) is outside the limits of a joint, else None.
-
-    Reversed limits limit nothing.
-    """
-    lower = -float("inf") if joint.lower is None else joint.lower
-    upper = float("inf") if joint.upper is None else joint.upper
-    if lower > upper or lower - _POSITION_ROUNDING <= position <= upper + _POSITION_ROUNDING:
+    """Return a message if a position in rad (m if prismatic) is outside the limits of a joint, else None."""
+    lower, upper = joint.range
+    if lower - _POSITION_ROUNDING <= position <= upper + _POSITION_ROUNDING:
         return None
     unit = joint.dimension("position").si
     at, passed = units.display_apart(position, lower if position < lower else upper, unit)

@@ -308,14 +308,20 @@ class Joint:
         return sliding if self.type == "prismatic" else turning
 
     @property
+    def range(self) -> tuple[float, float]:
+        """The lowest and the highest position in rad (m), infinite without a limit. Reversed limits limit nothing."""
+        lower = -math.inf if self.lower is None else self.lower
+        upper = math.inf if self.upper is None else self.upper
+        return (lower, upper) if lower <= upper else (-math.inf, math.inf)
+
+    @property
     def home(self) -> float:
         """The initial position in rad (m) by default: `reference`, or the middle of the limits if they exclude it.
 
         ROS's joint_state_publisher does the same. With a single limit that excludes it, it is that limit.
         """
-        lower = -math.inf if self.lower is None else self.lower
-        upper = math.inf if self.upper is None else self.upper
-        if lower > upper or lower <= self.reference <= upper:
+        lower, upper = self.range
+        if lower <= self.reference <= upper:
             return self.reference
         middle = (lower + upper) / 2
         return middle if math.isfinite(middle) else max(lower, min(upper, self.reference))
@@ -522,6 +528,29 @@ class RobotModel:
             found.add(mimic.joint)
             mimic = self.joints_by_name[mimic.joint].mimic
         return found
+
+    def gear(self, name: str) -> Mimic:
+        """Return the coupling of a joint to the independent joint that moves it in the end: itself, if it is one."""
+        multiplier, offset, joint = 1.0, 0.0, self.joints_by_name[name]
+        while joint.mimic is not None:
+            offset += multiplier * joint.mimic.offset
+            multiplier *= joint.mimic.multiplier
+            joint = self.joints_by_name[joint.mimic.joint]
+        return Mimic(joint.name, multiplier, offset)
+
+    def reach(self, name: str) -> tuple[float, float]:
+        """Return the lowest and highest position of a joint in rad (m): joints that are coupled to it stop it too.
+
+        The first is above the second if their limits exclude each other.
+        """
+        own, lower, upper = self.gear(name), -math.inf, math.inf
+        for joint in self.motor_joints:
+            gear = self.gear(joint.name)
+            if gear.joint == own.joint and gear.multiplier:
+                ends = sorted((end - gear.offset) / gear.multiplier for end in joint.range)
+                lower, upper = max(lower, ends[0]), min(upper, ends[1])
+        first, last = own.multiplier * lower + own.offset, own.multiplier * upper + own.offset
+        return (first, last) if own.multiplier > 0 else (last, first)
 
     def positions(self, stated: Mapping[str, float]) -> dict[str, float]:
         """Return joint -> position in rad (m): as stated by name, else at home; mimicking joints follow others."""

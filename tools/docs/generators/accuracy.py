@@ -44,6 +44,8 @@ TOPICS: Final = (
     ("arms and lifts that hold a load: effort", ("arm holds *: torque *", "lift holds *")),
     ("arms that hold a load or themselves: sag", ("*: sag",)),
     ("arm that is too weak for its load: angle after 0.2 s", ("weak motor *",)),
+    ("followers of light leaders, with loads of 0.1 to 100 kg: lag", ("*: lag behind it",)),
+    ("the same: effort of the leader", ("*: torque of its leader",)),
     ("arms on trajectories: lag", ("*: lag",)),
     ("built-in arm in three poses: error of the holding torques", ("ur5e_gripper *: torques",)),
     ("the same: distance of its gripper from known places", ("ur5e_gripper *: place of the gripper",)),
