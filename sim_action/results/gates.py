@@ -29,7 +29,6 @@ from sim_action.scenario.variations.gate import (
     percent,
     percents_apart,
 )
-from sim_action.state.reproducibility import RELATIVE_FIGURES
 from sim_action.state.verdict import Verdict
 from sim_action.world.claims import LOW_GATE, AuditWarning
 
@@ -37,6 +36,9 @@ _BLOCKING: Final = ("interrupted", "internal", "missing", "invalid")
 """The kinds of failures that leave a gate without a verdict, the worst first."""
 
 _PERCENT: Final = 100.0
+
+RELATIVE_FIGURES: Final = 13
+"""The number of figures of a motion, see `motion_figures`, that do not depend on the place and heading of its start."""
 
 _ROUNDING: Final = 1e-6
 """The relative difference, and the difference in SI units, up to which two runs of an engine count as equal."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Iterator
-from typing import Final
 
 import numpy as np
 
@@ -47,10 +46,6 @@ class Digest:
     def hexdigest(self) -> str:
         """Return the digest as 64 hexadecimal digits."""
         return self._hash.hexdigest()
-
-
-RELATIVE_FIGURES: Final = 13
-"""The number of figures of a motion that do not depend on the place and the heading at its start."""
 
 
 def motion_figures(trace: Trace) -> tuple[float, ...]:

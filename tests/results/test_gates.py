@@ -14,10 +14,9 @@ from hypothesis import strategies as st
 from sim_action.core.errors import ExitCode, Location
 from sim_action.core.records import replace
 from sim_action.core.statistics.binomial import chances
-from sim_action.results.gates import judged_gate, over_variations
+from sim_action.results.gates import RELATIVE_FIGURES, judged_gate, over_variations
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Status
 from sim_action.scenario.variations.gate import Gate, PlannedGate
-from sim_action.state.reproducibility import RELATIVE_FIGURES
 from sim_action.state.verdict import Judged, Verdict
 
 NINETY = {"passes": {"at_least": "90 %"}}
