@@ -109,11 +109,8 @@ _MAX_FILES: Final = 200_000
 _MAX_REPOSITORIES: Final = 100
 _MAX_LINK_BYTES: Final = 4_000
 _PIPE_BYTES: Final = 1 << 20
-_ARGUMENTS: Final = (
-    *("-c", "core.fsmonitor=false", "-c", "core.hooksPath=/dev/null", "-c", "core.untrackedCache=false"),
-    *("ls-files", "-z", "-t", "--stage", "--debug", "--others", "--exclude-standard"),
-)
-_INDEX_ARGUMENTS: Final = (*_ARGUMENTS[: _ARGUMENTS.index("ls-files")], "ls-files", "-z", "--stage")
+_SETTINGS: Final = ("-c", "core.fsmonitor=false", "-c", "core.hooksPath=/dev/null", "-c", "core.untrackedCache=false")
+_ALL_FILES: Final = ("ls-files", "-z", "-t", "--stage", "--debug", "--others", "--exclude-standard")
 # The tag of an untracked file; or mode, object, stage and path of a tracked one, followed by its stamps.
 _ENTRY: Final = re.compile(
     rb"(?:\? ([^\0]+)|\w (\d{6}) ([0-9a-f]+) \d\t([^\0]+))\0"
@@ -159,8 +156,8 @@ class GitTree:
 class GitListing:
     """A running git that lists the files of a repository."""
 
-    def __init__(self, root: Path, outermost: Path | None = None, arguments: tuple[str, ...] = _ARGUMENTS) -> None:
-        """Start git; an error is raised by `tree`. `outermost`: the repository around all that are listed."""
+    def __init__(self, root: Path, outermost: Path | None = None, words: tuple[str, ...] = _ALL_FILES) -> None:
+        """Start git; an error is raised by `tree`. `outermost`: the folder in which no git is started."""
         self.root = root
         self._process: subprocess.Popen[bytes] | None = None
         self._reason = "it is not the root of a git repository"
@@ -172,7 +169,7 @@ class GitListing:
             return
         try:
             self._process = subprocess.Popen(  # noqa: S603 - fixed words
-                (program, *arguments),
+                (program, *_SETTINGS, *words),
                 cwd=root,
                 env=_environment(root),
                 stdin=subprocess.DEVNULL,
@@ -234,7 +231,7 @@ def is_tracked(root: Path, path: Path) -> bool:
 
     A file in a submodule that is no repository of its own is not known.
     """
-    listing = GitListing(root, arguments=_INDEX_ARGUMENTS)
+    listing = GitListing(root, words=("ls-files", "-z", "--stage"))
     found, name = _status(path), path.name.casefold()
     inside = {folder for folder in Path(os.path.realpath(path)).parents if not (folder / ".git").exists()}
     for entry in listing.output().split(b"\0")[:-1]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, Literal
 from urllib.parse import urlsplit
@@ -142,6 +143,13 @@ _SECTION: Final = re.compile(
 )
 _VALUE: Final = re.compile(r'[ \t]*(?P<key>[A-Za-z][\w-]*)[ \t]*=[ \t]*(?P<value>(?:[^"#;\\]|\\.|"(?:[^"\\]|\\.)*")*)')
 _PUBLIC_HOSTS: Final = ("github.com", "gitlab.com", "bitbucket.org", "codeberg.org")
+# Messages of the log of HEAD for commits that this checkout has made itself; a cherry-pick copies one of others.
+_MADE_HERE: Final = re.compile(r"commit(?: \((?:amend|initial|merge)\))?: |revert: |(?:merge|pull)\b.*: Merge made by ")
+_MERGED_COMMIT: Final = re.compile(r"^(?:commit )?([0-9a-f]{40}(?:[0-9a-f]{24})?)\s*$", re.MULTILINE)
+_BY_FETCH_HEAD: Final = re.compile(r"(?:to|merge) FETCH_HEAD\b")
+_MAX_COMMITS: Final = 1_000  # of the job itself
+_NO_BRANCH: Final = re.compile(r"\bpull/[0-9]+/|^\+?[0-9a-f]{40,64}:")  # sources of a fetch
+_FETCHED_TAG: Final = re.compile(r"\ttag '([^']+)' of ")
 _FETCHED_FROM: Final = re.compile(r" of (\S+)\s*$|^[0-9a-f]+\t[^\t]*\t(\S+)\s*$")
 _SCP: Final = re.compile(r"(?:[\w.-]+@)?(?P<host>[\w.-]+):(?!//)(?P<path>.+)")
 
@@ -198,18 +206,97 @@ class _Repository:
         """Return True if a commit is checked out, and nothing is merged into it."""
         return bool(commit) and self.head() == commit and not any((self.own / name).exists() for name in _MERGING)
 
+    def is_known(self, root: Path, environment: Mapping[str, str], workspace: Path) -> bool:
+        """Return True if all commits in the history of the files are of the repository, or were made in this checkout.
+
+        Those of the repository are the commit of the event, its branches and its tags. A merge in progress counts. git,
+        which must not be in `workspace`, is asked only if the refs alone do not answer.
+        """
+        merged = (_text(self.own / name, _MAX_BYTES) for name in _MERGING)
+        heads = {self.head() or "HEAD", *(commit for text in merged for commit in _MERGED_COMMIT.findall(text))}
+        refs, event = self._own_refs(environment), {environment.get("GITHUB_SHA", "")} - {""}
+        if heads <= refs | event:
+            return True
+        from sim_action.core.git_tree import GitError, GitListing  # rarely needed
+
+        # A checkout need not contain the commit of the event.
+        for known in (refs | event, refs) if event else (refs,):
+            words = ("rev-list", f"--max-count={_MAX_COMMITS}", *sorted(heads), "--not", *sorted(known), "--")
+            with suppress(GitError):
+                left = GitListing(root, workspace, words).output().decode().split()
+                return len(left) < _MAX_COMMITS and self._made_here().issuperset(left)
+        return False
+
+    def _made_here(self) -> set[str]:
+        logs = (_text(folder / "logs/HEAD", _MAX_BYTES) for folder in {self.own, self.common})
+        moves = (line.partition("\t") for text in logs for line in text.split("\n"))
+        return {move.split(" ")[1] for move, _, message in moves if _MADE_HERE.match(message)}
+
+    def _own_refs(self, environment: Mapping[str, str]) -> set[str]:
+        """Return the commits of branches and tags that were fetched from repositories of the owner of the workflow.
+
+        Tags have no logs. A tag counts if it came with the clone, or if the last fetch names it.
+        """
+        config, own = self.config(), set()
+        addresses = {key[1]: values[0] for key, values in config.items() if key[0] == "remote" and key[2] == "url"}
+        strange = {name for name, address in addresses.items() if _other_owner(address, environment) is not None}
+        pulled = [
+            target.rstrip("*")
+            for (section, _, key), values in config.items()
+            if section == "remote" and key == "fetch"
+            for source, _, target in (value.lstrip("+").partition(":") for value in values)
+            if not source.startswith(("refs/heads/", "refs/tags/"))
+        ]
+        came = {name for _, name in self._packed()}
+        came |= {f"refs/tags/{tag}" for line in self.fetched() for tag in _FETCHED_TAG.findall(line)}
+        for commit, name in self._refs():
+            remote = next((each for each in addresses if name.startswith(f"refs/remotes/{each}/")), None)
+            is_tag = name.startswith("refs/tags/")
+            is_own = (not strange and name in came) if is_tag else (remote is not None and remote not in strange)
+            is_pulled = any(target and name.startswith(target) for target in pulled) or _PULL.match(name)
+            if is_own and not is_pulled and _COMMIT.fullmatch(commit) and not self._is_foreign_ref(name, environment):
+                own.add(commit)
+        return own
+
+    def _is_foreign_ref(self, name: str, environment: Mapping[str, str]) -> bool:
+        """Return True if the last fetch into a ref named a pull request, a bare commit, or another owner."""
+        words = _text(self.common / "logs" / name, _MAX_BYTES).rstrip().rpartition("\n")[2].replace("'", " ").split()
+        return any(_NO_BRANCH.search(word) or _other_owner(word, environment) is not None for word in words)
+
     def _commits(self) -> set[str]:
         """Return the commit that is checked out, and those on which it was built since; empty: it is not known."""
         head = self.head()
         commits = {head} if head else set()
-        for line in reversed(_text(self.own / "logs/HEAD", _MAX_BYTES).split("\n") if head else ()):
+        for old, new, message in self._moves() if head else ():
+            commits |= {new} if message.startswith("checkout:") and old != new else {old, new}
+        return commits
+
+    def _moves(self) -> Iterator[tuple[str, str, str]]:
+        """Yield old commit, new commit and message of the log of HEAD, back to the last checkout of another commit."""
+        for line in reversed(_text(self.own / "logs/HEAD", _MAX_BYTES).split("\n")):
             moved, _, message = line.partition("\t")
             old, new, *_ = (*moved.split(" "), "", "")
+            yield old, new, message
             if message.startswith("checkout:") and old != new:
-                commits.add(new)
-                break
-            commits |= {old, new}
-        return commits
+                return
+
+    def pull_fetched(self) -> str | None:
+        """Return the sign of a fetch of a pull request that the files can be of, in any worktree; None: there is none.
+
+        A commit that came by FETCH_HEAD must still be named there: a later fetch replaces the file.
+        """
+        commits = self._commits()
+        folders = {self.common, *(path.parent for path in self.common.glob("worktrees/*/FETCH_HEAD"))} - {self.own}
+        others = [line for folder in folders for line in _text(folder / "FETCH_HEAD", _MAX_BYTES).splitlines()]
+        shared = [line for line in others if line.partition("\t")[0] in commits]
+        for line in (*self.fetched(), *shared):
+            if (ref := _PULL.search(line)) is not None:
+                return f"is of a pull request (FETCH_HEAD names {ref[0]})"
+        named = {line.partition("\t")[0] for line in (*self.fetched(), *others)}
+        for _, new, message in self._moves():
+            if _BY_FETCH_HEAD.search(message) and new not in named:
+                return "may be of a pull request (it is from a FETCH_HEAD that a later fetch has replaced)"
+        return None
 
     def pull_ref(self) -> str | None:
         """Return the name of a ref of a pull request that the files can be of; None: there is none.
@@ -223,14 +310,18 @@ class _Repository:
         return None
 
     def _pull_refs(self) -> Iterator[tuple[str, str]]:
-        remotes = self.common / "refs"
-        for base in (remotes / "remotes", remotes / "pull"):
-            for folder, _, files in _walked(base):
+        yield from ((commit, name) for commit, name in self._refs() if _PULL.match(name))
+
+    def _refs(self) -> Iterator[tuple[str, str]]:
+        """Yield all refs with their commits, apart from branches. A packed one that a loose one hides is left out."""
+        loose = set()
+        for base in ("remotes", "pull", "tags"):
+            for folder, _, files in _walked(self.common / "refs" / base):
                 for file in files:
                     name = Path(folder, file).relative_to(self.common).as_posix()
-                    if _PULL.match(name):
-                        yield _text(Path(folder, file), _MAX_LINK_BYTES).strip(), name
-        yield from ((commit, ref) for commit, ref in self._packed() if _PULL.match(ref))
+                    loose.add(name)
+                    yield _text(Path(folder, file), _MAX_LINK_BYTES).strip(), name
+        yield from ((commit, name) for commit, name in self._packed() if name not in loose)
 
     def _packed(self) -> Iterator[tuple[str, str]]:
         for line in _text(self.common / "packed-refs", _MAX_BYTES).split("\n"):
@@ -294,15 +385,31 @@ def foreign_checkout(environment: Mapping[str, str], folders: Iterable[Path]) ->
         found = None if is_of_event else _sign_of_pull_request(repository)
         if found is None and is_tested:
             found = _sign_of_others(repository, environment, is_of_event)
+        if found is None and not is_of_event and not repository.is_pinned:
+            is_dependency = git not in around and _is_dependency(repository, environment)
+            if not is_dependency and not repository.is_known(git.parent, environment, Path(workspace or git.parent)):
+                found = (
+                    f"may be of a pull request: {repository.head()[:7] or 'HEAD'} is neither the commit of the event, "
+                    "nor of a branch or tag of the repository, nor made on top of one"
+                )
         if found is not None:
             return f"the checkout in {escaped_line(str(git.parent))} {found}"
     return None
 
 
+def _is_dependency(repository: _Repository, environment: Mapping[str, str]) -> bool:
+    """Return True if a checkout is of another repository than the workflow, by the address of its origin."""
+    own = environment.get("GITHUB_REPOSITORY", "").lower()
+    for address in repository.origin():
+        host, _ = _host_and_owner(address)
+        path = address.lower().rstrip("/").removesuffix(".git").replace(":", "/")
+        return bool(host) and bool(own) and not path.endswith(f"/{own}")
+    return False
+
+
 def _sign_of_pull_request(repository: _Repository) -> str | None:
-    for line in repository.fetched():
-        if (ref := _PULL.search(line)) is not None:
-            return f"is of a pull request (FETCH_HEAD names {ref[0]})"
+    if (fetch := repository.pull_fetched()) is not None:
+        return fetch
     if repository.follows_pull_request():
         return "is of a pull request (a branch in its configuration follows one)"
     if (name := repository.pull_ref()) is not None:

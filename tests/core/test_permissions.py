@@ -117,10 +117,12 @@ CONFIG = (
 
 
 def repository(root: Path, head: str = OWN, **files: str) -> Path:
-    """A checkout; `files`: contents of files of `.git`, with `__` for a slash."""
+    """A checkout of a commit of the repository; `files`: contents of files of `.git`, with `__` for a slash."""
     git = root / ".git"
     git.mkdir(parents=True)
     every = {"HEAD": f"{head}\n", "config": CONFIG.format("https://github.com/owner/robot"), **files}
+    if "ref:" not in head:
+        every.setdefault("refs__remotes__origin__main", head)
     for name, text in every.items():
         path = git / name.replace("__", "/")
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -232,10 +234,15 @@ def test_the_branch_of_a_fork_is_a_sign_while_it_is_checked_out(branch: str, tmp
         here = repository(tmp_path / str(number), f"ref: refs/heads/{branch}", config=config)
         assert "is of a repository of 'evil'" in (sign(here) or "")
         (here / ".git/HEAD").write_text("ref: refs/heads/main\n")
+        for ref in ("heads/main", "remotes/origin/main"):
+            (here / ".git/refs" / ref).parent.mkdir(parents=True, exist_ok=True)
+            (here / ".git/refs" / ref).write_text(OTHER)
         assert sign(here) is None
         (here / ".git/HEAD").write_text(f"{OTHER}\n")
         assert sign(here) is None
-    own = repository(tmp_path / "own", f"ref: refs/heads/{branch}", config=ok + section.format("origin"))
+    packed = f"{OTHER} refs/heads/{branch}\n{OTHER} refs/remotes/origin/main\n"
+    config = ok + section.format("origin")
+    own = repository(tmp_path / "own", f"ref: refs/heads/{branch}", config=config, **{"packed-refs": packed})
     assert sign(own) is None
 
 
@@ -404,6 +411,7 @@ def test_what_git_itself_leaves_after_a_fetch_is_a_sign(tmp_path: Path) -> None:
     assert "refs/remotes/pull/7/merge" in (sign(here) or "")
 
 
+@pytest.mark.process
 @example("HEAD", b"\0")
 @example("FETCH_HEAD", b"1\t\thttps://[x/y/z")
 @example("config", b'[branch "x"]\nremote')
@@ -422,6 +430,169 @@ def read_all(folder: Path, name: str, content: bytes) -> None:
     link.mkdir()
     (link / ".git").write_bytes(b"gitdir: " + content)
     sign(link)
+
+
+class Origin:
+    """A repository with a branch, a tag and the pull request of a stranger, and a clone of a job in `here`."""
+
+    def __init__(self, folder: Path) -> None:
+        self.there, self.here = folder / "there", folder / "here"
+        self.there.mkdir()
+        git("init", "-q", "-b", "main", folder=self.there)
+        self.base = commit(self.there, "base")
+        git("checkout", "-q", "-b", "develop", folder=self.there)
+        self.older, self.develop = commit(self.there, "older"), commit(self.there, "develop")
+        git("tag", "-m", "v1", "v1", folder=self.there)
+        git("checkout", "-q", "--detach", self.base, folder=self.there)
+        self.pull = commit(self.there, "pull")
+        git("update-ref", "refs/pull/7/head", self.pull, folder=self.there)
+        git("checkout", "-q", "main", folder=self.there)
+        git("clone", "-q", str(self.there), str(self.here), folder=folder)
+
+    def sign(self, folder: str = ".", **variables: str) -> str | None:
+        event = {"GITHUB_SHA": self.base, "GITHUB_WORKSPACE": str(self.here), **variables}
+        return sign(self.here / folder, **event)
+
+    def do(self, *commands: str) -> None:
+        for command in commands:
+            words = command.format(there=self.there, pull=self.pull, older=self.older, base=self.base).split()
+            identity = ("-c", "user.name=a", "-c", "user.email=a@b", "-c", "protocol.file.allow=always")
+            folder = self.here / words.pop(0) if words[0] in ("pr", "sub") else self.here
+            git(*identity, *words, folder=folder)
+
+
+def commit(folder: Path, name: str) -> str:
+    (folder / name).write_text(name)
+    git("add", ".", folder=folder)
+    git("-c", "user.name=a", "-c", "user.email=a@b", "commit", "-q", "-m", name, folder=folder)
+    return git("rev-parse", "HEAD", folder=folder)
+
+
+FETCH, LATER = "fetch -q origin refs/pull/7/head", "fetch -q origin main"
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("commands", "folder"),
+    [
+        ([FETCH, "checkout -q FETCH_HEAD"], "."),
+        ([FETCH, "checkout -q FETCH_HEAD", LATER], "."),
+        ([FETCH, "checkout -q {pull}", LATER], "."),
+        ([FETCH, "checkout -q -b mine FETCH_HEAD", LATER], "."),
+        ([FETCH, "reset -q --hard FETCH_HEAD", LATER], "."),
+        ([FETCH, "merge -q FETCH_HEAD", LATER], "."),
+        ([FETCH, "commit -q --allow-empty -m x", "merge -q --no-ff -m y FETCH_HEAD", LATER], "."),
+        ([FETCH, "commit -q --allow-empty -m x", "merge -q --no-ff --no-commit FETCH_HEAD", LATER], "."),
+        ([FETCH, "commit -q --allow-empty -m x", "merge -q --squash FETCH_HEAD", LATER], "."),
+        ([FETCH, "checkout -q FETCH_HEAD", "commit -q --allow-empty -m x", LATER], "."),
+        ([FETCH, "commit -q --allow-empty -m x", "cherry-pick {pull}", LATER], "."),
+        ([FETCH, "checkout -q FETCH_HEAD", "rebase -q origin/develop", LATER], "."),
+        ([FETCH, "worktree add -q --detach pr FETCH_HEAD"], "pr"),
+        ([FETCH, "worktree add -q --detach pr FETCH_HEAD"], "."),
+        ([FETCH, "worktree add -q --detach pr FETCH_HEAD", LATER], "pr"),
+        ([FETCH, "worktree add -q -b mine pr FETCH_HEAD", LATER], "pr"),
+        ([FETCH, "worktree add -q --detach pr FETCH_HEAD", LATER, "pr commit -q --allow-empty -m x"], "pr"),
+        (["worktree add -q --detach pr", "pr " + FETCH, "checkout -q {pull}"], "."),
+        (["fetch -q origin refs/pull/7/head:refs/heads/mine", "checkout -q mine", LATER], "."),
+        (["fetch -q origin refs/pull/7/head:refs/remotes/origin/mine", "checkout -q origin/mine", LATER], "."),
+        (["fetch -q origin pull/7/head:refs/remotes/origin/mine", "checkout -q origin/mine", LATER], "."),
+        (["fetch -q origin {pull}:refs/remotes/origin/mine", "checkout -q origin/mine", LATER], "."),
+        (["fetch -q origin refs/pull/7/head:refs/tags/mine", "checkout -q mine", LATER], "."),
+        (
+            [
+                "config --add remote.origin.fetch +refs/pull/*/head:refs/remotes/origin/pr/*",
+                *("fetch -q", "checkout -q origin/pr/7", "pack-refs --all", LATER),
+            ],
+            ".",
+        ),
+        (["remote add other {there}", "fetch -q other refs/pull/7/head", "checkout -q FETCH_HEAD", LATER], "."),
+        (["fetch -q {there} refs/pull/7/head", "worktree add -q --detach pr FETCH_HEAD", LATER], "pr"),
+        (["clone -q {there} pr", "pr " + FETCH, "pr checkout -q {pull}", "pr " + LATER], "pr"),
+        (["clone -q {there} pr", "pr " + FETCH, "pr checkout -q {pull}", "pr " + LATER], "."),
+        (["init -q pr", "pr fetch -q {there} refs/pull/7/head", "pr checkout -q FETCH_HEAD"], "pr"),
+        (["init -q pr"], "pr"),
+    ],
+)
+def test_a_pull_request_is_refused_however_it_came(commands: list[str], folder: str, tmp_path: Path) -> None:
+    origin = Origin(tmp_path)
+    origin.do(*commands)
+    assert "of a pull request" in (origin.sign(folder) or "")
+    assert "of a pull request" in (origin.sign(folder, GITHUB_EVENT_NAME="workflow_dispatch", GITHUB_SHA="") or "")
+
+
+@pytest.mark.process
+def test_a_pull_request_from_another_remote_is_refused(tmp_path: Path) -> None:
+    """The address of the remote has another owner; so the names of its branches and tags say nothing."""
+    origin = Origin(tmp_path)
+    origin.do("remote add fork {there}", "fetch -q fork +refs/pull/7/head:refs/remotes/fork/main", "checkout -q {pull}")
+    origin.do("update-ref refs/tags/mine {pull}", "remote set-url fork https://github.com/stranger/robot")
+    (origin.here / ".git/FETCH_HEAD").unlink()
+    (origin.here / ".git/logs/refs/remotes/fork/main").unlink()
+    assert "may be of a pull request" in (origin.sign() or "")
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("commands", "folder"),
+    [
+        ([], "."),
+        ([FETCH], "."),
+        (["checkout -q develop"], "."),
+        (["checkout -q origin/develop", FETCH, LATER], "."),
+        (["checkout -q v1"], "."),
+        (["checkout -q {older}"], "."),
+        (["fetch -q origin develop", "checkout -q FETCH_HEAD"], "."),
+        (
+            ["tag -d v1", "branch -rd origin/develop", "fetch -q origin refs/tags/v1:refs/tags/v1", "checkout -q v1"],
+            ".",
+        ),
+        (["commit -q --allow-empty -m x", "commit -q --amend -m y --allow-empty"], "."),
+        (["checkout -q develop", "commit -q --allow-empty -m x", "revert --no-edit {older}"], "."),
+        (["commit -q --allow-empty -m x", "merge -q --no-ff -m y origin/develop"], "."),
+        (["checkout -q -b release", "commit -q --allow-empty -m x", "pack-refs --all"], "."),
+        (["worktree add -q --detach pr origin/develop"], "pr"),
+        (["worktree add -q --detach pr", "pr commit -q --allow-empty -m x"], "pr"),
+        (["submodule add -q {there} sub"], "sub"),
+        (["clone -q {there} pr", "pr checkout -q {older}"], "pr"),
+    ],
+)
+def test_commits_of_the_repository_and_of_the_job_are_known(commands: list[str], folder: str, tmp_path: Path) -> None:
+    origin = Origin(tmp_path)
+    origin.do(*commands)
+    assert origin.sign(folder) is None
+
+
+@pytest.mark.process
+def test_a_shallow_checkout_knows_the_commit_of_the_event(tmp_path: Path) -> None:
+    origin = Origin(tmp_path)
+    git("clone", "-q", "--depth=1", f"file://{origin.there}", str(tmp_path / "shallow"), folder=tmp_path)
+    origin.here = tmp_path / "shallow"
+    origin.do("commit -q --allow-empty -m x")
+    assert origin.sign() is None
+    assert origin.sign(GITHUB_SHA=OTHER) is None
+    origin.do("fetch -q --depth=1 origin refs/pull/7/head", "checkout -q {pull}", LATER)
+    assert "of a pull request" in (origin.sign() or "")
+
+
+def test_without_git_only_refs_are_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    here = repository(tmp_path, OTHER)
+    assert sign(here) is None
+    (here / ".git/refs/remotes/origin/main").write_text(OWN)
+    assert "may be of a pull request: 2222222" in (sign(here) or "")
+
+
+def test_a_dependency_may_be_at_any_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workflows pin it. A second checkout of the repository itself is none, whatever its address looks like."""
+    monkeypatch.setenv("PATH", "")
+    repository(tmp_path)
+    config = "https://github.com/owner/messages"
+    below = repository(tmp_path / "below", OTHER, config=CONFIG.format(config), refs__remotes__origin__main=OWN)
+    assert sign(tmp_path, GITHUB_WORKSPACE=str(tmp_path)) is None
+    assert sign(below, GITHUB_WORKSPACE=str(tmp_path)) is not None
+    for address in ("https://github.com/Owner/Robot.git", "git@github.com:owner/robot", "/srv/robot", ""):
+        (below / ".git/config").write_text(CONFIG.format(address))
+        assert "may be of a pull request" in (sign(tmp_path, GITHUB_WORKSPACE=str(tmp_path)) or ""), address
 
 
 def git(*words: str, folder: Path) -> str:
