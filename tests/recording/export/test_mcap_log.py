@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from mcap.reader import make_reader
+from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
@@ -283,3 +284,25 @@ def test_links_of_joints_in_series_with_anchors_have_one_frame_each() -> None:
     base = Pose((TIME[7], 0.25, 0.0), geometry.quaternion_from_rpy(0.0, 0.0, 2 * TIME[7]))
     for name in ("hand", "tool"):
         assert_near(placed(arm, 7, name), geometry.compose(base, poses[name]))
+
+
+def test_channels_follow_the_profile_ros2_of_mcap(tmp_path: Path) -> None:
+    """The profile demands CDR, `ros2msg` or `ros2idl`, and `offered_qos_profiles`, which rosbag2 reads in numbers."""
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as file:
+        McapLog.write(sensing_run(), file)
+    with path.open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        assert reader.get_header().profile == "ros2"
+    assert summary is not None
+    for channel in summary.channels.values():
+        assert channel.message_encoding == "cdr"
+        assert summary.schemas[channel.schema_id].encoding == "ros2msg"
+        assert "offered_qos_profiles" in channel.metadata
+    with Reader(path) as log:
+        offered = {connection.topic: connection.ext.offered_qos_profiles for connection in log.connections}  # type: ignore[union-attr]
+    latched = {topic for topic, profiles in offered.items() if profiles[0].durability == QosDurability.TRANSIENT_LOCAL}
+    assert latched == {"/tf_static", "/robot_description", "/world"}
+    assert {profiles[0].reliability for profiles in offered.values()} == {QosReliability.RELIABLE}
+    assert {len(profiles) for profiles in offered.values()} == {1}

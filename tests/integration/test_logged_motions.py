@@ -1,0 +1,166 @@
+"""A motion is the same in every form of a log, and a recording that is replayed is the same motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.typesys.store import Typestore
+
+from sim_action.recording.export.csv_tum import CsvTable
+from sim_action.recording.export.mcap_log import McapLog
+from sim_action.recording.export.recorded_run import RecordedRun
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.recorder import RunRecorder
+from sim_action.state.trace import Trace
+from tests.commands.logs import bags
+from tests.commands.logs.bags import joint_state, joints, ros2_bag
+from tests.integration.engines import on_every_engine
+from tests.simulated import simulated
+
+pytestmark = pytest.mark.pybullet
+
+WHEELS: Final = ("wheel_left_joint", "wheel_right_joint")
+DURATION_S: Final = 4.0
+TURNS: Final = ((24.0, 24.0), (12.0, 20.0), (-9.0, 15.0))
+"""The angles in rad by which the wheels turn, from rest to rest."""
+
+
+def state(turned: tuple[float, float], time: float) -> tuple[list[float], list[float]]:
+    """Return positions and velocities of a motion with the least jerk."""
+    s = min(max(time / DURATION_S, 0.0), 1.0)
+    share, speed = s**3 * (10 + s * (6 * s - 15)), 30 * s**2 * (1 - s) ** 2 / DURATION_S
+    return [share * turn for turn in turned], [speed * turn for turn in turned]
+
+
+def run(folder: Path, engine: str, *commands: dict[str, Any], **keys: Any) -> SimulationRun:
+    scenario = {
+        "name": "it",
+        "robot": {"model": "turtlebot3_burger"},
+        "commands": list(commands),
+        "expect": [{"upright": {"max_tilt": "20 deg"}}],
+        "backend": engine,
+        "time_limit": 5,
+        **keys,
+    }
+    return simulated(folder, scenario)
+
+
+def as_joints(folder: Path, turned: tuple[float, float]) -> dict[str, Any]:
+    position = dict(zip(WHEELS, turned, strict=True))
+    return {"joints": [{"at": DURATION_S, "position": position}], "interpolation": "minimum_jerk"}
+
+
+def as_csv(rate: int, digits: int) -> Callable[[Path, tuple[float, float]], dict[str, Any]]:
+    def written(folder: Path, turned: tuple[float, float]) -> dict[str, Any]:
+        rows = [[n / rate, *state(turned, n / rate)[0]] for n in range(round(DURATION_S * rate) + 1)]
+        lines = [",".join(f"{number:.{digits}f}" for number in row) for row in rows]
+        header = ",".join(("time", *(f"position.{wheel}" for wheel in WHEELS)))
+        (folder / "log.csv").write_text("\n".join([header, *lines, ""]))
+        return {"replay": "log.csv"}
+
+    return written
+
+
+def as_joint_states(rate: int) -> Callable[[Path, tuple[float, float]], dict[str, Any]]:
+    def written(folder: Path, turned: tuple[float, float]) -> dict[str, Any]:
+        def message(store: Typestore, time: float) -> Any:
+            return joint_state(store, list(WHEELS), *state(turned, time))
+
+        times = [n / rate for n in range(round(DURATION_S * rate) + 1)]
+        entries = joints(*((time, lambda store, at=time: message(store, at)) for time in times))
+        ros2_bag(folder / "log", entries, StoragePlugin.MCAP)
+        return {"replay": "log", "topic": "/joint_states"}
+
+    return written
+
+
+def as_trajectory(folder: Path, turned: tuple[float, float]) -> dict[str, Any]:
+    type_name = "trajectory_msgs/msg/JointTrajectory"
+
+    def message(store: Typestore) -> Any:
+        point, duration = (
+            store.types[name]
+            for name in ("trajectory_msgs/msg/JointTrajectoryPoint", "builtin_interfaces/msg/Duration")
+        )
+        none = np.array([])
+        times = [n / 4 for n in range(1, round(DURATION_S * 4) + 1)]
+        numbers = [(*map(np.array, state(turned, time)), none, none) for time in times]
+        points = [
+            point(*group, duration(int(time), round(time % 1 * 1e9)))
+            for group, time in zip(numbers, times, strict=True)
+        ]
+        return store.types[type_name](bags.header(store), list(WHEELS), points)
+
+    ros2_bag(folder / "log", [(0.0, "/trajectory", type_name, message)])
+    return {"replay": "log", "topic": "/trajectory"}
+
+
+FORMS: Final[dict[str, Callable[[Path, tuple[float, float]], dict[str, Any]]]] = {
+    **{
+        f"csv {rate} Hz {digits}": as_csv(rate, digits)
+        for rate, digits in ((10, 9), (24, 4), (30, 3), (60, 6), (240, 5))
+    },
+    "joint states 15 Hz": as_joint_states(15),
+    "joint states 100 Hz": as_joint_states(100),
+    "trajectory": as_trajectory,
+}
+
+
+def end(trace: Trace) -> tuple[float, float, float]:
+    """Return x and y in m, and the yaw in rad, at the end of a run."""
+    x, y, _ = trace.base_position_xyz[-1]
+    *_, qz, qw = trace.base_orientation_xyzw[-1]
+    return float(x), float(y), 2 * math.atan2(qz, qw)
+
+
+@on_every_engine
+@pytest.mark.parametrize("turned", TURNS)
+def test_a_motion_ends_at_the_same_place_in_every_form(
+    engine: str, turned: tuple[float, float], tmp_path: Path
+) -> None:
+    x, y, yaw = end(run(tmp_path, engine, as_joints(tmp_path, turned)).trace)
+    for name, form in FORMS.items():
+        folder = tmp_path / name
+        folder.mkdir()
+        there = end(run(folder, engine, form(folder, turned)).trace)
+        assert math.dist(there[:2], (x, y)) < 2e-3, name
+        assert abs(math.remainder(there[2] - yaw, 2 * math.pi)) < math.radians(0.5), name
+
+
+@on_every_engine
+def test_pulses_turn_by_the_same_angle_at_every_number_of_digits_and_with_jitter(engine: str, tmp_path: Path) -> None:
+    jitter = np.random.default_rng(1).uniform(-1e-3, 1e-3, 90)
+    yaws = []
+    for digits, noise, keys in ((10, 0.0, {}), (6, 0.0, {"rate": "30 Hz"}), (3, 0.0, {}), (6, 1.0, {"rate": "30 Hz"})):
+        times = [abs(n / 30 + noise * jitter[n]) for n in range(90)]
+        rows = "".join(f"{time:.{digits}f},0,{float(n % 3 == 1)}\n" for n, time in enumerate(times))
+        (tmp_path / "log.csv").write_text(f"time,linear,angular\n{rows}")
+        yaws.append(end(run(tmp_path, engine, {"replay": "log.csv", **keys}).trace)[2])
+    assert yaws == pytest.approx([yaws[0]] * len(yaws), abs=math.radians(0.5))
+    assert yaws[0] > math.radians(10)
+
+
+@on_every_engine
+def test_a_recording_that_is_replayed_is_the_same_motion(engine: str, tmp_path: Path) -> None:
+    twists = [{"linear": 0.2, "for": "3 s"}, {"linear": 0.15, "angular": 0.6, "for": "3 s"}, {"angular": -0.4}]
+    keys = {"time_limit": 10, "trace": {"rate": 30}}
+    first = run(tmp_path, engine, {"twist": twists}, **keys)
+    loaded = load_scenario(tmp_path / "s.sim.yml")
+    recorder = RunRecorder(loaded.scenario, recorded=True)
+    scene = build_scene(loaded)
+    simulate(loaded.scenario, scene, lambda _: None, recorder)
+    for name, export in (("log.mcap", McapLog), ("log.csv", CsvTable)):
+        with (tmp_path / name).open("wb") as file:
+            export.write(RecordedRun(scene, first.trace, twists=recorder.twists()), file)
+    logged = ({"topic": "/cmd_vel"}, {"topic": "/joint_states"}, {"replay": "log.csv"})
+    for source in ({"replay": "log.mcap", **keys_of_log} for keys_of_log in logged):
+        again = run(tmp_path, engine, source, **keys).trace
+        differences = again.base_position_xyz - first.trace.base_position_xyz
+        assert np.linalg.norm(differences, axis=1).max() < 1e-3, source
