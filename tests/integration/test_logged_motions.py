@@ -9,7 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 import pytest
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from sim_action.recording.export.csv_tum import CsvTable
@@ -23,11 +24,14 @@ from tests.commands.logs import bags
 from tests.commands.logs.bags import joint_state, joints, ros2_bag
 from tests.integration.engines import on_every_engine
 from tests.simulated import simulated
+from tools.bench.robots import ROBOTS
 
 pytestmark = pytest.mark.pybullet
 
 WHEELS: Final = ("wheel_left_joint", "wheel_right_joint")
 DURATION_S: Final = 4.0
+WHEELBASE_M: Final = 0.325
+"""The distance of the axles of the racecar."""
 TURNS: Final = ((24.0, 24.0), (12.0, 20.0), (-9.0, 15.0))
 """The angles in rad by which the wheels turn, from rest to rest."""
 
@@ -164,3 +168,37 @@ def test_a_recording_that_is_replayed_is_the_same_motion(engine: str, tmp_path: 
         again = run(tmp_path, engine, source, **keys).trace
         differences = again.base_position_xyz - first.trace.base_position_xyz
         assert np.linalg.norm(differences, axis=1).max() < 1e-3, source
+
+
+@on_every_engine
+def test_a_car_turns_with_the_steering_angle_of_its_log(engine: str, tmp_path: Path) -> None:
+    """The oracle is the bicycle: the yaw rate is the speed times the tangent of the angle, by the wheelbase."""
+    type_name = "ackermann_msgs/msg/AckermannDriveStamped"
+    car = "\n".join(
+        f"float32 {name}" for name in ("steering_angle", "steering_angle_velocity", "speed", "acceleration", "jerk")
+    )
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    head = f"std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n{'=' * 80}"
+    text = f"{head}\nMSG: ackermann_msgs/AckermannDrive\n{car}"
+    store.register(get_types_from_msg(text, type_name))
+    drive = store.types["ackermann_msgs/msg/AckermannDrive"](0.2, 0.0, 0.5, 0.0, 0.0)
+    message = store.types[type_name](bags.header(store), drive)
+    with Writer(tmp_path / "log", version=9) as writer:
+        connection = writer.add_connection("/drive", type_name, typestore=store)
+        for n in range(80):
+            writer.write(connection, bags.START + n * 50_000_000, store.serialize_cdr(message, type_name))
+    known = next(known for known in ROBOTS if known.name == "racecar")
+    robot = {"model": known.path, **known.keys}
+    scenario = {
+        "name": "car",
+        "robot": robot,
+        "commands": [{"replay": "log", "topic": "/drive"}],
+        "expect": [{"travel": {"at_least": "10 m"}}],
+        "backend": engine,
+        "time_limit": 4,
+        "trace": {"rate": 60},
+    }
+    trace = simulated(tmp_path, scenario, outside=True).trace
+    turned = np.unwrap([2 * math.atan2(qz, qw) for *_, qz, qw in trace.base_orientation_xyzw])
+    expected = 0.5 * math.tan(0.2) / WHEELBASE_M
+    assert (turned[-1] - turned[120]) / (trace.time[-1] - trace.time[120]) == pytest.approx(expected, rel=0.05)

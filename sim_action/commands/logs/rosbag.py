@@ -198,7 +198,8 @@ def _finished(file: Path, journals: Sequence[Path], folder: Path) -> Path:
     return folder / file.name
 
 
-_MAGIC: Final = b"\x89MCAP0\r\n"
+# The magic bytes of MCAP, and the kind of its first record.
+_HEAD: Final = b"\x89MCAP0\r\n\x01"
 _ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
 _RECORD_HEAD: Final = struct.Struct("<BQ")
 # Times of the first and the last message, size and checksum of the records, length of the compression's name.
@@ -260,8 +261,9 @@ class ScannedMcap:
     def _records(self) -> Iterator[tuple[int, bytes]]:
         """Yield kind and data of the records of the data section, also of those in chunks."""
         with open_regular(self._path, follow_link=True) as file:
-            if file.read(len(_MAGIC)) != _MAGIC:
-                raise RecordingError("the file is not MCAP")
+            if file.read(len(_HEAD)) != _HEAD:
+                raise RecordingError("the log cannot be read: it does not begin as MCAP does")
+            file.seek(len(_HEAD) - 1)
             while True:
                 head = file.read(_RECORD_HEAD.size)
                 kind, size = _RECORD_HEAD.unpack(head) if len(head) == _RECORD_HEAD.size else (_CHUNK, 1)
