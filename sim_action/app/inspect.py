@@ -330,7 +330,7 @@ def _inspection(robot: Robot, model: RobotModel, start: Mapping[str, float], nee
         joints=tuple(_joint_entry(joint, start) for joint in model.joints),
         lower_xyz=box[0] if box else None,
         upper_xyz=box[1] if box else None,
-        height=_height(model, box[0]) if box else None,
+        height=(0.0 if model.root == WORLD else -box[0][2]) if box else None,
         wheels=wheels,
         drive=_described(drive, model) if drive else None,
         drive_source=drive.source(model) if drive else None,
@@ -365,10 +365,6 @@ def _remarks(model: RobotModel, robot: Robot, wheels: tuple[WheelEntry, ...], dr
         yield f"drive: {drive_text(likely)}"
     elif drive is None and not mecanum_names(model) and (placed := DiffDrive.by_place(model)) is not None:
         yield f"drive: {drive_text(placed)}  # by place; if the names are right, swap the sides and give 'heading'"
-
-
-def _height(model: RobotModel, lowest_corner: Vector3) -> float:
-    return 0.0 if model.root == WORLD else -lowest_corner[2]
 
 
 def _base(model: RobotModel) -> str | None:

@@ -93,11 +93,7 @@ class RunFolder:
     @property
     def _options(self) -> ReportOptions:
         return ReportOptions(
-            folder=self.path,
-            junit=self.path / JUNIT_FILE,
-            junit_strict=False,
-            environment={},
-            workspace=Path(),
+            folder=self.path, junit=self.path / JUNIT_FILE, junit_strict=False, environment={}, workspace=Path()
         )
 
 

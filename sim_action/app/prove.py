@@ -344,9 +344,7 @@ def _survived(each: JudgedMutant) -> bool:
 
 
 def _with_candidates(
-    offers: Sequence[Candidates | None],
-    results: Sequence[Sequence[JudgedMutant]],
-    survived: Sequence[Sequence[bool]],
+    offers: Sequence[Candidates | None], results: Sequence[Sequence[JudgedMutant]], survived: Sequence[Sequence[bool]]
 ) -> Iterator[LoadedScenario]:
     """Yield each scenario with its candidates, followed by its survivors with the same ones."""
     for offer, several, alive in zip(offers, results, survived, strict=True):

@@ -18,12 +18,7 @@ from sim_action.assertions.monitors.goals import joined
 from sim_action.assertions.monitors.proximity import NO_FORCE, least_so_far, nearest_of, touching_at, with_zeros
 from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import units
-from sim_action.core.field_types import (
-    FrozenModel,
-    PositiveNewtons,
-    PositiveNewtonSeconds,
-    PositiveSeconds,
-)
+from sim_action.core.field_types import FrozenModel, PositiveNewtons, PositiveNewtonSeconds, PositiveSeconds
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import STEP_EPSILON
@@ -100,8 +95,7 @@ class Touch(Assertion):
         ImpulseLimits | None, Field(description="`at_least`, `at_most` or both: limits of the impulse in N s")
     ] = None
     window: Annotated[
-        PositiveSeconds,
-        Field(le=10, description="time over which the force is averaged; at least one physics step"),
+        PositiveSeconds, Field(le=10, description="time over which the force is averaged; at least one physics step")
     ] = FORCE_WINDOW_S
     span: Annotated[
         PositiveSeconds | None, Field(alias="for", description="required duration; default: one physics step")
@@ -279,7 +273,7 @@ class TouchMonitor(Monitor):
 
     def begin(self, trace: Trace) -> Self:
         """See Monitor.begin. The mean force looks back to before the window of the expectation."""
-        return replace(self, mean=self._forces(trace)[0])
+        return replace(self, mean=self.mean.observe(trace, filter(self.spec.is_meant, trace.contacts))[0])
 
     @override
     def observe(self, trace: Trace) -> Self:
@@ -303,9 +297,6 @@ class TouchMonitor(Monitor):
         for contact in trace.contacts:
             (meant if self.spec.is_meant(contact) else others).append(contact)
         return meant, others
-
-    def _forces(self, trace: Trace) -> tuple[MeanForce, Forces]:
-        return self.mean.observe(trace, filter(self.spec.is_meant, trace.contacts))
 
     def _instead_of(self, others: list[Contact]) -> Contact | None:
         known = others if self.instead is None else [self.instead, *others]

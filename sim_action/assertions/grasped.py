@@ -13,11 +13,7 @@ from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
 from sim_action.assertions.monitors.goals import Goal
 from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import geometry, units
-from sim_action.core.field_types import (
-    PositiveMetresPerSecond,
-    PositiveNewtons,
-    PositiveSeconds,
-)
+from sim_action.core.field_types import PositiveMetresPerSecond, PositiveNewtons, PositiveSeconds
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S

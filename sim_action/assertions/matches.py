@@ -102,8 +102,7 @@ class Matches(Assertion):
     ] = None
     yaw: Annotated[PositiveRadians | None, Field(ge=_MIN_YAW_TOLERANCE, description="tolerance of its heading")] = None
     joints: Annotated[
-        dict[str, JointPosition],
-        Field(description="joint name, or pattern such as '*_wheel_joint', to its tolerance"),
+        dict[str, JointPosition], Field(description="joint name, or pattern such as '*_wheel_joint', to its tolerance")
     ] = Field(default_factory=dict)
     duration: Annotated[
         NonNegativeSeconds, Field(description="allowed difference between the lengths of both runs")

@@ -8,11 +8,7 @@ from pydantic import Field, model_validator
 from typing_extensions import override
 
 from sim_action.assertions import Assertion, Reference
-from sim_action.assertions.monitors import (
-    Monitor,
-    State,
-    Truth,
-)
+from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor, bounds_title, check_order
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.assertions.reach import Reach

@@ -161,11 +161,7 @@ def _results(parts: Sequence[Results], outcomes: Iterable[Outcome], gates: Itera
 def _nothing() -> Results:
     """Return results without outcomes, for a merge that found no file."""
     return Results(
-        sim_action=__version__,
-        python=platform.python_version(),
-        platform=platform_name(),
-        wall_time=0.0,
-        outcomes=(),
+        sim_action=__version__, python=platform.python_version(), platform=platform_name(), wall_time=0.0, outcomes=()
     )
 
 

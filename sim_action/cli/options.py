@@ -293,10 +293,7 @@ def switches(report: str, annotations: str) -> Callable[[Command], Command]:
     """Return a decorator that adds the options to switch reports off; its arguments say what two of them do."""
     options = (
         click.option(
-            "--report/--no-report",
-            envvar="SIM_ACTION_REPORT",
-            default=True,
-            help=f"{report}  [default: yes]",
+            "--report/--no-report", envvar="SIM_ACTION_REPORT", default=True, help=f"{report}  [default: yes]"
         ),
         click.option(
             "--summary/--no-summary",

@@ -28,13 +28,7 @@ _BACKEND: Final = click.option(
     help=f"Physics engine.  [default: {' if it is installed, else '.join(ENGINES)}]",
 )
 _SEED: Final = click.option(
-    "--seed",
-    envvar="SIM_ACTION_SEED",
-    type=SEED,
-    default=0,
-    show_default=True,
-    metavar="N",
-    help="Random seed.",
+    "--seed", envvar="SIM_ACTION_SEED", type=SEED, default=0, show_default=True, metavar="N", help="Random seed."
 )
 _ALLOW_LOSSES: Final = click.option(
     "--allow-losses/--no-allow-losses",

@@ -235,14 +235,7 @@ def run(
         if list_only:
             return _listed(plan)
         request = RunRequest(
-            plan,
-            report_request(flags),
-            jobs or usable_cores(),
-            fail_fast,
-            recordings,
-            repeat,
-            resume,
-            cluster=cluster,
+            plan, report_request(flags), jobs or usable_cores(), fail_fast, recordings, repeat, resume, cluster=cluster
         )
         served = live_port(live=live, port=port, watch=watch)
         if not watch:

@@ -239,8 +239,7 @@ JointPosition = Annotated[float | str, Written((units.ANGLE, units.LENGTH))]
 JointVelocity = Annotated[float | str, Written((units.ANGULAR_SPEED, units.SPEED))]
 JointEffort = Annotated[float | str, Written((units.TORQUE, units.FORCE))]
 JointQuantity = Annotated[
-    float | str,
-    Written((units.ANGLE, units.LENGTH, units.ANGULAR_SPEED, units.SPEED, units.TORQUE, units.FORCE)),
+    float | str, Written((units.ANGLE, units.LENGTH, units.ANGULAR_SPEED, units.SPEED, units.TORQUE, units.FORCE))
 ]
 SensorQuantity = Annotated[
     float | str, Written((units.LENGTH, units.FORCE, units.ACCELERATION, units.ANGULAR_SPEED, units.SPEED))

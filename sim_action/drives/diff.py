@@ -32,16 +32,7 @@ from sim_action.drives.wheel_settings import (
     remarked,
     torque_text,
 )
-from sim_action.drives.wheels import (
-    Rolling,
-    Wheel,
-    along,
-    axle_problems,
-    heading_of,
-    rolling,
-    turned_forward,
-    wheel,
-)
+from sim_action.drives.wheels import Rolling, Wheel, along, axle_problems, heading_of, rolling, turned_forward, wheel
 from sim_action.robot.model.kinematics import Mobility, SameModel
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import JointTargets
@@ -69,8 +60,7 @@ class TwoSidedDrive(Drive):
     right: Annotated[JointNames, Field(description="joints of the wheels on the right")]
     radius: WheelRadius = None
     separation: Annotated[
-        PositiveMetres | None,
-        Field(description="distance between left and right wheels; default: read from the model"),
+        PositiveMetres | None, Field(description="distance between left and right wheels; default: read from the model")
     ] = None
     acceleration: Annotated[
         PositiveMetresPerSecondSquared, Field(description="limit of the acceleration at the rim of a wheel")
@@ -190,11 +180,8 @@ class TwoSidedDrive(Drive):
         if self.radius and radii and abs(self.radius / max(radii) - 1) > _MAX_STATED_DEVIATION:
             yield f"the plugin's wheel radius differs from that of the wheels in the model, {max(radii):.4g} m"
         between = self.model_copy(update={"separation": None}).separation_in(model)
-        if self.separation and between and self._is_far(self.separation / between):
+        if self.separation and between and abs(self.separation / between - 1) > _MAX_STATED_DEVIATION:
             yield f"the plugin's separation differs from that of the wheels in the model, {between:.4g} m"
-
-    def _is_far(self, ratio: float) -> bool:
-        return abs(ratio - 1) > _MAX_STATED_DEVIATION
 
     def forward(self, model: RobotModel) -> float:
         """Return the direction of forward, in rad from the base's x axis to the left."""

@@ -18,13 +18,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.drives.diff import TwoSidedDrive
 from sim_action.drives.plugins import SKID_PLUGINS, Kind, NoDrive, StatedSides
 from sim_action.drives.undercarriage import named, refuse_other_than_fixed, undercarriage
-from sim_action.drives.wheels import (
-    MAX_AXLE_DEVIATION,
-    Wheel,
-    centre_of_mass,
-    rolling,
-    wheel,
-)
+from sim_action.drives.wheels import MAX_AXLE_DEVIATION, Wheel, centre_of_mass, rolling, wheel
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.world.scene import Scene
 

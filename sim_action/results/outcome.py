@@ -9,14 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, Self, get_args
 
 from pydantic import Field
 
-from sim_action.core.errors import (
-    ExitCode,
-    InternalError,
-    InvalidScenario,
-    Location,
-    MissingScenario,
-    Problem,
-)
+from sim_action.core.errors import ExitCode, InternalError, InvalidScenario, Location, MissingScenario, Problem
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.provenance import Provenance
 from sim_action.core.wording import escaped_line

@@ -147,7 +147,7 @@ def compare_gate(old: Outcome | None, new: Outcome, runs: Sequence[RunPair], mar
         margin: warn if the new mean margin is less than this fraction of the old one.
     """
     judged = [(before, now) for before, now in runs if before and now and _is_judged(before) and _is_judged(now)]
-    pairs = [(before, now) for before, now in judged if _has_same_draws(before, now)]
+    pairs = [(before, now) for before, now in judged if (before.variation, before.seed) == (now.variation, now.seed)]
     lacking = [any(before is None for before, _ in runs), any(now is None for _, now in runs)]
     planned = {gate.statistics.planned if gate and gate.statistics else None for gate in (old, new)}
     # If both planned the same number of runs, those that only one of them has were lost.
@@ -213,10 +213,6 @@ def _scale(old: ExpectationOutcome, new: ExpectationOutcome) -> float:
 
 def _is_judged(outcome: Outcome) -> bool:
     return outcome.status in ("passed", "failed")
-
-
-def _has_same_draws(old: Outcome, new: Outcome) -> bool:
-    return (old.variation, old.seed) == (new.variation, new.seed)
 
 
 def _rate_change(pairs: Sequence[tuple[Outcome, Outcome]]) -> RateChange:

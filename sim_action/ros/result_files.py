@@ -7,7 +7,6 @@ xmlrunner.py). The files may be cut short or hold characters that XML forbids.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
@@ -80,14 +79,10 @@ def _allowed(reference: re.Match[str]) -> str:
 
 def _case(element: ET.Element) -> Case:
     name = element.get("name", "")
-    for problem in _problems(element):
+    for problem in (child for child in element if child.tag in ("error", "failure", "skipped")):
         return Case(name, problem.tag, problem.get("type", ""), problem.text or problem.get("message") or "")
     # googletest writes this for a test whose name begins with DISABLED_.
     return Case(name, "skipped", "", "it is disabled") if element.get("status") == "notrun" else Case(name)
-
-
-def _problems(element: ET.Element) -> Iterator[ET.Element]:
-    return (child for child in element if child.tag in ("error", "failure", "skipped"))
 
 
 def _plain(text: str) -> str:

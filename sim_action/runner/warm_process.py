@@ -109,11 +109,7 @@ class WarmProcess:
         self._modules: Sequence[str] = ()
 
     def call(
-        self,
-        function: Function,
-        arguments: Sequence[Any],
-        listen: Emit,
-        prepare: Callable[..., object] | None = None,
+        self, function: Function, arguments: Sequence[Any], listen: Emit, prepare: Callable[..., object] | None = None
     ) -> Any:
         """Run a function of a module in a fork, and return what it returns, or raise what it raises.
 

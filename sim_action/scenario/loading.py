@@ -84,9 +84,7 @@ def checked(
 
 
 def load_all(
-    sources: Iterable[Source | Refused],
-    permissions: Permissions,
-    libraries: Libraries | None = None,
+    sources: Iterable[Source | Refused], permissions: Permissions, libraries: Libraries | None = None
 ) -> list[LoadedScenario | Refused]:
     """Load all scenarios; each becomes a LoadedScenario, or a Refused with its problems.
 
@@ -174,12 +172,7 @@ def _scene(
         parts=parts,
         sensors=tuple(
             Fitting(
-                mounted.name,
-                mounted.sensor.key,
-                mounted.link or model.root,
-                mounted.rate,
-                mounted.pose,
-                mounted.sensor,
+                mounted.name, mounted.sensor.key, mounted.link or model.root, mounted.rate, mounted.pose, mounted.sensor
             )
             for mounted in scenario.sensors
         ),

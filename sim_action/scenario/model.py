@@ -249,8 +249,7 @@ class Scenario(FrozenModel):
         PositiveBytes | None, Field(description="largest amount of printed text; default: 100 MB")
     ] = None
     backend: Annotated[
-        AutoOrEngine,
-        Field(description=f"physics engine; auto: {' if installed, else '.join(ENGINES)}"),
+        AutoOrEngine, Field(description=f"physics engine; auto: {' if installed, else '.join(ENGINES)}")
     ] = "auto"
     variations: Annotated[
         dict[str, tuple[JsonValue, ...] | Uniform | Normal | LogUniform | Integers | Choice | Sobol | CsvColumn] | None,

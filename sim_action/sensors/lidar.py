@@ -59,8 +59,7 @@ class Lidar(Sensor):
     min_range: Annotated[NonNegativeMetres, Field(description="nearer surfaces are detected, but not measured")] = 0.0
     range: Annotated[PositiveMetres, Field(le=1000, description="farther surfaces are not seen")] = 10.0
     noise: Annotated[
-        NonNegativeMetres,
-        Field(description="standard deviation of the ranges; Gaussian, from the scenario's seed"),
+        NonNegativeMetres, Field(description="standard deviation of the ranges; Gaussian, from the scenario's seed")
     ] = 0.0
 
     @property

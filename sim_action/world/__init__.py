@@ -50,8 +50,7 @@ class World(FrozenModel):
     """The surroundings of the robot."""
 
     file: Annotated[
-        File | None,
-        Field(description="a world file of Gazebo (SDF): its models become bodies; 'objects' adds others"),
+        File | None, Field(description="a world file of Gazebo (SDF): its models become bodies; 'objects' adds others")
     ] = None
     robot: Annotated[
         str | None, Field(min_length=1, description="name of the model in 'file' that is the robot, if one of them is")

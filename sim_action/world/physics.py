@@ -111,8 +111,7 @@ class Disturbance(FrozenModel):
 
     at: Annotated[NonNegativeSeconds, Field(description="sim time at which it starts")]
     duration: Annotated[
-        PositiveSeconds | None,
-        Field(alias="for", description="duration of a force or a torque; a push has none"),
+        PositiveSeconds | None, Field(alias="for", description="duration of a force or a torque; a push has none")
     ] = None
     link: Annotated[Name | None, Field(description="link of the robot; default without 'body': its base link")] = None
     body: Annotated[Name | None, Field(description="body of the world, instead of a link")] = None

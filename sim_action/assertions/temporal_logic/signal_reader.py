@@ -64,7 +64,7 @@ class SignalReader:
 
     def begun(self, trace: Trace) -> Self:
         """Return the reader after steps that are not judged: forces are means, and readings last."""
-        if not self._folds:
+        if not (bool(self.forces) or any(signal.source == "sensor" for signal in self.signals)):
             return self
         forces = {
             signal: mean.observe(trace, _meant(signal, trace.contacts))[0] for signal, mean in self.forces.items()
@@ -82,10 +82,6 @@ class SignalReader:
             return Samples(self.signals, rows)
         known = ~np.isnan(rows).any(axis=1)
         return Samples(self.signals, np.clip(rows if known.all() else rows[known], -_UNREACHED, _UNREACHED))
-
-    @property
-    def _folds(self) -> bool:
-        return bool(self.forces) or any(signal.source == "sensor" for signal in self.signals)
 
     def _last_readings(self, trace: Trace) -> Iterator[tuple[Signal, float]]:
         for signal in self.signals:

@@ -221,11 +221,7 @@ def live_report(results: Results, known: Finished, options: ReportOptions) -> Pa
         element("span", known.scope),
         element("span", "", role="status", id="live-news"),
         element("button", "Update", type="button", hidden=True, id="live-update"),
-        element(
-            "label",
-            element("input", type="checkbox", id="live-follow"),
-            Html(" update by itself"),
-        ),
+        element("label", element("input", type="checkbox", id="live-follow"), Html(" update by itself")),
         class_="live-line",
         data_call=str(known.call),
         data_finished=str(known.finished),

@@ -11,14 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 from xml.etree.ElementTree import Element
 
-from sim_action.robot.documents.urdf_elements import (
-    CONTACT,
-    MAX_NUMBER,
-    MOMENTS,
-    SHAPES,
-    is_expression,
-    is_numbers,
-)
+from sim_action.robot.documents.urdf_elements import CONTACT, MAX_NUMBER, MOMENTS, SHAPES, is_expression, is_numbers
 from sim_action.robot.documents.xml_document import ModelDocument
 from sim_action.robot.model.findings import Finding
 

@@ -244,7 +244,7 @@ class DrivenNodes:
             number = place - self._first_heard
             topic, node = self._senders[number]
             self._has_heard = True
-            self.transcript.add(seen.time, topic, _bytes_of(message))
+            self.transcript.add(seen.time, topic, json.dumps(message, default=list).encode())
             self._commands.take(topic, message, node, seen)
         if round(seen.time * self._rate) % round(self._rate) == 0:
             self._forward()
@@ -411,7 +411,3 @@ class DrivenNodes:
         how = f"failed: {error}" if code is None else f"ended with {exit_text(code)}"
         said = ending_of(text, self._scene.workspace.root).said
         return ScriptError(escaped_line(f"the bridge to ROS 2, a process of sim-action, {how}{said}"), details=text)
-
-
-def _bytes_of(message: Message) -> bytes:
-    return json.dumps(message, default=list).encode()

@@ -434,14 +434,7 @@ class SharedChild(LinuxChild):
         self._files.empty()
         os.write(self._progress, b"%d\n" % index)
         return SharedChild(
-            job,
-            self._pid,
-            self._progress,
-            self._files,
-            self._scratch,
-            former=former,
-            is_first=False,
-            rest=self._rest,
+            job, self._pid, self._progress, self._files, self._scratch, former=former, is_first=False, rest=self._rest
         )
 
     def poll(self) -> int | None:

@@ -153,12 +153,7 @@ def _placed(loaded: LoadedScenario, scenario: ProvenScenario, outcome: Outcome) 
 
 
 def _finding(
-    place: int,
-    expected: ExpectationOutcome,
-    mutants: Sequence[MutantResult],
-    digest: str | None,
-    *,
-    is_complete: bool,
+    place: int, expected: ExpectationOutcome, mutants: Sequence[MutantResult], digest: str | None, *, is_complete: bool
 ) -> ProvenExpectation:
     """Return the finding on the expectation at a place; `digest`: of the run without a mutant."""
     noticed = tuple(each.name for each in mutants if place in each.noticed_by)

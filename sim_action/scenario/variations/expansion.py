@@ -39,13 +39,7 @@ from sim_action.scenario.variations.gate import (
     stated_gate,
 )
 from sim_action.scenario.variations.seeds import sampled, seed_of_draws
-from sim_action.scenario.variations.values import (
-    SEED,
-    CsvFiles,
-    ValueList,
-    ValuesError,
-    value_list,
-)
+from sim_action.scenario.variations.values import SEED, CsvFiles, ValueList, ValuesError, value_list
 
 _LONGEST_TEXT: Final = 40
 _MIN_DIGITS: Final = 3

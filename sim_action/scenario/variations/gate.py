@@ -191,8 +191,7 @@ class Gate(FrozenModel):
     ] = ()
     errors: Annotated[Errors, Field(description="runs without a verdict; default: none")] = Errors.model_construct()
     runs: Annotated[
-        int | None,
-        Field(ge=1, le=MAX_RUNS_OF_GATE, description="number of samples; default: that of the draws"),
+        int | None, Field(ge=1, le=MAX_RUNS_OF_GATE, description="number of samples; default: that of the draws")
     ] = None
 
     @model_validator(mode="after")

@@ -180,13 +180,7 @@ _EXPECTED: Final = "expected a list of values, or a draw such as {uniform: [0, 1
 
 
 def value_list(
-    key: str,
-    stated: object,
-    seed: int,
-    *,
-    runs: int | None = None,
-    dimension: int = 0,
-    files: CsvFiles | None = None,
+    key: str, stated: object, seed: int, *, runs: int | None = None, dimension: int = 0, files: CsvFiles | None = None
 ) -> ValueList:
     """Return the values of a key.
 

@@ -157,7 +157,7 @@ def _express_axes(root: Element, version: Version) -> Iterator[tuple[Element, El
     for joint in root.iter("joint"):
         for axis in (*joint.findall("axis"), *joint.findall("axis2")):
             flag = axis.find(PARENT_MODEL_FLAG)
-            stated = version <= _AXES_IN_MODEL_FRAME if flag is None else _is_true(flag)
+            stated = version <= _AXES_IN_MODEL_FRAME if flag is None else (flag.text or "").strip().lower() in _TRUE
             if not stated:
                 continue
             xyz = axis.find("xyz")
@@ -166,7 +166,3 @@ def _express_axes(root: Element, version: Version) -> Iterator[tuple[Element, El
                 xyz.text = "0 0 1"
                 yield xyz, axis
             xyz.set("expressed_in", MODEL_FRAME)
-
-
-def _is_true(flag: Element) -> bool:
-    return (flag.text or "").strip().lower() in _TRUE

@@ -87,10 +87,7 @@ class RosNodes(FrozenModel):
 
     launch: Annotated[
         tuple[str, ...] | None,
-        Field(
-            min_length=1,
-            description="launch file: its package, its name, and NAME:=VALUE for each argument",
-        ),
+        Field(min_length=1, description="launch file: its package, its name, and NAME:=VALUE for each argument"),
     ] = None
     nodes: Annotated[
         tuple[NodeSpec, ...] | None,
@@ -109,8 +106,7 @@ class RosNodes(FrozenModel):
         ),
     ] = None
     topics: Annotated[
-        dict[str, GraphName],
-        Field(description="cmd_vel, odom, joint_states, or the name of a sensor -> topic name"),
+        dict[str, GraphName], Field(description="cmd_vel, odom, joint_states, or the name of a sensor -> topic name")
     ] = Field(default_factory=dict)
     start_within: Annotated[
         PositiveSeconds,

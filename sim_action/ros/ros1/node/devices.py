@@ -14,13 +14,7 @@ from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
 from sim_action.ros.robot_topics import diagonal, in_frame_of
 from sim_action.ros.ros1.gazebo_plugins import Plugin
 from sim_action.ros.ros1.node.internal_parts import states_in
-from sim_action.ros.ros1.node.messages import (
-    header,
-    imu_message,
-    joint_states_message,
-    scan_message,
-    twist_of,
-)
+from sim_action.ros.ros1.node.messages import header, imu_message, joint_states_message, scan_message, twist_of
 from sim_action.ros.ros1.node.plugins import TICKS, Device, Wiring, schedule_of
 from sim_action.ros.ros1.node.topics import OdometryPublisher, Subscription
 from sim_action.sensors import MountedSensor
