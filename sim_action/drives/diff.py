@@ -180,8 +180,11 @@ class TwoSidedDrive(Drive):
         if self.radius and radii and abs(self.radius / max(radii) - 1) > _MAX_STATED_DEVIATION:
             yield f"the plugin's wheel radius differs from that of the wheels in the model, {max(radii):.4g} m"
         between = self.model_copy(update={"separation": None}).separation_in(model)
-        if self.separation and between and abs(self.separation / between - 1) > _MAX_STATED_DEVIATION:
+        if self.separation and between and self._is_far(self.separation / between):
             yield f"the plugin's separation differs from that of the wheels in the model, {between:.4g} m"
+
+    def _is_far(self, ratio: float) -> bool:
+        return abs(ratio - 1) > _MAX_STATED_DEVIATION
 
     def forward(self, model: RobotModel) -> float:
         """Return the direction of forward, in rad from the base's x axis to the left."""

@@ -73,8 +73,11 @@ class Console:
         return log_text(symbols, self.encoding) == symbols
 
     def _styled(self, text: str, style: str) -> str:
-        text, code = log_text(text, self.encoding).replace("\n", " "), _CODES[style]
+        text, code = self._shown(text), _CODES[style]
         return f"\x1b[{code}m{text}\x1b[0m" if code and text and self._colourful else text
+
+    def _shown(self, text: str) -> str:
+        return log_text(text, self.encoding).replace("\n", " ")
 
 
 def shows_colours(stream: TextIO, environment: Mapping[str, str]) -> bool:

@@ -203,7 +203,7 @@ def compare_outcomes(
     thresholds = thresholds or Thresholds()
     alone, samples = _parted(list(old), list(new))
     changes = [_change(before, now, samples.get(_gate_key(now), ()), thresholds) for before, now in alone]
-    stated, states = ({(gate.file, gate.name): gate.gate for gate in side} for side in gates)
+    stated, states = (dict(_by_key(each)) for each in gates)
     judged = adjusted([change.gate for change in changes])
     found = (
         replace(change, gate=gate, claims=_claims(stated.get(_gate_key(change.old)), states.get(_gate_key(change.new))))
@@ -214,6 +214,10 @@ def compare_outcomes(
 
 def _claims(old: Gate | None, new: Gate | None) -> tuple[ClaimChange, ...]:
     return () if old is None or new is None else claim_changes(old, new)
+
+
+def _by_key(gates: Iterable[PlannedGate]) -> Iterator[tuple[_GateKey | None, Gate]]:
+    return (((gate.file, gate.name), gate.gate) for gate in gates)
 
 
 _GateKey = tuple[str, str]
