@@ -12,6 +12,7 @@ from typing_extensions import override
 from sim_action.core.field_types import PositiveHertz
 from sim_action.core.records import dataclass, field
 from sim_action.core.registry import Table
+from sim_action.core.units import rate_divides
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
@@ -108,9 +109,18 @@ class CommandSource(Transmission):
         """Return the rate in Hz at which its controller is called; it divides that of the physics."""
         return self.rate
 
+    @property
+    def needed_rate(self) -> float | None:
+        """The rate in Hz that has to divide that of the physics; None if another rate will do, see `fitted`."""
+        return self.rate
+
     def fitted(self, physics_rate: float) -> Self:
-        """Return this source with a default rate that divides that of the physics in Hz."""
-        return self
+        """Return this source with a rate that divides that of the physics in Hz, if it needs no other one."""
+        if self.needed_rate is not None or rate_divides(physics_rate, self.rate):
+            return self
+        fitting = self.model_copy(update={"rate": fitting_rate(self.rate, physics_rate)})
+        fitting.model_fields_set.discard("rate")
+        return fitting
 
     def among(self, sources: Sequence[CommandSource]) -> Self:
         """Return this source as one of all sources of a scenario."""
@@ -182,12 +192,10 @@ class LinkCommands(CommandSource):
         ),
     ] = 40.0
 
+    @property
     @override
-    def fitted(self, physics_rate: float) -> Self:
-        if "rate" in self.model_fields_set:
-            return self
-        rate = fitting_rate(self.rate, physics_rate)
-        return self if rate == self.rate else self.model_copy(update={"rate": rate})
+    def needed_rate(self) -> float | None:
+        return self.rate if "rate" in self.model_fields_set else None
 
 
 COMMANDS: Final = Table[type[CommandSource]](

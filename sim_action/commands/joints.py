@@ -12,7 +12,7 @@ from typing import Annotated, ClassVar, Final, Literal, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from sim_action.commands import CommandSource, Controller, OpenLoop
+from sim_action.commands import Controller, LinkCommands, OpenLoop
 from sim_action.core import units
 from sim_action.core.field_types import (
     FrozenModel,
@@ -75,7 +75,7 @@ class JointPoint(FrozenModel):
         yield "effort", self.effort
 
 
-class JointCommands(CommandSource):
+class JointCommands(LinkCommands):
     """Moves joints through points in time: by position, by velocity or by effort.
 
     A pattern such as `'*_hip'` means every joint with a motor that matches it, and a group of the SRDF (`robot.srdf`)
@@ -107,7 +107,6 @@ class JointCommands(CommandSource):
         tuple[JointPoint, ...], Field(alias="joints", min_length=1, description="points in the order of time")
     ]
     interpolation: Annotated[Interpolation, Field(description="interpolation between two points")] = "linear"
-    # It divides the usual rates of the physics: 200, 240 and 1000 Hz.
     rate: Annotated[
         PositiveHertz,
         Field(description="rate of the ticks at which velocities and efforts are given"),
@@ -156,11 +155,19 @@ class JointCommands(CommandSource):
 
         return OpenLoop(command, self._holding(scene))
 
+    @property
+    @override
+    def needed_rate(self) -> float | None:
+        return None if self._only_moves else super().needed_rate
+
     @override
     def tick_rate(self, physics_rate: float) -> float:
-        """See CommandSource.tick_rate: positions move between ticks, so few ticks are enough for them."""
-        only_positions = not any(point.velocity or point.effort for point in self.points)
-        return physics_rate / max(1, round(physics_rate)) if only_positions and self.is_perfect else self.rate
+        return physics_rate / max(1, round(physics_rate)) if self._only_moves else self.rate
+
+    @property
+    def _only_moves(self) -> bool:
+        """True if there are only positions that arrive at once: these move between ticks, so few ticks will do."""
+        return self.is_perfect and not any(point.velocity or point.effort for point in self.points)
 
     def _paths(self, scene: Scene) -> dict[Reading, dict[str, JointPath]]:
         """Return quantity -> joint name -> path."""

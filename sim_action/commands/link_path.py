@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import accumulate, pairwise, takewhile
-from typing import Final, NamedTuple
+from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
+from itertools import accumulate, takewhile
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sim_action.commands.joints import Blend
 from sim_action.core import geometry, units
 from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.robot.model.inverse_kinematics import REACHED_M, Chain, Solution, Values, reach, search
+from sim_action.state.joint_motion import RAMP_S, Curve, JointMotion, straight
+
+if TYPE_CHECKING:
+    from sim_action.state.trace import FloatArray
 
 # Joint positions are found before the run once per this distance in m, and per this angle in rad. The line between two
 # of them is straight within micrometres.
 _SAMPLE_M: Final = 0.002
 _SAMPLE_RAD: Final = 0.01
 
-# Halvings of an interval of time, to 1e-9 of it.
-_HALVINGS: Final = 30
+_MIN_SAMPLES: Final = 4
 
 # During the run, they are found at each tick, and once per this distance and angle.
 _MAX_STEP_M: Final = 0.01
@@ -46,6 +51,7 @@ class Leg(NamedTuple):
         waypoint: index of the waypoint at its end.
         start, end: sim time in s.
         origin, goal: poses of the link at both ends.
+        rests: True if it begins at rest, and True if it ends at rest: a straight blend passes other waypoints.
     """
 
     waypoint: int
@@ -53,6 +59,7 @@ class Leg(NamedTuple):
     end: float
     origin: Pose
     goal: Pose
+    rests: tuple[bool, bool] = (True, True)
 
 
 class Target(NamedTuple):
@@ -104,13 +111,26 @@ class LinkPath:
         if found < 0:
             return found, 0.0
         leg = self.legs[found]
-        done = 1.0 if time >= leg.end - units.TIME_EPSILON_S else (time - leg.start) / (leg.end - leg.start)
-        return found, done if done == 1.0 else self.blend.share(max(0.0, done))
+        return found, 1.0 if time >= leg.end - units.TIME_EPSILON_S else self.shares(leg).at(time)[0]
+
+    def shares(self, leg: Leg) -> Curve:
+        """Return the share of a leg over time."""
+        return _shares(leg.start, leg.end, leg.rests, self.blend)
 
     def pose(self, time: float) -> Pose:
         """Return the wanted pose at a sim time in s."""
         index, share = self.leg(time)
         return self.rest if index < 0 else between(self.legs[index].origin, self.legs[index].goal, share)
+
+
+@lru_cache(maxsize=4)
+def _shares(start: float, end: float, rests: tuple[bool, bool], blend: Blend) -> Curve:
+    if all(rests) or blend.curve is not straight:
+        return blend.curve((start, end), (0.0, 1.0))
+    ramp = min(RAMP_S, (end - start) / 2)
+    speed = 1 / (end - start - ramp * sum(rests) / 2)
+    first, last = (0.0 if rest else speed for rest in rests)
+    return straight((start, end), (0.0, 1.0), first, last)
 
 
 def between(origin: Pose, goal: Pose, share: float) -> Pose:
@@ -156,16 +176,31 @@ class Plan:
     start: Values
     samples: tuple[tuple[Values, ...], ...]
 
-    def values(self, time: float) -> Values:
-        """Return the joint positions at a sim time in s."""
-        index, share = self.path.leg(time)
-        if index < 0:
-            return self.start
-        samples = self.samples[index]
-        at = share * (len(samples) - 1)
-        before = min(int(at), len(samples) - 2)
-        pairs = zip(samples[before], samples[before + 1], strict=True)
-        return tuple(here + (at - before) * (there - here) for here, there in pairs)
+    def motion(self, names: Sequence[str]) -> JointMotion:
+        """Return the motion of the joints, by their names. It cuts the corners at waypoints that it passes."""
+        if not self.path.legs:
+            return JointMotion.through(names, [0.0], [self.start])
+        parts = [along(self.path, leg, samples) for leg, samples in zip(self.path.legs, self.samples, strict=True)]
+        times, *states = (np.concatenate(each) for each in zip(*(part[1:] for part in parts), strict=True))
+        _, first = np.unique(times, return_index=True)
+        return JointMotion.through(names, times[first], *(state[first] for state in states))
+
+
+def along(path: LinkPath, leg: Leg, samples: Sequence[Values]) -> tuple[FloatArray, ...]:
+    """Return shares (K,), times (K,) in s, and positions, velocities and accelerations (K, J) of the joints on a leg.
+
+    :param samples: the joint positions at equal distances from the origin to the goal of the leg.
+    """
+    blend, half = path.shares(leg), min(RAMP_S, leg.end - leg.start) / 2
+    times = np.unique(np.concatenate((blend.times, np.linspace(leg.start, leg.end, len(samples)))))
+    early, late = (0.0 if rests else half for rests in leg.rests)
+    if blend.times.size > 2:
+        times = times[(times >= leg.start + early) & (times <= leg.end - late)]
+    share, speed, change = blend.states(times)
+    table, steps = np.array(samples), np.linspace(0.0, 1.0, len(samples))
+    states = [Curve.through(steps, column).states(share) for column in table.T]
+    at, slope, bend = (np.stack(each, axis=1) for each in zip(*states, strict=True))
+    return share, times, at, slope * speed[:, None], bend * speed[:, None] ** 2 + slope * change[:, None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,13 +226,13 @@ class Follower:
         values = start
         for leg in path.legs:
             count = self.samples(leg)
-            along = [values]
+            found = [values]
             for step in range(1, count + 1):
                 pose = between(leg.origin, leg.goal, step / count)
                 values = self._reached(leg, step / count, Target(pose, to_base), values)
-                along.append(values)
-            self._refuse_fast(leg, path.blend, along)
-            samples.append(tuple(along))
+                found.append(values)
+            self._refuse_fast(path, leg, found)
+            samples.append(tuple(found))
         return Plan(path, start, tuple(samples))
 
     def follow(self, path: LinkPath, tick: int, base: Pose, values: Values) -> Values:
@@ -218,7 +253,7 @@ class Follower:
 
     def samples(self, leg: Leg) -> int:
         """Return the number of joint positions that are found before the run for a leg."""
-        return self._steps(*distances(leg.origin, leg.goal), _SAMPLE_M, _SAMPLE_RAD)
+        return max(_MIN_SAMPLES, self._steps(*distances(leg.origin, leg.goal), _SAMPLE_M, _SAMPLE_RAD))
 
     def _steps(self, distance: float, angle: float, longest: float, widest: float) -> int:
         return max(1, math.ceil(distance / longest), math.ceil(angle / widest) if self.turns else 1)
@@ -256,37 +291,22 @@ class Follower:
         ]
         return ", ".join(names)
 
-    def _refuse_fast(self, leg: Leg, blend: Blend, along: Sequence[Values]) -> None:
+    def _refuse_fast(self, path: LinkPath, leg: Leg, samples: Sequence[Values]) -> None:
         """Raise Blocked if a joint would exceed its velocity limit."""
-        count, duration = len(along) - 1, leg.end - leg.start
-        times = [duration * _time_share(blend, step / count) for step in range(count + 1)]
-        worst = (0.0, 0, 0)
-        for step, ends in enumerate(pairwise(along)):
-            for column, (here, there) in enumerate(zip(*ends, strict=True)):
-                speed = abs(there - here) / (times[step + 1] - times[step])
-                worst = max(worst, (speed / self.chain.fastest[column], column, step))
-        ratio, column, step = worst
+        shares, _, _, speeds, _ = along(path, leg, samples)
+        ratios = np.abs(speeds) / np.array(self.chain.fastest)
+        row, column = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
+        ratio, share, duration = float(ratios[row, column]), float(shares[row]), leg.end - leg.start
         if ratio <= 1 + _SHARE_ROUNDING:
             return
         joint, fastest = self.chain.joints[column], self.chain.fastest[column]
         found, most = units.display_apart(ratio * fastest, fastest, joint.dimension("velocity").si)
         raise Blocked(
             leg.waypoint,
-            f"{100 * (step + 0.5) / count:.0f} % of the way to this waypoint, joint '{joint.name}' would move at "
+            f"{100 * share:.0f} % of the way to this waypoint, joint '{joint.name}' would move at "
             f"{found}, more than its velocity limit, {most}; the way takes {duration:.4g} s and needs at least "
             f"{_rounded_up(duration * ratio)} s: lower the speed, or go another way",
         )
-
-
-def _time_share(blend: Blend, share: float) -> float:
-    """Return the share of the time at which a share of the distance is done."""
-    low, high = 0.0, 1.0
-    if share >= 1:
-        return 1.0
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if blend.share(middle) < share else (low, middle)
-    return low
 
 
 def _rounded_up(time: float) -> str:
@@ -306,21 +326,6 @@ def miss(nearest: Solution, to_base: Pose) -> str:
         return f"is {units.display(nearest.distance, 'm', 3)} out of reach; the nearest position is {at}"
     angle = units.display(nearest.angle, "rad", 3)
     return f"cannot have this orientation there: the nearest one is {angle} off"
-
-
-def targets_between(
-    chain: Chain, here: Values, there: Values, rate: float, offset_s: float
-) -> tuple[Mapping[str, float], Mapping[str, float]]:
-    """Return the position and velocity targets of the joints for one tick.
-
-    :param here: positions at the tick.
-    :param there: positions at the next tick.
-    :param offset_s: time in s after the tick for which the positions are.
-    """
-    names = [joint.name for joint in chain.joints]
-    speeds = [(to - at) * rate for at, to in zip(here, there, strict=True)]
-    positions = (at + speed * offset_s for at, speed in zip(here, speeds, strict=True))
-    return dict(zip(names, positions, strict=True)), dict(zip(names, speeds, strict=True))
 
 
 def unreachable(follower: Follower, goals: Iterable[Pose], base: Pose, start: Values) -> Iterator[tuple[int, str]]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from functools import partial
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, Self
 
@@ -27,11 +26,12 @@ from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import JointTargets
+from sim_action.state.joint_motion import RAMP_S, JointMotion
 from sim_action.world.claims import Findings, Setting, late_points
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.commands.link_path import Follower, Leg, LinkPath, Plan
+    from sim_action.commands.link_path import Follower, Leg, LinkPath
     from sim_action.robot.model.inverse_kinematics import Chain, Values
     from sim_action.state.observation import Observation
 
@@ -126,9 +126,9 @@ class PoseCommands(LinkCommands):
     joints move as little as possible.
 
     Between two waypoints, `minimum_jerk` starts and ends at rest, and is fastest half way. `linear` passes the
-    waypoints without a stop. `speed` and `turn_speed` are the largest speeds on the way. Each way takes a
-    whole number of ticks, so that the link is at a waypoint at a tick. After the last waypoint, the link stays there.
-    A command holds until the next tick: between two ticks the speed varies, less so at a higher `rate`.
+    waypoints without a stop, and turns within 20 ms: at 0.25 m/s it cuts a right-angled corner by 1 mm. It comes to
+    rest at the last waypoint, and where it holds. `speed` and `turn_speed` are the largest speeds on the way. After the
+    last waypoint, the link stays there. The servos get a target at each physics step.
 
     In the frame `base`, and if the base is fixed, the joint positions are computed before the run. Joints keep the
     limits of the model: a waypoint out of reach, a line on which the arm would have to change its posture, and a speed
@@ -183,7 +183,7 @@ class PoseCommands(LinkCommands):
         from sim_action.commands.link_path import Blocked
 
         follower, start = self._follower(scene)
-        motion = _Motion(self, follower, start, 1 / scene.physics.rate)
+        motion = _Motion(self, follower, start)
         if self.pose.frame == "world" and not scene.bolted:
             return ClosedLoop(motion.tracked, senses=False, notes=motion.notes)
         if self.pose.frame == "world" and scene.placement.z is None:
@@ -191,11 +191,23 @@ class PoseCommands(LinkCommands):
         base = self._expected_base(scene)
         assert base is not None
         try:
-            plan = motion.plan(base)
+            targets, end = motion.plan(base)
         except Blocked as error:
             raise SourceProblem(str(error), "pose") from None
         names = [joint.name for joint in follower.chain.joints]
-        return OpenLoop(partial(motion.planned, plan), JointTargets(position=dict(zip(names, start, strict=True))))
+        holding = JointTargets(position=dict(zip(names, start, strict=True)))
+        return OpenLoop(lambda time: targets if time <= end else None, holding)
+
+    @property
+    @override
+    def needed_rate(self) -> None:
+        return None
+
+    @override
+    def tick_rate(self, physics_rate: float) -> float:
+        """See CommandSource.tick_rate: a planned motion goes on between ticks, so few ticks are enough for it."""
+        is_planned = self.pose.frame == "base" and self.is_perfect
+        return physics_rate / max(1, round(physics_rate)) if is_planned else self.rate
 
     def path(self, start: Pose) -> LinkPath:
         """Return the path of the link from a start pose in the frame of the waypoints. Raises Blocked."""
@@ -234,28 +246,27 @@ class PoseCommands(LinkCommands):
         from sim_action.commands.link_path import Blocked, Leg, distances
 
         spec = self.pose
+        is_straight = spec.interpolation == "linear"
         peak = BLENDS[spec.interpolation].peak or 1.0
-        here, time = start, 0.0
+        here, time, rests = start, 0.0, True
         for index, waypoint in enumerate(spec.waypoints):
             goal = waypoint.after(here)
             distance, angle = distances(here, goal)
             turning = angle / spec.turn_speed if spec.orientation == "follow" else 0.0
             needed = peak * max(distance / (waypoint.speed or spec.speed), turning)
-            if needed < _STILL_S:
-                needed = 0.0
+            rested, rests = rests, not is_straight or waypoint.hold > 0 or index == len(spec.waypoints) - 1
+            # A ramp from rest to the speed goes half as far as the speed would.
+            needed = 0.0 if needed < _STILL_S else needed + is_straight * (rested + rests) * RAMP_S / 2
             arrival = time + needed if waypoint.at is None else waypoint.at
             if not arrival <= _LONGEST_S:
                 message = f"the link would arrive at {arrival:.4g} s; a run lasts at most {_LONGEST_S:,.0f} s"
                 raise Blocked(index, f"{message}: raise the speed, or lower 'at' or 'hold'")
-            end = self._tick_after(arrival)
+            end = arrival
             if end < time or (end == time and needed):
                 message = f"'at' must be later than {time:.6g} s, when the link leaves the waypoint before it"
                 raise Blocked(index, message)
-            yield Leg(index, time, end, here, goal)
-            here, time = goal, self._tick_after(end + waypoint.hold)
-
-    def _tick_after(self, time: float) -> float:
-        return math.ceil(time * self.rate - units.STEP_EPSILON) / self.rate
+            yield Leg(index, time, end, here, goal, (rested, rests))
+            here, time = goal, end + waypoint.hold
 
     def _path_problems(self, follower: Follower, start: Values, base: Pose) -> SpecProblems:
         """Yield waypoints out of reach; if there are none, the first line that the joints cannot follow."""
@@ -311,60 +322,54 @@ class _Motion:
         notes: notes for the user.
     """
 
-    def __init__(self, spec: PoseCommands, follower: Follower, start: Values, step_s: float) -> None:
+    def __init__(self, spec: PoseCommands, follower: Follower, start: Values) -> None:
         self.notes: list[str] = []
         self._spec = spec
         self._follower = follower
-        # Targets are taken at the middle of a tick: a servo follows from the first step of the tick on.
-        self._offset_s = (1 / spec.rate - step_s) / 2
-        self._plan: Plan | None = None
+        self._names = [joint.name for joint in follower.chain.joints]
+        self._planned: tuple[JointTargets, float] | None = None
         self._path: LinkPath | None = None
-        self._here = start
+        self._here, self._before = start, start
+        self._speeds: Sequence[float] = [0.0] * len(start)
 
-    def plan(self, base: Pose) -> Plan:
-        """Return the plan for a pose of the base in the frame of the waypoints. Raises Blocked."""
+    def plan(self, base: Pose) -> tuple[JointTargets, float]:
+        """Return the motion for a pose of the base in the frame of the waypoints, and its end in s. Raises Blocked."""
         path = self._spec.path(geometry.compose(base, self._follower.chain.pose(self._here)))
-        return self._follower.plan(path, base, self._here)
-
-    def planned(self, plan: Plan, time: float) -> JointTargets | None:
-        """Return the targets of a tick; None after the end of the path."""
-        period = 1 / self._spec.rate
-        if time > plan.path.end + period + units.TIME_EPSILON_S:
-            return None
-        return self._targets(plan.values(time), plan.values(time + period))
+        motion = self._follower.plan(path, base, self._here).motion(self._names)
+        return JointTargets(motions=(motion,)), path.end + 1 / self._spec.rate
 
     def from_base(self, observation: Observation) -> JointTargets | None:
         """Return the targets of a tick; the first observation shows the height of a fixed base."""
         from sim_action.commands.link_path import Blocked
 
-        if self._plan is None:
+        if self._planned is None:
             try:
-                self._plan = self.plan(observation.pose)
+                self._planned = self.plan(observation.pose)
             except Blocked as error:
                 raise ScriptError(f"link '{self._follower.chain.link}': {error}") from None
-        return self.planned(self._plan, observation.time)
+        targets, end = self._planned
+        return targets if observation.time <= end else None
 
     def tracked(self, observation: Observation) -> JointTargets:
-        """Return the targets of a tick, for a base that moves."""
+        """Return the motion until the next tick, for a base that moves."""
         from sim_action.commands.link_path import Blocked, after
 
-        base, chain, tick = observation.pose, self._follower.chain, round(observation.time * self._spec.rate)
+        base, chain, rate = observation.pose, self._follower.chain, self._spec.rate
+        tick = round(observation.time * rate)
         try:
             if self._path is None:
                 self._path = self._spec.path(geometry.compose(base, chain.pose(self._here)))
-            here = self._follower.follow(self._path, tick, base, self._here)
             # The base moves on until the next tick.
-            moved = after(base, observation.twist, 1 / self._spec.rate)
-            there = self._here = self._follower.follow(self._path, tick + 1, moved, here)
+            moved = after(base, observation.twist, 1 / rate)
+            there = self._follower.follow(self._path, tick + 1, moved, self._here)
         except Blocked as error:
             raise ScriptError(f"link '{chain.link}': {error}") from None
-        return self._targets(here, there)
-
-    def _targets(self, here: Values, there: Values) -> JointTargets:
-        from sim_action.commands.link_path import targets_between
-
-        position, velocity = targets_between(self._follower.chain, here, there, self._spec.rate, self._offset_s)
-        return JointTargets(position=position, velocity=velocity)
+        here, before, times = self._here, self._before, (tick / rate, (tick + 1) / rate)
+        # The velocity at the next tick, from the positions at three ticks.
+        speeds = [(3 * c - 4 * b + a) / 2 * rate for a, b, c in zip(before, here, there, strict=True)]
+        motion = JointMotion.through(self._names, times, (here, there), (self._speeds, speeds))
+        self._before, self._here, self._speeds = here, there, speeds
+        return JointTargets(motions=(motion,))
 
 
 def _chain(link: str, scene: Scene) -> Chain:

@@ -16,7 +16,7 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import Field, PrivateAttr
 from typing_extensions import override
 
-from sim_action.commands import CommandSource, Controller, OpenLoop, fitting_rate
+from sim_action.commands import CommandSource, Controller, OpenLoop
 from sim_action.commands.controller_answers import Saturation
 from sim_action.commands.logs import KINDS, Content, JointColumn, Kind, Recorded, Steering, Trajectory, rosbag
 from sim_action.commands.logs.csv_table import Header, Table
@@ -144,13 +144,10 @@ class ReplayCommands(CommandSource):
         """True if its ticks have a rate of their own."""
         return "rate" in self.model_fields_set
 
+    @property
     @override
-    def fitted(self, physics_rate: float) -> Self:
-        if self.has_rate:
-            return self
-        fitting = self.model_copy(update={"rate": fitting_rate(self.rate, physics_rate)})
-        fitting.model_fields_set.discard("rate")
-        return fitting
+    def needed_rate(self) -> float | None:
+        return self.rate if self.has_rate else None
 
     @override
     def among(self, sources: Sequence[CommandSource]) -> Self:

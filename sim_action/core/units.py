@@ -180,6 +180,15 @@ STEP_EPSILON: Final = 1e-6
 _MAX_STEP: Final = 2.0**53
 
 
+_MAX_STEPS_BETWEEN_TICKS: Final = 1e15
+
+
+def rate_divides(physics_rate: float, rate: float) -> bool:
+    """Return True if ticks at `rate` fall on physics steps, whose number fits into the integers of arrays."""
+    steps = physics_rate / rate
+    return steps <= _MAX_STEPS_BETWEEN_TICKS and round(steps) >= 1 and abs(steps - round(steps)) < STEP_EPSILON
+
+
 def first_step(time: float, rate: float) -> int:
     """Return the first physics step at or after a sim time in s, at `rate` Hz; it fits into 64 bits."""
     return math.ceil(min(time * rate - STEP_EPSILON, _MAX_STEP))

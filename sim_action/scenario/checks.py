@@ -8,6 +8,7 @@ from typing import Final
 from sim_action.core import units
 from sim_action.core.errors import Problem
 from sim_action.core.geometry import Pose
+from sim_action.core.units import rate_divides
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
@@ -15,11 +16,12 @@ from sim_action.drives import recognise, why_not_recognised
 from sim_action.robot.model.findings import ALLOWABLE, RULES
 from sim_action.robot.model.kinematics import beyond_limits, why_no_link
 from sim_action.robot.model.robot_model import WORLD, RobotModel
-from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, Expectation, Scenario, rate_divides
+from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, Expectation, Scenario, common_rate
 from sim_action.scenario.source import Source
 from sim_action.scenario.variations.gate import GATE, PlannedGate, Quantile
 from sim_action.sensors import MountedSensor
 from sim_action.world import GROUND
+from sim_action.world.physics import MAX_PHYSICS_RATE_HZ
 from sim_action.world.scene import Scene
 
 _TIME_ROUNDING: Final = 1e-9
@@ -63,16 +65,18 @@ def rate_problems(
     scenario: Scenario, command_paths: Sequence[KeyPath], sensor_paths: Sequence[KeyPath]
 ) -> SpecProblems:
     """Yield rates whose ticks fall between physics steps."""
-    ticking = [source.rate for source in scenario.commands] + [sensor.rate for sensor in scenario.sensors]
-    rates: list[tuple[KeyPath, float]] = [
+    physics = scenario.physics.rate
+    ticking = [source.needed_rate for source in scenario.commands] + [sensor.rate for sensor in scenario.sensors]
+    rates: list[tuple[KeyPath, float | None]] = [
         ((*path, "rate"), rate) for path, rate in zip((*command_paths, *sensor_paths), ticking, strict=True)
     ]
-    if scenario.trace.rate is not None:
-        rates.append((("trace", "rate"), scenario.trace.rate))
+    rates.append((("trace", "rate"), scenario.trace.rate))
     for path, rate in rates:
-        if not rate_divides(scenario.physics.rate, rate):
-            near = " and ".join(f"{near:g} Hz" for near in _rates_near(scenario.physics.rate, rate))
-            yield path, f"{rate:g} Hz does not divide physics.rate, {scenario.physics.rate:g} Hz; nearest: {near}"
+        if rate is not None and not rate_divides(physics, rate):
+            near = " and ".join(f"{near:g} Hz" for near in _rates_near(physics, rate))
+            remedy = common_rate(scenario.needed_rates, physics, MAX_PHYSICS_RATE_HZ)
+            faster = "" if remedy is None else f"; or set physics: {{rate: {remedy:.10g} Hz}}"
+            yield path, f"{rate:g} Hz does not divide physics.rate, {physics:g} Hz; nearest: {near}{faster}"
 
 
 def transmission_problems(

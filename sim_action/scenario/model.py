@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from itertools import takewhile
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
-from pydantic import AfterValidator, Field, JsonValue, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, JsonValue, model_validator
 
 from sim_action.assertions import Assertion
 from sim_action.commands import CommandSource
@@ -25,7 +26,7 @@ from sim_action.core.field_types import (
     Title,
 )
 from sim_action.core.records import dataclass, field, replace
-from sim_action.core.units import STEP_EPSILON, first_step
+from sim_action.core.units import STEP_EPSILON, first_step, rate_divides
 from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
@@ -268,14 +269,23 @@ class Scenario(FrozenModel):
     seed: Annotated[int, Field(ge=0, le=MAX_SEED, description="random seed; the same seed gives the same run")] = 0
     trace: TraceSettings = TraceSettings.model_construct()
 
-    @field_validator("commands")
-    @classmethod
-    def _with_fitting_rates(
-        cls, commands: tuple[CommandSource, ...], info: ValidationInfo
-    ) -> tuple[CommandSource, ...]:
-        physics = info.data.get("physics")
-        fitted = commands if physics is None else tuple(source.fitted(physics.rate) for source in commands)
-        return tuple(source.among(fitted) for source in fitted)
+    @model_validator(mode="after")
+    def _with_fitting_rates(self) -> Self:
+        """Choose the rate of the physics if it is not stated, and then the rates that follow it."""
+        if "rate" not in self.physics.model_fields_set:
+            rate = common_rate(self.needed_rates, self.physics.rate, MAX_CHOSEN_PHYSICS_RATE_HZ)
+            if rate is not None and rate != self.physics.rate:
+                self.__dict__["physics"] = self.physics.model_copy(update={"rate": rate})
+        fitted = tuple(source.fitted(self.physics.rate) for source in self.commands)
+        self.__dict__["commands"] = tuple(source.among(fitted) for source in fitted)
+        return self
+
+    @property
+    def needed_rates(self) -> list[float]:
+        """The rates in Hz that have to divide that of the physics."""
+        of_sources = [source.needed_rate for source in self.commands]
+        rates = [*of_sources, *(sensor.rate for sensor in self.sensors), self.trace.rate]
+        return [rate for rate in rates if rate is not None]
 
     @property
     def wall_seconds(self) -> float:
@@ -337,13 +347,22 @@ class Scenario(FrozenModel):
         return round(self.physics.rate / rate)
 
 
-_MAX_STEPS_BETWEEN_TICKS: Final = 1e15
+MAX_CHOSEN_PHYSICS_RATE_HZ: Final = 1000.0
+"""The greatest rate in Hz of the physics that follows from the rates of a scenario."""
+
+# The candidates that are tried for rates without a round common multiple.
+_MAX_CANDIDATES: Final = 10_000
 
 
-def rate_divides(physics_rate: float, rate: float) -> bool:
-    """Return True if ticks at `rate` fall on physics steps, whose number fits into the integers of arrays."""
-    steps = physics_rate / rate
-    return steps <= _MAX_STEPS_BETWEEN_TICKS and round(steps) >= 1 and abs(steps - round(steps)) < STEP_EPSILON
+def common_rate(rates: Collection[float], least: float, most: float) -> float | None:
+    """Return the least rate in Hz from `least` to `most` that all rates divide; None if there is none."""
+    if all(rate_divides(least, rate) for rate in rates):
+        return least
+    fastest = max(rates)
+    first = math.ceil(min(least / fastest - STEP_EPSILON, _MAX_CANDIDATES))
+    multiples = (round(count * fastest, 9) for count in range(first, first + _MAX_CANDIDATES))
+    within = takewhile(lambda rate: rate <= most, multiples)
+    return next((found for found in within if all(rate_divides(found, rate) for rate in rates)), None)
 
 
 @dataclass(frozen=True, slots=True)

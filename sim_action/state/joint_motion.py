@@ -94,12 +94,21 @@ class Curve:
 
     def at(self, time: float) -> tuple[float, float, float]:
         """Return the value, its velocity and its acceleration at a time in s."""
-        if not self.times[0] <= time < self.times[-1]:
-            return float(self.coefficients[0 if time < self.times[0] else -1, 0]), 0.0, 0.0
-        piece = int(np.searchsorted(self.times, time, side="right")) - 1
-        value = np.polynomial.Polynomial(self.coefficients[piece])
-        since = time - float(self.times[piece])
-        return float(value(since)), float(value.deriv()(since)), float(value.deriv(2)(since))
+        value, velocity, acceleration = self.states(np.array([time]))
+        return float(value[0]), float(velocity[0]), float(acceleration[0])
+
+    def states(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the values (T,), their velocities and their accelerations at times in s."""
+        piece = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, None)
+        since = np.maximum(times - self.times[piece], 0.0)
+        moving = np.where(times < self.times[0], 0.0, 1.0)
+        powers = self.coefficients[piece].T
+        value, velocity, acceleration = (np.zeros_like(since) for _ in range(3))
+        for power in range(_QUINTIC - 1, -1, -1):
+            acceleration = acceleration * since + 2 * velocity
+            velocity = velocity * since + value
+            value = value * since + powers[power]
+        return value, velocity * moving, acceleration * moving
 
 
 def held(times: ArrayLike, values: ArrayLike) -> Curve:
@@ -115,19 +124,20 @@ def resting(times: ArrayLike, values: ArrayLike) -> Curve:
     return Curve.through(times, values, still, still)
 
 
-def straight(times: ArrayLike, values: ArrayLike, speed: float = 0.0) -> Curve:
+def straight(times: ArrayLike, values: ArrayLike, first: float = 0.0, last: float = 0.0) -> Curve:
     """Return the curve through points (K,) with a constant speed between them, but for a short ramp at each point.
 
     At a point between two ways in the same direction, it has the lower of their two speeds, else it rests there.
 
-    :param speed: the velocity at the first point.
+    :param first: the velocity at the first point.
+    :param last: the velocity before the last point.
     """
     at, value = _numbers(times), _numbers(values)
     span = np.diff(at)
     mean = np.diff(value) / span
     least = np.minimum(np.abs(mean[:-1]), np.abs(mean[1:]))
     through = np.where(mean[:-1] * mean[1:] > 0, np.sign(mean[1:]) * least, 0.0)
-    speeds = np.concatenate(([speed], through, [0.0]))
+    speeds = np.concatenate(([first], through, [last]))
     ramp = np.minimum(RAMP_S, span / 2)
     cruise = (mean * span - ramp * (speeds[:-1] + speeds[1:]) / 2) / (span - ramp)
     pieces = np.zeros((3 * len(span) + 1, _QUINTIC))

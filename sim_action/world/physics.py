@@ -33,7 +33,13 @@ class Physics(FrozenModel):
     """The physics steps, and the limits beyond which a run is unstable."""
 
     rate: Annotated[
-        PositiveHertz, Field(ge=1, le=MAX_PHYSICS_RATE_HZ, description="physics steps per second of sim time")
+        PositiveHertz,
+        Field(
+            ge=1,
+            le=MAX_PHYSICS_RATE_HZ,
+            description="physics steps per second of sim time; default: the least rate from 240 Hz to 1000 Hz that all "
+            "stated rates divide",
+        ),
     ] = 240.0
     settle: Annotated[
         NonNegativeSeconds, Field(le=60, description="maximum time to come to rest before t = 0; 0: do not wait")

@@ -496,8 +496,8 @@ EFFORT = "action: {joints: effort}"
         (None, f"observation: [gravity], {ALL}, {EFFORT}", "3:21: commands.policy.file: 'a.onnx' does not exist"),
         (
             identity(3),
-            f"observation: [gravity], {ALL}, {EFFORT}, rate: 70 Hz",
-            "policy.rate: 70 Hz does not divide physics.rate",
+            f"observation: [gravity], {ALL}, {EFFORT}, rate: 7 kHz",
+            "policy.rate: 7000 Hz does not divide physics.rate",
         ),
         (identity(3), f"observation: [gravity], {ALL}", "the key 'action' is missing"),
         (identity(3), f"observation: [gravity, {{term: time, clip: 0}}], {ALL}, {EFFORT}", "must be greater than 0"),

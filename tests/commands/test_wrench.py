@@ -140,4 +140,5 @@ def test_the_default_rate_divides_that_of_the_physics(
 def test_a_rate_that_is_written_must_divide_that_of_the_physics(tmp_path: Path) -> None:
     text = LEAST.replace(COMMANDS, "commands: {wrench: {force: [0, 0, 1]}, rate: 40 Hz}\nphysics: {rate: 500 Hz}\n")
     (found,) = problems(tmp_path, text)
-    assert found.message == "commands.rate: 40 Hz does not divide physics.rate, 500 Hz; nearest: 25 Hz and 50 Hz"
+    near = "nearest: 25 Hz and 50 Hz; or set physics: {rate: 520 Hz}"
+    assert found.message == f"commands.rate: 40 Hz does not divide physics.rate, 500 Hz; {near}"

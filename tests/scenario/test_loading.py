@@ -139,7 +139,7 @@ def test_a_part_that_is_refused_does_not_shift_the_places_of_those_after_it(tmp_
         "  - no_collision: {allow: [wal]}\n",
     ).replace(
         "commands:\n  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n",
-        "commands:\n  - twists: []\n  - twist: [{}]\n    rate: 7 Hz\n",
+        "commands:\n  - twists: []\n  - twist: [{}]\n    rate: 7 kHz\n",
     )
     assert [problem.split(": ")[:2] for problem in told(tmp_path, text)] == [
         ["5:5", "commands.0.twists"],
@@ -152,22 +152,22 @@ def test_a_part_that_is_refused_does_not_shift_the_places_of_those_after_it(tmp_
 
 def test_one_source_and_a_list_of_sources_have_their_places(tmp_path: Path) -> None:
     listed = LEAST.replace(
-        "commands:\n  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n", "commands:\n  - {twist: [{}], rate: 7}\n"
+        "commands:\n  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n", "commands:\n  - {twist: [{}], rate: 7000}\n"
     )
-    assert told(tmp_path, LEAST.replace("10 Hz", "7"))[0].startswith("5:3: commands.rate: 7 Hz does not divide")
-    assert told(tmp_path, listed)[0].startswith("5:19: commands.0.rate: 7 Hz does not divide")
+    assert told(tmp_path, LEAST.replace("10 Hz", "7000"))[0].startswith("5:3: commands.rate: 7000 Hz does not divide")
+    assert told(tmp_path, listed)[0].startswith("5:19: commands.0.rate: 7000 Hz does not divide")
 
 
 @pytest.mark.parametrize(
     ("physics", "rate", "near"),
     [
-        ("240", "7", "6 Hz and 8 Hz"),
-        ("240", "239", "120 Hz and 240 Hz"),
-        ("240", "1000", "240 Hz"),
-        ("240", "0.7", "1 Hz"),
+        ("240", "7", "6 Hz and 8 Hz; or set physics: {rate: 245 Hz}"),
+        ("240", "239", "120 Hz and 240 Hz; or set physics: {rate: 478 Hz}"),
+        ("240", "1000", "240 Hz; or set physics: {rate: 1000 Hz}"),
+        ("240", "0.7", "1 Hz; or set physics: {rate: 240.1 Hz}"),
         ("240", "1e-323", "1 Hz"),
-        ("1 kHz", "30", "25 Hz and 40 Hz"),
-        ("240.5", "100", "80.1667 Hz and 120.25 Hz"),
+        ("1 kHz", "30", "25 Hz and 40 Hz; or set physics: {rate: 1020 Hz}"),
+        ("240.5", "100", "80.1667 Hz and 120.25 Hz; or set physics: {rate: 300 Hz}"),
     ],
 )
 def test_the_nearest_rates_that_divide_are_named(physics: str, rate: str, near: str, tmp_path: Path) -> None:
@@ -346,3 +346,19 @@ def test_patches_that_touch_do_not_lie_on_each_other_and_files_are_read_once(tmp
     loaded = load_scenario(path)
     (tmp_path / file).unlink()
     assert len(build_scene(loaded).parts["a"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("rate", "physics"), [("50 Hz", 250), ("10 Hz", 240), ("70 Hz", 280), ("1 kHz", 1000), ("62.5 Hz", 250)]
+)
+def test_the_rate_of_the_physics_follows_from_that_of_a_controller(rate: str, physics: float, tmp_path: Path) -> None:
+    assert load(tmp_path, LEAST.replace("10 Hz", rate)).scenario.physics.rate == physics
+
+
+def test_a_rate_that_follows_changes_the_rates_that_follow_it(tmp_path: Path) -> None:
+    arm = "robot: {model: ur5e_gripper}\nallow: [fixed-base]\n"
+    joints = "{joints: [{at: 1 s, position: {elbow_joint: 1.6}}], rate: 48 Hz}"
+    text = f"name: n\n{arm}commands:\n  - {joints}\nsensors: [{{imu: {{}}, rate: 50 Hz}}]\n"
+    text += "expect: [{max_speed: {linear: 1}}]\ntime_limit: 1 s\n"
+    scenario = load(tmp_path, text).scenario
+    assert (scenario.physics.rate, scenario.commands[0].rate) == (250, 50)

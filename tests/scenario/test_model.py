@@ -14,8 +14,9 @@ from sim_action.assertions.distance import Travel
 from sim_action.commands.script import ScriptCommands
 from sim_action.commands.twist import TwistCommands, TwistSegment
 from sim_action.core.errors import InvalidPart
+from sim_action.core.units import rate_divides
 from sim_action.core.yaml_document import Document
-from sim_action.scenario.model import LoadedScenario, Scenario, rate_divides
+from sim_action.scenario.model import LoadedScenario, Scenario, common_rate
 from sim_action.scenario.source import Source
 from tests.traces import HERE, expectation, scenario
 
@@ -42,6 +43,29 @@ def changed(**fields: object) -> Scenario:
 )
 def test_a_rate_divides_if_its_ticks_fall_on_steps(physics: float, rate: float, divides: bool) -> None:
     assert rate_divides(physics, rate) is divides
+
+
+@pytest.mark.parametrize(
+    ("rates", "common"),
+    [
+        ([], 240),
+        ([10, 40], 240),
+        ([50], 250),
+        ([30, 50], 300),
+        ([100, 40], 400),
+        ([70], 280),
+        ([62.5], 250),
+        ([1000], 1000),
+        ([1000, 240], None),
+        ([2000], None),
+        ([1e-300], None),
+        ([500, 400], None),
+    ],
+)
+def test_the_rate_of_the_physics_is_the_least_from_240_that_all_rates_divide(
+    rates: list[float], common: float | None
+) -> None:
+    assert common_rate(rates, 240.0, 1000.0) == common
 
 
 @given(st.floats(min_value=1, max_value=1e5), st.floats(min_value=0, exclude_min=True, allow_infinity=False))

@@ -262,7 +262,7 @@ def test_a_program_has_its_words_below_command(folder: Path) -> None:
         ),
         ("\n  script: {file: {a: 1}}", "5:12: commands.script.file: expected text, found a map of keys"),
         ("\n  script: {file: follow.py, with: 3}", "5:29: commands.script.with: expected a map of keys, found 3"),
-        ("\n  script: {file: follow.py, rate: 7 Hz, class: Follower, with: {kp: 1}}", "5:29: commands.script.rate: "),
+        ("\n  script: {file: follow.py, rate: 7 kHz, class: Follower, with: {kp: 1}}", "5:29: commands.script.rate: "),
         ("\n  script: {script: follow.py, file: follow.py}", "5:12: commands.script.script: unknown key"),
         ("\n  script: {file: follow.py, twist: []}", "5:29: commands.script.twist: unknown key"),
         ("\n  process: {command: [], with: {a: 1}}", "5:13: commands.process.command: must not be empty"),

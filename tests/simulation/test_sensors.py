@@ -64,7 +64,7 @@ def test_odometry_tells_which_wheels_it_reads_whether_anybody_drives_them(comman
 @pytest.mark.parametrize(
     ("sensors", "problem"),
     [
-        ("[{contact: {}, rate: 7}]", "11:25: sensors.0.rate: 7 Hz does not divide physics.rate, 240 Hz; near"),
+        ("[{contact: {}, rate: 7000}]", "11:25: sensors.0.rate: 7000 Hz does not divide physics.rate, 240 Hz; near"),
         ("[contact, contact]", "11:20: sensors.1: a second sensor named 'contact'; give each a 'name' of its own"),
         ("[{contact: {}, link: base_lnk}]", "11:25: sensors.0.link: the robot has no link 'base_lnk'; did you mean"),
         ("[{contact: {range: 1}}]", "11:22: sensors.0.contact.range: unknown key"),

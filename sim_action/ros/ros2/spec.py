@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 from typing_extensions import override
 
-from sim_action.commands import CommandSource, Controller, fitting_rate
+from sim_action.commands import CommandSource, Controller
 from sim_action.core.field_types import PositiveHertz
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
@@ -47,12 +47,10 @@ class Ros2Commands(CommandSource):
         ),
     ] = 100.0
 
+    @property
     @override
-    def fitted(self, physics_rate: float) -> Self:
-        if "rate" in self.model_fields_set:
-            return self
-        rate = fitting_rate(self.rate, physics_rate)
-        return self if rate == self.rate else self.model_copy(update={"rate": rate})
+    def needed_rate(self) -> float | None:
+        return self.rate if "rate" in self.model_fields_set else None
 
     def problems(self, workspace: Workspace) -> SpecProblems:
         """See CommandSource.problems. This starts nothing and works without ROS 2."""
