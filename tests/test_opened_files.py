@@ -21,9 +21,9 @@ ENGINES: Final = frozenset(
 
 GATED: Final = {
     "assertions/follow_path.py": "Workspace.file",
+    "commands/logs/csv_table.py": "Workspace.file_or_folder",
     "commands/logs/rosbag.py": "Workspace.file_or_folder, and Workspace.file for each file in the folder",
     "commands/onnx_network.py": "Workspace.file",
-    "commands/replay.py": "Workspace.file_or_folder",
     "core/user_scripts.py": "Workspace.file",
     "meshes/__init__.py": "Packages.file, or Workspace.file for meshes of the world",
     "meshes/collada.py": "beside a mesh that was let through: only a name without folders, and no link",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 import os
 import pickle
 import subprocess
@@ -11,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sim_action.commands import OpenLoop
@@ -424,3 +427,30 @@ def test_times_in_another_unit_are_found_before_the_run(tmp_path: Path) -> None:
     bags.csv_file(tmp_path / "a.csv", [(0, 0.1, 0.0), (5000, 0.0, 0.0)])
     (warning,) = load(tmp_path, scenario(replay="a.csv")).warnings
     assert "second row of a.csv is at 5000 s, but the run ends at" in warning.message
+
+
+CELLS = st.none() | st.floats(-9, 9).map(lambda number: round(number, 3))
+JOINT_ROWS = st.lists(st.tuples(st.floats(0, 5), CELLS, CELLS, st.floats(-9, 9)), min_size=1, max_size=8).map(
+    lambda rows: sorted(rows, key=lambda row: row[0])
+)
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(JOINT_ROWS, st.floats(-3, 3), st.sampled_from(["240 Hz", "10 Hz"]))
+def test_any_rows_of_joints_give_finite_targets(
+    tmp_path: Path, rows: list[tuple[float, ...]], offset: float, rate: str
+) -> None:
+    header = "time,position.wheel_left_joint,velocity.wheel_left_joint,velocity.wheel_right_joint"
+    lines = [",".join("" if cell is None else repr(cell) for cell in row) for row in rows]
+    (tmp_path / "a.csv").write_text("\n".join([header, *lines, ""]))
+    controller = spec(replay="a.csv", offset=offset, rate=rate).open(scene_in(tmp_path))
+    assert isinstance(controller, OpenLoop)
+    frequency = float(rate.partition(" ")[0])
+    for n in range(round(9 * frequency)):
+        answer = controller.command(n / frequency)
+        if answer is not None:
+            assert isinstance(answer, JointTargets)
+            curves = [curve for motion in answer.motions for curve in motion.curves]
+            states = [number for curve in curves for time in (0.0, 1.234, 5.0) for number in curve.at(time)]
+            assert all(map(math.isfinite, [*answer.velocity.values(), *states]))
+    assert all("were not used" in note for note in controller.notes)
