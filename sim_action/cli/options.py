@@ -64,7 +64,20 @@ ALLOW_OUTSIDE: Final = click.option(
     help="Allow files outside the workspace. The workspace is the git repository of the scenario, else the current "
     "folder.",
 )
-_CODE: Final = (
+
+
+def with_options(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
+    """Return a decorator that adds options to a command; `--help` lists them in this order."""
+
+    def added(command: Command) -> Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return added
+
+
+code_flags: Final = with_options(
     click.option(
         "--allow-scripts",
         type=click.Choice(("auto", "true", "false")),
@@ -81,13 +94,7 @@ _CODE: Final = (
         help="Let code of the repository see this environment variable; repeatable. Reports show its value as ***.",
     ),
 )
-
-
-def code_flags(command: Command) -> Command:
-    """Add the options of every command that may run code of the repository."""
-    for option in reversed(_CODE):
-        command = option(command)
-    return command
+"""The options of every command that may run code of the repository."""
 
 
 def code_permissions(flags: dict[str, Any], folders: Iterable[Path] = ()) -> Permissions:
@@ -150,6 +157,25 @@ def live_port(*, live: bool, port: int, watch: bool = True) -> int | None:
 
 
 SEED: Final = Bounded(click.IntRange(0, 2**63 - 1))
+SEED_OPTION: Final = click.option(
+    "--seed",
+    envvar="SIM_ACTION_SEED",
+    type=SEED,
+    metavar="N",
+    help='Random seed for all scenarios.  [default: "seed:" in the file of each scenario]',
+)
+
+
+def jobs_option(noun: str) -> Callable[[Command], Command]:
+    """Return the option for the number of processes; `noun`: what they run."""
+    return click.option(
+        "--jobs",
+        "-j",
+        envvar="SIM_ACTION_JOBS",
+        type=Bounded(click.IntRange(min=1, max=256)),
+        metavar="N",
+        help=f"Number of {noun} in parallel, 1 to 256.  [default: number of cores]",
+    )
 
 
 def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None, *, outside: bool = False) -> Suite:
@@ -187,7 +213,7 @@ def complain(message: str) -> None:
     click.echo(line, err=True)
 
 
-_SELECTION: Final = (
+selection_flags: Final = with_options(
     click.option(
         "--only",
         multiple=True,
@@ -219,13 +245,7 @@ _SELECTION: Final = (
         help="Skip scenarios with this tag; repeatable.",
     ),
 )
-
-
-def selection_flags(command: Command) -> Command:
-    """Add the options that select scenarios to a command."""
-    for option in reversed(_SELECTION):
-        command = option(command)
-    return command
+"""The options that select scenarios."""
 
 
 def taken_selection(flags: dict[str, Any]) -> Selection:
@@ -248,50 +268,9 @@ def output_dir(purpose: str) -> Callable[[Callable[..., Any]], Callable[..., Any
     )
 
 
-_FILES: Final = (
-    output_dir("Folder for results, JUnit XML, traces and reports."),
-    click.option(
-        "--junit",
-        envvar="SIM_ACTION_JUNIT",
-        callback=not_empty,
-        metavar="FILE",
-        help="File for the JUnit XML.  [default: junit.xml in the output folder]",
-    ),
-    click.option(
-        "--junit-strict/--no-junit-strict",
-        envvar="SIM_ACTION_JUNIT_STRICT",
-        default=False,
-        help="Write JUnit XML for strict readers: only what the schema junit-10.xsd of Jenkins allows.  [default: no]",
-    ),
-)
-_AGAINST: Final = click.option(
-    "--against",
-    callback=not_empty,
-    metavar="OLD",
-    help="Compare with an earlier run in report.html: what changed, and the earlier motion as a ghost in each replay. "
-    "OLD is its results.json, or a folder with one, or with those of all shards.",
-)
-_VERBOSITY: Final = (
-    click.option(
-        "--verbose",
-        "-v",
-        envvar="SIM_ACTION_VERBOSE",
-        is_flag=True,
-        help="Show also notes, messages of the engine, and the output of controllers.",
-    ),
-    click.option(
-        "--quiet",
-        "-q",
-        envvar="SIM_ACTION_QUIET",
-        is_flag=True,
-        help="Show only failures and one line with the totals.",
-    ),
-)
-
-
 def switches(report: str, annotations: str) -> Callable[[Command], Command]:
     """Return a decorator that adds the options to switch reports off; its arguments say what two of them do."""
-    options = (
+    return with_options(
         click.option(
             "--report/--no-report", envvar="SIM_ACTION_REPORT", default=True, help=f"{report}  [default: yes]"
         ),
@@ -309,24 +288,46 @@ def switches(report: str, annotations: str) -> Callable[[Command], Command]:
         ),
     )
 
-    def added(command: Command) -> Command:
-        for option in reversed(options):
-            command = option(command)
-        return command
 
-    return added
-
-
-_SWITCHES: Final = switches(
-    "Write report.html with a replay of each run.", "On GitHub, mark the line of each failed expectation."
+report_flags: Final = with_options(
+    output_dir("Folder for results, JUnit XML, traces and reports."),
+    click.option(
+        "--junit",
+        envvar="SIM_ACTION_JUNIT",
+        callback=not_empty,
+        metavar="FILE",
+        help="File for the JUnit XML.  [default: junit.xml in the output folder]",
+    ),
+    click.option(
+        "--junit-strict/--no-junit-strict",
+        envvar="SIM_ACTION_JUNIT_STRICT",
+        default=False,
+        help="Write JUnit XML for strict readers: only what the schema junit-10.xsd of Jenkins allows.  [default: no]",
+    ),
+    click.option(
+        "--against",
+        callback=not_empty,
+        metavar="OLD",
+        help="Compare with an earlier run in report.html: what changed, and the earlier motion as a ghost in each "
+        "replay. OLD is its results.json, or a folder with one, or with those of all shards.",
+    ),
+    switches("Write report.html with a replay of each run.", "On GitHub, mark the line of each failed expectation."),
+    click.option(
+        "--verbose",
+        "-v",
+        envvar="SIM_ACTION_VERBOSE",
+        is_flag=True,
+        help="Show also notes, messages of the engine, and the output of controllers.",
+    ),
+    click.option(
+        "--quiet",
+        "-q",
+        envvar="SIM_ACTION_QUIET",
+        is_flag=True,
+        help="Show only failures and one line with the totals.",
+    ),
 )
-
-
-def report_flags(command: Command) -> Command:
-    """Add the options for output and reports to a command."""
-    for option in reversed((*_FILES, _AGAINST, _SWITCHES, *_VERBOSITY)):
-        command = option(command)
-    return command
+"""The options for output and reports."""
 
 
 def report_request(flags: Mapping[str, Any]) -> ReportRequest:
@@ -368,20 +369,17 @@ def named_packages(texts: Iterable[str]) -> tuple[tuple[str, str], ...]:
     return package_folders(_pairs("--package", texts, "NAME=FOLDER"))
 
 
-def model_flags(command: Command) -> Command:
-    """Add the options of a robot model to a command."""
-    for option in (
-        PACKAGES,
-        click.option(
-            "--arg",
-            "args",
-            multiple=True,
-            metavar="NAME=VALUE",
-            help="Argument of a xacro file, as in robot.args; repeatable.",
-        ),
-    ):
-        command = option(command)
-    return command
+model_flags: Final = with_options(
+    click.option(
+        "--arg",
+        "args",
+        multiple=True,
+        metavar="NAME=VALUE",
+        help="Argument of a xacro file, as in robot.args; repeatable.",
+    ),
+    PACKAGES,
+)
+"""The options of a robot model."""
 
 
 def asked_model(model: str, flags: dict[str, Any]) -> tuple[Robot, Workspace]:

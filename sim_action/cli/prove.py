@@ -11,11 +11,11 @@ from sim_action.cli.options import (
     ALLOW_OUTSIDE,
     PACKAGES,
     PATHS,
-    SEED,
-    Bounded,
+    SEED_OPTION,
     code_flags,
     code_permissions,
     discovered,
+    jobs_option,
     named_packages,
     not_empty,
     output_dir,
@@ -56,21 +56,8 @@ if TYPE_CHECKING:
     type=click.Choice(tuple(ENGINES)),
     help='Physics engine for all scenarios.  [default: "backend:" in the file of each scenario]',
 )
-@click.option(
-    "--seed",
-    envvar="SIM_ACTION_SEED",
-    type=SEED,
-    metavar="N",
-    help='Random seed for all scenarios.  [default: "seed:" in the file of each scenario]',
-)
-@click.option(
-    "--jobs",
-    "-j",
-    envvar="SIM_ACTION_JOBS",
-    type=Bounded(click.IntRange(min=1, max=256)),
-    metavar="N",
-    help="Number of runs in parallel, 1 to 256.  [default: number of cores]",
-)
+@SEED_OPTION
+@jobs_option("runs")
 @output_dir("Folder with the report, in its subfolder proof.")
 @switches(
     "Write report.html with a replay of each mutant that moved the robot another way, and that nothing noticed.",

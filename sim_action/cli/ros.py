@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from sim_action.cli.options import SEED, Bounded, code_flags, code_permissions, report_flags, report_request
+from sim_action.cli.options import (
+    SEED,
+    Bounded,
+    code_flags,
+    code_permissions,
+    report_flags,
+    report_request,
+    with_options,
+)
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.engines import ENGINES
 
@@ -70,13 +78,7 @@ _OPTIONS: Final = (
 def _ros_options(sim_time_limit: str) -> Callable[[Command], Command]:
     """Add the options of both commands; `sim_time_limit` is the help of that option."""
     limit = click.option("--sim-time-limit", type=_POSITIVE, metavar="S", help=sim_time_limit)
-
-    def added(command: Command) -> Command:
-        for option in reversed((*_OPTIONS, limit)):
-            command = option(command)
-        return command
-
-    return added
+    return with_options(*_OPTIONS, limit)
 
 
 @click.command()

@@ -11,11 +11,12 @@ from sim_action.cli.options import (
     PACKAGES,
     PATHS,
     PORT,
-    SEED,
+    SEED_OPTION,
     Bounded,
     code_flags,
     code_permissions,
     discovered,
+    jobs_option,
     live_port,
     named_packages,
     named_paths,
@@ -117,13 +118,7 @@ _WISHED_RATE: Final = "97%"
     help="Physics engine for all scenarios; all: run each scenario on both engines and compare the runs.  "
     '[default: "backend:" in the file of each scenario]',
 )
-@click.option(
-    "--seed",
-    envvar="SIM_ACTION_SEED",
-    type=SEED,
-    metavar="N",
-    help='Random seed for all scenarios.  [default: "seed:" in the file of each scenario]',
-)
+@SEED_OPTION
 @click.option(
     "--repeat",
     envvar="SIM_ACTION_REPEAT",
@@ -144,14 +139,7 @@ _WISHED_RATE: Final = "97%"
     is_flag=True,
     help='Save this run as the golden trajectory of each "matches", instead of comparing with it.',
 )
-@click.option(
-    "--jobs",
-    "-j",
-    envvar="SIM_ACTION_JOBS",
-    type=Bounded(click.IntRange(min=1, max=256)),
-    metavar="N",
-    help="Number of scenarios to run in parallel, 1 to 256.  [default: number of cores]",
-)
+@jobs_option("scenarios to run")
 @click.option(
     "--cluster",
     callback=not_empty,
