@@ -378,7 +378,7 @@ class Playback:
         now = round(self._now * self._rate)
         following = now + 1 if self._spec.has_rate else next((tick for tick in self.due if tick > now), math.inf)
         late = sum(self._tick(time) >= following for time in self._moments)
-        unused = {**self._unused, f"were due after the end of the run ({self._now:.3g} s)": late}
+        unused = {**self._unused, f"were due after the last tick of the run, at {self._now:.3g} s": late}
         reasons = [f"{count} {reason}" for reason, count in unused.items() if count]
         if reasons:
             of = f" of {self._spec.topic}" if self._spec.topic else ""

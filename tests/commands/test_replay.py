@@ -366,7 +366,7 @@ def notes(folder: Path, **keys: Any) -> list[str]:
         ({"rate": "10 Hz"}, "149 were replaced by a later one at a tick of 10 Hz"),
         ({"start": "1 s"}, "60 are before t = 0"),
         ({"end": "1 s"}, "119 are after 'end'"),
-        ({"offset": "2 s"}, "119 were due after the end of the run"),
+        ({"offset": "2 s"}, "119 were due after the last tick of the run"),
         ({}, ""),
     ],
 )
