@@ -6,9 +6,11 @@ import sys
 from collections.abc import Iterator, Mapping
 from typing import Final, Literal, TextIO
 
+from pydantic import JsonValue
+
 from sim_action.core import units
 from sim_action.core.records import dataclass
-from sim_action.core.wording import counted, shortened
+from sim_action.core.wording import counted, shortened, shown
 from sim_action.reports.console import BAD, GOOD, Console, Line, Sign, open_console
 from sim_action.reports.escaping import markdown_text
 from sim_action.reports.formatting import measurements, moment, quantity, speed_text
@@ -22,6 +24,7 @@ from sim_action.results.weaker_checks import (
     ClaimKind,
     WeakerCheck,
     WeakerKind,
+    loosened_statements,
     loosened_times,
     newly_allowed,
     paired_expectations,
@@ -49,12 +52,15 @@ _WEAKER: Final[dict[WeakerKind, str]] = {
     "window": "weaker window",
     "allow": "allows more",
     "limit": "weaker limit",
+    "stated": "states something else",
 }
 _CLAIMS: Final[dict[tuple[ClaimKind, bool], tuple[Look, str]]] = {
     ("removed", True): ("warning", "no longer checked"),
     ("limit", True): ("warning", "weaker limit"),
     ("confidence", True): ("warning", "less confidence"),
     ("limit", False): ("note", "stricter limit"),
+    ("stated", True): ("warning", "states something else"),
+    ("stated", False): ("note", "states something else"),
     ("confidence", False): ("note", "more confidence"),
 }
 """The looks and names of the changes of a gate's claims, by kind and `is_weaker`."""
@@ -230,7 +236,14 @@ def _weaker_text(weaker: WeakerCheck) -> str:
         return f"{new.name}: {'; '.join(times)}"
     if weaker.kind == "allow":
         return f"{new.name}: allow has {', '.join(newly_allowed(old, new))} now"
+    if weaker.kind == "stated":
+        found = loosened_statements(old, new).items()
+        return f"{new.name}: " + "; ".join(f"{key} {_said(now)}, was {_said(was)}" for key, (was, now) in found)
     return f"{new.name}: {limits_text(old, new)}"
+
+
+def _said(value: JsonValue) -> str:
+    return "not stated" if value is None else shown(value)
 
 
 def limits_text(old: ExpectationOutcome, new: ExpectationOutcome) -> str:

@@ -29,6 +29,7 @@ from sim_action.results.weaker_checks import (
     has_same_limit,
     paired_expectations,
     stricter_limits,
+    surroundings_changes,
     weaker_checks,
 )
 from sim_action.scenario.variations.gate import Gate, PlannedGate
@@ -111,7 +112,7 @@ class Change:
         missed: expectations that held before and do not hold now, unless the scenario newly fails because of them.
         weaker: expectations that were removed, that only warn now, or whose limit allows more.
         stricter: expectations whose limit allows less.
-        claims: the claims of a gate that demand less or more than before.
+        claims: the claims of a gate that demand less or more than before, and other surroundings of the expectations.
         renamed: the old and new names of expectations with another name and no other limit.
         moves_differently: True if the digests differ with the same seed on the same engine build.
         processors: the CPU models of both runs if they differ; the speeds cannot be compared then.
@@ -206,7 +207,11 @@ def compare_outcomes(
     stated, states = (dict(_by_key(each)) for each in gates)
     judged = adjusted([change.gate for change in changes])
     found = (
-        replace(change, gate=gate, claims=_claims(stated.get(_gate_key(change.old)), states.get(_gate_key(change.new))))
+        replace(
+            change,
+            gate=gate,
+            claims=(*change.claims, *_claims(stated.get(_gate_key(change.old)), states.get(_gate_key(change.new)))),
+        )
         for change, gate in zip(changes, judged, strict=True)
     )
     return Comparison(tuple(found), allow_removed)
@@ -300,6 +305,7 @@ def _change(old: Outcome | None, new: Outcome | None, samples: Sequence[RunPair]
         slower=_slower(old, new, thresholds.speed),
         weaker=weaker + (gate.weaker if gate else ()),
         stricter=stricter,
+        claims=tuple(surroundings_changes(old, new)),
         renamed=tuple((one.name, now.name) for one, now in pairs if one.name != now.name and id(now) not in moved),
         moves_differently=bool(gate.moved) if gate else moves_differently(old, new),
         processors=_processors(old, new),

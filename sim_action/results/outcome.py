@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal, Self, get_args
 
-from pydantic import Field
+from pydantic import Field, JsonValue
 
 from sim_action.core.errors import ExitCode, InternalError, InvalidScenario, Location, MissingScenario, Problem
 from sim_action.core.field_types import FrozenModel
@@ -21,7 +21,7 @@ from sim_action.world.claims import AuditWarning
 
 if TYPE_CHECKING:
     from sim_action.assertions import Assertion
-    from sim_action.scenario.model import Expectation
+    from sim_action.scenario.model import Expectation, Scenario
 
 Count = Annotated[int, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -141,19 +141,54 @@ class Scope(FrozenModel):
         after, before: the window in s of sim time; `before` is None if it has no end.
         held: the time in s for which a goal must hold; None if one moment is enough.
         allowed: the names in `allow`, sorted; pairs are joined by "with".
+        end: the time in s at which a window without `before` ends at the latest; None if only a goal ends the run.
+        stated: what the assertion states: path of a key -> value in SI units. Empty in older results.
     """
 
     after: float = 0.0
     before: float | None = None
     held: float | None = None
     allowed: tuple[str, ...] = ()
+    end: float | None = None
+    stated: dict[str, JsonValue] = Field(default_factory=dict)
 
     @classmethod
-    def of(cls, expected: Expectation) -> Self:
-        """Return the scope of an expectation."""
+    def of(cls, expected: Expectation, scenario: Scenario) -> Self:
+        """Return the scope of an expectation of a scenario."""
         before = None if math.isinf(expected.before) else expected.before
         held = expected.assertion.hold_time if expected.span is None else expected.span
-        return cls(after=expected.after, before=before, held=held, allowed=tuple(sorted(_allowed(expected.assertion))))
+        end: float | None = scenario.time_limit
+        if not expected.assertion.is_goal and (
+            scenario.duration is not None or any(each.assertion.is_goal for each in scenario.expect)
+        ):
+            end = scenario.duration
+        return cls(
+            after=expected.after,
+            before=before,
+            held=held,
+            allowed=tuple(sorted(_allowed(expected.assertion))),
+            end=end,
+            stated=dict(_stated(expected.assertion)),
+        )
+
+
+def _stated(assertion: Assertion, path: str = "") -> Iterator[tuple[str, JsonValue]]:
+    parts = getattr(assertion, "placed_parts", ())
+    for number, (_, part) in enumerate(parts):
+        yield f"{path}{number}", part.key
+        yield from _stated(part, f"{path}{number}.{part.key}.")
+    if not parts:
+        yield from flattened(assertion.model_dump(mode="json", exclude_defaults=True, exclude={"allow"}), path)
+
+
+def flattened(stated: Mapping[str, JsonValue], path: str = "") -> Iterator[tuple[str, JsonValue]]:
+    """Yield the path of each key below nested maps and lists, with its value; `path`: before each."""
+    for key, value in stated.items():
+        listed = {str(number): each for number, each in enumerate(value)} if isinstance(value, list) else value
+        if isinstance(listed, dict):
+            yield from flattened(listed, f"{path}{key}.")
+        else:
+            yield f"{path}{key}", value
 
 
 def _allowed(assertion: Assertion) -> set[str]:
@@ -273,6 +308,8 @@ class Outcome(FrozenModel):
         travelled: the distance in m between the first and the last position of the robot on the ground plane.
         seed: the random seed of the run.
         scenario_seed: the seed of the scenario, from which `seed` is derived, if this is one of its samples.
+        surroundings: what the scenario states around its expectations: rules in `allow`, and the keys of its world
+            as in `Scope.stated`; of a variation, only the rules.
         digest: the SHA-256 hash of the state at every physics step, and of the messages that nodes sent.
         motion: figures of the robot's motion, in SI units, if this is a variation: a gate compares its runs by them.
         engine: name and version of the engine that ran it, also if there is no verdict; None if none was selected.
@@ -308,6 +345,7 @@ class Outcome(FrozenModel):
     travelled: NotNegative | None = None
     seed: int | None = None
     scenario_seed: int | None = None
+    surroundings: dict[str, JsonValue] = Field(default_factory=dict)
     digest: str | None = None
     motion: tuple[float, ...] = ()
     repeats: Repeats | None = None

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final, Literal
+
+from pydantic import JsonValue
 
 from sim_action.core.records import dataclass
 from sim_action.core.units import with_si_unit
 from sim_action.core.wording import counted
-from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.results.outcome import ExpectationOutcome, Outcome, Scope
 from sim_action.scenario.variations.gate import GATE, Gate, Passes, Quantile, StopEarly, percents_apart
 from sim_action.state.verdict import Verdict
 
-WeakerKind = Literal["removed", "severity", "unexercised", "window", "allow", "limit"]
+WeakerKind = Literal["removed", "severity", "unexercised", "window", "allow", "limit", "stated"]
 """The way in which a scenario checks less than before.
 
 - removed: the new run does not have the expectation.
@@ -23,6 +26,7 @@ WeakerKind = Literal["removed", "severity", "unexercised", "window", "allow", "l
 - window: a goal has more time, or must hold for less; an invariant is checked for less time.
 - allow: it allows more names.
 - limit: the new limit allows more.
+- stated: it states something else, and that is not known to be stricter.
 """
 
 Pair = tuple[ExpectationOutcome, ExpectationOutcome]
@@ -81,6 +85,8 @@ def weaker_checks(old: Outcome, new: Outcome, pairs: Sequence[Pair]) -> Iterator
             yield WeakerCheck("allow", one, now)
         if _is_stated(old, new, one, now) and _allows_more(one.verdict, now.verdict):
             yield WeakerCheck("limit", one, now)
+        elif loosened_statements(one, now):
+            yield WeakerCheck("stated", one, now)
 
 
 def stricter_limits(old: Outcome, new: Outcome, pairs: Iterable[Pair]) -> Iterator[Pair]:
@@ -110,16 +116,62 @@ def loosened_times(old: ExpectationOutcome, new: ExpectationOutcome) -> dict[str
     was, now, is_goal = old.scope, new.scope, new.verdict.goal
     if was is None or now is None or is_goal != old.verdict.goal:
         return {}
-    ends = [math.inf if scope.before is None else scope.before for scope in (was, now)]
+    # Older results have no end, and none is known of an invariant that lasts until the goals are met.
+    is_known = was.end is not None and now.end is not None
+    ends = [_end(scope, is_known=is_known) for scope in (was, now)]
     later, longer = now.after - was.after, ends[1] - ends[0] if ends[1] != ends[0] else 0.0
     found: dict[str, tuple[float | None, float | None]] = {}
     if (later < 0) if is_goal else (later > 0):
         found["after"] = was.after, now.after
     if (longer > 0) if is_goal else (longer < 0):
-        found["before"] = was.before, now.before
+        stated = was.before, now.before
+        if is_known:
+            found["before" if any(stated) else "end"] = ends[0], ends[1]
+        else:
+            found["before"] = stated
     if (was.held or 0.0) > (now.held or 0.0):
         found["for"] = was.held, now.held
     return found
+
+
+def _end(scope: Scope, *, is_known: bool) -> float:
+    end = scope.end if scope.before is None and is_known else scope.before
+    return math.inf if end is None else end
+
+
+Statement = tuple[JsonValue, JsonValue]
+"""What was stated at a key before and now; None: nothing."""
+
+
+def loosened_statements(old: ExpectationOutcome, new: ExpectationOutcome) -> dict[str, Statement]:
+    """Return the keys whose statements differ, and are not known to be stricter now."""
+    if old.scope is None or new.scope is None or not (old.scope.stated and new.scope.stated):
+        return {}
+    return {key: each for key, each in _differing(old.scope.stated, new.scope.stated) if not _is_stricter(key, *each)}
+
+
+def _differing(old: Mapping[str, JsonValue], new: Mapping[str, JsonValue]) -> Iterator[tuple[str, Statement]]:
+    for key in dict.fromkeys((*old, *new)):
+        was, now = old.get(key), new.get(key)
+        if isinstance(was, int | float) and isinstance(now, int | float):
+            differs = not math.isclose(was, now, rel_tol=_SAME_LIMIT)
+        else:
+            differs = was != now
+        if differs:
+            yield key, (was, now)
+
+
+_LOWER: Final = re.compile(r"(?:^|\.)(?:at_least|min_\w+|[xyz]\.0)$")
+_UPPER: Final = re.compile(r"(?:^|\.)(?:at_most|max_\w+|within|tolerance|[xyz]\.1)$")
+
+
+def _is_stricter(key: str, old: JsonValue, new: JsonValue) -> bool:
+    """Return True if a limit demands more now, by the name of its key; a new limit does."""
+    sign = 1 if _LOWER.search(key) else -1 if _UPPER.search(key) else 0
+    # Of a part of a combination, the direction depends on the combination.
+    if not sign or key[0].isdigit() or not isinstance(new, int | float):
+        return False
+    return old is None or (isinstance(old, int | float) and sign * (new - old) > 0)
 
 
 def newly_allowed(old: ExpectationOutcome, new: ExpectationOutcome) -> tuple[str, ...]:
@@ -164,8 +216,11 @@ def _side(verdict: Verdict) -> int:
     return 0 if not above else 1 if (above > 0) == (verdict.margin > 0) else -1
 
 
-ClaimKind = Literal["removed", "limit", "confidence"]
-"""The way in which a claim demands less, or more: the gate no longer has it, its limit moved, or its confidence."""
+ClaimKind = Literal["removed", "limit", "confidence", "stated"]
+"""The way in which a claim demands less, or more: the gate no longer has it, its limit moved, or its confidence.
+
+"stated" is of what the scenario states around its expectations: rules in `allow`, and its world.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,6 +248,36 @@ def claim_changes(old: Gate, new: Gate) -> tuple[ClaimChange, ...]:
         if each.kind != "removed"
     )
     return *_weaker(old, new), *stricter
+
+
+def surroundings_changes(old: Outcome, new: Outcome) -> Iterator[ClaimChange]:
+    """Yield the changes around the expectations; only what is new in the world, and a rule less, is no weakening."""
+    if not (old.has_verdict and new.has_verdict and _is_recorded(old) and _is_recorded(new)):
+        return
+    groups: dict[str, list[tuple[str, Statement]]] = {}
+    for key, each in _differing(old.surroundings, new.surroundings):
+        groups.setdefault(".".join(key.split(".")[:_DEPTH]), []).append((key, each))
+    for name, differing in groups.items():
+        before, now = (
+            ", ".join(
+                f"{key.removeprefix(name).lstrip('.')} {values[side]}".strip()
+                for key, values in differing
+                if values[side] is not None
+            )
+            for side in (0, 1)
+        )
+        is_new = not any(key.startswith(name) for key in old.surroundings)
+        is_weaker = is_new if name.startswith("allow.") else not is_new
+        yield ClaimChange("stated", name, before or "not stated", now or "not stated", is_weaker=is_weaker)
+
+
+_DEPTH: Final = 3
+"""Number of keys that name a part of the world, such as `world.objects.wall`."""
+
+
+def _is_recorded(outcome: Outcome) -> bool:
+    """Return True if the version that wrote an outcome recorded what scenarios state."""
+    return any(each.scope is not None and each.scope.end is not None for each in outcome.expectations)
 
 
 def _weaker(old: Gate, new: Gate) -> Iterator[ClaimChange]:

@@ -16,6 +16,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Final, NoReturn
 
+from pydantic import JsonValue
 from pydantic_core import PydanticSerializationError, to_json
 
 from sim_action.commands import COMMANDS
@@ -39,7 +40,15 @@ from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.core.yaml_document import Document, KeyPath
-from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome, Scope, status_of
+from sim_action.results.outcome import (
+    ExpectationOutcome,
+    Failure,
+    FailureKind,
+    Outcome,
+    Scope,
+    flattened,
+    status_of,
+)
 from sim_action.runner.child_files import ChildFiles, OutcomeWriter
 from sim_action.runner.job import BEGUN, JUDGED, Job, out_of_memory
 from sim_action.runner.observed_inputs import ObservedInputs, hear_early, observed_inputs
@@ -386,7 +395,7 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
             location=expected.location,
             verdict=verdict,
             unexercised=scenario.unexercised or "error",
-            scope=Scope.of(expected),
+            scope=Scope.of(expected, scenario),
         )
         for expected, verdict in zip(scenario.expect, run.verdicts, strict=True)
     )
@@ -401,6 +410,7 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         travelled=run.travelled,
         seed=scenario.seed,
         scenario_seed=job.loaded.source.scenario_seed,
+        surroundings=_surroundings(scenario, is_varied=job.loaded.source.group is not None),
         digest=run.digest,
         motion=motion_figures(run.trace) if job.loaded.source.group is not None else (),
         engine=run.engine,
@@ -408,6 +418,20 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         notes=run.notes,
         model_notes=run.model_notes,
     )
+
+
+_MAX_SURROUNDINGS: Final = 500
+"""The number of keys of a world from which on a run records none."""
+
+
+def _surroundings(scenario: Scenario, *, is_varied: bool) -> dict[str, JsonValue]:
+    allowed: dict[str, JsonValue] = {f"allow.{rule}": True for rule in scenario.allow}
+    if is_varied:
+        return allowed
+    world = scenario.world.model_dump(mode="json", exclude_defaults=True)
+    world |= {"objects": {each.get("name", str(place)): each for place, each in enumerate(world.pop("objects", ()))}}
+    stated = dict(flattened({"world": world}))
+    return allowed | (stated if len(stated) <= _MAX_SURROUNDINGS else {})
 
 
 def remove_earlier(job: Job) -> None:

@@ -186,10 +186,42 @@ def test_a_variation_that_did_not_run_to_its_end_says_nothing_about_the_others(c
 def test_the_scope_of_an_expectation_is_what_the_file_says(expect: str, scope: Scope, tmp_path: Path) -> None:
     world = "world: {objects: [{name: a, box: [1, 1, 1], pose: {x: 5}}, {name: b, box: [1, 1, 1], pose: {x: 9}}]}\n"
     loaded = load(tmp_path, LEAST.replace("travel: {at_least: 1.5 m}", expect) + world)
-    assert Scope.of(loaded.scenario.expect[0]) == scope
+    found = Scope.of(loaded.scenario.expect[0], loaded.scenario)
+    assert found.model_copy(update={"stated": {}, "end": None}) == scope
+
+
+@pytest.mark.parametrize(
+    ("expect", "more", "end"),
+    [
+        ("travel: {at_least: 1 m}", "", 30.0),
+        ("travel: {at_least: 1 m}", "duration: 5 s\n", 30.0),
+        ("upright", "", 30.0),
+        ("upright", "duration: 5 s\n", 5.0),
+        ("upright\n  - travel: {at_least: 1 m}", "", None),
+    ],
+)
+def test_the_end_of_a_scope_is_the_latest_one_of_the_run(
+    expect: str, more: str, end: float | None, tmp_path: Path
+) -> None:
+    scenario = load(tmp_path, LEAST.replace("travel: {at_least: 1.5 m}", expect) + more).scenario
+    assert Scope.of(scenario.expect[0], scenario).end == end
+
+
+def test_a_scope_has_what_each_part_of_a_combination_states(tmp_path: Path) -> None:
+    parts = "any_of: [{travel: {at_least: 50 cm}}, upright, {stay_within: {y: [-0.1, 0.1]}}]"
+    scenario = load(tmp_path, LEAST.replace("travel: {at_least: 1.5 m}", parts)).scenario
+    assert Scope.of(scenario.expect[0], scenario).stated == {
+        "0": "travel",
+        "0.travel.at_least": 0.5,
+        "1": "upright",
+        "2": "stay_within",
+        "2.stay_within.y.0": -0.1,
+        "2.stay_within.y.1": 0.1,
+    }
 
 
 def test_the_scope_of_self_collision_has_the_names_of_a_pair_in_order(tmp_path: Path) -> None:
-    (expected,) = load(tmp_path, LEAST).scenario.expect
+    scenario = load(tmp_path, LEAST).scenario
+    (expected,) = scenario.expect
     allowing = replace(expected, assertion=SelfCollision(allow=(("base_scan", "*_left_link"),)))
-    assert Scope.of(allowing) == Scope(allowed=("*_left_link with base_scan",))
+    assert Scope.of(allowing, scenario).allowed == ("*_left_link with base_scan",)
