@@ -82,7 +82,7 @@ def _ros_options(sim_time_limit: str) -> Callable[[Command], Command]:
 
 
 @click.command()
-@_ros_options("End the simulation after this sim time in s.  [default: the longest time-limit of the tests]")
+@_ros_options("End the simulation after this sim time in s.  [default: the time-limit of each test]")
 @report_flags
 @code_flags
 def rostest(**flags: Any) -> ExitCode:

@@ -127,6 +127,20 @@ def test_a_mover_that_does_not_move_fails_with_how_far_it_came(tmp_path: Path) -
     assert any(re.search(r"had moved 0\.00 m", message) for message in told_by), told_by
 
 
+def test_a_time_limit_is_of_sim_time_and_each_test_has_its_own(tmp_path: Path) -> None:
+    workspace = copied(tmp_path)
+    second = '  <test test-name="too_far" pkg="robot_driver" type="test_mover.py" time-limit="1.5"/>\n</launch>'
+    changed(workspace / LAUNCH, 'time-limit="30.0"/>\n</launch>', f'time-limit="3.0"/>\n{second}')
+
+    # The first takes 2 s of sim time, which are 4 s of wall time and more.
+    done = rostest(tmp_path, workspace, "robot_driver", "mover.test", "--rtf", "0.5")
+
+    assert done.returncode == 1, done.stdout + done.stderr
+    statuses = {outcome.name: outcome.status for outcome in outcomes(tmp_path)}
+    assert statuses == {"robot_driver/test_mover": "passed", "robot_driver/too_far": "failed"}
+    assert "did not finish within 1.5 s of sim time" in done.stdout
+
+
 def test_packages_that_are_laid_out_as_those_of_robotis_count_before_ours(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -84,8 +84,13 @@ class LaunchCall:
         launch = Launch.start(self._words(file), self.overlay, self.folder, more)
         try:
             meanwhile()
-            deadline = time.monotonic() + (self.request.wall_limit or _wall_limit(tags))
-            watch = Watch(launch, deadline, has_tests=self.request.program == "rostest")
+            stated = self.request.wall_limit
+            watch = Watch(
+                launch,
+                time.monotonic() + (stated or _wall_limit(tags)),
+                waits_for_progress=stated is None,
+                has_tests=self.request.program == "rostest",
+            )
             ending = watch.wait(interruption)
             code = launch.poll()
         finally:
@@ -112,6 +117,7 @@ class LaunchCall:
             backend=request.backend,
             seed=request.seed,
             sim_time_limit=request.sim_time_limit or limit,
+            limits_tests=request.sim_time_limit is not None,
             real_time_factor=request.real_time_factor,
             replay=request.replays,
             allows_losses=request.allows_losses,

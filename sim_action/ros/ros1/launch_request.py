@@ -5,6 +5,7 @@ The command and the node `gazebo`, which roslaunch starts, exchange files in the
 request.json                the request for every simulation
 1/, 2/ ...                  one folder per start of the node: rostest starts it again for each test
     process                 process id of the node
+    progress                touched while sim time moves on
     run.json                the result of the simulation
     trace.npz, replay.json.gz
 
@@ -45,6 +46,7 @@ FOLDER_VARIABLE: Final = "SIM_ACTION_ROS_RUN"
 
 REQUEST_FILE: Final = "request.json"
 PROCESS_FILE: Final = "process"
+PROGRESS_FILE: Final = "progress"
 RUN_FILE: Final = "run.json"
 TRACE_FILE: Final = "trace.npz"
 REPLAY_FILE: Final = "replay.json.gz"
@@ -86,7 +88,8 @@ class SimulationRequest(FrozenModel):
         modules: the folder that has rospy.
         backend: the engine, or "auto".
         physics_rate: steps per second, in Hz; 10 ms are a whole number of steps.
-        sim_time_limit: s after which the run ends; None: as long as there are nodes.
+        sim_time_limit: s after which the run ends, if no test states its own; None: as long as there are nodes.
+        limits_tests: True if the limit holds for tests too, whatever they state.
         real_time_factor: limit of the speed; None: as fast as the nodes can follow.
         replay: True if a replay is written.
         allows_losses: True if the run goes on without the parts that are not simulated.
@@ -97,6 +100,7 @@ class SimulationRequest(FrozenModel):
     seed: int = 0
     physics_rate: float = 200.0
     sim_time_limit: float | None = None
+    limits_tests: bool = False
     real_time_factor: float | None = None
     replay: bool = True
     allows_losses: bool = False
@@ -109,6 +113,7 @@ class SimulationResult(FrozenModel):
         end: why the run ended.
         failure: the failure that ended the run, if any.
         sim_time: s at the end of the run.
+        sim_time_limit: s after which the run would have ended; None: without a limit.
         first_command: s of sim time of the first command to the robot; None: there was none.
         travelled: m between the first and last place of the robot on the ground plane.
         real_time_factor: sim time over wall time, since the start of the clock.
@@ -123,6 +128,7 @@ class SimulationResult(FrozenModel):
     end: End
     failure: Failure | None = None
     sim_time: float = 0.0
+    sim_time_limit: float | None = None
     first_command: float | None = None
     travelled: float | None = None
     digest: str | None = None
@@ -181,7 +187,8 @@ class LaunchRequest:
         workspace: packages are in its `src`, or below it.
         sim_time_limit: s of a simulation; None: the limits of the tests.
         real_time_factor: limit of the speed; None: as fast as the nodes can follow.
-        wall_limit: s of wall time for the whole call; None: enough for all tests.
+        wall_limit: s of wall time for the whole call; None: enough for all tests, and time in which sim time moves on
+            does not count.
         replays: True if replays are stored.
         allows_losses: True if parts that are not simulated are warnings instead of errors.
         pass_env: names of environment variables that nodes may see, in addition to the harmless ones.

@@ -17,7 +17,13 @@ from typing import IO, Final, Literal, Self
 from sim_action.core.process import Interruption
 from sim_action.ros.processes import children, descendants, rostest_result_path
 from sim_action.ros.ros1.launch.overlay import PACKAGE_ROOT, Overlay
-from sim_action.ros.ros1.launch_request import FOLDER_VARIABLE, PROCESS_FILE, SimulationResult, run_folders
+from sim_action.ros.ros1.launch_request import (
+    FOLDER_VARIABLE,
+    PROCESS_FILE,
+    PROGRESS_FILE,
+    SimulationResult,
+    run_folders,
+)
 from sim_action.runner.isolation.process_control import processes
 
 # Time for the supervisor to end all processes.
@@ -150,10 +156,19 @@ def _has_ended(pid: int) -> bool:
 
 
 class Watch:
-    """Waits for the end of one launch; `deadline`: in `time.monotonic`."""
+    """Waits for the end of one launch.
 
-    def __init__(self, launch: Launch, deadline: float, *, has_tests: bool) -> None:
+    Args:
+        launch: the launch.
+        deadline: when it must have ended, in `time.monotonic`.
+        waits_for_progress: True if the time in which the sim time moves on does not count.
+        has_tests: True if it is a launch of rostest.
+    """
+
+    def __init__(self, launch: Launch, deadline: float, *, waits_for_progress: bool, has_tests: bool) -> None:
         self._launch, self._deadline, self._has_tests = launch, deadline, has_tests
+        self._waits_for_progress = waits_for_progress
+        self._progress, self._progressed_at = 0, time.monotonic()
         self._ending: Ending = "over"
         self._interrupted_at: float | None = None
         self._stopped: dict[int, float] = {}
@@ -166,11 +181,23 @@ class Watch:
             interruption.wait(_POLL_S)
             if interruption.happened:
                 return "interrupted"
+            if self._waits_for_progress:
+                self._look_at_progress()
             self._look_at_limits()
             self._look_at_runs()
             if self._interrupted_at is not None and time.monotonic() > self._interrupted_at + _MAX_SHUTDOWN_S:
                 break
         return self._ending
+
+    def _look_at_progress(self) -> None:
+        """Put the deadline off by the time in which the sim time has moved on."""
+        progress = max(map(_progress_ns, run_folders(self._launch.folder)[-1:]), default=0)
+        if progress != self._progress:
+            now = time.monotonic()
+            # The wait for the first progress counts: it is the start of the simulation.
+            if self._progress:
+                self._deadline += now - self._progressed_at
+            self._progress, self._progressed_at = progress, now
 
     def _look_at_limits(self) -> None:
         if self._ending == "over" and time.monotonic() > self._deadline:
@@ -205,6 +232,13 @@ class Watch:
         for pid in set(self._launch.tests()) & self._stopped.keys():
             with suppress(ProcessLookupError):
                 kill(pid, number)
+
+
+def _progress_ns(run: Path) -> int:
+    try:
+        return (run / PROGRESS_FILE).stat().st_mtime_ns
+    except OSError:
+        return 0
 
 
 def _is_over_early(run: Path, launch: Launch) -> bool:

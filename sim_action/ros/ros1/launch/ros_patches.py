@@ -13,6 +13,9 @@ A node that calls `time.sleep` again and again acts by the wall clock. It leaves
 
 rosunit writes a skipped test method as one that passed. The patch writes it as skipped.
 
+rostest ends a test after its time-limit in wall time, so a busy machine would decide. Where the launch starts a
+simulation, the patch leaves the limit in a file for it: the simulation ends after as much sim time.
+
 Python imports this file as `sitecustomize` at start, in every process of a launch. It imports nothing of this package.
 """
 
@@ -30,6 +33,11 @@ from types import ModuleType
 from typing import Any
 
 SLEEPERS = "wall_clock"  # folder of files of nodes that sleep, in that of the logs
+TEST_LIMIT = "test_time_limit"  # file of the limit of the running test in s of sim time, in the folder of the logs
+
+# As long as no test takes, in s.
+_NO_LIMIT_S = 1e9
+_SIMULATIONS = ("gazebo", "gzserver")
 
 _POLL_S = 0.1  # of wall time, for the check whether the node has to leave
 # A node that only waits for something to come up sleeps less often, or for less wall time.
@@ -128,6 +136,23 @@ def _replace_results(runner: dict[str, Any]) -> None:
     result.addSkip, result.stopTest, runner["_TestInfo"].xml = add_skip, stop_test, xml
 
 
+def _replace_limits(runner: dict[str, Any]) -> None:
+    make = runner["rostestRunner"]
+
+    def rostest_runner(test: Any, *arguments: Any, **options: Any) -> Any:
+        run, limit = make(test, *arguments, **options), test.time_limit
+
+        def run_within_sim_time(self: Any) -> None:
+            if any(node.package == "gazebo_ros" and node.type in _SIMULATIONS for node in self.config.nodes):
+                _write(os.environ["ROS_LOG_DIR"], TEST_LIMIT, str(float(limit)))
+                test.time_limit = _NO_LIMIT_S
+            run(self)
+
+        return run_within_sim_time
+
+    runner["rostestRunner"] = rostest_runner
+
+
 def _note_sleeps() -> None:
     """Replace `time.sleep` by one that notes calls of the user's code after the start of the clock."""
     sleep: Any = time.sleep
@@ -171,8 +196,12 @@ def _folder_of(module: Any, levels: int = 1) -> str:
 
 
 def _leave_note(text: str) -> None:
-    folder = os.path.join(os.environ["ROS_LOG_DIR"], SLEEPERS)  # noqa: PTH118 - see _read_next
-    path = os.path.join(folder, str(os.getpid()))  # noqa: PTH118 - see _read_next
+    _write(os.path.join(os.environ["ROS_LOG_DIR"], SLEEPERS), str(os.getpid()), text)  # noqa: PTH118 - see _read_next
+
+
+def _write(folder: str, name: str, text: str) -> None:
+    """Write a file in one step: a reader finds all of it or no file."""
+    path = os.path.join(folder, name)  # noqa: PTH118 - see _read_next
     os.makedirs(folder, exist_ok=True)  # noqa: PTH103 - see _read_next
     with open(path + ".part", "w", encoding="utf-8") as file:  # noqa: PTH123 - see _read_next
         file.write(text)
@@ -185,6 +214,7 @@ _REPLACED = {
     "rospy.impl.tcpros_pubsub": _replace_delays,
     "rosunit.xmlrunner": _replace_results,
     "rosmaster.threadpool": _replace_pool,
+    "rostest.runner": _replace_limits,
 }
 
 

@@ -63,7 +63,7 @@ from sim_action.world.world_files.losses import Loss
 
 # The interval of checks whether a paused world may go on.
 _POLL_S: Final = 0.01
-
+_TOUCH_S: Final = 0.25
 
 _DESCRIPTION_FILE: Final = "robot.urdf"
 # Such findings are losses of the launch, not errors of the model.
@@ -73,14 +73,18 @@ _MAX_SIM_TIME_S: Final = 6_600.0
 
 
 class Pace:
-    """Holds a run back to a real-time factor."""
+    """Holds a run back to a real-time factor, and touches a file while sim time moves on."""
 
-    def __init__(self, factor: float | None) -> None:
-        self._factor = factor
+    def __init__(self, factor: float | None, progress: Path) -> None:
+        self._factor, self._progress = factor, progress
         self._began: float | None = None
+        self._next_touch = 0.0
 
     def keep(self, seconds: float) -> None:
         """Sleep until wall time has reached the sim time, scaled by the factor."""
+        if (now := time.monotonic()) >= self._next_touch:
+            self._progress.touch()
+            self._next_touch = now + _TOUCH_S
         if self._factor is None:
             return
         began = self._began = self._began or time.monotonic() - seconds / self._factor

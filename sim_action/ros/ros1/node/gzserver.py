@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from threading import Event
 from typing import Final
@@ -23,7 +24,8 @@ from sim_action.core.errors import (
 from sim_action.results.outcome import Failure
 from sim_action.ros.ros1.gazebo_plugins import DRIVE_PLUGINS
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, find_world, model_folders, read_world
-from sim_action.ros.ros1.launch_request import TITLE, End, SimulationRequest, SimulationResult
+from sim_action.ros.ros1.launch.ros_patches import TEST_LIMIT
+from sim_action.ros.ros1.launch_request import PROGRESS_FILE, TITLE, End, SimulationRequest, SimulationResult
 from sim_action.ros.ros1.lockstep import Lockstep, TestFinished
 from sim_action.ros.ros1.master import Master
 from sim_action.ros.ros1.node.episode import Episode, EpisodeFactory, EpisodeRecord, Pace, Session
@@ -67,6 +69,7 @@ class _Server:
     def __init__(self, folder: Path, request: SimulationRequest) -> None:
         self._folder, self._request = folder, request
         self._began = time.monotonic()
+        self._limit = _sim_time_limit(request)
         self._notes: list[str] = []
         self._losses: list[Loss] = []
         self._missing_world: str | None = None
@@ -85,7 +88,7 @@ class _Server:
             self._lockstep,
             self._changes,
             paused,
-            Pace(request.real_time_factor),
+            Pace(request.real_time_factor, folder / PROGRESS_FILE),
             JointEfforts(),
         )
         self._stage = EpisodeFactory(self._session, request, folder)
@@ -155,7 +158,7 @@ class _Server:
             self._record.end(episode, run)
 
     def _left(self) -> float | None:
-        limit = self._request.sim_time_limit
+        limit = self._limit
         return None if limit is None else max(limit - self._current.time, 1 / self._request.physics_rate)
 
     def _await_robot(self) -> None:
@@ -189,6 +192,7 @@ class _Server:
             end=end,
             failure=failure,
             sim_time=self._current.time,
+            sim_time_limit=self._limit,
             first_command=record.first_command,
             travelled=record.travelled,
             digest=record.digest,
@@ -202,6 +206,14 @@ class _Server:
             missing_world=self._missing_world,
             claims={**record.claims, **self._races()},
         )
+
+
+def _sim_time_limit(request: SimulationRequest) -> float | None:
+    """Return the limit of the test that runs in s, else that of the request."""
+    if not request.limits_tests:
+        with suppress(OSError):
+            return float(Path(os.environ["ROS_LOG_DIR"], TEST_LIMIT).read_text())
+    return request.sim_time_limit
 
 
 def _world_argument() -> str:

@@ -12,8 +12,6 @@ from sim_action.ros.result_files import Case, Suite, read_suite
 from sim_action.ros.ros1.launch.launch_process import Ending
 from sim_action.ros.ros1.launch_request import (
     PROCESS_FILE,
-    REQUEST_FILE,
-    SimulationRequest,
     SimulationResult,
     run_folders,
 )
@@ -68,7 +66,6 @@ class Findings:
 
     Attributes:
         text: the whole output, without colours.
-        sim_time_limit: s of a simulation.
         callbacks: callbacks that raised during any test.
     """
 
@@ -77,7 +74,6 @@ class Findings:
     tests: tuple[TestFindings, ...]
     runs: tuple[Run, ...]
     text: str
-    sim_time_limit: float
     callbacks: tuple[CallbackError, ...] = ()
 
 
@@ -123,11 +119,9 @@ def collect_findings(places: LaunchFolders, tags: Sequence[TestTag], ending: End
         for name in names
     )
     output = read_at_most(folder / "output.txt", _MAX_OUTPUT_BYTES) or b""
-    request = SimulationRequest.model_validate_json((folder / REQUEST_FILE).read_bytes())
     text = "\n".join((*(suite.output for suite in reported), output.decode(errors="replace")))
     text = cleaned_output(text).replace(f"{places.share}/", "")
-    limit = request.sim_time_limit or 0.0
-    return Findings(ending, exit_code, tests, tuple(runs), text, limit, places.callbacks(None))
+    return Findings(ending, exit_code, tests, tuple(runs), text, places.callbacks(None))
 
 
 def _process(run: Run | None) -> str | None:

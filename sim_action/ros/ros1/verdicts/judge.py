@@ -124,7 +124,7 @@ class Judge:
         elif (
             not expectations
             or found.ending == "interrupted"
-            or (failed and _has_failed(test.run))
+            or (failed and (_has_failed(test.run) or _is_cut(test, found)))
             or _is_invalid(test.run)
         ):
             about = {"status": "error", "failures": (cause_of(test, found, where),)}
@@ -133,7 +133,7 @@ class Judge:
         return self._outcome(test, {**about, "line": where.line, "output": printed})
 
     def _expectations(self, test: TestFindings, found: Findings, where: Location) -> Iterator[ExpectationOutcome]:
-        late = time_out(test, found)
+        late = time_out(test)
         cases = test.methods.cases if test.methods else ()
         for case in cases:
             yield self._expectation(case, test, where, late)
@@ -223,6 +223,11 @@ def _has_failed(run: Run | None) -> bool:
     return run is not None and (run.result is None or run.result.end == "failed")
 
 
+def _is_cut(test: TestFindings, found: Findings) -> bool:
+    """Return True if the wall limit has ended this test, which says nothing about its robot."""
+    return found.ending == "wall limit" and (not found.runs or test.run == found.runs[-1])
+
+
 def _is_invalid(run: Run | None) -> bool:
     failure = run.result.failure if run and run.result else None
     return failure is not None and failure.kind == "invalid"
@@ -270,15 +275,13 @@ def how_far(run: Run | None) -> str:
     return f"the robot had moved {result.travelled:.2f} m at sim time {result.sim_time:.1f} s{silent}"
 
 
-def time_out(test: TestFindings, found: Findings) -> str | None:
+def time_out(test: TestFindings) -> str | None:
     """Return the message of a test that a limit ended; None if no limit ended it."""
     result = test.run.result if test.run else None
     if result is not None and result.end == "time limit":
-        return f"did not finish within {found.sim_time_limit:g} s of sim time: {how_far(test.run)}"
+        return f"did not finish within {result.sim_time_limit or result.sim_time:g} s of sim time: {how_far(test.run)}"
     if test.launched is not None and (limit := _TIME_OUT.search(test.launched.text)):
         return f"did not finish within its time-limit of {float(limit[1]):g} s of wall time: {how_far(test.run)}"
-    if found.ending == "wall limit" and not (test.methods and test.methods.cases):
-        return f"did not finish within the wall limit of the call: {how_far(test.run)}"
     return None
 
 
@@ -290,6 +293,12 @@ def cause_of(test: TestFindings, found: Findings, where: Location | None) -> Fai
 def _causes(test: TestFindings, found: Findings, where: Location | None) -> Iterator[Failure]:
     if found.ending == "interrupted":
         yield Failure(kind="interrupted", title="interrupted", message="the call was interrupted", location=where)
+    if found.ending == "wall limit":
+        message = (
+            f"the call was still running at its wall limit: {how_far(test.run)}; look what the nodes wait for, or "
+            "raise --wall-limit"
+        )
+        yield _failure("wall limit", "wall limit", message, where, found)
     if found.ending == "output limit":
         message = "the nodes printed more than the allowed 100 MB"
         yield _failure("crash", "output limit", message, where, found)

@@ -11,6 +11,7 @@ import pytest
 from sim_action.core.errors import Location
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.ros.result_files import Case, Suite
+from sim_action.ros.ros1.launch.launch_process import Ending
 from sim_action.ros.ros1.launch_request import LaunchRequest, Program, SimulationResult
 from sim_action.ros.ros1.verdicts import findings, judge
 from sim_action.ros.ros1.verdicts.findings import Findings, Run
@@ -37,13 +38,14 @@ def judged(
     *,
     text: str = "",
     allows_losses: bool = False,
+    ending: Ending = "over",
     suite: Suite | None = None,
     **more: Any,
 ) -> Outcome:
     result = SimulationResult.model_validate({"end": "time limit", "sim_time": 1.0, "travelled": 0.5, **more})
     run = Run(Path("1"), result)
     tests = (findings.TestFindings("t", methods=suite, run=run),) if program == "rostest" else ()
-    found = Findings("over", 0, tests, (run,), text, 1.0)
+    found = Findings(ending, 0, tests, (run,), text)
     request = LaunchRequest(program, "p", "a.launch", allows_losses=allows_losses)
     ((outcome, _),) = Judge(request, LaunchTags("a.launch", (WORLD,)), 1.0).outcomes(found)
     return outcome
@@ -51,6 +53,31 @@ def judged(
 
 HELD = Suite((Case("test_it"),))
 BOTH: list[tuple[Program, Suite | None]] = [("roslaunch", None), ("rostest", HELD)]
+
+
+def test_the_wall_limit_is_an_error_and_no_verdict() -> None:
+    outcome = judged("rostest", ending="wall limit", end="nodes finished")
+
+    (failure,) = outcome.failures
+    assert outcome.status == "error"
+    assert failure.kind == "wall limit"
+    assert "the robot had moved 0.50 m at sim time 1.0 s" in failure.message
+    assert "raise --wall-limit" in failure.message
+
+
+def test_a_test_that_failed_because_the_wall_limit_ended_it_has_no_verdict() -> None:
+    interrupted = Suite((Case("test_it", "error", "KeyboardInterrupt"),))
+    assert (
+        judged("rostest", suite=interrupted, ending="wall limit", end="nodes finished").failures[0].kind == "wall limit"
+    )
+
+
+def test_a_test_beyond_its_limit_of_sim_time_fails() -> None:
+    outcome = judged("rostest", end="time limit", sim_time=2.0, sim_time_limit=2.0)
+
+    (expected,) = outcome.expectations
+    assert outcome.status == "failed"
+    assert "did not finish within 2 s of sim time: the robot had moved 0.50 m" in expected.verdict.message
 
 
 @pytest.mark.parametrize(("program", "suite"), BOTH)
