@@ -31,6 +31,7 @@ from sim_action.robot.reading.loading import ModelLibrary, check_text, load_mode
 from sim_action.scenario import checks as scenario_checks
 from sim_action.scenario import world_checks
 from sim_action.scenario.claims import audit_robot, audit_scenario
+from sim_action.scenario.faults import fault_problems
 from sim_action.scenario.files import read_only_scenario
 from sim_action.scenario.model import DrivenRobot, LoadedScenario, Scenario
 from sim_action.scenario.part_reader import PartReader, Unfolded, unfolded
@@ -309,6 +310,8 @@ class _Loader:
         self._problems.note_all((), scenario_checks.recorded_link_problems(scenario, scene.model))
         self._problems.note_all((), scenario_checks.follower_problems(scene))
         self._problems.note_all((), world_checks.disturbance_problems(scene, scenario.time_limit))
+        drive, limit = scenario.robot.drive, scenario.time_limit
+        self._problems.note_all((), fault_problems(scenario.faults, scene, drive, scenario.sensors, limit))
         self._problems.note_all((), scenario_checks.source_problems(scenario, scene, self._parts.command_paths))
         self._problems.note_all((), scenario_checks.sensor_problems(scene, scenario.sensors, self._parts.sensor_paths))
         if scenario.agreement is not None:

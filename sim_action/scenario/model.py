@@ -35,6 +35,7 @@ from sim_action.engines import ENGINES, AutoOrEngine
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.scenario.child_environment import MAX_SET, problem_of
+from sim_action.scenario.faults import Fault
 from sim_action.scenario.mutation import Mutation
 from sim_action.scenario.source import Source
 from sim_action.scenario.variations.draws import Choice, CsvColumn, Integers, LogUniform, Normal, Sobol, Uniform
@@ -214,6 +215,7 @@ class Scenario(FrozenModel):
     physics: Physics = Physics.model_construct()
     commands: Annotated[tuple[CommandSource, ...], Field(description="command sources that drive the robot")] = ()
     sensors: Annotated[tuple[MountedSensor, ...], Field(description="sensors that controllers can read")] = ()
+    faults: Annotated[tuple[Fault, ...], Field(description="motors and sensors that fail during the run")] = ()
     expect: Annotated[
         tuple[Expectation, ...], Field(min_length=1, description="the expectations that decide the verdict")
     ]

@@ -108,6 +108,11 @@ def simulate(
     acts on the run.
     """
     footage = footage or RunRecorder(scenario)
+    if scenario.faults:
+        # Few scenarios state faults.
+        from sim_action.simulation.faults import FaultSeams
+
+        seams = FaultSeams(scenario.faults, scene, seams)
     scene = seams.scene(scene)
     drive = _drive_of(scenario, scene)
     # A drive may assume a stiffness of tyres.
@@ -160,7 +165,7 @@ class _Loop:
         springs: frozenset[str],
         seams: Seams,
     ) -> None:
-        self._runs_on = seams.runs_on
+        self._seams = seams
         self._springs = springs
         self._footage = footage
         self._scenario = scenario
@@ -206,7 +211,7 @@ class _Loop:
         moved = moved_while_settling(self._scene, self._placed.pose, start.pose)
         fell = fell_while_settling(self._scene, self._placed.pose, start.pose)
         self._notes += [note for note in (raised, moved, fell) if note is not None]
-        panel = Panel.open(self._scenario, self._scene, start, runs_on=self._runs_on)
+        panel = Panel.open(self._scenario, self._scene, start, runs_on=self._seams.runs_on)
         digest = Digest()
         motion = Motion(Rest.of(self._scene, start))
         footage.begin(start, placed, opening[0])
@@ -280,7 +285,7 @@ class _Loop:
 
     def _all_notes(self) -> tuple[str, ...]:
         of_drive = self._motion.notes if self._motion else ()
-        return (*self._notes, *of_drive, *self._controls.notes, *self._sensing.notes)
+        return (*self._notes, *self._seams.notes, *of_drive, *self._controls.notes, *self._sensing.notes)
 
     def _settle(self) -> None:
         """Let the robot come to rest before t = 0, with braked wheels and held joints."""
@@ -312,7 +317,9 @@ class _Loop:
             while self._step < end:
                 self._sensing.read(self._step)
                 until = self._arrivals.next(self._step, self._sensing.next_tick(self._step, end))
+                until = self._seams.until(self._step, until)
                 planned = self._controls.plan(self._step, until, self._sensing.look)
+                planned = self._seams.targets(self._step, planned, self._sensing.look)
                 self._backend.advance(self._step, planned)
                 self._step += len(planned)
                 self._arrivals.refuse_blocked(self._step, rate, self._backend)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 from xml.etree import ElementTree as ET
 
 from typing_extensions import override
@@ -26,7 +26,7 @@ from sim_action.world.scene import Scene
 class MutantSeams(Seams):
     """The seams of a run with a mutation."""
 
-    runs_on: ClassVar[bool] = True
+    runs_on = True
 
     def __init__(self, mutation: Mutation, scene: Scene) -> None:
         """Prepare the mutation for a scene."""

@@ -42,6 +42,8 @@ def _of_world(loaded: LoadedScenario) -> Iterator[str]:
     world = loaded.scenario.world
     if any(body.path for body in world.objects):
         yield "simulation.bodies_on_paths"
+    if loaded.scenario.faults:
+        yield "simulation.faults"
     if not (loaded.scenario.commands or world.disturbances):
         yield "simulation.energy"
 

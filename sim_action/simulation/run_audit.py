@@ -227,7 +227,10 @@ def unreached_events(scenario: Scenario, end: float) -> Iterator[tuple[KeyPath, 
         for index, source in enumerate(scenario.commands)
         if source.begins[1]
     )
-    for path, what, begins in (*_events(scenario.world), *wrenches):
+    faults = (
+        (("faults", index), f"faults[{index}] never began", fault.at) for index, fault in enumerate(scenario.faults)
+    )
+    for path, what, begins in (*_events(scenario.world), *wrenches, *faults):
         if begins >= end:
             yield path, f"{what}: it is due at {begins:g} s, but the run ended at {end:.4g} s"
 

@@ -1,21 +1,23 @@
-"""The seams of a run: the points at which a mutation can act on it. Without a mutation, nothing happens there."""
+"""The seams of a run: the points at which a mutation or a fault can act on it. Without one, nothing happens there."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Final
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from sim_action.commands import Controller
     from sim_action.drives import DriveMotion
     from sim_action.sensors import Measure
     from sim_action.state.command import JointTargets
+    from sim_action.state.observation import Observation
     from sim_action.world.scene import Scene
 
 
 class Seams:
     """The seams of a run without a mutation. They are the same for all command sources, sensors and engines."""
 
-    runs_on: ClassVar[bool] = False
+    runs_on: bool = False
     """True if the run goes on after an expectation has failed."""
 
     def scene(self, scene: Scene) -> Scene:
@@ -37,6 +39,25 @@ class Seams:
     def measure(self, sensor: str, measure: Measure) -> Measure:
         """Return the function that measures, of the sensor with this name."""
         return measure
+
+    def until(self, step: int, until: int) -> int:
+        """Return the step until which targets can be planned: that of the next fault, or `until` if it is earlier."""
+        return until
+
+    def targets(
+        self, step: int, planned: list[JointTargets | None], look: Callable[[int], Observation]
+    ) -> list[JointTargets | None]:
+        """Return the targets that motors get in the next steps; `look` returns the present state."""
+        return planned
+
+    def delivers(self, sensor: str, time: float) -> bool:
+        """Return True if a sensor gives a reading at a sim time in s."""
+        return True
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The notes on the faults of the run, for people."""
+        return ()
 
 
 UNTOUCHED: Final = Seams()

@@ -62,7 +62,7 @@ class Sensing:
         sensors of controllers besides those of the scenario; `logs`: gets a log of each open sensor by name.
         """
         self._backend, self._rate, self._is_heard = backend, scenario.physics.rate, heard
-        self._judged = judged
+        self._judged, self._seams = judged, seams
         self._readings: dict[str, Reading] = {}
         self._sensors = [
             _open(mounted, scenario, scene, seams)
@@ -112,6 +112,8 @@ class Sensing:
         self._receive(step)
         for running in due:
             reading = running.measure(sight)
+            if not self._seams.delivers(running.mounted.name, sight.time):
+                continue
             if running.line is None or step == 0:
                 self._readings[running.mounted.name] = reading
             elif not running.line.send(step, reading):

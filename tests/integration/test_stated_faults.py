@@ -1,0 +1,137 @@
+"""Faults that a scenario states, in every engine, against the laws of mechanics."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim_action.core.errors import InvalidScenario
+from sim_action.core.permissions import Permissions
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.simulation.loop import simulate
+from tests.integration.engines import on_every_engine
+from tests.physics.case import Run, Setup, run_on
+from tests.physics.measures import GRAVITY
+from tests.physics.robots import arm, lift
+
+pytestmark = on_every_engine
+
+FIXED = {"base": "fixed", "pose": {"z": 3.0}}
+ALLOW = {"allow": ["fixed-base"]}
+LOAD = 5.0
+
+
+def held_lift(engine: str, *faults: dict[str, Any], seconds: float = 2.0) -> Run:
+    """The run of a lift that holds a load of 5 kg, with 1000 N at most."""
+    return run_on(engine, Setup(lift(LOAD), seconds, {"faults": list(faults), **ALLOW}, FIXED, rate=1000.0))
+
+
+def test_a_motor_that_is_off_lets_its_load_fall(engine: str) -> None:
+    run = held_lift(engine, {"motor": "slide", "at": 1.0, "off": True}, seconds=1.3)
+    height = run.trace.joint_position[:, 0]
+    assert abs(height[: run.row(1.0)]).max() < 1e-4
+    assert height[run.row(1.3)] == pytest.approx(-GRAVITY * 0.3**2 / 2, rel=0.02)
+    assert abs(run.trace.joint_effort[run.row(1.1), 0]) < 1e-6
+
+
+def test_a_motor_that_is_off_for_some_time_takes_its_last_target_again(engine: str) -> None:
+    run = held_lift(engine, {"motor": "slide", "at": 0.5, "for": 0.2, "off": None})
+    height = run.trace.joint_position[:, 0]
+    assert height[run.row(0.7)] == pytest.approx(-GRAVITY * 0.2**2 / 2, rel=0.02)
+    assert height[-1] == pytest.approx(0.0, abs=1e-3)
+    assert run.trace.joint_effort[-1, 0] == pytest.approx(LOAD * GRAVITY, rel=0.01)
+
+
+def test_a_weak_motor_has_a_share_of_its_effort(engine: str) -> None:
+    run = held_lift(engine, {"motor": "slide", "at": 0.5, "weak": "2 %"}, seconds=0.9)
+    # 2 % of 1000 N carry less than the load weighs.
+    acceleration = GRAVITY - 0.02 * 1000 / LOAD
+    assert run.trace.joint_position[run.row(0.9), 0] == pytest.approx(-acceleration * 0.4**2 / 2, rel=0.02)
+    assert run.trace.joint_effort[run.row(0.8), 0] == pytest.approx(20.0, rel=0.01)
+
+
+def test_a_weak_motor_that_is_strong_enough_holds_its_load(engine: str) -> None:
+    run = held_lift(engine, {"motor": "slide", "at": 0.5, "weak": "6 %"})
+    assert abs(run.trace.joint_position[:, 0]).max() < 1e-3
+
+
+@pytest.mark.parametrize("interpolation", ["minimum_jerk", "linear", "hold"])
+def test_a_stuck_joint_stays_where_it_is_and_then_follows_its_commands_again(engine: str, interpolation: str) -> None:
+    points = [{"at": 0.0, "position": {"elbow": 0.0}}, {"at": 2.0, "position": {"elbow": 1.0}}]
+    points += [{"at": 2.5, "position": {"elbow": 1.0}}] if interpolation == "hold" else []
+    keys = {"commands": {"joints": points, "interpolation": interpolation}, **ALLOW}
+    fault = {"motor": "elbow", "at": 1.0, "for": 2.0, "stuck": True}
+    run = run_on(engine, Setup(arm(), 4.0, {**keys, "faults": [fault]}, FIXED))
+    sound = run_on(engine, Setup(arm(), 4.0, keys, FIXED))
+    elbow, wanted = (each.trace.joint_position[:, 1] for each in (run, sound))
+    assert elbow[: run.row(1.0)] == pytest.approx(wanted[: run.row(1.0)], abs=1e-12)
+    place = wanted[run.row(1.0)]
+    assert elbow[run.row(1.2) : run.row(3.0)] == pytest.approx(place, abs=0.002)
+    assert elbow[-1] == pytest.approx(wanted[-1], abs=0.002)
+
+
+def test_a_robot_whose_wheel_motor_dies_does_not_drive_on(engine: str) -> None:
+    keys: dict[str, Any] = {"commands": [{"twist": [{"linear": 0.2}]}]}
+    sound = run_on(engine, Setup("turtlebot3_burger", 6.0, keys))
+    keys["faults"] = [{"motor": "wheel_left_joint", "at": 3.0, "stuck": True}]
+    broken = run_on(engine, Setup("turtlebot3_burger", 6.0, keys))
+    row = sound.row(3.0)
+    assert broken.trace.state[:row] == pytest.approx(sound.trace.state[:row], abs=0.0)
+    # It turns about the wheel that stands, at the speed of the other one over their distance.
+    rate = np.gradient(np.unwrap(broken.trace.yaw), broken.trace.time)[broken.row(4.0) : broken.row(5.5)]
+    assert abs(rate).mean() == pytest.approx(0.2 / 0.16, rel=0.03)
+
+
+@pytest.mark.parametrize("kind", ["frozen", "silent"])
+def test_a_sensor_fails_for_some_time(engine: str, kind: str, tmp_path: Any) -> None:
+    pytest.importorskip(engine)
+    path = tmp_path / "it.sim.yml"
+    path.write_text(
+        f"""
+name: spins
+robot: {{model: turtlebot3_burger}}
+backend: {engine}
+commands: {{twist: [{{angular: 0.5}}]}}
+sensors: [{{imu: {{}}, name: imu, rate: 10, trace: true}}]
+faults: [{{sensor: imu, at: 1 s, for: 1 s, {kind}}}]
+expect: [{{path_length: {{at_most: 10}}}}]
+allow: [never-moved]
+duration: 3 s
+time_limit: 3 s
+"""
+    )
+    loaded = load_scenario(path, Permissions(outside=True))
+    run = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    record = run.trace.sensors["imu"]
+    times = np.round(record.time, 6)
+    fails = (times >= 1.0) & (times < 2.0)
+    if kind == "silent":
+        assert not fails.any()
+        assert {0.9, 2.0, 2.9} <= set(times.tolist())
+    else:
+        values = np.column_stack([record.columns[name] for name in sorted(record.columns)])
+        before = values[np.flatnonzero(times < 1.0)[-1]]
+        assert fails.sum() == 10
+        assert (values[fails] == before).all()
+        assert not (values[np.flatnonzero(times >= 2.0)[0]] == before).all()
+    assert any("sensor 'imu' is" in note for note in run.notes)
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ({"motor": "elbo", "off": True}, "the model has no moving joint 'elbo'"),
+        ({"sensor": "imu", "frozen": True}, "there is no sensor 'imu'"),
+        ({"motor": "elbow", "frozen": True}, "a motor needs exactly one of 'off', 'stuck', 'weak'"),
+        ({"motor": "elbow", "off": True, "stuck": True}, "a motor needs exactly one of"),
+        ({"motor": "elbow", "weak": 1.5}, "weak"),
+        ({"motor": "elbow", "off": True, "at": 9.0}, "is not earlier than time_limit"),
+        ({"off": True}, "name either a 'motor' or a 'sensor'"),
+    ],
+)
+def test_a_fault_that_cannot_happen_is_refused(engine: str, fault: dict[str, Any], message: str) -> None:
+    with pytest.raises(InvalidScenario) as error:
+        run_on(engine, Setup(arm(), 2.0, {"faults": [{"at": 1.0, **fault}], **ALLOW}, FIXED))
+    assert message in str(error.value)
