@@ -86,11 +86,11 @@ def read_mjcf(path: Path, packages: Packages, allow: Iterable[str] = ()) -> Robo
 
 def _read(path: Path, files: MjcfFiles) -> RobotModel:
     from sim_action.robot.reading.mjcf.motors import keyframes_of
-    from sim_action.robot.reading.mjcf.mujoco_spec import build
+    from sim_action.robot.reading.mjcf.mujoco_spec import build, compiled
 
     place = Location(shown_file(path))
     built = build(files, place)
-    model = built.spec.compile()
+    model = compiled(built.spec)
     reader = _Reader(model, built)
     joints = reader.joints()
     return RobotModel(

@@ -8,6 +8,7 @@ because only its frame counts.
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
@@ -30,6 +31,10 @@ _NO_FRAME: Final = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 _GEOM: Final = mujoco.mjtGeom
 _FREE: Final = mujoco.mjtJoint.mjJNT_FREE
 _INPUT: Final = mujoco.mjtCtrlInput
+# Attributes of <compiler> that change masses and inertias.
+_MASS_SETTINGS: Final = (
+    *("settotalmass", "boundmass", "boundinertia", "balanceinertia", "inertiafromgeom", "inertiagrouprange"),
+)
 # Numbers in `qpos`; other joints have one.
 _NUMBERS: Final = {_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
 
@@ -120,7 +125,31 @@ def engine_spec(mjcf: Mjcf) -> Any:
         if geom.name in mjcf.looked_at:
             spec.delete(geom)
     _fill_meshes(spec, mjcf)
+    _state_masses(spec)
     return spec
+
+
+def compiled(spec: Any) -> Any:
+    """Return the compiled model. Of an attribute that MuJoCo will remove, it warns in a way that no report shows."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return spec.compile()
+
+
+def _state_masses(spec: Any) -> None:
+    """State the mass and inertia of each body as <compiler> of the file changes them; the scene has its own one."""
+    compiler, usual = spec.compiler, mujoco.MjSpec().compiler
+    if all(np.array_equal(getattr(compiler, name), getattr(usual, name)) for name in _MASS_SETTINGS):
+        return
+    model = compiled(spec)
+    for body in spec.bodies[1:]:
+        number = model.body(body.name).id
+        body.explicitinertial, body.mass = True, float(model.body_mass[number])
+        body.ipos, body.iquat = model.body_ipos[number], model.body_iquat[number]
+        body.inertia = model.body_inertia[number]
+        body.fullinertia[0] = np.nan
+    for name in _MASS_SETTINGS:
+        setattr(compiler, name, getattr(usual, name))
 
 
 def surfaces_of(mjcf: Mjcf) -> dict[str, tuple[NDArray[np.float64], NDArray[np.int64]]]:
@@ -130,7 +159,7 @@ def surfaces_of(mjcf: Mjcf) -> dict[str, tuple[NDArray[np.float64], NDArray[np.i
     """
     spec = _spec(mjcf)
     _fill_meshes(spec, mjcf)
-    model = spec.compile()
+    model = compiled(spec)
     found = {}
     for mesh in range(model.nmesh):
         point, face = model.mesh_vertadr[mesh], model.mesh_faceadr[mesh]
