@@ -77,7 +77,9 @@ def _summary(found: Inspection) -> Iterator[str]:
         yield f"wheel: {wheel.joint}, radius {_length(wheel.radius)} m, at x = {x} m, y = {y} m"
     if found.drive:
         yield from _wrapped(f"recognised from {found.drive_source}: {found.drive}")
-        if (note := opposed_note({wheel.joint: wheel.axis_xyz for wheel in found.wheels})) is not None:
+        if (
+            note := opposed_note({wheel.joint: wheel.axis_xyz for wheel in found.wheels}, found.drive_plugin)
+        ) is not None:
             yield from _wrapped(note)
     elif found.wheels or found.drive_reasons:
         example = "{diff: {left: [...], right: [...]}}"
@@ -282,7 +284,8 @@ class Inspection(FrozenModel):
         lower_xyz, upper_xyz: m, corners of the box around all collision shapes, in the base frame, with the joints at
         their start; None without shapes. height: m, of the base link above the ground when the lowest shape touches
         it; 0 if it is bolted to the world. wheels: links that look like wheels. drive: the recognised drive with its
-        figures, if any; drive_source: the plugin, controller or tag that it was recognised from, or "geometry".
+        figures, if any; drive_source: the plugin, controller or tag that it was recognised from, or "geometry";
+        drive_plugin: the plugin that turns its wheels as in Gazebo, or empty.
         drive_reasons: why no drive is recognised, most likely first; empty for a robot that cannot roll. needs: rules
         that `robot.allow` must name. robot: a `robot:` block to paste.
     """
@@ -299,6 +302,7 @@ class Inspection(FrozenModel):
     wheels: tuple[WheelEntry, ...]
     drive: str | None
     drive_source: str | None
+    drive_plugin: str
     drive_reasons: tuple[str, ...]
     findings: tuple[Finding, ...]
     needs: tuple[str, ...]
@@ -334,6 +338,7 @@ def _inspection(robot: Robot, model: RobotModel, start: Mapping[str, float], nee
         wheels=wheels,
         drive=_described(drive, model) if drive else None,
         drive_source=drive.source(model) if drive else None,
+        drive_plugin=drive.plugin(model) if drive else "",
         drive_reasons=() if drive or not _may_roll(robot, model) else why_not_recognised(model),
         findings=model.findings,
         needs=needs,

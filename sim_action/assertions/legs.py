@@ -12,7 +12,7 @@ from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import check_order
 from sim_action.assertions.monitors.goals import Invariant, joined
-from sim_action.core import units
+from sim_action.core import geometry, units
 from sim_action.core.field_types import Metres
 from sim_action.core.geometry import Vector3
 from sim_action.core.lazy_numpy import np
@@ -20,6 +20,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import link_name_problems, links_named
+from sim_action.robot.model.kinematics import link_poses
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
@@ -62,12 +63,14 @@ class Feet(Assertion):
             if name not in known:
                 hint = did_you_mean(name, known) if hinted.one_more() else ""
                 yield ("on", index), f"the world has no body '{name}'{hint}"
-        if scene.bolted:
+        if scene.bolted and not any(_rises(scene.model, foot) for foot in links_named(scene.model, self.links)):
             fixed, remedy = "the base of the robot is fixed", "remove 'base: fixed'"
             if scene.robot.base is None:
                 fixed, remedy = (
                     "its root link is 'world', which is fixed",
-                    "rename the link, or write robot: {base: free}",
+                    "give its body a <freejoint>, or a slide joint that is upright"
+                    if scene.model.mjcf
+                    else "rename the link, or write robot: {base: free}",
                 )
             yield (), f"{fixed}, so it does not stand on its feet; {remedy}"
         if not scene.world.weight:
@@ -80,6 +83,18 @@ class Feet(Assertion):
         weight = scene.world.weight or 1.0
         up = (-x / weight, -y / weight, -z / weight)
         return Footing(links_named(scene.model, self.links), frozenset(solid if self.on is None else self.on), up)
+
+
+def _rises(model: RobotModel, link: str) -> bool:
+    """Return True if an upright slide carries a link of a robot with a fixed base, as on a rail or in a plane."""
+    poses = link_poses(model, model.positions({}))
+    while joints := model.joints_to.get(link):
+        for joint in (joint for joint in joints if link in poses):
+            upright = abs(geometry.rotate(poses[link].orientation_xyzw, joint.axis_xyz)[2])
+            if joint.type == "prismatic" and upright > math.cos(MAX_SLOPE_RAD):
+                return True
+        link = joints[0].parent
+    return False
 
 
 class FeetOnGround(Feet):

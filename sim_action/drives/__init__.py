@@ -91,6 +91,10 @@ class Drive(FrozenModel):
         """Return the statements of the model that this drive was recognised from."""
         return "geometry"
 
+    def plugin(self, model: RobotModel) -> str:
+        """Return the plugin whose wheels turn as in Gazebo, whatever their axes are; empty without one."""
+        return ""
+
     @abstractmethod
     def problems(self, model: RobotModel) -> SpecProblems:
         """Yield everything that does not fit the model."""

@@ -13,7 +13,7 @@ from typing_extensions import override
 
 from sim_action.core.field_types import PositiveMetres, PositiveMetresPerSecondSquared
 from sim_action.core.geometry import Twist
-from sim_action.core.records import dataclass
+from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import NOT_PLANAR, Drive, DriveMotion, is_planar
 from sim_action.drives.plugins import DIFF_PLUGINS, Kind, NoDrive, StatedSides, sides_by_plugin
@@ -169,6 +169,11 @@ class TwoSidedDrive(Drive):
         if (stated := self._statement(model)) is not None:
             return stated.source
         return undercarriage(model).source or super().source(model)
+
+    @override
+    def plugin(self, model: RobotModel) -> str:
+        stated = self._statement(model)
+        return stated.source if stated is not None else ""
 
     def _statement(self, model: RobotModel) -> StatedSides | None:
         stated = sides_by_plugin(model, self.plugins)
@@ -366,6 +371,9 @@ class TwoSidedOdometry:
 def _sides(drive: TwoSidedDrive, same: SameModel) -> tuple[tuple[Rolling, ...], tuple[Rolling, ...]]:
     model, heading = same.model, drive.forward(same.model)
     left, right = (tuple(rolling(wheel(model, name), heading) for name in side) for side in (drive.left, drive.right))
+    if drive.plugin(model):
+        # A plugin gives each side one joint velocity, whatever the axes are.
+        left, right = (tuple(replace(placed, turns=1.0) for placed in side) for side in (left, right))
     return left, right
 
 

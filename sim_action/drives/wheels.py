@@ -62,9 +62,10 @@ def wheel(model: RobotModel, joint_name: str) -> Wheel:
     return _wheel_at_home(SameModel(model), joint_name)
 
 
-def opposed_note(axes: Mapping[str, Vector3]) -> str | None:
+def opposed_note(axes: Mapping[str, Vector3], plugin: str = "") -> str | None:
     """Return a note about wheels whose axis points against that of the others, else None.
 
+    :param plugin: the plugin that drives them; empty for a drive of the scenario, which corrects the direction.
     :param axes: joint of each wheel -> its axis, unit vector in the base frame. Of two groups of the same size, the one
         that turns about the base's -y axis is named.
     """
@@ -77,10 +78,13 @@ def opposed_note(axes: Mapping[str, Vector3]) -> str | None:
     if not fewer:
         return None
     names = ", ".join(f"'{name}'" for name in fewer)
-    return (
+    opposed = (
         f"joint{'s' * (len(fewer) > 1)} {names}: the axis points against that of the other wheels, so that a positive "
-        "velocity rolls backward, and the drive turns it the other way; if this is a mistake, reverse the axis"
+        "velocity rolls backward"
     )
+    if plugin:
+        return f"{opposed}, and the robot turns where it should drive ahead, as with {plugin}; reverse the axis"
+    return f"{opposed}, and the drive turns it the other way; if this is a mistake, reverse the axis"
 
 
 def wheels_on_ground(model: RobotModel, max_lift_share: float = MAX_LIFT_SHARE) -> tuple[Wheel, ...]:

@@ -214,6 +214,9 @@ def sensor_problems(scene: Scene, sensors: Sequence[MountedSensor], paths: Seque
 def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
     """Yield a base that cannot move, missing joints, invalid start positions and a drive that does not fit."""
     robot = scenario.robot
+    if robot.base == "free" and model.mjcf is not None and model.root == WORLD:
+        message = "the file fixes the robot to the world, so that it has no base to free: give its body a <freejoint>"
+        yield ("robot", "base"), message
     if robot.base != "fixed" and model.root != WORLD and (trouble := _weightless(model, robot.allow)) is not None:
         yield ("robot", "model"), trouble
     if robot.joints:

@@ -255,7 +255,7 @@ def about_model_of_drive(
         joints = (motion or drive.open(scene.model, scenario.physics.rate, scene.world.weight)).joints
         axes = {name: axis_in_base(scene.model, scene.model.joints_by_name[name]) for name in sorted(joints)}
         turning = {name: axis for name, axis in axes.items() if scene.model.joints_by_name[name].type == "continuous"}
-        if (note := opposed_note(turning)) is not None:
+        if (note := opposed_note(turning, drive.plugin(scene.model))) is not None:
             yield note
         if scenario.robot.drive is None:
             yield from ignored_statements(scene.model, drive.source(scene.model), joints)

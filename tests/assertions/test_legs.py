@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from sim_action.core.errors import InvalidPart
 from sim_action.core.geometry import Vector3
 from sim_action.robot.model.robot_model import Link
 from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.urdf import read_urdf
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import ContactRecord, LinkTouch
 from sim_action.state.verdict import Judged, Verdict
@@ -152,6 +154,21 @@ def test_robots_that_do_not_stand_are_refused(kind: type[Assertion]) -> None:
     assert "the base of the robot is fixed, so it does not stand on its feet; remove 'base: fixed'" in told(bolted)
     assert "its root link is 'world', which is fixed, so it does not stand on its feet" in told(rooted)
     assert "the world has no gravity" in told(floating)
+
+
+@pytest.mark.parametrize(("axis", "stands"), [("0 0 1", True), ("0.1 0 -1", True), ("1 0 0", False)])
+@pytest.mark.parametrize("kind", ["prismatic", "revolute"])
+def test_a_robot_on_an_upright_rail_stands_on_its_feet(axis: str, stands: bool, kind: str, tmp_path: Path) -> None:
+    shape = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+    (tmp_path / "rail.urdf").write_text(
+        f"""<robot name="rail"><link name="world"/><link name="torso">{shape}</link><link name="foot">{shape}</link>
+        <joint name="rail" type="{kind}"><parent link="world"/><child link="torso"/><axis xyz="{axis}"/>
+          <limit lower="-1" upper="1" effort="9" velocity="9"/></joint>
+        <joint name="leg" type="fixed"><parent link="torso"/><child link="foot"/></joint></robot>""",
+        encoding="utf-8",
+    )
+    railed = replace(scene(), model=read_urdf(tmp_path / "rail.urdf"), robot=Robot(model="rail.urdf"))
+    assert (not list(FeetOnGround(links=("foot",)).problems(railed))) == (stands and kind == "prismatic")
 
 
 def test_limits_are_in_order() -> None:

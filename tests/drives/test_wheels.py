@@ -10,10 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.drives import wheels
+from sim_action.drives.diff import DiffDrive
 from sim_action.drives.wheels import (
     Wheel,
+    axis_in_base,
     centre_of_mass,
     heading_of,
     held_joints,
@@ -241,3 +243,30 @@ def test_a_round_motor_of_a_leg_is_no_wheel() -> None:
     assert held_joints(cart(hip)) == frozenset()
     knee = Joint("knee", "revolute", "hip_link", "shank", Pose(), (0.0, 1.0, 0.0), -1.0, 1.0)
     assert held_joints(cart(hip, ((knee,), (Link("shank", 1.0),)))) == {"hip", "knee"}
+
+
+@pytest.mark.parametrize("axis", ["0 1 0", "0 -1 0"])
+@pytest.mark.parametrize("has_plugin", [True, False])
+def test_a_reversed_axis_spins_the_robot_of_a_plugin_as_in_gazebo(axis: str, has_plugin: bool, tmp_path: Path) -> None:
+    wheels = "".join(
+        f'<link name="{side}_wheel"><collision><origin rpy="1.5707963267948966 0 0"/><geometry>'
+        f'<cylinder radius="0.05" length="0.02"/></geometry></collision></link><joint name="{side}" type="continuous">'
+        f'<parent link="base"/><child link="{side}_wheel"/><origin xyz="0 {y} 0"/><axis xyz="{turned}"/></joint>'
+        for side, y, turned in (("left", 0.2, "0 1 0"), ("right", -0.2, axis))
+    )
+    plugin = (
+        '<gazebo><plugin filename="libgazebo_ros_diff_drive.so"><left_joint>left</left_joint>'
+        "<right_joint>right</right_joint></plugin></gazebo>"
+    )
+    path = tmp_path / "robot.urdf"
+    path.write_text(f'<robot name="r"><link name="base"/>{wheels}{plugin * has_plugin}</robot>', encoding="utf-8")
+    model = read_urdf(path)
+    drive = DiffDrive.statement(model) if has_plugin else DiffDrive(left=("left",), right=("right",))
+    assert drive is not None
+    speeds = drive.open(model, 240.0).targets(Twist((0.1, 0, 0)), 200)[-1].velocity
+    is_spinning = has_plugin and axis == "0 -1 0"
+    assert speeds["left"] > 0
+    assert speeds["right"] == pytest.approx(speeds["left"] * (1 if axis == "0 1 0" or is_spinning else -1))
+    axes = {name: axis_in_base(model, model.joints_by_name[name]) for name in ("left", "right")}
+    note = opposed_note(axes, drive.plugin(model)) or ""
+    assert ("as with plugin" in note) == is_spinning

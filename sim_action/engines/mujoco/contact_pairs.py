@@ -23,6 +23,7 @@ _TIME_CONSTANT_S: Final = 0.01
 _TIME_CONSTANT_STEPS: Final = 2.5
 # Number of contacts that carry a body at rest; its weight then presses none of them in.
 _CONTACTS: Final = 4
+_MIN_FRICTION: Final = 1e-5
 # Limits of MuJoCo.
 _MIN_IMPEDANCE: Final = 1e-4
 _MAX_IMPEDANCE: Final = 0.9999
@@ -77,11 +78,11 @@ def add_pairs(
     hard = _hard(rate, gravity)
     for name, one, other in pairs:
         surface = _combined(one.surface, other.surface)
-        # MuJoCo rejects a coefficient of 0.
-        dimensions = 3 if surface.friction > 0 else 1
-        slides = [surface.friction, surface.friction, 0, 0, 0]
         names = {"name": name, "geomname1": one.geom, "geomname2": other.geom}
-        spec.add_pair(**names, condim=dimensions, friction=slides, **hard)
+        dimensions, frictions = _frictions(surface)
+        pair = spec.add_pair(**names, condim=dimensions, friction=frictions, **hard)
+        if surface.adhesion:
+            pair.adhesion, pair.gap = surface.adhesion, surface.gap
         if surface.stiffness:
             soft[name] = surface
     return soft
@@ -110,13 +111,28 @@ def soften(model: Any, rate: float, soft: Mapping[str, Surface]) -> None:
         model.pair_solref[number] = -share * rate * surface.stiffness / held, -share * rate
 
 
+def _frictions(surface: Surface) -> tuple[int, list[float]]:
+    """Return the dimensions of a contact and its coefficients: two of sliding, one of spinning, and two of rolling."""
+    sliding, spinning, rolling = surface.friction, surface.spinning, surface.rolling
+    # MuJoCo rejects a coefficient of 0.
+    dimensions = 6 if rolling else 4 if spinning else 3
+    if dimensions > 3:
+        sliding, spinning = max(sliding, _MIN_FRICTION), max(spinning, _MIN_FRICTION)
+    return dimensions if sliding > 0 else 1, [sliding, sliding, spinning, rolling, rolling]
+
+
 def _combined(one: Surface, other: Surface) -> Surface:
-    """Combine two surfaces as PyBullet does: frictions multiply, springs are in series."""
+    """Combine two surfaces as PyBullet does: frictions multiply, springs are in series; adhesions add, as in MuJoCo."""
     stated = [surface for surface in (one, other) if surface.stiffness]
     stiffness = 1 / sum(1 / (surface.stiffness or 1.0) for surface in stated) if stated else None
     damping = sum(surface.damping for surface in stated)
     # MuJoCo's default is the greater of the two coefficients.
-    return Surface(one.friction * other.friction, stiffness, damping)
+    spinning, rolling = (
+        mine * other.friction + its * one.friction
+        for mine, its in ((one.spinning, other.spinning), (one.rolling, other.rolling))
+    )
+    adhesion, gap = one.adhesion + other.adhesion, max(one.gap, other.gap)
+    return Surface(one.friction * other.friction, stiffness, damping, rolling, spinning, adhesion, gap)
 
 
 def _time(rate: float) -> float:

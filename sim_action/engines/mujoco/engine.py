@@ -78,6 +78,8 @@ class MuJoCoEngine(Engine):
         self._compiled, self._is_closed = compiled, False
         self._self_collision = self._collision_of_links(compiled, channels)
         self._model, self._data = compiled.model, compiled.data
+        # Belts stand still while the robot settles, before t = 0.
+        self._belts = compiled.model.geom_surfacevel.copy() if compiled.model.flg_surfacevel else None
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
         self._motors = Motors(scene, compiled, self._rate)
         self._pusher, self._pushes = BasePusher(compiled, self._rate), False
@@ -113,6 +115,8 @@ class MuJoCoEngine(Engine):
     @override
     def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
         self._lazy_contacts.settle()
+        if self._belts is not None:
+            self._model.geom_surfacevel[:] = self._belts if first_step >= 0 else 0.0
         try:
             self._advance(first_step, targets)
         except mujoco.FatalError as error:

@@ -391,6 +391,7 @@ def add_native_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Colli
 
 
 def _skin(geom: Any) -> Collider:
-    surface = Surface(float(geom.friction[0]))
+    adhesion = float(geom.adhesion)
+    surface = Surface(float(geom.friction[0]), adhesion=adhesion, gap=float(geom.gap) if adhesion else 0.0)
     contype, conaffinity = int(geom.contype), int(geom.conaffinity)
     return Collider(engine_name(geom.name), geom.parent.name, surface, contype=contype, conaffinity=conaffinity)

@@ -195,7 +195,8 @@ class SlidingContacts:
         normals = []
         for first, dimension, friction, pair in zip(firsts, dimensions, frictions, geoms, strict=True):
             row = first - rows
-            if first >= 0 and dimension == _ROWS:
+            # A contact that holds by adhesion has fewer rows while it is open.
+            if first >= 0 and dimension == _ROWS and not self._model.flg_adhesion:
                 known = pairs.setdefault(tuple(pair), _Pair(friction, self._yields / len(firsts), []))
                 known.contacts.append((row, row + 1, row + 2))
             if first >= 0:

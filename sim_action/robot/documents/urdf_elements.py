@@ -59,6 +59,16 @@ MAX_PART_SIZE_M: Final = 50.0
 NUMBERS: Final = ("mu1", "mu2", "kp", "kd")
 """The numbers that are read from the <gazebo> tag of a link."""
 
+# Gazebo copies <collision> of a <gazebo> tag into each collision of the link.
+_IN_SURFACE: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "mu1": "collision/surface/friction/ode/mu",
+        "mu2": "collision/surface/friction/ode/mu2",
+        "kp": "collision/surface/contact/ode/kp",
+        "kd": "collision/surface/contact/ode/kd",
+    }
+)
+
 SPRING: Final = ("springStiffness", "springReference")
 """The numbers that are read from the <gazebo> tag of a joint."""
 
@@ -148,8 +158,9 @@ def _link(joint: Element, tag: str) -> str:
 
 def surface_of(document: ModelDocument, link: Element) -> Surface:
     """Return the contact surface of a link, from Bullet's <contact> and from <gazebo reference=...>, which wins."""
-    friction, stiffness, damping = (
-        number(link.find(f"contact/{tag}"), "value") for tag in ("lateral_friction", "stiffness", "damping")
+    friction, stiffness, damping, rolling, spinning = (
+        number(link.find(f"contact/{tag}"), "value")
+        for tag in ("lateral_friction", "stiffness", "damping", "rolling_friction", "spinning_friction")
     )
     for tag in tags_of(document, link.attrib["name"]):
         mu1, mu2, kp, kd = (_number(tag, name) for name in NUMBERS)
@@ -158,6 +169,7 @@ def surface_of(document: ModelDocument, link: Element) -> Surface:
         stiffness, damping = kp or stiffness, damping if kd is None else kd
     # Models write a stiffness of 0 for "not specified".
     stated = {"friction": friction, "stiffness": stiffness or None, "damping": damping}
+    stated |= {"rolling": rolling, "spinning": spinning}
     return Surface(**{name: value for name, value in stated.items() if value is not None})
 
 
@@ -182,6 +194,8 @@ def tags_of(document: ModelDocument, name: str) -> Iterator[Element]:
 def number_text(tag: Element, name: str) -> str | None:
     """Return the text of a number in a <gazebo> tag; None if it is missing."""
     element = tag.find(name)
+    if element is None and name in _IN_SURFACE:
+        element = tag.find(_IN_SURFACE[name])
     return None if element is None else element.get("value", element.text or "").strip()
 
 

@@ -51,6 +51,13 @@ _MAX_SHOWN_CHARS: Final = 60
 
 _REFERENCE: Final = re.compile(rb"&[^;&<>]{0,40}.$")
 
+# A comment with `--` in it or a `-` before its end, a section of characters, or a bare `&`.
+_LENIENT: Final = re.compile(
+    rb"<!--(?P<inner>(?:(?!-->).)*?--(?!>)(?:(?!-->).)*|(?:(?!-->).)*-)-->|<!--.*?-->|<!\[CDATA\[.*?\]\]>|"
+    rb"&(?!#\d+;|#x[0-9a-fA-F]+;|[A-Za-z_][\w.:-]*;)",
+    re.DOTALL,
+)
+
 _ENCODING: Final = re.compile(rb"""encoding\s*=\s*["']([\w.-]+)["']""")
 
 _CLOSING: Final = re.compile(rb"</([^\s>]*)")
@@ -123,7 +130,29 @@ def _bytes(path: Path, where: Location) -> bytes:
 
 
 def _parsed(data: bytes, file: str) -> ModelDocument:
-    """Parse the content of a file. A declaration may follow white space and comments, as in ROS and Gazebo."""
+    """Parse the content of a file. A declaration may follow white space and comments, as in ROS and Gazebo.
+
+    `--` in a comment and a bare `&` are read, too, as TinyXML does in ROS and Gazebo.
+    """
+    strict = _LENIENT.sub(_strict, data)
+    if strict == data:
+        return _parsed_strictly(data, file)
+    document = _parsed_strictly(strict, file)
+    at = next(part.start() for part in _LENIENT.finditer(data) if _strict(part) != part[0])
+    message = "'--' in a comment or a bare '&', which strict readers such as xacro refuse: write '- -' or '&amp;'"
+    note = finding("lenient-xml", message, Location(file, 1 + data.count(b"\n", 0, at)))
+    return replace(document, findings=(*document.findings, note))
+
+
+def _strict(part: re.Match[bytes]) -> bytes:
+    """Return a comment without `--` in it, a bare `&` as an entity, and a section of characters as it is."""
+    text = part[0]
+    if text == b"&":
+        return b"&amp;"
+    return text[:4] + text[4:-3].replace(b"-", b"=") + text[-3:] if part["inner"] else text
+
+
+def _parsed_strictly(data: bytes, file: str) -> ModelDocument:
     try:
         return _Parser(file).parse(data)
     except _LateDeclaration as late:

@@ -161,6 +161,11 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "odd-mass": Rule("warning", "a model that is denser than any metal: its masses are probably in another unit"),
         "default-inertia": Rule("warning", "an SDF <inertial> without a mass or a moment: it is 1, the default of SDF"),
         "turned-base": Rule("warning", "a root link that the SDF file rotates: set robot.pose instead"),
+        "start-position": Rule("warning", "joints that <ros2_control> starts at its `initial_value`"),
+        "control-mimic": Rule("warning", "a joint that mimics another by a parameter of <ros2_control>"),
+        "lenient-xml": Rule("warning", "XML that strict readers refuse: `--` in a comment, or a bare `&`"),
+        "moving-surface": Rule("warning", "a geom of MJCF whose surface moves, such as a belt"),
+        "open-mesh": Rule("warning", "a mesh of MJCF that gives a body its mass, with missing or doubled faces"),
         "passed-over": Rule("warning", "a part of the model that is not simulated: it is ignored"),
         "shared-friction": Rule(
             "warning", "collisions of an SDF link with different frictions: the smallest counts for all"

@@ -224,11 +224,18 @@ class Surface:
         friction: coefficient, multiplied by that of the other body; the default is that of Bullet's URDF importer.
         stiffness: N/m, of a contact; None: as stiff as the engine allows.
         damping: N s/m; used with a stiffness only.
+        rolling, spinning: m, torque that resists rolling, or turning about the normal, per force and friction of the
+            other body.
+        adhesion: N, the force by which each contact resists separation; over a distance of `gap` in m.
     """
 
     friction: float = 0.5
     stiffness: float | None = None
     damping: float = 1.0
+    rolling: float = 0.0
+    spinning: float = 0.0
+    adhesion: float = 0.0
+    gap: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,6 +288,7 @@ class Joint:
         series: the joint with several motions of which this is one; empty for other joints. No motor holds it.
         ball: the ball joint of which this is the rotation about one axis; empty for other joints.
         motor: the motor that the model states; None: an ideal servo moves the joint when it is commanded.
+        start: rad (m), the initial position that the model states; None without one.
     """
 
     name: str
@@ -301,6 +309,7 @@ class Joint:
     series: str = ""
     ball: str = ""
     motor: Motor | None = None
+    start: float | None = None
 
     def dimension(self, reading: Reading) -> Dimension:
         """Return the dimension of a reading: it depends on whether the joint turns or slides."""
@@ -316,10 +325,13 @@ class Joint:
 
     @property
     def home(self) -> float:
-        """The initial position in rad (m) by default: `reference`, or the middle of the limits if they exclude it.
+        """The initial position in rad (m) by default: `start`, or else `reference`, or the middle of the limits.
 
-        ROS's joint_state_publisher does the same. With a single limit that excludes it, it is that limit.
+        The middle counts if the limits exclude `reference`, as for ROS's joint_state_publisher. With a single limit
+        that excludes it, it is that limit.
         """
+        if self.start is not None:
+            return self.start
         lower, upper = self.range
         if lower <= self.reference <= upper:
             return self.reference

@@ -22,6 +22,7 @@ from sim_action.robot.audit import elements, joints, kinematic_tree, unsupported
 from sim_action.robot.audit import links as link_rules
 from sim_action.robot.audit.joints import is_free_base, mimic_problem, still_position
 from sim_action.robot.audit.links import RigidBodies, increase, is_empty, principal_moments, proportions
+from sim_action.robot.documents.extensions import start_positions, with_extensions
 from sim_action.robot.documents.packages import Packages
 from sim_action.robot.documents.series_joints import Series, expand_series
 from sim_action.robot.documents.urdf_elements import (
@@ -131,7 +132,7 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     :param path: the file from which relative paths start.
     """
     allowed = set(allow)
-    document = with_static_base(document)
+    document = with_extensions(with_static_base(document))
     findings = audit(document)
     refuse_errors(findings, allowed)
     meshes = resolve_meshes(document, path, packages)
@@ -149,6 +150,8 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     )
     findings += proportions(document, links)
     joints, between = _joints(document, series)
+    starts = start_positions(document)
+    joints = tuple(replace(joint, start=starts[joint.name]) if joint.name in starts else joint for joint in joints)
     drop_zero_masses(document)
     fill_in_inertia(document, series.links)
     repair_inertia(document)

@@ -94,11 +94,17 @@ SECTIONS: Final = frozenset({"sensor"})
 
 _CONTACTS: Final = (
     "condim, solref, solimp, margin, gap and priority of <geom> are ignored: contacts are those of the engine, with "
-    "the first number of 'friction'"
+    "the first number of 'friction', 'adhesion', and the 'gap' of that"
 )
 _PAIRS: Final = (
-    "friction, condim, solref, solreffriction, solimp, margin and gap of <pair> are ignored: a contact has the first "
-    "number of 'friction' of its <geom>, times the friction of the ground"
+    "friction, condim, solref, solreffriction, solimp, margin, gap and adhesion of <pair> are ignored: a contact has "
+    "the first number of 'friction' of its <geom>, times the friction of the ground"
+)
+
+_SOLVER: Final = frozenset(
+    {"integrator", "cone", "impratio", "solver", "jacobian", "iterations", "tolerance", "sleep_tolerance"}
+    | {"ls_iterations", "ls_tolerance", "noslip_iterations", "noslip_tolerance", "ccd_iterations", "ccd_tolerance"}
+    | {"sdf_iterations", "sdf_initpoints"}
 )
 
 IGNORED: Final[Mapping[str, tuple[tuple[frozenset[str], str], ...]]] = MappingProxyType(
@@ -106,6 +112,7 @@ IGNORED: Final[Mapping[str, tuple[tuple[frozenset[str], str], ...]]] = MappingPr
         "option": (
             (frozenset({"gravity"}), "{} of <option> is ignored: 'world.gravity' of the scenario states it"),
             (frozenset({"wind", "density", "viscosity"}), "{} of <option> is ignored: air and water are not simulated"),
+            (_SOLVER, "{} of <option> is ignored: sim-action states the integrator and the solver of a scene"),
             (frozenset({"magnetic"}), "{} of <option> is ignored: it has no effect on motion"),
             (
                 frozenset({"o_margin", "o_solref", "o_solimp", "o_friction"}),
@@ -116,7 +123,12 @@ IGNORED: Final[Mapping[str, tuple[tuple[frozenset[str], str], ...]]] = MappingPr
         "geom": (
             (frozenset({"condim", "solref", "solimp", "solmix", "margin", "gap", "priority", "fluidshape"}), _CONTACTS),
         ),
-        "pair": ((frozenset({"friction", "condim", "solref", "solreffriction", "solimp", "margin", "gap"}), _PAIRS),),
+        "pair": (
+            (
+                frozenset({"friction", "condim", "solref", "solreffriction", "solimp", "margin", "gap", "adhesion"}),
+                _PAIRS,
+            ),
+        ),
     }
 )
 """Element -> groups of its attributes that are not simulated (empty: all), and the note; {} are those of the file."""

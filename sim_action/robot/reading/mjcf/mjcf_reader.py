@@ -99,7 +99,13 @@ def _read(path: Path, files: MjcfFiles) -> RobotModel:
         reader.links(),
         joints,
         urdf="",
-        findings=(*_bounces(model, built), *files.findings, *built.notes.findings()),
+        findings=(
+            *_bounces(model, built),
+            *_belts(model, built),
+            *_open_meshes(model, built),
+            *files.findings,
+            *built.notes.findings(),
+        ),
         mjcf=built.mjcf,
         keyframes=keyframes_of(built, joints, reader.free_joint()),
     )
@@ -136,6 +142,62 @@ def _bounces(model: Any, built: Built) -> Iterator[Finding]:
             found = f"geom '{model.geom(geom).name}' has solref=\"{first:g} {second:g}\", a restitution of about"
             place = built.notes.place(built.spec.geom(model.geom(geom).name))
             yield finding("restitution", no_bounce(f"{found} {restitution:.2g}", _DAMPED), place)
+
+
+def _belts(model: Any, built: Built) -> Iterator[Finding]:
+    """Yield a note on the first belt, which would drive the robot before the scenario begins."""
+    moving = [geom for geom in range(model.ngeom) if model.geom_surfacevel[geom].any()]
+    if moving:
+        name = model.geom(moving[0]).name
+        message = (
+            f"the surface of geom '{name}' moves from 0 s on (surfacevel); while the robot settles, it stands still"
+        )
+        yield finding("moving-surface", message, built.notes.place(built.spec.geom(name)))
+
+
+def _open_meshes(model: Any, built: Built) -> Iterator[Finding]:
+    """Yield meshes that give a body its mass although their faces do not close: their volume is not that of a solid."""
+    import mujoco
+
+    weighing: dict[str, tuple[Any, Any]] = {}
+    for geom in built.spec.geoms:
+        is_heavy = not geom.mass >= 0 and geom.density > 0 and not geom.parent.explicitinertial
+        if geom.type == mujoco.mjtGeom.mjGEOM_MESH and is_heavy and geom.name not in built.mjcf.looked_at:
+            weighing.setdefault(geom.meshname, (geom, geom.parent))
+    exact = {mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX, mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL}
+    odd = [mesh for mesh in built.spec.meshes if mesh.name in weighing and mesh.inertia not in exact]
+    odd = [mesh for mesh in odd if not _is_closed(model, model.mesh(mesh.name).id)]
+    if not odd:
+        return
+    closed = built.spec.copy()
+    for mesh in odd:
+        closed.mesh(mesh.name).inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+    hulls = closed.compile()
+    for mesh in odd:
+        geom, body = weighing[mesh.name]
+        mass, hull = (float(each.body(body.name).mass[0]) for each in (model, hulls))
+        message = f"mesh '{mesh.name}' has missing or doubled faces, so that its volume is wrong: body '{body.name}'"
+        remedy = "state its mass, or correct the mesh"
+        yield finding(
+            "open-mesh",
+            f"{message} weighs {mass:.4g} kg, {hull:.4g} kg with its convex hull; {remedy}",
+            built.notes.place(geom),
+        )
+
+
+def _is_closed(model: Any, mesh: int) -> bool:
+    """Return True if each edge of a mesh belongs to two triangles, with points at the same place as one."""
+    import numpy as np
+
+    point, face = model.mesh_vertadr[mesh], model.mesh_faceadr[mesh]
+    points = model.mesh_vert[point : point + model.mesh_vertnum[mesh]]
+    faces = model.mesh_face[face : face + model.mesh_facenum[mesh]]
+    size = float(np.abs(points).max()) or 1.0
+    _, same = np.unique(np.round(points / size, 5), axis=0, return_inverse=True)
+    corners = same.reshape(-1)[faces]
+    corners = corners[[len({*row}) == 3 for row in corners.tolist()]]
+    edges = np.sort(np.concatenate((corners[:, :2], corners[:, 1:], corners[:, ::2])), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
 
 
 def _restitution(first: float, second: float) -> float:
