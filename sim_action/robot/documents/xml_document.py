@@ -49,14 +49,8 @@ _HEAD: Final = 64
 
 _MAX_SHOWN_CHARS: Final = 60
 
-_REFERENCE: Final = re.compile(rb"&[^;&<>]{0,40}.$")
-
-# A comment with `--` in it or a `-` before its end, a section of characters, or a bare `&`.
-_LENIENT: Final = re.compile(
-    rb"<!--(?P<inner>(?:(?!-->).)*?--(?!>)(?:(?!-->).)*|(?:(?!-->).)*-)-->|<!--.*?-->|<!\[CDATA\[.*?\]\]>|"
-    rb"&(?!#\d+;|#x[0-9a-fA-F]+;|[A-Za-z_][\w.:-]*;)",
-    re.DOTALL,
-)
+# The start of a comment or of a section of characters, or a bare `&`.
+_LENIENT: Final = re.compile(rb"<!--|<!\[CDATA\[|&(?!#\d+;|#x[0-9a-fA-F]+;|[A-Za-z_][\w.:-]*;)")
 
 _ENCODING: Final = re.compile(rb"""encoding\s*=\s*["']([\w.-]+)["']""")
 
@@ -134,22 +128,37 @@ def _parsed(data: bytes, file: str) -> ModelDocument:
 
     `--` in a comment and a bare `&` are read, too, as TinyXML does in ROS and Gazebo.
     """
-    strict = _LENIENT.sub(_strict, data)
-    if strict == data:
+    try:
         return _parsed_strictly(data, file)
+    except ModelError:
+        strict, first = _strict(data)
+        if first is None:
+            raise
     document = _parsed_strictly(strict, file)
-    at = next(part.start() for part in _LENIENT.finditer(data) if _strict(part) != part[0])
     message = "'--' in a comment or a bare '&', which strict readers such as xacro refuse: write '- -' or '&amp;'"
-    note = finding("lenient-xml", message, Location(file, 1 + data.count(b"\n", 0, at)))
+    note = finding("lenient-xml", message, Location(file, 1 + data.count(b"\n", 0, first)))
     return replace(document, findings=(*document.findings, note))
 
 
-def _strict(part: re.Match[bytes]) -> bytes:
-    """Return a comment without `--` in it, a bare `&` as an entity, and a section of characters as it is."""
-    text = part[0]
-    if text == b"&":
-        return b"&amp;"
-    return text[:4] + text[4:-3].replace(b"-", b"=") + text[-3:] if part["inner"] else text
+def _strict(data: bytes) -> tuple[bytes, int | None]:
+    """Return a text with `=` for `-` in bad comments, and an entity for a bare `&`; and where the first change is."""
+    parts, at, first = list[bytes](), 0, None
+    while (token := _LENIENT.search(data, at)) is not None:
+        start, begin = token.span()
+        if token[0] == b"&":
+            parts += data[at:start], b"&amp;"
+            at, first = begin, start if first is None else first
+            continue
+        end = data.find(b"-->" if token[0] == b"<!--" else b"]]>", begin)
+        if end < 0:
+            break
+        inner = data[begin:end]
+        if token[0] == b"<!--" and (b"--" in inner or inner.endswith(b"-")):
+            first = start if first is None else first
+            inner = inner.replace(b"-", b"=")
+        parts += data[at:begin], inner
+        at = end
+    return b"".join((*parts, data[at:])), first
 
 
 def _parsed_strictly(data: bytes, file: str) -> ModelDocument:
@@ -251,7 +260,7 @@ def _hint(code: int, line: bytes) -> str:
     last = line[-1:]
     if code == _NO_CHARACTER and last > b"\x7f":
         return f"; the byte 0x{last.hex()} is not UTF-8: save the file as UTF-8"
-    if code == _NO_ENTITY or (code == _NO_CHARACTER and _REFERENCE.search(line)):
+    if code == _NO_ENTITY:
         return "; write a literal & as &amp;"
     return "; write a literal < as &lt;" if code == _NO_CHARACTER and b"<" in line[-2:] else ""
 
