@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
+import math
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import pairwise
+from functools import cached_property
+from itertools import groupby, pairwise
+from typing import TYPE_CHECKING
 
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass
 from sim_action.robot.model.robot_model import Joint, Reading
 from sim_action.state.command import JointTargets
+from sim_action.state.joint_motion import Curve, JointMotion, held, straight
 from sim_action.state.observation import JointState
+
+if TYPE_CHECKING:
+    from sim_action.state.trace import FloatArray
 
 
 def targets(reading: Reading, values: Mapping[str, float]) -> JointTargets:
@@ -46,7 +53,7 @@ class Waypoint:
     acceleration: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class JointCurve:
     """The trajectory of one joint; `points`: at least one, at increasing times. It rests before and after them."""
 
@@ -54,28 +61,60 @@ class JointCurve:
 
     def at(self, time: float) -> tuple[float, float]:
         """Return position and velocity at a time in s."""
-        state = self.state(time)
-        return state.position, state.velocity or 0.0
+        position, velocity, _ = self.curve.at(time)
+        return position, velocity
 
     def state(self, time: float) -> Waypoint:
         """Return position, velocity and acceleration at a time in s: linear, cubic or quintic, as its points state."""
-        after = bisect_left([point.time for point in self.points], time)
-        if after in (0, len(self.points)):
-            return Waypoint(time, self.points[min(after, len(self.points) - 1)].position, 0.0, 0.0)
-        first, last = self.points[after - 1 : after + 1]
-        if first.velocity is None or last.velocity is None:
-            return _straight(first, last, time)
-        if first.acceleration is None or last.acceleration is None:
-            return _cubic(first, first.velocity, last, last.velocity, time)
-        return _quintic(first, last, time)
+        return Waypoint(time, *self.curve.at(time))
+
+    @cached_property
+    def curve(self) -> Curve:
+        """The curve through the points; straight ways have ramps at points where they change their speed."""
+        times: list[FloatArray] = []
+        pieces: list[FloatArray] = []
+        for is_smooth, group in groupby(pairwise(self.points), key=_is_smooth):
+            ways = list(group)
+            points = [ways[0][0], *(last for _, last in ways)]
+            at, values = [point.time for point in points], [point.position for point in points]
+            if not is_smooth:
+                parts = [straight(at, values, points[0].velocity or 0.0, points[-1].velocity or 0.0)]
+            else:
+                parts = [_smooth(first, last) for first, last in ways]
+            times += [part.times[:-1] for part in parts]
+            pieces += [part.coefficients[:-1] for part in parts]
+        last = self.points[-1]
+        end = held([last.time], [last.position])
+        return Curve(np.concatenate([*times, end.times]), np.concatenate([*pieces, end.coefficients]))
+
+
+def _is_smooth(way: tuple[Waypoint, Waypoint]) -> bool:
+    return all(point.velocity is not None for point in way)
+
+
+def _smooth(first: Waypoint, last: Waypoint) -> Curve:
+    """Return the cubic or quintic curve between two points with velocities."""
+    ends = (first, last)
+    bends = [end.acceleration for end in ends]
+    accelerations = None if None in bends else [bend or 0.0 for bend in bends]
+    times, values = [end.time for end in ends], [end.position for end in ends]
+    return Curve.through(times, values, [end.velocity or 0.0 for end in ends], accelerations)
 
 
 def curve_targets(joints: Mapping[str, Joint], curves: Mapping[str, JointCurve], time: float) -> JointTargets:
-    """Return the targets of joints on their curves at a time in s, within the limits of the joints."""
+    """Return the targets of joints on their curves from a time in s on, within the limits of the joints."""
     states = {name: curve.at(time) for name, curve in curves.items()}
+    limits = [(joints[name].lower, joints[name].upper) for name in curves]
+    ways = JointMotion(
+        tuple(curves),
+        tuple(curve.curve for curve in curves.values()),
+        tuple(-math.inf if lower is None else lower for lower, _ in limits),
+        tuple(math.inf if upper is None else upper for _, upper in limits),
+    )
     return JointTargets(
         position={name: within_limits(joints[name], "position", state[0]) for name, state in states.items()},
         velocity={name: within_limits(joints[name], "velocity", state[1]) for name, state in states.items()},
+        motions=(ways,),
     )
 
 
@@ -118,38 +157,3 @@ def joint_curves(
 
 def _fits(point: TrajectoryPoint, count: int) -> bool:
     return all(len(values) in (0, count) for values in (point.velocities, point.accelerations))
-
-
-def _straight(first: Waypoint, last: Waypoint, time: float) -> Waypoint:
-    speed = (last.position - first.position) / (last.time - first.time)
-    return Waypoint(time, first.position + speed * (time - first.time), speed, 0.0)
-
-
-def _cubic(first: Waypoint, speed: float, last: Waypoint, end_speed: float, time: float) -> Waypoint:
-    """Return the state on the cubic Hermite curve between two points."""
-    span = last.time - first.time
-    part = (time - first.time) / span
-    way = last.position - first.position
-    a, b = span * speed - way, way - span * end_speed
-    # p + s way + s (1 - s) (a (1 - s) + b s), and its derivatives by s.
-    position = first.position + part * way + part * (1 - part) * (a * (1 - part) + b * part)
-    growth = way + (1 - 2 * part) * (a * (1 - part) + b * part) + part * (1 - part) * (b - a)
-    bend = 2 * (1 - 2 * part) * (b - a) - 2 * (a * (1 - part) + b * part)
-    return Waypoint(time, position, growth / span, bend / span**2)
-
-
-def _quintic(first: Waypoint, last: Waypoint, time: float) -> Waypoint:
-    """Return the state on the polynomial of degree 5 between two points with velocities and accelerations."""
-    span = last.time - first.time
-    part = (time - first.time) / span
-    way = last.position - first.position
-    # In units of the segment: from 0 to `way` in a time of 1.
-    v0, v1 = ((point.velocity or 0.0) * span for point in (first, last))
-    a0, a1 = ((point.acceleration or 0.0) * span**2 for point in (first, last))
-    c3 = 10 * way - 6 * v0 - 4 * v1 - 1.5 * a0 + 0.5 * a1
-    c4 = -15 * way + 8 * v0 + 7 * v1 + 1.5 * a0 - a1
-    c5 = 6 * way - 3 * (v0 + v1) - 0.5 * (a0 - a1)
-    position = first.position + part * (v0 + part * (a0 / 2 + part * (c3 + part * (c4 + part * c5))))
-    growth = v0 + part * (a0 + part * (3 * c3 + part * (4 * c4 + part * 5 * c5)))
-    bend = a0 + part * (6 * c3 + part * (12 * c4 + part * 20 * c5))
-    return Waypoint(time, position, growth / span, bend / span**2)

@@ -134,7 +134,9 @@ def test_a_base_and_its_joints_are_commanded_together() -> None:
     base, joints = answer
     assert base == Twist.planar(0.3, 0.2)
     assert isinstance(joints, JointTargets)
-    assert (joints.position, joints.velocity) == ({"a": 0.5}, {"a": 1.0})
+    # Two ramps of 20 ms are part of the second.
+    assert joints.position == pytest.approx({"a": 0.5})
+    assert joints.velocity == pytest.approx({"a": 1 / 0.98})
 
 
 @pytest.mark.parametrize(
@@ -232,7 +234,7 @@ def test_a_controller_holds_its_joints_before_and_after_a_trajectory() -> None:
 
     assert answered(it, 0.0).position == {"a": 0.5, "b": -0.5}
     it.take(trajectory(["a", "b"], point(1.0, [1.0, 1.0])), AT_REST)
-    assert answered(it, 2.5).position == {"a": 0.75, "b": 0.25}
+    assert answered(it, 2.5).position == pytest.approx({"a": 0.75, "b": 0.25})
     assert answered(it, 9.0).position == {"a": 1.0, "b": 1.0}
     assert answered(it, 9.0).velocity == {"a": 0.0, "b": 0.0}
 
@@ -261,7 +263,7 @@ def test_a_stamp_sets_the_start_and_a_trajectory_that_has_begun_goes_on_from_its
     assert answered(it, 4.0).position["a"] == pytest.approx(1.0)
 
     it.take(trajectory(["a"], point(0.0, [3.0]), point(2.0, [5.0]), stamp=1.0), AT_REST)
-    assert answered(it, 2.5).position["a"] == pytest.approx(4.5)
+    assert answered(it, 2.5).position["a"] == pytest.approx(4.5, abs=0.01)
 
 
 def test_a_point_at_the_start_is_reached_at_once() -> None:

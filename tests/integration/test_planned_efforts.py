@@ -1,0 +1,127 @@
+"""Efforts and work of planned joint motions against inverse dynamics, at several rates of the physics and the ticks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pybullet
+import pytest
+
+from sim_action.state.trace import FloatArray, Trace
+from tests.integration.engines import inertia, on_every_engine
+from tests.integration.test_joint_trajectories import ARMS, KNOWN, TIMES, Arm, wanted
+from tests.simulated import simulated
+
+pytestmark = pytest.mark.pybullet
+
+IIWA = ARMS[0]
+STEP = 1e-4  # s, of numerical derivatives
+NEAR_A_CORNER = 0.1  # s
+# Efforts of PyBullet's solver are uncertain by this share of the greatest one: 0.1 N m of 38 N m.
+RESIDUAL = 0.0025
+
+
+def moved(  # noqa: PLR0917 - one for each parameter of the tests
+    folder: Path, arm: Arm, engine: str, interpolation: str, physics: float, rate: float, count: int
+) -> Trace:
+    points = [
+        {"at": time, "position": dict(list(zip(arm.joints, knot, strict=True))[:count])}
+        for time, knot in zip(TIMES[1:], arm.knots[1:], strict=True)
+    ]
+    known = KNOWN[arm.name]
+    scenario = {
+        "name": "n",
+        "robot": {"model": known.path, **known.keys, "joints": dict(zip(arm.joints, arm.knots[0], strict=True))},
+        "physics": {"rate": physics},
+        "commands": {"joints": points, "interpolation": interpolation, "rate": rate},
+        "expect": [{"energy": {"at_most": 1e6}}],
+        "allow": ["fixed-base"],
+        "backend": engine,
+        "time_limit": 5.2,
+        "trace": {"rate": physics},
+    }
+    return simulated(folder, scenario, outside=True).trace
+
+
+def inverse_dynamics(arm: Arm, interpolation: str, time: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Return velocities and efforts (T, 7) of the plan in rad/s and N m, with the damping of the model."""
+
+    def plan(at: FloatArray) -> FloatArray:
+        planned = wanted(arm, interpolation, at)
+        planned[:, count:] = np.array(arm.knots[0])[count:]
+        return planned
+
+    before, here, after = plan(time - STEP), plan(time), plan(time + STEP)
+    speeds, bends = (after - before) / (2 * STEP), (after - 2 * here + before) / STEP**2
+    client = pybullet.connect(pybullet.DIRECT)
+    try:
+        pybullet.setGravity(0, 0, -9.80665, physicsClientId=client)
+        flags = pybullet.URDF_USE_IMPLICIT_CYLINDER
+        robot = pybullet.loadURDF(str(KNOWN[arm.name].path), useFixedBase=True, flags=flags, physicsClientId=client)
+        infos = [pybullet.getJointInfo(robot, j, client) for j in range(pybullet.getNumJoints(robot, client))]
+        damping = np.array([info[6] for info in infos if info[2] != pybullet.JOINT_FIXED])
+        rows = zip(here.tolist(), speeds.tolist(), bends.tolist(), strict=True)
+        efforts = [pybullet.calculateInverseDynamics(robot, *row, physicsClientId=client) for row in rows]
+    finally:
+        pybullet.disconnect(client)
+    return speeds, np.array(efforts) + speeds * damping
+
+
+def work(speeds: FloatArray, efforts: FloatArray, time: FloatArray) -> float:
+    return float(np.trapezoid(np.clip(speeds * efforts, 0, None).sum(axis=1), time))
+
+
+@pytest.mark.parametrize(("physics", "rate"), [(200, 10), (250, 50), (1000, 200)])
+@pytest.mark.parametrize(("interpolation", "count"), [("minimum_jerk", 7), ("minimum_jerk", 1), ("linear", 7)])
+@on_every_engine
+def test_efforts_and_work_are_those_of_inverse_dynamics(  # noqa: PLR0917 - parameters of pytest
+    engine: str, interpolation: str, count: int, physics: int, rate: int, tmp_path: Path
+) -> None:
+    trace = moved(tmp_path, IIWA, engine, interpolation, physics, rate, count)
+    columns = [trace.joint_names.index(joint) for joint in IIWA.joints]
+    # The effort of a step acts from the moment before it on.
+    time, efforts = trace.time[:-1], trace.joint_effort[1:, columns]
+    _, expected = inverse_dynamics(IIWA, interpolation, time, count)
+    corners = np.abs(time[:, None] - np.array(TIMES)).min(axis=1)
+    smooth = corners > NEAR_A_CORNER if interpolation == "linear" else corners >= 0
+    largest = np.abs(expected[smooth]).max(axis=0)
+    assert np.abs(efforts[smooth]).max(axis=0)[:6] == pytest.approx(largest[:6], rel=0.03, abs=RESIDUAL * largest.max())
+    fine = np.linspace(0.0, float(time[-1]), 5201)
+    speeds = np.vstack((np.zeros(7), trace.joint_velocity[:, columns]))
+    mean = (speeds[1:-1] + speeds[2:]) / 2
+    done = float((np.clip(efforts * mean, 0, None).sum(axis=1) / physics).sum())
+    assert done == pytest.approx(work(*inverse_dynamics(IIWA, interpolation, fine, count), fine), rel=0.03)
+
+
+TURRET = f"""<robot name="turret"><link name="base"/>
+<joint name="pan" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" effort="40" velocity="3"/></joint>
+<link name="arm"><inertial><mass value="2"/>{inertia(0.16)}</inertial></link></robot>"""
+
+
+@pytest.mark.parametrize(("physics", "rate"), [(200, 10), (240, 40), (240, 240), (1000, 10)])
+@on_every_engine
+def test_a_quarter_turn_needs_the_effort_and_work_of_a_closed_form(
+    engine: str, physics: int, rate: int, tmp_path: Path
+) -> None:
+    """Minimum jerk: the peak acceleration is 10 / sqrt(3) of way / time^2, and the peak speed 1.875 of way / time."""
+    (tmp_path / "turret.urdf").write_text(TURRET)
+    way, time, moment = np.pi / 2, 2.0, 0.16
+    scenario = {
+        "name": "n",
+        "robot": {"model": "turret.urdf", "base": "fixed"},
+        "physics": {"rate": physics},
+        "commands": {
+            "joints": [{"at": time, "position": {"pan": way}}],
+            "interpolation": "minimum_jerk",
+            "rate": rate,
+        },
+        "expect": [{"effort": {"at_most": 39}}, {"energy": {"at_most": 1000}}],
+        "allow": ["fixed-base"],
+        "backend": engine,
+        "time_limit": 2.5,
+    }
+    effort, energy = simulated(tmp_path, scenario).verdicts
+    assert effort.measured == pytest.approx(moment * 10 / np.sqrt(3) * way / time**2, rel=0.01)
+    assert energy.measured == pytest.approx(moment * (1.875 * way / time) ** 2 / 2, rel=0.01)
