@@ -31,6 +31,12 @@ if TYPE_CHECKING:
 
 _MAX_TITLE: Final = 100
 
+CREEP_M: Final = 0.1
+"""In m: a robot that drives goes farther than this; a smaller limit asks for a robot at rest."""
+
+CREEP_M_S: Final = 0.05
+"""In m/s and rad/s: a robot that drives is faster than this."""
+
 NO_READING: Final = "The sensor had no reading between `after` and `before`, or the run ended before `after`."
 """When an assertion on the readings of a sensor is not exercised."""
 
@@ -218,6 +224,13 @@ class Assertion(FrozenModel):
         """True if an invariant is judged at many moments, so that one moment is a remark."""
         return True
 
+    def meaning(self, scene: Scene) -> str:
+        """Return the assertion as text of a formula of `stl`; empty if it cannot be written as one.
+
+        A quantity that formulas lack is written like the x of an object, such as `'path_length'.x`.
+        """
+        return ""
+
     def claims(self, setting: Setting) -> Findings:
         """Yield the findings of the audit of claims that are visible without the robot model."""
         yield from self.limits_beyond(setting)
@@ -231,6 +244,18 @@ class Assertion(FrozenModel):
     def robot_claims(self, scene: Scene) -> Findings:
         """Yield the findings of the audit of claims that need the robot model or other files."""
         yield from ()
+
+    def combined_claims(self, scene: Scene) -> Findings:
+        """Yield the findings about a combination of assertions that its parts do not have."""
+        yield from ()
+
+    def limits_motion(self, scene: Scene) -> bool:
+        """Return True if a robot that drives a few centimetres breaks it, so that it asks for a robot at rest."""
+        return False
+
+    def judges_rest(self, scene: Scene) -> bool:
+        """Return True if it says something about a robot that nothing moves, such as that it stands upright."""
+        return True
 
     def run_claims(self, run: JudgedRun) -> Findings:
         """Yield the findings of the audit of claims after a run; only an entry of `expect` itself is asked."""

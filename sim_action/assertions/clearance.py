@@ -89,6 +89,22 @@ class Clearance(Assertion):
             message = f"clearance checks nothing: neither {quoted(self.chosen)} nor the bodies can move"
             yield ClaimFinding("fixed-base", (), f"{message}; name a link or a body that moves")
 
+    @override
+    def judges_rest(self, scene: Scene) -> bool:
+        return False
+
+    @override
+    def meaning(self, scene: Scene) -> str:
+        from sim_action.assertions.temporal_logic.formula import quoted
+
+        bodies = self.to or ()
+        quantity = f"{quoted(f'clearance of {self.chosen} to {bodies}')}.x"
+        if self.chosen is None and len(bodies) < 2:
+            quantity = f"clearance({quoted(bodies[0])})" if bodies else "clearance"
+        least = None if self.at_least is None else f"always ({quantity} >= {self.at_least!r})"
+        most = None if self.at_most is None else f"eventually ({quantity} <= {self.at_most!r})"
+        return " and ".join(part for part in (least, most) if part is not None)
+
     has_truth: ClassVar[bool] = True
 
     @property

@@ -20,11 +20,23 @@ from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Mark, Signal
+from sim_action.world.claims import ClaimFinding, Findings
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
+    from sim_action.assertions.temporal_logic.formula import Formula
     from sim_action.state.observation import Observation
     from sim_action.state.trace import Trace
+
+
+def formula_of(assertion: Assertion, scene: Scene) -> Formula:
+    """Return an assertion as a formula; one without a meaning is a signal of its own, which is positive or not."""
+    from sim_action.assertions.temporal_logic.formula import quoted
+    from sim_action.assertions.temporal_logic.parser import parse
+
+    if isinstance(assertion, Joined | Negation):
+        return assertion.as_formula(scene)
+    return parse(assertion.meaning(scene) or f"{quoted(repr(assertion))}.x > 0")
 
 
 class Combined(Assertion):
@@ -54,6 +66,23 @@ class Combined(Assertion):
     def placed_leaves(self) -> Iterator[tuple[KeyPath, Assertion]]:
         for place, part in self.placed_parts:
             yield from (((self.key, *place, *path), leaf) for path, leaf in part.placed_leaves())
+
+    @override
+    def combined_claims(self, scene: Scene) -> Findings:
+        """Yield combinations that hold, or fail, in every run because of their parts: a check and its opposite."""
+        from sim_action.assertions.temporal_logic.formula_claims import constant_parts
+
+        parts = self.placed_parts
+        inner = [finding.below(place) for place, part in parts for finding in part.combined_claims(scene)]
+        yield from (finding.below((self.key,)) for finding in inner)
+        # Parts that are constant alone report it themselves.
+        if inner or any(True for _, part in parts for _ in constant_parts(formula_of(part, scene), scene)):
+            return
+        for constant in constant_parts(formula_of(self, scene), scene):
+            result = "holds" if constant.is_true else "fails"
+            message = f"this {result} in every run, because its parts exclude or contain each other"
+            yield ClaimFinding("unreachable-limit", (self.key,), f"{message}; remove a part, or change a limit")
+            return
 
     @property
     @override
@@ -158,6 +187,13 @@ class Joined(Several):
         if span is not None:
             return super().opened(scene, start, span)
         return self._combination(tuple(part.opened(scene, start) for part in self.parts))
+
+    def as_formula(self, scene: Scene) -> Formula:
+        """Return the assertion as a formula made of those of its parts."""
+        from sim_action.assertions.temporal_logic.formula import And, Or
+
+        parts = tuple(formula_of(part, scene) for part in self.parts)
+        return parts[0] if len(parts) == 1 else And(parts) if self.every else Or(parts)
 
     def _combination(self, monitors: tuple[Monitor, ...]) -> Combination:
         remembers = self.has_truth and any(monitor.is_sampled for monitor in monitors)
@@ -298,6 +334,12 @@ class Negation(Combined):
     @override
     def placed_parts(self) -> Sequence[tuple[KeyPath, Assertion]]:
         return [((), self.part)]
+
+    def as_formula(self, scene: Scene) -> Formula:
+        """Return the assertion as a formula made of those of its parts."""
+        from sim_action.assertions.temporal_logic.formula import Not
+
+        return Not(formula_of(self.part, scene))
 
     @property
     def is_goal(self) -> bool:

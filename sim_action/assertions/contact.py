@@ -15,7 +15,14 @@ from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import Bounds, bounds_title, check_bounds, check_order
 from sim_action.assertions.monitors.contact_force import Forces, MeanForce, duration_text, times_of
 from sim_action.assertions.monitors.goals import joined
-from sim_action.assertions.monitors.proximity import NO_FORCE, least_so_far, nearest_of, touching_at, with_zeros
+from sim_action.assertions.monitors.proximity import (
+    NO_FORCE,
+    least_so_far,
+    nearest_of,
+    touch_signal,
+    touching_at,
+    with_zeros,
+)
 from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import units
 from sim_action.core.field_types import FrozenModel, PositiveNewtons, PositiveNewtonSeconds, PositiveSeconds
@@ -115,6 +122,11 @@ class Touch(Assertion):
     @override
     def names_links(self) -> bool:
         return self.link is not None
+
+    @override
+    def meaning(self, scene: Scene) -> str:
+        plain = self.link is None and self.span is None and not self.has_least and not self.has_most
+        return f"eventually ({touch_signal(self.body)} >= 0.5)" if plain else ""
 
     @override
     def run_claims(self, run: JudgedRun) -> Findings:

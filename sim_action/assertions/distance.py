@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from sim_action.assertions import Reference
+from sim_action.assertions import CREEP_M, Reference
 from sim_action.assertions.monitors import Monitor
-from sim_action.assertions.monitors.bounds import Bounds, BoundsMonitor, SignalMonitor, bounds_title, check_bounds
+from sim_action.assertions.monitors.bounds import (
+    Bounds,
+    BoundsMonitor,
+    SignalMonitor,
+    bounds_formula,
+    bounds_title,
+    check_bounds,
+)
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core.field_types import NonNegativeMetres, PositiveMetres
 from sim_action.core.geometry import Vector3
@@ -41,6 +49,19 @@ class LengthBounds(MotionAssertion):
     @override
     def is_goal(self) -> bool:
         return self.at_least is not None
+
+    @override
+    def limits_motion(self, scene: Scene) -> bool:
+        return self.watches_base and min(self.at_most or math.inf, self.at_least or math.inf) <= CREEP_M
+
+    @override
+    def judges_rest(self, scene: Scene) -> bool:
+        return self.limits_motion(scene)
+
+    @override
+    def meaning(self, scene: Scene) -> str:
+        signal = "travel" if self.watches_base and self.key == "travel" else ""
+        return bounds_formula(self.quantity(self.key, signal), self.at_least, self.at_most)
 
     has_truth: ClassVar[bool] = True
 
@@ -104,6 +125,11 @@ class PathLength(LengthBounds):
             lambda setting: setting.physics.max_speed * setting.time_limit,
         ),
     )
+
+    @override
+    def range_claims(self, limits: LinkRange) -> Findings:
+        if limits.radius <= ROUNDING_M:
+            yield from limits.never_moves({"at_most": self.at_most})
 
     @override
     def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:

@@ -28,7 +28,7 @@ from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.verdict import Circle, Mark, Polyline, Signal, Verdict
-from sim_action.world.claims import Findings
+from sim_action.world.claims import COVERED_SHARE, ClaimFinding, Findings, JudgedRun
 from sim_action.world.link_range import LinkRange
 from sim_action.world.scene import Scene
 
@@ -140,6 +140,29 @@ class FollowPath(MotionAssertion):
             if findings := list(limits.out_of_reach(("path", index), place, tolerance)):
                 yield findings[0]
                 return
+
+    @override
+    def judges_rest(self, scene: Scene) -> bool:
+        return False
+
+    @override
+    def run_claims(self, run: JudgedRun) -> Findings:
+        """Yield the share of the path that the robot covered, if it is small."""
+        judged = run.verdict.judged
+        if self.end is not None or run.verdict.status != "passed" or judged is None or judged.first is None:
+            return
+        watched, path = self.watched(run.scene), ReferencePath(self._points(run.scene))
+        places = watched.seen(run.trace.between(judged.first, judged.last or 0.0)).base_position_xyz.tolist()
+        if not places:
+            return
+        size = len(path.points[0])
+        progress = Progress.at_start(path, tuple(places[0][:size]))
+        for place in places:
+            progress = progress.to(tuple(place[:size]))
+        share = progress.foot.along / path.length
+        if share < COVERED_SHARE:
+            message = f"only {share:.0%} of the path was driven: {progress.foot.along:.4g} m of {path.length:.4g} m"
+            yield ClaimFinding("partly-compared", (), f"{message}; run for longer, or add 'end'")
 
     @override
     def title_of(self, watched: Watched) -> str:

@@ -10,7 +10,14 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion, Reference, shortened_title
 from sim_action.assertions.monitors import Monitor, State, Truth
-from sim_action.assertions.monitors.bounds import Bounds, Interval, IntervalsMonitor, SignalMonitor, check_order
+from sim_action.assertions.monitors.bounds import (
+    Bounds,
+    Interval,
+    IntervalsMonitor,
+    SignalMonitor,
+    bounds_formula,
+    check_order,
+)
 from sim_action.assertions.monitors.goals import ClosestApproach
 from sim_action.core import units
 from sim_action.core.field_types import JointEffort, JointPosition, JointQuantity, JointVelocity
@@ -28,7 +35,8 @@ from sim_action.robot.model.joint_selection import (
 from sim_action.robot.model.kinematics import beyond_limits
 from sim_action.robot.model.robot_model import READINGS, Joint, Reading
 from sim_action.state.verdict import Signal
-from sim_action.world.claims import ClaimFinding, Findings
+from sim_action.world.claims import ClaimFinding, Findings, beyond
+from sim_action.world.link_range import beyond_motor, joint_range
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -122,10 +130,29 @@ class JointReading(Assertion):
             yield ("near",), f"'{self.name}' never comes so near: {beyond_limits(joint, near)}"
 
     @override
+    def meaning(self, scene: Scene) -> str:
+        from sim_action.assertions.temporal_logic.formula import Signal
+
+        quantity = str(Signal(self.reading, self.name))
+        at_least, at_most, near, tolerance = (self._magnitude(value) for value in self._asked().values())
+        if near is not None:
+            return f"eventually (abs({quantity} - {near!r}) <= {tolerance!r})"
+        return bounds_formula(quantity, at_least, at_most)
+
+    @override
     def robot_claims(self, scene: Scene) -> Findings:
         for key, written in self._asked().items() if self.reading == "position" else ():
             if (problem := bare_angle(scene.model, (self.name,), written)) is not None:
                 yield ClaimFinding("bare-angle", (key,), problem)
+                return
+        at_most = self._magnitude(self.at_most)
+        _, high = joint_range(scene, self.name, self.reading)
+        if at_most is not None and at_most >= high and self.at_least is None:
+            unit = scene.model.joints_by_name[self.name].dimension(self.reading).si
+            why = f"{self.name} has no {self.reading} above {units.display(high, unit)}"
+            yield beyond(("at_most",), at_most, unit, why)
+        elif at_most is not None and (reason := beyond_motor(scene, self.name, self.reading, at_most)):
+            yield ClaimFinding("limit-beyond-range", ("at_most",), reason)
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
@@ -249,11 +276,39 @@ class JointWithin(Assertion):
                         yield (reading, name, index), misfit
 
     @override
+    def meaning(self, scene: Scene) -> str:
+        from sim_action.assertions.temporal_logic.formula import Signal
+
+        sides = (
+            bounds_formula(
+                str(Signal(reading, joint.name)),
+                *(units.parse(each, *READINGS[reading]) for each in bounds),
+                goal=False,
+            )
+            for reading, name, bounds in self.asked()
+            for joint in chosen(scene.model, (name,))
+        )
+        return " and ".join(sides)
+
+    @override
     def robot_claims(self, scene: Scene) -> Findings:
-        for name, bounds in self.position.items():
-            for index, bound in enumerate(bounds):
-                if (problem := bare_angle(scene.model, (name,), bound)) is not None:
-                    yield ClaimFinding("bare-angle", ("position", name, index), problem)
+        for reading, name, bounds in self.asked():
+            problems = [bare_angle(scene.model, (name,), bound) for bound in bounds if reading == "position"]
+            for index, problem in enumerate(problems):
+                if problem is not None:
+                    yield ClaimFinding("bare-angle", (reading, name, index), problem)
+            limits = [joint_range(scene, joint.name, reading) for joint in chosen(scene.model, (name,))]
+            try:
+                lower, upper = (units.parse(bound, *READINGS[reading]) for bound in bounds)
+            except units.UnitError:
+                continue  # reported as a problem
+            if limits and not any(problems) and all(lower <= low and high <= upper for low, high in limits):
+                message = f"{name} never leaves these bounds: its own limits are tighter; give tighter bounds"
+                yield ClaimFinding("unreachable-limit", (reading, name), message)
+                continue
+            reasons = (beyond_motor(scene, joint.name, reading, upper) for joint in chosen(scene.model, (name,)))
+            if (reason := next(reasons, None)) is not None:
+                yield ClaimFinding("limit-beyond-range", (reading, name), reason)
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:

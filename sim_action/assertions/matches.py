@@ -42,7 +42,7 @@ from sim_action.state.golden_trajectory import (
 )
 from sim_action.state.observation import Observation
 from sim_action.state.verdict import Judged, Mark, Polyline, Signal, Verdict
-from sim_action.world.claims import HEADINGS, SINGLE_ROW, Ceiling, ClaimFinding, Findings
+from sim_action.world.claims import COVERED_SHARE, HEADINGS, SINGLE_ROW, Ceiling, ClaimFinding, Findings, JudgedRun
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -59,6 +59,8 @@ _MAX_NAMED: Final = 3
 
 # Golden times are rounded to milliseconds.
 _SAME_TIME_S: Final = 1e-3
+# m and rad: less is no motion.
+_AT_REST: Final = 2e-3
 
 
 def single_row(name: str, golden: Golden) -> str:
@@ -177,6 +179,30 @@ class Matches(Assertion):
             golden = self.golden_in(scene)
             if len(golden.rows) < 2:
                 yield ClaimFinding(SINGLE_ROW, ("trace",), single_row(self.file_in(scene), golden))
+
+            elif not self._golden_moves(golden, scene):
+                message = f"nothing that is compared moves in {self.file_in(scene)}, so any robot at rest matches"
+                yield ClaimFinding("golden-at-rest", ("trace",), f"{message}; record a run that moves")
+
+    def _golden_moves(self, golden: Golden, scene: Scene) -> bool:
+        columns = [*((1, 2, 3) if self.position is not None else ()), *((4,) if self.yaw is not None else ())]
+        columns += [5 + golden.form.joint_names.index(joint.name) for joint, _ in self._tolerances(scene)]
+        return bool(np.ptp(golden.rows[:, columns], axis=0).max() > _AT_REST)
+
+    @override
+    def run_claims(self, run: JudgedRun) -> Findings:
+        """Yield the share of the golden trajectory that was compared, if it is small."""
+        judged = run.verdict.judged
+        if run.scene.workspace.updates_golden or run.verdict.status != "passed" or judged is None:
+            return
+        golden = self.golden_in(run.scene)
+        first, last = float(golden.time[0]), float(golden.time[-1])
+        seen = max(0.0, min(last, judged.last or 0.0) - max(first, judged.first or 0.0))
+        if last > first and (share := seen / (last - first)) < COVERED_SHARE:
+            message = (
+                f"only {share:.0%} of {self.file_in(run.scene)} was compared: {seen:.4g} s of {last - first:.4g} s"
+            )
+            yield ClaimFinding("partly-compared", ("trace",), f"{message}; run for longer, or lower 'duration'")
 
     def golden_in(self, scene: Scene) -> Golden:
         """Return the golden trajectory of a scene. Raises GoldenError."""

@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from sim_action.assertions import Reference
+from sim_action.assertions import CREEP_M_S, Reference
 from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.monitors.base_motion import BaseMotion
-from sim_action.assertions.monitors.bounds import AllLimits, Bounds, BoundsMonitor
+from sim_action.assertions.monitors.bounds import AllLimits, Bounds, BoundsMonitor, bounds_formula
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetresPerSecond, NonNegativeRadiansPerSecond
 from sim_action.core.records import dataclass, replace
-from sim_action.world.claims import UNSTABLE, Ceiling
+from sim_action.world.claims import UNSTABLE, Ceiling, Findings
+from sim_action.world.link_range import ROUNDING_M, LinkRange
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -57,10 +58,30 @@ class MaxSpeed(MotionAssertion):
     has_truth: ClassVar[bool] = True
 
     @override
+    def limits_motion(self, scene: Scene) -> bool:
+        limits = [limit for limit in (self.linear, self.angular) if limit is not None]
+        return self.watches_base and min(limits) <= CREEP_M_S
+
+    @override
+    def judges_rest(self, scene: Scene) -> bool:
+        return self.limits_motion(scene)
+
+    @override
+    def meaning(self, scene: Scene) -> str:
+        limits = (("speed", self.linear), ("turn_rate", self.angular))
+        parts = (bounds_formula(self.quantity(name, name), None, limit) for name, limit in limits)
+        return " and ".join(part for part in parts if part)
+
+    @override
     def title_of(self, watched: Watched) -> str:
         limits = ((self.linear, "m/s"), (self.angular, "rad/s"))
         shown = (units.display(limit, unit) for limit, unit in limits if limit is not None)
         return f"{self.key_of(watched)} {', '.join(shown)}"
+
+    @override
+    def range_claims(self, limits: LinkRange) -> Findings:
+        if limits.radius <= ROUNDING_M:
+            yield from limits.never_moves({"linear": self.linear})
 
     @override
     def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:

@@ -10,15 +10,16 @@ from typing_extensions import override
 from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
 from sim_action.assertions.monitors.contact_force import MeanForce, duration_text, times_of
-from sim_action.assertions.monitors.proximity import strength, touching_at, with_zeros
+from sim_action.assertions.monitors.proximity import strength, touch_signal, touching_at, with_zeros
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
-from sim_action.core.wording import FirstFew, did_you_mean
+from sim_action.core.wording import FirstFew, did_you_mean, quoted
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Signal, Verdict
-from sim_action.world.claims import ClaimFinding, Findings, Setting
+from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
 from sim_action.world.ground import GROUND
+from sim_action.world.out_of_reach import is_out_of_reach
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -72,6 +73,17 @@ class NoCollision(Assertion):
                 yield ("allow", index), f"'{name}' is neither an object nor a link{hint}"
 
     @override
+    def judges_rest(self, scene: Scene) -> bool:
+        return False
+
+    @override
+    def meaning(self, scene: Scene) -> str:
+        bodies = [body.name for body in scene.world.objects if body.name not in self.allow]
+        if not bodies or not scene.model.links_by_name.keys().isdisjoint(self.allow):
+            return ""
+        return f"always ({' and '.join(f'{touch_signal(body)} <= 0.5' for body in bodies)})"
+
+    @override
     def claims(self, setting: Setting) -> Findings:
         """Yield a world in which nothing may be touched that is not allowed."""
         bodies = setting.world.objects
@@ -96,6 +108,16 @@ class NoCollision(Assertion):
         if shaped and shaped <= set(self.allow):
             message = "allow names every link with a collision shape, so no touch counts; remove links from allow"
             yield ClaimFinding("nothing-to-touch", (), message)
+
+    @override
+    def run_claims(self, run: JudgedRun) -> Findings:
+        """Yield a world whose objects were all below the ground or above the robot."""
+        bodies = [body for body in run.scene.world.objects if body.name not in (*self.allow, GROUND)]
+        if run.verdict.passed and bodies and all(is_out_of_reach(run.scene, run.trace, body) for body in bodies):
+            message = f"{quoted([body.name for body in bodies])} is below the ground, or above the robot"
+            yield ClaimFinding(
+                "nothing-to-touch", (), f"{message}, so the robot cannot touch it; check 'z' of its pose"
+            )
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:

@@ -29,6 +29,7 @@ from sim_action.robot.model.robot_model import WORLD
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Mark, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
+from sim_action.world.out_of_reach import passed_by
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -207,7 +208,11 @@ class ObjectAssertion(Assertion):
 
     @override
     def standstill(self, run: JudgedRun) -> ClaimFinding | None:
-        if not isinstance(self.part, Upright | StayWithin) or run.scene.world.disturbances:
+        body = next((body for body in run.scene.world.objects if body.name == self.name), None)
+        pushes = (pushed for pushed in run.scene.world.disturbances if pushed.body == self.name)
+        if not isinstance(self.part, Upright | StayWithin) or body is None:
+            return None
+        if any(pushed.is_felt(body.mass or 0.0) for pushed in pushes) or passed_by(run.scene, run.trace, body):
             return None
         seen = motion_of(self, run.scene, run.trace)
         if not len(seen) or Rest.of_trace(seen).base_moved(seen).any():

@@ -107,6 +107,10 @@ class SelfCollision(Assertion):
         return any(_names(names, pair) for names in self.allow)
 
     @override
+    def judges_rest(self, scene: Scene) -> bool:
+        return False
+
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         return SelfCollisionMonitor(self, 1 / scene.physics.rate, collides=scene.robot.self_collision)
 

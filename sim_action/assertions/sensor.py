@@ -11,7 +11,7 @@ from typing_extensions import override
 
 from sim_action.assertions import NO_READING, Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
-from sim_action.assertions.monitors.bounds import check_bounds
+from sim_action.assertions.monitors.bounds import bounds_formula, check_bounds
 from sim_action.assertions.monitors.goals import Goal, Invariant
 from sim_action.core import units
 from sim_action.core.field_types import SensorQuantity
@@ -21,10 +21,11 @@ from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import as_written
-from sim_action.state.readings import READING_COLUMNS, ReadingColumn, columns_of
+from sim_action.sensors import Sensor
+from sim_action.state.readings import DISTANCES, READING_COLUMNS, ReadingColumn, columns_of
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
-from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
+from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting, nothing_in_range
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -40,8 +41,6 @@ _STATISTICS = ("min", "max", "mean")
 _DIMENSIONS = tuple(column.dimension for columns in READING_COLUMNS.values() for column in columns.values())
 
 _AXES: Final = "xyzw"
-# Readings that are infinite where nothing is in range.
-_DISTANCES: Final = frozenset({"ranges", "depth"})
 
 MORE_READINGS: Final = "raise the sensor's rate, or run for longer"
 """The advice for a run with one reading."""
@@ -132,12 +131,36 @@ class SensorReading(Assertion):
                 yield (key,), str(error)
 
     @override
+    def meaning(self, scene: Scene) -> str:
+        from sim_action.assertions.temporal_logic.formula import quoted
+
+        quantity = ".".join((quoted(self.name), self.reading, *([self.which] if self.which else [])))
+        least, most = (self._magnitude(bound) for bound in (self.at_least, self.at_most))
+        if not self.once:
+            return bounds_formula(quantity, least, most, goal=False)
+        sides = ((">=", least), ("<=", most))
+        both = " and ".join(f"{quantity} {relation} {bound!r}" for relation, bound in sides if bound is not None)
+        return f"eventually ({both})"
+
+    @override
     def claims(self, setting: Setting) -> Findings:
-        """Yield a minimum distance that is greater than the range of its sensor."""
-        key, far = setting.ranges.get((self.name, self.reading), ("", math.inf))
-        if self.at_least is None or self.once or self.which == "max":
+        """Yield bounds that no reading exceeds, and a minimum distance that is greater than the range of its sensor."""
+        columns = (columns.get(self.reading) for columns in READING_COLUMNS.values())
+        if any(column is not None and column.dimension == units.ANGULAR_SPEED for column in columns):
+            for bound, written in (("at_least", self.at_least), ("at_most", self.at_most)):
+                if (problem := units.beyond_a_turn(written, units.ANGULAR_SPEED.si)) is not None:
+                    yield ClaimFinding("bare-angle", (bound,), problem)
+        least, most = (self._magnitude(bound) for bound in (self.at_least, self.at_most))
+        low, high = setting.limits(self.name, self.reading, self.which)
+        if (least is None or least <= low) and (most is None or most >= high) and not self.once:
+            bound = "at_most" if self.at_least is None else "at_least"
+            message = f"{self.what} is never outside {low:.6g} to {high:.6g}, so this checks nothing; change the limit"
+            yield ClaimFinding("unreachable-limit", (bound,), message)
             return
-        if key and (least := units.parse(self.at_least, units.LENGTH)) > far:
+        key, far = setting.ranges.get((self.name, self.reading), ("", math.inf))
+        if self.once or self.which == "max":
+            return
+        if key and least is not None and least > far:
             reach, limit = units.display(far, "m"), units.display(least, "m")
             message = f"{self.name} sees {reach} far, so nothing between {reach} and {limit} is noticed"
             yield ClaimFinding("limit-beyond-range", ("at_least",), f"{message}; raise its '{key}'")
@@ -146,13 +169,17 @@ class SensorReading(Assertion):
     def run_claims(self, run: JudgedRun) -> Findings:
         """Yield a minimum distance that every reading met because it was infinite."""
         verdict = run.verdict
-        if self.reading not in _DISTANCES or self.which == "max":
+        if self.reading not in DISTANCES or self.which == "max" or self._claims_empty(run.scene):
             return
         # The measured value is the least reading; an infinite one is None.
         if verdict.status == "passed" and not verdict.goal and verdict.measured is None:
-            message = f"{self.name} saw nothing in range in the whole run, so no distance was compared"
-            use = "let the robot come near an object, or raise the range of the sensor"
-            yield ClaimFinding("nothing-in-range", (), f"{message}; {use}")
+            yield nothing_in_range(self.name)
+
+    def _claims_empty(self, scene: Scene) -> bool:
+        """Return True if the least allowed distance is the range of the sensor: nothing may be in range."""
+        sensor = next((fitting.keys for fitting in scene.sensors if fitting.name == self.name), None)
+        far = getattr(sensor, sensor.range_keys[self.reading]) if isinstance(sensor, Sensor) else math.inf
+        return self.at_least is not None and (self._magnitude(self.at_least) or 0.0) >= far
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:

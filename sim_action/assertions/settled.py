@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, Self
 
+from annotated_types import Gt
 from pydantic import Field
 from typing_extensions import override
 
@@ -15,7 +16,7 @@ from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import units
-from sim_action.core.field_types import PositiveMetresPerSecond, PositiveRadiansPerSecond, PositiveSeconds
+from sim_action.core.field_types import PositiveMetresPerSecond, PositiveSeconds, Quantity
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Signal, Verdict
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
     from sim_action.state.observation import Observation
     from sim_action.state.trace import FloatArray, Trace
 
+RestRadiansPerSecond = Annotated[float, Gt(0), Quantity((units.ANGULAR_SPEED,), most_bare=1.0)]
+"""An angular speed of a robot at rest: from 1 rad/s on, a number without a unit is probably in deg/s."""
+
 
 class AtRest(Assertion):
     """The definition of rest: the maximum speeds and the minimum duration."""
@@ -36,7 +40,7 @@ class AtRest(Assertion):
         0.01
     )
     turn_rate: Annotated[
-        PositiveRadiansPerSecond, Field(description="maximum turn rate of the base and of rotating joints")
+        RestRadiansPerSecond, Field(description="maximum turn rate of the base and of rotating joints")
     ] = math.radians(1)
     span: Annotated[PositiveSeconds, Field(alias="for", description="required time at rest")] = 1.0
 

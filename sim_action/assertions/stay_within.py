@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from sim_action.assertions import Reference
+from sim_action.assertions import CREEP_M, Reference
 from sim_action.assertions.monitors import Monitor
-from sim_action.assertions.monitors.bounds import Interval, IntervalsMonitor, check_interval
+from sim_action.assertions.monitors.bounds import Interval, IntervalsMonitor, bounds_formula, check_interval
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import Metres
 from sim_action.state.verdict import Mark, box, line, rectangle
-from sim_action.world.claims import ClaimFinding, Findings
+from sim_action.world.claims import UNSTABLE, ClaimFinding, Findings
 from sim_action.world.link_range import LinkRange
 from sim_action.world.scene import Scene
 
@@ -59,6 +59,31 @@ class StayWithin(MotionAssertion):
         return {axis: interval for axis, interval in given.items() if interval is not None}
 
     has_truth: ClassVar[bool] = True
+
+    @override
+    def limits_motion(self, scene: Scene) -> bool:
+        starts = {"x": scene.placement.x, "y": scene.placement.y}
+        sides = ((starts[axis], *bounds) for axis, bounds in self.intervals.items() if axis in starts)
+        return self.watches_base and any(at - CREEP_M < lower or upper < at + CREEP_M for at, lower, upper in sides)
+
+    @override
+    def judges_rest(self, scene: Scene) -> bool:
+        return self.z is not None or self.limits_motion(scene)
+
+    @override
+    def meaning(self, scene: Scene) -> str:
+        sides = ((self.quantity(axis, axis), bounds) for axis, bounds in self.intervals.items())
+        return " and ".join(bounds_formula(name, *bounds, goal=False) for name, bounds in sides)
+
+    @override
+    def robot_claims(self, scene: Scene) -> Findings:
+        yield from super().robot_claims(scene)
+        far, place = scene.physics.max_distance, scene.placement
+        starts = {"x": place.x, "y": place.y, "z": place.z or 0.0}
+        sides = ((starts[axis], *bounds) for axis, bounds in self.intervals.items())
+        if self.watches_base and all(lower <= at - far and at + far <= upper for at, lower, upper in sides):
+            message = f"these bounds cannot be left: {UNSTABLE}max_distance, {units.display(far, 'm')}; narrow them"
+            yield ClaimFinding("unreachable-limit", (), message)
 
     @override
     def range_claims(self, limits: LinkRange) -> Findings:

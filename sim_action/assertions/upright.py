@@ -10,7 +10,7 @@ from typing_extensions import override
 
 from sim_action.assertions import Reference
 from sim_action.assertions.monitors import Monitor
-from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor
+from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor, bounds_formula
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import PositiveRadians
@@ -37,6 +37,10 @@ class Upright(MotionAssertion):
     max_tilt: Annotated[PositiveRadians, Field(description="an invariant: must not be exceeded")] = math.radians(20)
 
     has_truth: ClassVar[bool] = True
+
+    @override
+    def meaning(self, scene: Scene) -> str:
+        return bounds_formula(self.quantity("tilt", "tilt"), None, self.max_tilt)
 
     @override
     def title_of(self, watched: Watched) -> str:

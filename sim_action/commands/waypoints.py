@@ -31,6 +31,7 @@ from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.kinematics import Mobility
 from sim_action.world import MAX_PHYSICS_RATE_HZ
+from sim_action.world.claims import ClaimFinding, Findings, Setting
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -98,6 +99,13 @@ class WaypointCommands(CommandSource):
                     f"{units.display(self.tolerance, 'm')}; set {faster}a larger tolerance"
                 ),
             )
+
+    @override
+    def robot_claims(self, scene: Scene, setting: Setting) -> Findings:
+        place = (scene.placement.x, scene.placement.y)
+        if all(math.dist(place, (point.x, point.y)) <= self.tolerance for point in self.waypoints):
+            message = "the robot stands at all waypoints when it starts, so it does not drive; move them"
+            yield ClaimFinding("no-effect", ("waypoints",), message)
 
     @override
     def open(self, scene: Scene) -> Controller:

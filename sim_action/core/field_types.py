@@ -78,9 +78,14 @@ class Without:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """An annotation that makes a float a quantity of one dimension, or of one of several (for joints)."""
+    """An annotation that makes a float a quantity of one dimension, or of one of several (for joints).
+
+    Attributes:
+        most_bare: the greatest angle in rad, or angular speed in rad/s, that is accepted without a unit.
+    """
 
     dimensions: tuple[Dimension, ...]
+    most_bare: float = units.MAX_BARE_RAD
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_before_validator_function(self._read, handler(source))
@@ -110,8 +115,10 @@ class Quantity:
         except units.UnitError as error:
             raise _refused(str(error)) from None
         rule = info.context.get(BARE_ANGLE_RULE) if info.context else None
-        if rule and self.dimensions == (units.ANGLE,) and (problem := units.beyond_a_turn(value)):
-            raise _refused(f"{problem} [{rule}]")
+        if rule and self.dimensions in ((units.ANGLE,), (units.ANGULAR_SPEED,)):
+            problem = units.beyond_a_turn(value, self.dimensions[0].si, self.most_bare)
+            if problem is not None:
+                raise _refused(f"{problem} [{rule}]")
         return number
 
 
@@ -218,7 +225,7 @@ PositiveBytes = Annotated[float, Gt(0), Quantity((units.DATA,))]
 MetresPerSecond = Annotated[float, Quantity((units.SPEED,))]
 NonNegativeMetresPerSecond = Annotated[float, Ge(0), Quantity((units.SPEED,))]
 PositiveMetresPerSecond = Annotated[float, Gt(0), Quantity((units.SPEED,))]
-RadiansPerSecond = Annotated[float, Quantity((units.ANGULAR_SPEED,))]
+RadiansPerSecond = Annotated[float, Quantity((units.ANGULAR_SPEED,), math.inf)]
 NonNegativeRadiansPerSecond = Annotated[float, Ge(0), Quantity((units.ANGULAR_SPEED,))]
 PositiveRadiansPerSecond = Annotated[float, Gt(0), Quantity((units.ANGULAR_SPEED,))]
 MetresPerSecondSquared = Annotated[float, Quantity((units.ACCELERATION,))]

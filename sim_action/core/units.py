@@ -15,8 +15,9 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import shown
 
 _DEGREE: Final = math.pi / 180
-# One turn, rounded up, because 2 pi may be rounded.
-_MAX_BARE_RAD: Final = 6.29
+MAX_BARE_RAD: Final = 6.29
+"""The greatest angle, and angular speed, without a unit: one turn, rounded up, because 2 pi may be rounded."""
+
 _BYTES: Final = ((1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
 ALL_DIGITS: Final = 18
 """All floats differ with 17 digits; one more, because `display` shows one digit less with an exponent."""
@@ -97,12 +98,17 @@ def is_bare(value: object) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def beyond_a_turn(value: object) -> str | None:
-    """Return the problem of an angle without a unit that is more than one turn, else None."""
-    if not is_bare(value) or abs(number := float(str(value))) <= _MAX_BARE_RAD:
+def beyond_a_turn(value: object, unit: str = "rad", most: float = MAX_BARE_RAD) -> str | None:
+    """Return the problem of an angle, or of an angular speed (`unit`), without a unit that is more than `most`.
+
+    Return None if it is not more, or has a unit.
+    """
+    if not is_bare(value) or abs(number := float(str(value))) <= most:
         return None
-    meant = f"write '{number:g} deg' if degrees are meant, else '{number:g} rad'"
-    return f"{number:g} without a unit is in rad, and more than one turn; {meant}"
+    degrees = unit.replace("rad", "deg")
+    turn = "more than one turn" if unit == "rad" else f"{display(number, unit)}"
+    meant = f"write '{number:g} {degrees}' if degrees are meant, else '{number:g} {unit}'"
+    return f"{number:g} without a unit is in {unit}, {'and ' if unit == 'rad' else 'which is '}{turn}; {meant}"
 
 
 def with_si_unit(value: object) -> tuple[float, str]:

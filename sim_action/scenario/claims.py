@@ -14,7 +14,7 @@ from sim_action.core.wording import quoted
 from sim_action.core.yaml_document import KeyPath
 from sim_action.robot.model.link_pairs import rigid_bodies
 from sim_action.robot.model.robot_model import Link
-from sim_action.scenario.model import Agreement, Scenario
+from sim_action.scenario.model import Agreement, Expectation, Scenario
 from sim_action.world.claims import HEADINGS, ORIENTATIONS, ClaimFinding, Findings, Setting, beyond
 from sim_action.world.scene import Scene
 
@@ -32,14 +32,23 @@ def audit_scenario(
         for mounted in scenario.sensors
         for reading, key in mounted.sensor.range_keys.items()
     }
+    sensors = {mounted.name: mounted.sensor for mounted in scenario.sensors}
+
+    def limits(name: str, reading: str, which: str | None) -> tuple[float, float]:
+        return sensors[name].limits(reading, which) if name in sensors else (-math.inf, math.inf)
+
     for path, expectation in zip(expect_paths, scenario.expect, strict=True):
         end = min(scenario.time_limit, expectation.before)
-        setting = Setting(scenario.world, scenario.physics, scenario.time_limit, end, ranges=ranges)
+        setting = Setting(scenario.world, scenario.physics, scenario.time_limit, end, ranges=ranges, limits=limits)
         for place, leaf in expectation.assertion.placed_leaves():
-            yield from _below((*path, *place), leaf.claims(setting))
+            yield from _below((*path, *place), leaf.claims(setting), expectation)
     setting = _setting_of_commands(scenario)
     for path, source in zip(command_paths, scenario.commands, strict=True):
         yield from _below(path, source.claims(setting))
+    for index, disturbance in enumerate(scenario.world.disturbances):
+        for message in disturbance.claims():
+            yield ClaimFinding("no-effect", ("world", "disturbances", index), message)
+    yield from _unread_sensors(scenario)
 
 
 def audit_robot(
@@ -50,19 +59,24 @@ def audit_robot(
     for path, source in zip(command_paths, scenario.commands, strict=True):
         yield from _below(path, source.robot_claims(scene, setting))
     leaves = [
-        ((*path, *place), leaf)
+        ((*path, *place), leaf, expectation)
         for path, expectation in zip(expect_paths, scenario.expect, strict=True)
         for place, leaf in expectation.assertion.placed_leaves()
     ]
-    yield from _without_shapes([(path, leaf) for path, leaf in leaves if leaf.sees_shapes], scene)
-    for path, leaf in leaves:
-        yield from _below(path, leaf.robot_claims(scene))
+    for rule in ("no-collision-shape", "shapeless-links"):
+        judged = [(path, leaf) for path, leaf, whose in leaves if leaf.sees_shapes and rule not in whose.allow]
+        yield from (finding for finding in _without_shapes(judged, scene) if finding.rule == rule)
+    for path, leaf, expectation in leaves:
+        yield from _below(path, leaf.robot_claims(scene), expectation)
+    for path, expectation in zip(expect_paths, scenario.expect, strict=True):
+        yield from _below(path, expectation.assertion.combined_claims(scene), expectation)
     if scene.bolted and scenario.agreement is not None:
         yield from _fixed_parts(scenario.agreement, scene)
 
 
-def _below(path: KeyPath, findings: Findings) -> Findings:
-    return (finding.below(path) for finding in findings)
+def _below(path: KeyPath, findings: Findings, of: Expectation | None = None) -> Findings:
+    """Yield findings on a part at `path`, without those that its expectation allows."""
+    return (finding.below(path) for finding in findings if of is None or finding.rule not in of.allow)
 
 
 def _setting_of_commands(scenario: Scenario) -> Setting:
@@ -76,6 +90,18 @@ def _setting_of_commands(scenario: Scenario) -> Setting:
     )
     end = max(scenario.duration, *(max(window) for window in windows))
     return replace(setting, end=end, end_key="duration") if end < scenario.time_limit else setting
+
+
+def _unread_sensors(scenario: Scenario) -> Findings:
+    """Yield noisy or delayed sensors that no assertion, no controller and no recording reads."""
+    if scenario.runs_user_code or not all(source.is_written for source in scenario.commands):
+        return
+    read = {name for expected in scenario.expect for name in expected.channels.sensors}
+    for index, mounted in enumerate(scenario.sensors):
+        disturbed = mounted.sensor.is_random or not mounted.transmission.is_perfect
+        if disturbed and mounted.name not in read and not mounted.trace:
+            message = f"nothing reads sensor '{mounted.name}', so its noise and its delays have no effect"
+            yield ClaimFinding("no-effect", ("sensors", index), f"{message}; use it in 'expect', or remove it")
 
 
 def _warnings_only(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> Findings:

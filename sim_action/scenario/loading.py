@@ -276,6 +276,8 @@ class _Loader:
         yield from scenario_checks.reading_problems(scenario, parts.expect_paths)
         yield from scenario_checks.rule_problems(scenario)
         yield from unknown_rules(scenario.allow)
+        for path, expectation in zip(parts.expect_paths, scenario.expect, strict=True):
+            yield from unknown_rules(expectation.allow, path)
         yield from scenario_checks.name_problems(scenario)
         yield from scenario_checks.engine_problems(scenario)
         yield from scenario_checks.compared_body_problems(scenario)

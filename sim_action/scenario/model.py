@@ -44,7 +44,7 @@ from sim_action.scenario.variations.values import MAX_SEED
 from sim_action.sensors import MountedSensor
 from sim_action.state.trace_channels import Channels
 from sim_action.world import Physics, World
-from sim_action.world.claims import AuditWarning
+from sim_action.world.claims import AuditWarning, ClaimFinding
 from sim_action.world.scene import Scene, WorldPlaces
 
 if TYPE_CHECKING:
@@ -91,6 +91,9 @@ class ExpectationOptions(FrozenModel):
     severity: Annotated[
         Severity, Field(description="error: if it fails, the scenario fails; warning: if it fails, it is only reported")
     ] = "error"
+    allow: Annotated[
+        tuple[str, ...], Field(description="rules of the audit of claims whose findings on it are accepted")
+    ] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +103,7 @@ class Expectation:
     Attributes:
         after, before: the time window in s of sim time.
         span: the time in s for which a goal must hold; None if one moment is enough, or if the assertion checks it.
+        allow: rules of the audit of claims whose findings on it are accepted.
     """
 
     assertion: Assertion
@@ -109,6 +113,7 @@ class Expectation:
     before: float = math.inf
     severity: Severity = "error"
     span: float | None = None
+    allow: tuple[str, ...] = ()
 
     @property
     def channels(self) -> Channels:
@@ -334,6 +339,12 @@ class Scenario(FrozenModel):
     def assertions(self) -> tuple[Assertion, ...]:
         """All assertions that look at the robot, including nested ones."""
         return tuple(leaf for expected in self.expect for leaf in expected.assertion.leaves())
+
+    def accepts(self, finding: ClaimFinding) -> bool:
+        """Return True if `allow` of the scenario, or of the expectation that a finding is about, has its rule."""
+        key, index, *_ = (*finding.path, "", "")
+        own = self.expect[index].allow if key == "expect" and isinstance(index, int) else ()
+        return finding.rule in (*self.allow, *own)
 
     def steps(self, seconds: float) -> int:
         """Return the first physics step at or after a sim time in s."""

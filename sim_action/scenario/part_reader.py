@@ -23,6 +23,7 @@ from sim_action.core.yaml_errors import ProblemList, SpecProblems
 from sim_action.drives import DRIVES, Drive
 from sim_action.scenario.model import Expectation, ExpectationOptions
 from sim_action.sensors import SENSORS, MountedSensor, Mounting
+from sim_action.world.claims import allowed_rules
 
 if TYPE_CHECKING:
     from sim_action.assertions.combined import Combined
@@ -156,7 +157,11 @@ class PartReader:
         return None if spec is None or options is None else (spec, options)
 
     def _expectation(self, data: Any, path: KeyPath) -> Expectation | None:
+        context = self._context
+        if isinstance(data, dict) and "bare-angle" in allowed_rules(data):
+            self._context = {}
         found = self._with_options(ASSERTIONS, ExpectationOptions, data, path, self._assertion)
+        self._context = context
         if found is None:
             return None
         assertion, options = found
@@ -177,6 +182,7 @@ class PartReader:
             before=float("inf") if options.before is None else options.before,
             severity=options.severity,
             span=span,
+            allow=options.allow,
         )
 
     def _assertion(self, kind: type[Assertion], data: Any, path: KeyPath) -> Assertion | None:

@@ -6,6 +6,7 @@ the commands of the same moment, and only if a controller accesses it or the tra
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cached_property
@@ -112,6 +113,13 @@ class Sensor(FrozenModel):
     def is_random(self) -> bool:
         """True if its readings depend on the seed, or may do so."""
         return self.runs_user_code or any(getattr(self, name) for name in self.noises)
+
+    def limits(self, reading: str, which: str | None) -> tuple[float, float]:
+        """Return the least and the greatest value that a reading can have; `which`: as in the assertion `sensor`."""
+        from sim_action.state.readings import columns_of
+
+        column = columns_of(self.key).get(reading)
+        return (-math.inf, math.inf) if column is None else column.limits(which)
 
     @property
     def reading_bytes(self) -> int:

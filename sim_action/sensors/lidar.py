@@ -62,6 +62,12 @@ class Lidar(Sensor):
         NonNegativeMetres, Field(description="standard deviation of the ranges; Gaussian, from the scenario's seed")
     ] = 0.0
 
+    @override
+    def limits(self, reading: str, which: str | None) -> tuple[float, float]:
+        least, most = super().limits(reading, which)
+        # A surface nearer than `min_range`, perhaps only with its noise, is -inf.
+        return (-math.inf if self.min_range or self.noise else least), most
+
     @property
     @override
     def reading_bytes(self) -> int:

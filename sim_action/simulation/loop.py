@@ -61,6 +61,8 @@ Progress = Callable[[float], None]
 # The speed limit for a robot at rest, in m/s and rad/s, at the end of a settling period.
 _REST_SPEED: Final = 5e-3
 _SETTLE_PERIOD_S: Final = 0.1
+# m: a body that moved less has not moved.
+_MOVED_M: Final = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,7 +247,7 @@ class _Loop:
         for transcript in self._controls.transcripts:
             digest.add_transcript(transcript, panel.time)
         losses = (ClaimFinding(NOT_SIMULATED, ("commands",), loss) for loss in self._controls.losses)
-        findings = (*self._audited(panel, motion, kept), *losses, *self._races(), *self._logged_errors())
+        findings = (*self._audited(panel, motion, kept, placed), *losses, *self._races(), *self._logged_errors())
         told = {finding.message for finding in findings}
         missed = (message for _, message in unreached_events(self._scenario, panel.time))
         unreached = (message for message in missed if message not in told)
@@ -262,16 +264,20 @@ class _Loop:
             findings=findings,
         )
 
-    def _audited(self, panel: Panel, motion: Motion, kept: Trace) -> tuple[ClaimFinding, ...]:
+    def _audited(self, panel: Panel, motion: Motion, kept: Trace, placed: FloatArray) -> tuple[ClaimFinding, ...]:
         """Return the findings of the audit; none if a broken expectation ended the run early."""
         if panel.end == "expectation failed":
             return ()
         unmet = [monitor.unmet_premises for monitor in panel.monitors]
         undelivered = self._controls.undelivered(panel.time)
         why_silent = self._controls.why_silent() if self._controls.log.are_zero else ""
-        facts = RunFacts(panel.time, motion, self._controls.log, kept, unmet, panel.verdicts(), undelivered, why_silent)
+        moved = bool(np.abs(self._placed_bodies()[:, :3] - placed[:, :3]).max(initial=0.0) > _MOVED_M)
+        facts = RunFacts(
+            *(panel.time, motion, self._controls.log, kept, unmet, panel.verdicts(), panel.monitors),
+            *(moved, undelivered, why_silent),
+        )
         found = audit_run(self._scenario, self._scene, facts)
-        return tuple(finding for finding in found if finding.rule not in self._scenario.allow)
+        return tuple(finding for finding in found if not self._scenario.accepts(finding))
 
     def _races(self) -> Iterator[ClaimFinding]:
         if NOT_REPRODUCIBLE not in self._scenario.allow:

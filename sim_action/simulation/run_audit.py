@@ -12,6 +12,7 @@ from typing import Final, Self
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.temporal_logic.becoming import Rest
+from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.yaml_document import KeyPath
@@ -20,7 +21,8 @@ from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from sim_action.world import World
-from sim_action.world.claims import ClaimFinding, JudgedRun
+from sim_action.world.claims import IN_RANGE, ClaimFinding, JudgedRun, nothing_in_range
+from sim_action.world.out_of_reach import is_untouched
 from sim_action.world.scene import Scene
 
 # m/s, rad/s, N and N m: a smaller command is that of a robot at rest.
@@ -57,7 +59,8 @@ class CommandLog:
         drives: True if a twist or a target for a wheel was given.
         moves_base: True if a twist was given that is not zero.
         moves_joints: True if a joint got a velocity that is not zero, or a position away from its start.
-        gives_efforts: True if a joint got an effort that is not zero, or a link a wrench.
+        efforts: joint -> the greatest effort that it got, in N m or N.
+        wrench: the greatest force in N, or torque in N m, that a link got.
     """
 
     positions: dict[str, float]
@@ -65,12 +68,13 @@ class CommandLog:
     drives: bool = False
     moves_base: bool = False
     moves_joints: bool = False
-    gives_efforts: bool = False
+    efforts: dict[str, float] = field(default_factory=dict)
+    wrench: float = 0.0
 
     @property
     def are_zero(self) -> bool:
         """True if no command was other than zero."""
-        return not (self.moves_base or self.moves_joints or self.gives_efforts)
+        return not (self.moves_base or self.moves_joints or _is_motion(self.wrench, *self.efforts.values()))
 
     def add(self, command: Twist | JointTargets) -> None:
         """Add a command."""
@@ -80,10 +84,10 @@ class CommandLog:
             return
         self.drives = self.drives or not self.wheels.isdisjoint(command.names())
         self.moves_joints = self.moves_joints or self._moves(command)
-        self.gives_efforts = self.gives_efforts or _is_motion(*command.effort.values())
-        if command.wrenches:
-            pressing = (number for each in command.wrenches for number in (*each.force_xyz, *each.torque_xyz))
-            self.gives_efforts = self.gives_efforts or _is_motion(*pressing)
+        for name, effort in command.effort.items():
+            self.efforts[name] = max(self.efforts.get(name, 0.0), abs(effort))
+        for wrench in command.wrenches or ():
+            self.wrench = max(self.wrench, math.hypot(*wrench.force_xyz), math.hypot(*wrench.torque_xyz))
 
     def _moves(self, targets: JointTargets) -> bool:
         if _is_motion(*targets.velocity.values()):
@@ -110,6 +114,8 @@ class RunFacts:
         undelivered: index of each command source whose commands all came too late -> when the first one was due, in s;
             infinite if all were lost.
         why_silent: why controllers gave no command; empty if that is not known.
+        monitors: one monitor for each expectation.
+        bodies_moved: True if a body of the world moved.
     """
 
     end: float
@@ -118,6 +124,8 @@ class RunFacts:
     trace: Trace
     unmet: Sequence[Sequence[str]]
     verdicts: Sequence[Verdict]
+    monitors: Sequence[Window]
+    bodies_moved: bool = False
     undelivered: Mapping[int, float] = field(default_factory=dict)
     why_silent: str = ""
 
@@ -126,27 +134,54 @@ def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[Cla
     """Yield the findings of all rules about a run."""
     places = [("expect", index, expected.assertion.key) for index, expected in enumerate(scenario.expect)]
     for place, premises in zip(places, facts.unmet, strict=True):
-        for premise in premises:
-            message = f"the premise '{premise}' never held, so the implication checked nothing; drive until it holds"
-            yield ClaimFinding("premise-never-held", place, message)
+        yield from (_unmet(premise).below(place) for premise in premises)
     standstills = list[ClaimFinding]()
-    for place, expected, verdict, unmet in zip(places, scenario.expect, facts.verdicts, facts.unmet, strict=True):
-        run = JudgedRun(scene, facts.trace, verdict, bool(unmet), facts.commands.gives_efforts)
+    facts_of = zip(places, scenario.expect, facts.verdicts, facts.unmet, facts.monitors, strict=True)
+    for place, expected, verdict, unmet, monitor in facts_of:
+        run = JudgedRun(scene, facts.trace, verdict, bool(unmet), facts.commands.efforts, facts.commands.wrench)
         for finding in (*_judged_once(scenario, expected, verdict, facts.end), *expected.assertion.run_claims(run)):
             yield finding.below(place)
+        if verdict.status == "passed":
+            yield from (finding.below(place[:2]) for finding in _of_parts(expected, run, monitor))
         if verdict.status == "passed":
             standstills += (finding.below(place) for finding in _standstills(expected.assertion, run))
     # All links before all objects.
     yield from sorted(standstills, key=lambda finding: finding.rule)
+    yield from _untouched_patches(scenario, scene, facts)
     yield from _undelivered(facts)
     unused = [] if facts.undelivered else list(_unused_drive(scenario, scene, facts))
     yield from unused
-    if not unused and facts.commands.are_zero:
-        yield from _silent_controllers(scenario, facts)
+    if not unused and facts.commands.are_zero and not facts.undelivered:
+        yield from _nothing_drives(scenario, scene, facts)
     if (standstill := _never_moved(scene, facts)) is not None:
         yield ClaimFinding("never-moved", ("commands",), standstill)
     for path, message in unreached_events(scenario, facts.end):
         yield ClaimFinding("event-never-began", path, message)
+
+
+def _unmet(premise: str) -> ClaimFinding:
+    """Return the finding on a premise that never held."""
+    if premise.endswith(IN_RANGE):
+        return nothing_in_range(premise.removesuffix(IN_RANGE))
+    message = f"the premise '{premise}' never held, so the implication checked nothing; drive until it holds"
+    return ClaimFinding("premise-never-held", (), message)
+
+
+def _of_parts(expected: Expectation, run: JudgedRun, window: Window) -> Iterator[ClaimFinding]:
+    """Yield the findings of the parts of a combined assertion, each with its own verdict."""
+    for (place, leaf), monitor in zip(expected.assertion.placed_leaves(), window.leaves, strict=False):
+        if leaf is not expected.assertion:
+            verdict = replace(monitor.verdict().counted(window.steps), goal=leaf.is_goal)
+            yield from (finding.below(place) for finding in leaf.run_claims(replace(run, verdict=verdict)))
+
+
+def _untouched_patches(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:
+    if any(body.mass is not None for body in scenario.world.objects):
+        return  # a body may have touched it
+    for index, patch in enumerate(scenario.world.patches):
+        if is_untouched(scene, facts.trace, patch):
+            message = "the robot was never on this patch, so its friction had no effect; drive over it, or remove it"
+            yield ClaimFinding("no-effect", ("world", "patches", index), message)
 
 
 def _judged_once(scenario: Scenario, expected: Expectation, verdict: Verdict, end: float) -> Iterator[ClaimFinding]:
@@ -192,19 +227,29 @@ def _unused_drive(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator
         yield ClaimFinding("drive-never-commanded", ("commands",), message)
 
 
-def _silent_controllers(scenario: Scenario, facts: RunFacts) -> Iterator[ClaimFinding]:
-    heard = (source for index, source in enumerate(scenario.commands) if index not in facts.undelivered)
-    controllers = [source for source in heard if not source.is_written]
-    if controllers:
+def _nothing_drives(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:
+    """Yield controllers that gave no command, or else a run in which nothing acted, unless a robot at rest is asked."""
+    leaves = scenario.assertions
+    controllers = [source for source in scenario.commands if not source.is_written]
+    if controllers and not any(leaf.limits_motion(scene) for leaf in leaves):
         who = "the controller" if len(controllers) == 1 else "the controllers"
         reason = facts.why_silent or "check that it started, or run for longer"
         message = f"{who} gave no command other than zero in the whole run; {reason}"
         yield ClaimFinding("silent-controller", ("commands",), message)
+    world = scenario.world
+    is_alone = not world.disturbances and not facts.bodies_moved and not any(body.path for body in world.objects)
+    moved = facts.motion.base or facts.motion.joints
+    if not controllers and is_alone and not moved and not any(leaf.judges_rest(scene) for leaf in leaves):
+        message = "nothing acted on the robot, and nothing moved: no command was other than zero"
+        yield ClaimFinding("nothing-acts", ("commands",), f"{message}; add 'commands', or expect a robot at rest")
 
 
 def _never_moved(scene: Scene, facts: RunFacts) -> str | None:
     """Return the problem of a robot that did not move although it was commanded to, else None."""
     commands, motion = facts.commands, facts.motion
+    # A goal on a distance shorter than the least motion is met without it.
+    if any(verdict.passed and verdict.goal and verdict.unit == "m" for verdict in facts.verdicts):
+        return None
     least = "by 1 mm or 0.1 deg"
     if commands.moves_base and not scene.bolted and not motion.base:
         message = (

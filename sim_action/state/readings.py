@@ -25,11 +25,22 @@ class ReadingColumn:
         dimension: the dimension of its numbers.
         axes: a letter for each number, such as "xyz"; "" for a single one.
         many: True if a reading holds any number of values, such as the ranges of a scan.
+        least, most: the values that none of its numbers can exceed.
+        norm: the norm of its numbers, if it is always the same.
     """
 
     dimension: Dimension
     axes: str = ""
     many: bool = False
+    least: float = -math.inf
+    most: float = math.inf
+    norm: float | None = None
+
+    def limits(self, which: str | None) -> tuple[float, float]:
+        """Return the least and the greatest possible value of a number, a statistic or the norm (`which`)."""
+        if which != "norm":
+            return self.least, self.most
+        return (0.0, math.inf) if self.norm is None else (self.norm - _ROUNDING, self.norm + _ROUNDING)
 
     @property
     def is_single(self) -> bool:
@@ -38,34 +49,39 @@ class ReadingColumn:
 
 
 _RATIO: Final = units.RATIO
+_ROUNDING: Final = 1e-6
+_ORIENTATION: Final = ReadingColumn(_RATIO, "xyzw", least=-1.0 - _ROUNDING, most=1.0 + _ROUNDING, norm=1.0)
 
 READING_COLUMNS: Final[Mapping[str, Mapping[str, ReadingColumn]]] = MappingProxyType(
     {
         "camera": {
-            "rgb": ReadingColumn(_RATIO, many=True),
-            "depth": ReadingColumn(units.LENGTH, many=True),
+            "rgb": ReadingColumn(_RATIO, many=True, least=0.0, most=255.0),
+            "depth": ReadingColumn(units.LENGTH, many=True, least=0.0),
         },
         "contact": {
-            "touching": ReadingColumn(_RATIO),
-            "force": ReadingColumn(units.FORCE),
+            "touching": ReadingColumn(_RATIO, least=0.0, most=1.0),
+            "force": ReadingColumn(units.FORCE, least=0.0),
         },
         "imu": {
-            "orientation_xyzw": ReadingColumn(_RATIO, "xyzw"),
+            "orientation_xyzw": _ORIENTATION,
             "angular_velocity_xyz": ReadingColumn(units.ANGULAR_SPEED, "xyz"),
             "linear_acceleration_xyz": ReadingColumn(units.ACCELERATION, "xyz"),
         },
         "lidar": {
-            "ranges": ReadingColumn(units.LENGTH, many=True),
+            "ranges": ReadingColumn(units.LENGTH, many=True, least=0.0),
         },
         "odometry": {
             "position_xyz": ReadingColumn(units.LENGTH, "xyz"),
-            "orientation_xyzw": ReadingColumn(_RATIO, "xyzw"),
+            "orientation_xyzw": _ORIENTATION,
             "linear_xyz": ReadingColumn(units.SPEED, "xyz"),
             "angular_xyz": ReadingColumn(units.ANGULAR_SPEED, "xyz"),
         },
     }
 )
 """The columns of each kind of sensor of sim-action, by name."""
+
+DISTANCES: Final = frozenset({"ranges", "depth"})
+"""The columns that are infinite where nothing is in range."""
 
 _OF_PACKAGES: Final[dict[str, Mapping[str, ReadingColumn]]] = {}
 

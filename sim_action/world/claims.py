@@ -2,7 +2,7 @@
 
 An error is a claim that cannot fail in any world, and refuses the scenario. A warning is a claim that cannot fail in
 this scenario, and is shown in every report. Each finding carries the name of its rule. The key `allow` of a scenario
-lists rules whose findings are accepted.
+lists rules whose findings are accepted; that of an expectation accepts only findings on it.
 
 Assertions and command sources yield the findings about themselves, from `Setting` and from `JudgedRun`. They are
 collected in `scenario/claims.py`, and after a run in `simulation/run_audit.py`, with the rules about whole scenarios.
@@ -11,7 +11,7 @@ collected in `scenario/claims.py`, and after a run in `simulation/run_audit.py`,
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import reduce
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, Literal, Self
@@ -23,7 +23,8 @@ from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.world import Physics, World
+from sim_action.world import GRAVITY, Physics, World
+from sim_action.world.physics import FELT_SHARE
 
 if TYPE_CHECKING:
     from sim_action.state.trace import Trace
@@ -64,11 +65,15 @@ INCOMPLETE_WORLD: Final = "incomplete-world"
 
 RULES: Final[Mapping[str, Rule]] = MappingProxyType(
     {
-        "bare-angle": Rule("error", "an angle without a unit that is more than one turn: probably in degrees"),
+        "bare-angle": Rule(
+            "error",
+            "an angle, or an angular speed, without a unit that is more than one turn (a second): probably in degrees",
+        ),
         "unreachable-limit": Rule(
             "error",
-            "a limit that no run can exceed, such as a tilt of 180 deg, a speed at which the run already counts as "
-            "unstable (`physics.max_speed`), or a comparison that is always true",
+            "a limit that no run can exceed, such as a tilt of 180 deg, a position beyond the stop of a joint, a "
+            "reading that its sensor cannot have, a speed at which the run already counts as unstable "
+            "(`physics.max_speed`); a formula, an `any_of` or a `not` that is always true or always false",
         ),
         "unreachable-target": Rule(
             "error", "a place of `reach`, `final_pose` or `follow_path` that is farther away than the link can reach"
@@ -97,20 +102,39 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             "warning", "a command segment or point that is longer or later than the run: probably in milliseconds"
         ),
         "premise-never-held": Rule(
-            "warning", "an implication (`a implies b`) whose premise never held, in any variation", over_variations=True
+            "warning",
+            "an implication (`a implies b`, or `always (not a or b)`) whose premise never held, in any variation",
+            over_variations=True,
         ),
         "drive-never-commanded": Rule("warning", "a drive that no command source and no sensor used"),
         "judged-once": Rule("warning", "an invariant that was judged at one moment, although the run has more"),
-        "nothing-in-range": Rule("warning", "an invariant of `sensor` whose ranges or depths were all infinite"),
+        "nothing-in-range": Rule(
+            "warning", "an invariant of `sensor`, or a formula, whose ranges or depths were all infinite"
+        ),
         "never-touched": Rule(
             "warning",
             "an upper limit of `contact`, or a `force` of `stl`, on a body that the robot did not touch, or of "
             "`feet_on_ground` without a foot on the ground, in any variation",
             over_variations=True,
         ),
+        "partly-compared": Rule(
+            "warning",
+            "a `follow_path` without `end`, or a `matches`, that saw less than 75 % of its path or golden trajectory",
+        ),
+        "golden-at-rest": Rule("warning", "a golden file in which nothing that `matches` compares ever moves"),
+        "nothing-acts": Rule(
+            "warning",
+            "a run in which nothing was commanded, pushed or moved, and no expectation asks for a robot at rest",
+        ),
+        "no-effect": Rule(
+            "warning",
+            "a part that has no effect: a disturbance of zero, waypoints where the robot stands, a patch that the "
+            "robot never touched, a noisy sensor that nothing reads",
+        ),
         "silent-controller": Rule(
             "warning",
-            "a controller (script, process, replay, ROS nodes) that gave no command other than zero; a wrench of zero",
+            "a controller (script, process, replay, ROS nodes) that gave no command other than zero, unless an "
+            "expectation asks for a robot at rest; a wrench of zero",
         ),
         "command-never-arrived": Rule(
             "warning",
@@ -200,19 +224,23 @@ class AuditWarning(FrozenModel):
 
 
 def allowed_rules(data: Mapping[str, Any]) -> frozenset[str]:
-    """Return the rules that the data of a scenario allows, before it is validated."""
+    """Return the rules that the data of a scenario or an expectation allows, before it is validated."""
     stated = data.get("allow")
     return frozenset(name for name in stated if isinstance(name, str)) if isinstance(stated, tuple) else frozenset()
 
 
-def unknown_rules(allow: Sequence[str]) -> SpecProblems:
-    """Yield the names in `allow` that are no rules."""
+def unknown_rules(allow: Sequence[str], path: KeyPath = ()) -> SpecProblems:
+    """Yield the names in `allow`, below the keys `path`, that are no rules."""
     for index, name in enumerate(allow):
         if name not in RULES:
-            yield ("allow", index), f"'{name}' is not a rule{did_you_mean(name, RULES)}"
+            yield (*path, "allow", index), f"'{name}' is not a rule{did_you_mean(name, RULES)}"
 
 
 Findings = Iterator[ClaimFinding]
+
+
+def _unlimited(*_: str | None) -> tuple[float, float]:
+    return -math.inf, math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,6 +252,7 @@ class Setting:
         end: sim time in s at which the assertion is checked last, or at which a command can act last.
         end_key: the key of the scenario that states this end for commands.
         ranges: sensor and column of its readings -> the key that states their range, and the range in m.
+        limits: sensor, column and axis or statistic of its readings -> their least and their greatest possible value.
     """
 
     world: World
@@ -232,6 +261,7 @@ class Setting:
     end: float
     end_key: str = "time_limit"
     ranges: Mapping[tuple[str, str], tuple[str, float]] = field(default_factory=dict)
+    limits: Callable[[str, str, str | None], tuple[float, float]] = _unlimited
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -241,14 +271,26 @@ class JudgedRun:
     Attributes:
         trace: the stored trace of the run.
         lacks_premise: True if a premise of the expectation never held.
-        is_pushed: True if a command gave an effort or a wrench.
+        efforts: joint -> the greatest effort that was commanded, in N m or N.
+        wrench: the greatest force in N, or torque in N m, that was commanded on a link.
     """
 
     scene: Scene
     trace: Trace
     verdict: Verdict
     lacks_premise: bool = False
-    is_pushed: bool = False
+    efforts: Mapping[str, float] = field(default_factory=dict)
+    wrench: float = 0.0
+
+    def is_pushed(self, joints: Collection[str]) -> bool:
+        """Return True if a force that is not negligible acted on the robot, or an effort on one of the joints."""
+        mass = self.scene.model.mass
+        known, end = self.scene.model.joints_by_name, float(self.trace.time[-1])
+        return (
+            self.wrench > FELT_SHARE * mass * GRAVITY
+            or any(self.efforts.get(name, 0.0) > FELT_SHARE * (known[name].max_effort or 0.0) for name in joints)
+            or any(pushed.body is None and pushed.at < end for pushed in self.scene.world.disturbances)
+        )
 
 
 def _half_a_turn(_: Setting) -> float:
@@ -302,6 +344,20 @@ def beyond(path: KeyPath, value: float, unit: str, why: str) -> ClaimFinding:
     message = f"a limit of {units.display(value, unit)} cannot be exceeded, because {why}; give a smaller limit"
     return ClaimFinding("unreachable-limit", path, message)
 
+
+IN_RANGE: Final = " sees something in range"
+"""The end of the premise of a formula on the distances of a sensor, which begins with its name."""
+
+
+def nothing_in_range(sensor: str) -> ClaimFinding:
+    """Return the finding on distances of a sensor that were all infinite."""
+    message = f"{sensor} saw nothing in range in the whole run, so no distance was compared"
+    use = "let the robot come near an object, or raise the range of the sensor"
+    return ClaimFinding("nothing-in-range", (), f"{message}; {use}")
+
+
+COVERED_SHARE: Final = 0.75
+"""The least share of a path, or of a golden trajectory, that a run compares without a warning."""
 
 MANY_S: Final = 100.0
 """From this number on, a time in s is probably one in ms."""

@@ -1,4 +1,4 @@
-"""The places that a link can come to in a frame, for the audit of claims.
+"""The places that a link can come to in a frame, and the readings that a joint can have, for the audit of claims.
 
 The distance of a link from the first moving joint between its frame and the link is at most the sum of the distances
 between the joints: joints turn about these places, whatever their positions. Only such certain findings are reported.
@@ -22,6 +22,14 @@ from sim_action.world.scene import Scene
 
 # Limits of sliding joints give way a little; models and sums round.
 _SLACK: Final = 1.05
+
+# How far a stop of a joint gives way: a share of its range, and in addition an angle or a length.
+_STOP_SHARE: Final = 0.01
+_STOP_RAD: Final = math.radians(2)
+_STOP_M: Final = 2e-3
+
+# A limit beyond this multiple of a motor's speed is never reached, unless something else drives the joint.
+_FAR: Final = 1.5
 
 ROUNDING_M: Final = 1e-6
 """In m: the rounding of sums of distances."""
@@ -70,6 +78,15 @@ class LinkRange:
                 why = f"{self.who} is never more than {units.display(most, 'm')} from {what}"
                 yield beyond((key,), limit, "m", why)
 
+    def never_moves(self, limits: Mapping[str, float | None]) -> Findings:
+        """Yield limits, by their key, of the motion of a link whose origin is on the axis of its only joint."""
+        for key, limit in limits.items():
+            if limit is not None:
+                message = (
+                    f"the origin of {self.who} is on the axis of '{self.joint}', so it never moves in {self.frame}"
+                )
+                yield ClaimFinding("unreachable-limit", (key,), f"{message}; limit 'angular', or name another link")
+
     def out_of_reach(self, path: KeyPath, place: Mapping[str, float], tolerance: float) -> Findings:
         """Yield a place, stated at `path`, that the link cannot come near enough to."""
         away, most = self.distance(place), self.radius + ROUNDING_M
@@ -109,6 +126,45 @@ def range_of(scene: Scene, link: str | None, frame: str) -> LinkRange | None:
     if not math.isfinite(radius):
         return None
     return LinkRange(who, frame, chain[0].name, centre, has_height, radius)
+
+
+def joints_between(scene: Scene, link: str | None, frame: str) -> tuple[str, ...]:
+    """Return the names of the joints that move a link, or the base link, in a frame."""
+    model = scene.model
+    start = model.root if frame == WORLD else link_of_frame(model, frame)
+    return tuple(joint.name for joint in _between(model, start, link or model.root) if joint.moves)
+
+
+def joint_range(scene: Scene, name: str, reading: str) -> tuple[float, float]:
+    """Return the least and the greatest reading that a joint can have in a run; infinite if there is no limit.
+
+    A stop gives way a little. The effort of a motor, and the speed of a stable run, are limited.
+    """
+    joint, most = scene.model.joints_by_name.get(name), math.inf
+    if joint is None:
+        return -math.inf, math.inf
+    slides = joint.type == "prismatic"
+    if reading == "position":
+        if joint.type == "continuous" or joint.lower is None or joint.upper is None or joint.lower > joint.upper:
+            return -math.inf, math.inf
+        gives = _STOP_SHARE * (joint.upper - joint.lower) + (_STOP_M if slides else _STOP_RAD)
+        return joint.lower - gives, joint.upper + gives
+    if reading == "velocity":
+        most = scene.physics.max_speed if slides else scene.physics.max_turn_rate
+    elif joint.max_effort and joint.mimic is None:
+        # Without a limit in the model, or with a limit of 0, the effort is not limited.
+        most = joint.max_effort
+    return -most, most
+
+
+def beyond_motor(scene: Scene, name: str, reading: str, limit: float) -> str | None:
+    """Return why a limit of the velocity of a joint checks little: its motor never gets near; else None."""
+    joint = scene.model.joints_by_name.get(name)
+    if joint is None or reading != "velocity" or not joint.max_velocity or limit <= _FAR * joint.max_velocity:
+        return None
+    unit = joint.dimension("velocity").si
+    most, stated = units.display(joint.max_velocity, unit), units.display(limit, unit)
+    return f"the motor of {name} moves it with at most {most}, and the limit is {stated}; give a smaller limit"
 
 
 def _between(model: RobotModel, start: str, link: str) -> list[Joint]:

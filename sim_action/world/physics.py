@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from typing import Annotated, Final, Self
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -104,6 +106,9 @@ Gravity = Annotated[
 ]
 
 
+FELT_SHARE: Final = 0.01
+"""A push, or an effort, below this share of a weight, or of the effort of a motor, tests nothing."""
+
 MAX_FORCE: Final = 1e10
 """N and N m: a thousand times the weight of the heaviest body; more is a mistake and overflows in the engines."""
 
@@ -136,6 +141,16 @@ class Disturbance(FrozenModel):
         tuple[PushMetresPerSecond, PushMetresPerSecond, PushMetresPerSecond] | None,
         Field(description="x, y, z in the world frame; added to the velocity of a body or of the whole robot"),
     ] = None
+
+    def is_felt(self, mass: float) -> bool:
+        """Return True if it is more than a hundredth of the weight of a mass in kg, or of 1 m/s."""
+        force, torque, velocity = (math.hypot(*(v or (0.0,))) for v in (self.force, self.torque, self.velocity))
+        return velocity > FELT_SHARE or max(force, torque) > FELT_SHARE * mass * GRAVITY
+
+    def claims(self) -> Iterator[str]:
+        """Yield why it has no effect."""
+        if not any((*(self.force or ()), *(self.torque or ()), *(self.velocity or ()))):
+            yield "the force, the torque or the velocity of this disturbance is zero; change it, or remove it"
 
     @property
     def end(self) -> float:

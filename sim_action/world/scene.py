@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
@@ -203,6 +204,19 @@ class Scene:
     def parts_of(self, body: Body) -> Sequence[Part]:
         """Return the parts of a body of the world."""
         return self.parts[body.name] if body.is_read else body.parts()
+
+    @property
+    def extent(self) -> float:
+        """An upper bound in m on the distance of the robot's shapes from the origin of its base link at the start."""
+        from sim_action.robot.model.kinematics import link_poses
+
+        poses, ends = link_poses(self.model, self.joint_positions), [0.0]
+        for link in self.model.links:
+            at = math.hypot(*poses[link.name].position_xyz)
+            for shape in link.collisions:
+                corner = max(math.hypot(*shape.lower_xyz), math.hypot(*shape.upper_xyz))
+                ends.append(at + math.hypot(*shape.pose.position_xyz) + corner)
+        return max(ends)
 
     def generator(self, purpose: str) -> Generator:
         """Return a random generator for one purpose, independent of all others."""

@@ -60,7 +60,7 @@ def warnings(folder: Path, text: str) -> list[tuple[int | None, str]]:
         ("upright: {max_tilt: 20 rad}", "upright.max_tilt", "unreachable-limit"),
         ("upright: {max_tilt: 180 deg}", "upright.max_tilt", "unreachable-limit"),
         ("max_speed: {linear: 100 m/s}", "max_speed.linear", "unreachable-limit"),
-        ("max_speed: {linear: 1, angular: 1000}", "max_speed.angular", "unreachable-limit"),
+        ("max_speed: {linear: 1, angular: 1000 rad/s}", "max_speed.angular", "unreachable-limit"),
         ("travel: {at_most: 10 km}", "travel.at_most", "unreachable-limit"),
         ("path_length: {at_most: 3 km}", "path_length.at_most", "unreachable-limit"),
         ("reach: {x: 1, y: 0, yaw: 90}", "reach.yaw", "bare-angle"),
@@ -95,7 +95,7 @@ def test_a_claim_that_cannot_fail_in_any_world_is_refused_unless_allowed(
     "expect",
     [
         "upright: {max_tilt: 179 deg}",
-        "max_speed: {linear: 99 m/s, angular: 999}",
+        "max_speed: {linear: 99 m/s, angular: 999 rad/s}",
         "path_length: {at_most: 2.99 km}",
         "reach: {x: 1, y: 0, yaw: 90 deg}",
         "reach: {x: 1, y: 0, yaw: 6.2832}",

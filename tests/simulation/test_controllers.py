@@ -274,7 +274,7 @@ def test_wrenches_of_sources_add_up_and_each_source_replaces_its_own_by_link(tmp
     up, ahead = LinkWrench("base_footprint", (0.0, 0.0, 1.0)), LinkWrench("base_footprint", (2.0, 0.0, 0.0))
     scan = LinkWrench("base_scan", (0.0, 0.0, 5.0))
     assert first(found).wrenches == (up, up, scan, ahead)
-    assert found.log.gives_efforts
+    assert found.log.wrench == 5.0
     # The wrench of zeros ends those of its own source on this link only.
     (later, *_) = found.plan(24, 240, lambda _step: replace(START, time=0.1))
     assert later is not None

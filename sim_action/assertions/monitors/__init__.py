@@ -76,6 +76,11 @@ class Monitor(Fold):
     __slots__ = ()
 
     @property
+    def leaves(self) -> tuple[Monitor, ...]:
+        """The monitors of the parts of a combined assertion, in order, or the monitor itself."""
+        return (self,)
+
+    @property
     def unmet_premises(self) -> tuple[str, ...]:
         """The premises that never held, as text. The monitor may hold only for that reason."""
         return ()

@@ -324,6 +324,13 @@ def check_interval(name: str, lower: float, upper: float, unit: str) -> None:
         raise ValueError(f"the bounds of '{name}' are swapped or equal: {told}")
 
 
+def bounds_formula(quantity: str, at_least: float | None, at_most: float | None, *, goal: bool = True) -> str:
+    """Return a formula for two bounds in SI units; `at_least` is a goal, or else also an invariant."""
+    least = None if at_least is None else f"{'eventually' if goal else 'always'} ({quantity} >= {at_least!r})"
+    most = None if at_most is None else f"always ({quantity} <= {at_most!r})"
+    return " and ".join(part for part in (least, most) if part is not None)
+
+
 def bounds_title(at_least: float | None, at_most: float | None, unit: str) -> str:
     """Return a text such as "at least 1.5 m, at most 2 m"."""
     named = (("at least", at_least), ("at most", at_most))

@@ -66,6 +66,13 @@ NO_FORCE: Final = "with no computed force (neither gives way)"
 """The part of a message about a contact without a force, see `Contact.has_force`."""
 
 
+def touch_signal(body: str) -> str:
+    """Return the contact of the robot with a body as a formula writes it: 1 or 0."""
+    from sim_action.assertions.temporal_logic.formula import quoted
+
+    return f"{quoted(f'contact with {body}')}.x"
+
+
 def strength(contact: Contact) -> str:
     """Return the force of a contact as in messages, such as "with 5 N in that physics step"."""
     return f"with {units.display(contact.force, 'N')} in that physics step" if contact.has_force else NO_FORCE

@@ -24,7 +24,7 @@ from sim_action.robot.model.kinematics import link_of_frame, why_no_frame, why_n
 from sim_action.robot.model.robot_model import WORLD
 from sim_action.state.verdict import Mark, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
-from sim_action.world.link_range import LinkRange, range_of
+from sim_action.world.link_range import LinkRange, joints_between, range_of
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -120,6 +120,16 @@ class MotionAssertion(Assertion):
         """True if the motion of the base link in the world frame is judged."""
         return self.link is None and self.frame == WORLD
 
+    def quantity(self, name: str, signal: str = "") -> str:
+        """Return a quantity of the frame as a formula writes it; `signal`: that of the base in formulas, if any."""
+        from sim_action.assertions.temporal_logic.formula import quoted
+
+        if self.watches_base and signal:
+            return signal
+        inside = self.frame == WORLD and self.link is not None and bool(signal)
+        whose = f"{name} of {self.link} in {self.frame}"
+        return f"{quoted(str(self.link))}.{signal}" if inside else f"{quoted(whose)}.x"
+
     @property
     def judges_motion_alone(self) -> bool:
         """True if it judges nothing but the motion of the frame."""
@@ -161,7 +171,7 @@ class MotionAssertion(Assertion):
 
     @override
     def standstill(self, run: JudgedRun) -> ClaimFinding | None:
-        if self.watches_base or run.scene.world.disturbances or run.is_pushed:
+        if self.watches_base or run.is_pushed(joints_between(run.scene, self.link, self.frame)):
             return None
         watched = self.watched(run.scene)
         seen = watched.seen(run.trace)

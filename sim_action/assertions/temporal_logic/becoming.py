@@ -125,6 +125,11 @@ class BecomingTrue(Monitor):
 
     @property
     @override
+    def leaves(self) -> tuple[Monitor, ...]:
+        return (self.goal if self.is_open else self.probe).leaves
+
+    @property
+    @override
     def state(self) -> State:
         if not self.is_open:
             limits = State.BROKEN if self.probe.state is State.BROKEN else State.HOLDS

@@ -98,6 +98,11 @@ class Parts(Monitor):
 
     @property
     @override
+    def leaves(self) -> tuple[Monitor, ...]:
+        return tuple(leaf for monitor in self.monitors for leaf in monitor.leaves)
+
+    @property
+    @override
     def unmet_premises(self) -> tuple[str, ...]:
         return tuple(premise for monitor in self.monitors for premise in monitor.unmet_premises)
 
@@ -273,6 +278,11 @@ class NegationMonitor(Monitor):
     @override
     def is_decided(self) -> bool:
         return self.monitor.is_decided
+
+    @property
+    @override
+    def leaves(self) -> tuple[Monitor, ...]:
+        return self.monitor.leaves
 
     @property
     @override

@@ -1,120 +1,65 @@
-"""The audit of a formula (`stl`): constant comparisons, bare angles, and premises that never hold."""
+"""The audit of a formula (`stl`): constant parts, bare angles, and premises that never hold."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from functools import partial
-from itertools import permutations, product
+from itertools import permutations
 from typing import TYPE_CHECKING, Final
 
+from sim_action.assertions import CREEP_M, CREEP_M_S
 from sim_action.assertions.temporal_logic.formula import (
-    Absolute,
     Always,
+    And,
     Comparison,
     Eventually,
     Formula,
     Implies,
     Interval,
     Negative,
+    Not,
     Number,
-    Product,
+    Or,
+    Relation,
     Signal,
-    Sum,
-    Term,
     Until,
     comparisons,
+    everything,
     signals,
     signals_of,
     signed_parts,
 )
+from sim_action.assertions.temporal_logic.formula_signals import BASE_SIGNALS, SENSOR_SIGNALS
+from sim_action.assertions.temporal_logic.intervals import (
+    ANYTHING,
+    Constant,
+    Possible,
+    Range,
+    by_name,
+    can_be,
+    constants,
+)
 from sim_action.assertions.temporal_logic.parser import place
 from sim_action.core import units
-from sim_action.core.records import dataclass
+from sim_action.core.records import dataclass, replace
 from sim_action.robot.model.link_pairs import rigid_bodies
 from sim_action.robot.model.robot_model import WORLD, RobotModel
+from sim_action.state.readings import DISTANCES, ReadingColumn
 from sim_action.world import GROUND, Physics
-from sim_action.world.claims import ClaimFinding, Findings
-from sim_action.world.link_range import ROUNDING_M, range_of
+from sim_action.world.claims import IN_RANGE, ClaimFinding, Findings, Setting
+from sim_action.world.link_range import ROUNDING_M, joint_range, range_of
 
 if TYPE_CHECKING:
     from sim_action.state.trace import Trace
     from sim_action.world.scene import Scene
 
 _AXES: Final = "xyz"
+# m: in a formula, an infinite range is 1e9 m.
+_IN_RANGE_M: Final = 1e8
+_OPPOSITE: Final[dict[Relation, Relation]] = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
 _ANGLE: Final = re.compile(r"([0-9][0-9.e+-]*) (rad/s|rad)\b")
-
-Range = tuple[float, float]
-"""The least and the greatest possible value of a term."""
-
-ANYTHING: Final[Range] = (-math.inf, math.inf)
-
-
-@dataclass(frozen=True, slots=True)
-class Constant:
-    """A comparison that has the same result in every run, and its index in the text."""
-
-    comparison: Comparison
-    is_true: bool
-
-    @property
-    def at(self) -> int:
-        """The index in the text at which the comparison begins."""
-        return self.comparison.at
-
-
-def by_name(ranges: Mapping[str, Range]) -> Callable[[Signal], Range]:
-    """Return the possible values of a signal; `ranges`: name of a signal of the base -> possible values."""
-
-    def possible(signal: Signal) -> Range:
-        if signal.joint:
-            return ANYTHING
-        low, high = ranges.get(signal.name, ANYTHING)
-        # Only the base has the limits of a run.
-        return low, math.inf if signal.source == "frame" and signal.name in ("speed", "turn_rate") else high
-
-    return possible
-
-
-def constant_comparisons(formula: Formula, possible: Callable[[Signal], Range]) -> Iterator[Constant]:
-    """Yield the comparisons that are always true or always false; `possible` returns the values of a signal."""
-    for comparison in comparisons(formula):
-        smaller, greater = comparison.left, comparison.right
-        if comparison.relation in (">", ">="):
-            smaller, greater = greater, smaller
-        (low, high), (other_low, other_high) = _range(smaller, possible), _range(greater, possible)
-        if high <= other_low:
-            yield Constant(comparison, True)
-        elif low > other_high:
-            yield Constant(comparison, False)
-
-
-def _range(term: Term, possible: Callable[[Signal], Range]) -> Range:
-    match term:
-        case Number():
-            return term.value, term.value
-        case Signal():
-            return possible(term)
-        case Negative():
-            low, high = _range(term.term, possible)
-            return -high, -low
-        case Absolute():
-            low, high = _range(term.term, possible)
-            return max(0.0, low, -high), max(-low, high)
-        case Sum():
-            each = [_range(part, possible) for part in term.terms]
-            return sum(low for low, _ in each), sum(high for _, high in each)
-        case Product():
-            low, high = 1.0, 1.0
-            for factor in term.factors:
-                ends = [_times(a, b) for a, b in product((low, high), _range(factor, possible))]
-                low, high = min(ends), max(ends)
-            return low, high
-
-
-def _times(first: float, second: float) -> float:
-    return first * second if first and second else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,23 +86,59 @@ class Premise:
 
     formula: Formula
     interval: Interval
+    sensor: str = ""
 
     @property
     def text(self) -> str:
-        """The formula with angles in degrees."""
+        """The formula with angles in degrees; for a sensor that must see something, its name and IN_RANGE."""
+        if self.sensor:
+            return f"{self.sensor}{IN_RANGE}"
         return _ANGLE.sub(lambda match: units.display(float(match[1]), match[2]), str(self.formula))
 
 
 def premises(formula: Formula) -> tuple[Premise, ...]:
-    """Return the premises that make a formula true if they never hold."""
-    return tuple(_premises(formula, Interval(0.0, 0.0), contrary=False))
+    """Return the premises that make a formula true if they never hold, also of `or` and `not (a and b)` in `always`.
+
+    `always (a or b)` says nothing about b if a always holds by itself: its premises are `not a` and `not b`. A distance
+    of a sensor is compared only if something is in range.
+    """
+    seen = (
+        Premise(Comparison(signal, "<", Number(_IN_RANGE_M)), Interval(), signal.names[0])
+        for signal in signals_of(formula)
+        if signal.source == "sensor" and signal.name in DISTANCES and "max" not in signal.names
+    )
+    return (*seen, *_premises(formula, Interval(0.0, 0.0), contrary=False, throughout=False))
 
 
-def _premises(formula: Formula, when: Interval, *, contrary: bool) -> Iterator[Premise]:
+def _premises(formula: Formula, when: Interval, *, contrary: bool, throughout: bool) -> Iterator[Premise]:
+    inner = signed_parts(formula, contrary)
     if isinstance(formula, Implies) and not contrary:
         yield Premise(formula.premise, when)
-    for index, (part, flip) in enumerate(signed_parts(formula, contrary)):
-        yield from _premises(part, _judged(formula, index, when), contrary=flip)
+    elif throughout and isinstance(formula, And if contrary else Or) and _relates_quantities(formula):
+        alternatives = [part if flip else _negated(part) for part, flip in inner]
+        deadlines = [premise for premise in alternatives if {each.name for each in signals_of(premise)} == {"time"}]
+        yield from (Premise(premise, when) for premise in deadlines or alternatives)
+    for index, (part, flip) in enumerate(inner):
+        lasts = throughout
+        if isinstance(formula, Always | Eventually | Until):
+            lasts = isinstance(formula, Always) != contrary or (isinstance(formula, Until) and index == 0)
+        yield from _premises(part, _judged(formula, index, when), contrary=flip, throughout=lasts)
+
+
+def _relates_quantities(formula: Formula) -> bool:
+    """Return False for a region: alternatives that are all about one signal, or one place."""
+    quantities = {("place" if each.name in _AXES else str(each), each.names) for each in signals_of(formula)}
+    return len(quantities) > 1
+
+
+def _negated(formula: Formula) -> Formula:
+    match formula:
+        case Comparison():
+            return replace(formula, relation=_OPPOSITE[formula.relation])
+        case Not():
+            return formula.formula
+        case _:
+            return Not(formula)
 
 
 def _judged(formula: Formula, index: int, when: Interval) -> Interval:
@@ -175,31 +156,58 @@ def _later(when: Interval, interval: Interval) -> Interval:
     return Interval(when.start + interval.start, when.end + interval.end)
 
 
-def audit_formula(text: str, formula: Formula, physics: Physics) -> Findings:
+def audit_formula(text: str, formula: Formula, setting: Setting) -> Findings:
     """Yield the findings that are visible without the robot model: bare angles, and results that no run changes."""
-    bare = [each for each in bare_numbers(formula) if _are_angles(each.signals)]
-    wrong = [(each.at, problem) for each in bare if (problem := units.beyond_a_turn(each.number)) is not None]
+    bare = [(each, unit) for each in bare_numbers(formula) if (unit := _angle_unit(each.signals))]
+    problems = ((each.at, units.beyond_a_turn(each.number, unit)) for each, unit in bare)
+    wrong = [(at, problem) for at, problem in problems if problem is not None]
     for at, problem in wrong:
         yield ClaimFinding("bare-angle", (), f"{problem}; {place(text, at)}")
     if wrong:
         return
-    for constant in _constants(formula, physics):
-        yield _always(text, constant)
+    parts = list(constants(formula, _possible_in(setting, math.inf)))
+    yield from (_always(text, constant) for constant in parts)
+    # A part on the time, such as a late deadline beside other limits, may be true in all of a run.
+    if not parts and not can_be(formula, _possible_in(setting, setting.time_limit), true=False):
+        yield _always(text, Constant(formula, True))
 
 
 def audit_formula_of_robot(text: str, formula: Formula, scene: Scene) -> Findings:
-    """Yield comparisons of values that never change, and of values beyond the reach of the links."""
-    yield from _bare_joint_angles(formula, scene.model)
-    known = {constant.at for constant in _constants(formula, scene.physics)}
+    """Yield comparisons of values that never change, and parts that no position of joints and links changes."""
+    if bare := list(_bare_joint_angles(formula, scene.model)):
+        yield from bare
+        return
+    reported = {constant.part for constant in constants(formula, _possible_anywhere(scene.physics))}
     places = _Places(scene)
     for comparison in comparisons(formula):
         compared = tuple(signals(comparison.left)) + tuple(signals(comparison.right))
-        if comparison.at not in known and compared and all(map(places.is_constant, compared)):
-            known.add(comparison.at)
+        if comparison not in reported and compared and all(map(places.is_constant, compared)):
+            reported.add(comparison)
             yield _never_changes(text, comparison, compared)
-    for constant in constant_comparisons(formula, partial(_in_reach, scene)):
-        if constant.at not in known:
+    for constant in constant_parts(formula, scene):
+        if reported.isdisjoint(everything(constant.part)):
             yield _always(text, constant)
+
+
+def constant_parts(formula: Formula, scene: Scene) -> Iterator[Constant]:
+    """Yield the innermost parts of a formula that have the same result in every run of a robot."""
+    yield from constants(formula, partial(possible_in_scene, scene))
+
+
+def is_about_motion(formula: Formula) -> bool:
+    """Return True if all signals are about the motion of the base on the ground."""
+    still = {"speed", "turn_rate", "travel", "x", "y"}
+    return all(signal.name in still and not signal.joint for signal in signals_of(formula))
+
+
+def asks_for_rest(formula: Formula, scene: Scene) -> bool:
+    """Return True if a formula on the motion of the base can be false for a robot that only creeps."""
+    creeping = {"speed": (0.0, CREEP_M_S), "turn_rate": (0.0, CREEP_M_S), "travel": (0.0, CREEP_M)}
+    for axis, start in (("x", scene.placement.x), ("y", scene.placement.y)):
+        creeping[axis] = (start - CREEP_M, start + CREEP_M)
+    if not {(signal.source, signal.name) for signal in signals_of(formula)} <= {("robot", name) for name in creeping}:
+        return False
+    return can_be(formula, by_name(creeping), true=False)
 
 
 def audit_forces(formula: Formula, trace: Trace) -> Findings:
@@ -224,24 +232,40 @@ def _bare_joint_angles(formula: Formula, model: RobotModel) -> Findings:
             yield ClaimFinding("bare-angle", (), problem)
 
 
-def _constants(formula: Formula, physics: Physics) -> Iterator[Constant]:
-    ranges = {
-        "tilt": (0.0, math.pi),
-        "roll": (-math.pi, math.pi),
-        "pitch": (-math.pi / 2, math.pi / 2),
-        "yaw": (-math.pi, math.pi),
-        "speed": (0.0, physics.max_speed),
-        "turn_rate": (0.0, physics.max_turn_rate),
-        "travel": (0.0, physics.max_distance),
-        "distance": (0.0, math.inf),
-        "force": (0.0, math.inf),
-    }
-    return constant_comparisons(formula, by_name(ranges))
+def _possible_anywhere(physics: Physics) -> Possible:
+    return by_name(
+        {
+            "tilt": (0.0, math.pi),
+            "roll": (-math.pi, math.pi),
+            "pitch": (-math.pi / 2, math.pi / 2),
+            "yaw": (-math.pi, math.pi),
+            "speed": (0.0, physics.max_speed),
+            "turn_rate": (0.0, physics.max_turn_rate),
+            "travel": (0.0, physics.max_distance),
+            "distance": (0.0, math.inf),
+            "force": (0.0, math.inf),
+            "time": (0.0, math.inf),
+        }
+    )
+
+
+def _possible_in(setting: Setting, end: float) -> Possible:
+    """Return the possible values of signals in a scenario until `end` in s, as far as its file states them."""
+    anywhere = _possible_anywhere(setting.physics)
+
+    def possible(signal: Signal) -> Range:
+        if signal.source == "sensor":
+            sensor, *which = signal.names
+            return setting.limits(sensor, signal.name, which[0] if which else None)
+        low, high = anywhere(signal)
+        return low, end if (signal.source, signal.name) == ("robot", "time") else high
+
+    return possible
 
 
 def _always(text: str, constant: Constant) -> ClaimFinding:
     always = "always true ('>' and '>=' are the same)" if constant.is_true else "always false"
-    message = f"'{constant.comparison}' is {always}, so it checks nothing; change its limit"
+    message = f"'{constant.part}' is {always}, so it checks nothing; change its limit"
     return ClaimFinding("unreachable-limit", (), f"{message}; {place(text, constant.at)}")
 
 
@@ -253,9 +277,12 @@ def _never_changes(text: str, comparison: Comparison, compared: Iterable[Signal]
     return ClaimFinding("fixed-base", (), f"{message}; {use}; {place(text, comparison.at)}")
 
 
-def _are_angles(compared: Iterable[Signal]) -> bool:
-    names = {signal.name for signal in compared}
-    return bool(names) and names <= {"roll", "pitch", "yaw", "tilt"}
+def _angle_unit(compared: Iterable[Signal]) -> str:
+    """Return "rad" or "rad/s" if all signals are angles, or angular speeds, not of joints; else an empty text."""
+    quantities = SENSOR_SIGNALS | {name: ReadingColumn(kind) for name, kind in BASE_SIGNALS.items()}
+    kinds = {quantities[each.name].dimension if each.name in quantities else None for each in compared}
+    (kind, *others) = kinds or {None}
+    return kind.si if kind in (units.ANGLE, units.ANGULAR_SPEED) and not others else ""
 
 
 class _Places:
@@ -293,22 +320,24 @@ class _Places:
         return self._holders.get(name, name)
 
 
-def _in_reach(scene: Scene, signal: Signal) -> Range:
-    """Return the possible values of a place of a link, or of the distance between two links."""
-    links = scene.model.links_by_name
-    if not links.keys() >= set(signal.names) or not signal.names:
-        return ANYTHING
-    if signal.source == "frame" and signal.name in _AXES:
-        found, axis = range_of(scene, signal.names[0], WORLD), _AXES.index(signal.name)
-        if found is None or (signal.name == "z" and not found.has_height):
-            return ANYTHING
-        middle, away = found.centre_xyz[axis], found.radius + ROUNDING_M
-        return middle - away, middle + away
-    if signal.name == "distance":
+def possible_in_scene(scene: Scene, signal: Signal) -> Range:
+    """Return the possible values of a signal: of a joint, or of the places of links, and of the base."""
+    if signal.joint:
+        return joint_range(scene, signal.joint, signal.name)
+    at, links = scene.placement, scene.model.links_by_name
+    if signal.source == "robot" and signal.name in _AXES:
+        begin, far = (at.x, at.y, 0.0)[_AXES.index(signal.name)], scene.physics.max_distance
+        return begin - far, begin + far
+    if signal.source == "frame" and signal.name in _AXES and signal.names[0] in links:
+        reach, axis = range_of(scene, signal.names[0], WORLD), _AXES.index(signal.name)
+        if reach is not None and (signal.name != "z" or reach.has_height):
+            middle, away = reach.centre_xyz[axis], reach.radius + ROUNDING_M
+            return middle - away, middle + away
+    if signal.name == "distance" and links.keys() >= set(signal.names):
         low, high = 0.0, math.inf
         for first, second in permutations(signal.names):
-            if (found := range_of(scene, second, first)) is not None:
-                middle, away = math.hypot(*found.centre_xyz), found.radius + ROUNDING_M
+            if (reach := range_of(scene, second, first)) is not None:
+                middle, away = math.hypot(*reach.centre_xyz), reach.radius + ROUNDING_M
                 low, high = max(low, middle - away), min(high, middle + away)
         return low, high
-    return ANYTHING
+    return ANYTHING if signal.source == "sensor" else _possible_anywhere(scene.physics)(signal)

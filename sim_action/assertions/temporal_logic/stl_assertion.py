@@ -22,7 +22,13 @@ from sim_action.assertions.temporal_logic.formula import (
     everything,
     finite_horizon,
 )
-from sim_action.assertions.temporal_logic.formula_claims import audit_forces, audit_formula, audit_formula_of_robot
+from sim_action.assertions.temporal_logic.formula_claims import (
+    asks_for_rest,
+    audit_forces,
+    audit_formula,
+    audit_formula_of_robot,
+    is_about_motion,
+)
 from sim_action.assertions.temporal_logic.formula_signals import (
     channels_of,
     dimension_problems,
@@ -147,8 +153,20 @@ class Stl(Assertion):
         return False
 
     @override
+    def limits_motion(self, scene: Scene) -> bool:
+        return asks_for_rest(self.parsed, scene)
+
+    @override
+    def judges_rest(self, scene: Scene) -> bool:
+        return asks_for_rest(self.parsed, scene) or not is_about_motion(self.parsed)
+
+    @override
+    def meaning(self, scene: Scene) -> str:
+        return self.formula
+
+    @override
     def claims(self, setting: Setting) -> Findings:
-        yield from audit_formula(self.formula, self.parsed, setting.physics)
+        yield from audit_formula(self.formula, self.parsed, setting)
 
     @override
     def robot_claims(self, scene: Scene) -> Findings:

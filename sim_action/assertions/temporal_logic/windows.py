@@ -63,6 +63,11 @@ class Window(Monitor):
 
     @property
     @override
+    def leaves(self) -> tuple[Monitor, ...]:
+        return self.monitor.leaves
+
+    @property
+    @override
     def unmet_premises(self) -> tuple[str, ...]:
         return self.monitor.unmet_premises
 
