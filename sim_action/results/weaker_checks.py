@@ -140,7 +140,7 @@ def _end(scope: Scope, *, is_known: bool) -> float:
 
 
 Statement = tuple[JsonValue, JsonValue]
-"""What was stated at a key before and now; None: nothing."""
+"""The values stated at a key before and now; None: nothing is stated."""
 
 
 def loosened_statements(old: ExpectationOutcome, new: ExpectationOutcome) -> dict[str, Statement]:

@@ -141,6 +141,12 @@ class Judge:
             verdict = Verdict(passed=False, time=_sim_time(test.run), message=_with_callbacks(late, test))
             yield _expected(test.name, "rostest", _place(test) or where, verdict)
 
+        # rospy goes on after a callback that raised, so methods may hold although an assertion of the test does not.
+        own = [each for each in test.callbacks if each.is_assertion and each.is_of(test.name)] if cases else []
+        if own:
+            verdict = Verdict(passed=False, time=_sim_time(test.run), message="; ".join(map(str, own[:_MAX_CALLBACKS])))
+            yield _expected("callbacks", "rostest", own[0].location or where, verdict)
+
     def _expectation(self, case: Case, test: TestFindings, where: Location, late: str | None) -> ExpectationOutcome:
         if case.problem == "skipped":
             return _skipped(case, where)

@@ -137,6 +137,15 @@ class CallbackError:
     location: Location | None
     times: int
 
+    @property
+    def is_assertion(self) -> bool:
+        """True if an assertion did not hold."""
+        return self.exception.partition(":")[0].rpartition(".")[2] == "AssertionError"
+
+    def is_of(self, test: str) -> bool:
+        """Return True if the node is that of a test; logs name a node with its namespace."""
+        return self.node == test or self.node.endswith(f"-{test}")
+
     def __str__(self) -> str:
         often = f" {self.times} times" if self.times > 1 else ""
         place = f" at {self.location}" if self.location else ""

@@ -40,11 +40,12 @@ def judged(
     allows_losses: bool = False,
     ending: Ending = "over",
     suite: Suite | None = None,
+    callbacks: tuple[CallbackError, ...] = (),
     **more: Any,
 ) -> Outcome:
     result = SimulationResult.model_validate({"end": "time limit", "sim_time": 1.0, "travelled": 0.5, **more})
     run = Run(Path("1"), result)
-    tests = (findings.TestFindings("t", methods=suite, run=run),) if program == "rostest" else ()
+    tests = (findings.TestFindings("t", methods=suite, run=run, callbacks=callbacks),) if program == "rostest" else ()
     found = Findings(ending, 0, tests, (run,), text)
     request = LaunchRequest(program, "p", "a.launch", allows_losses=allows_losses)
     ((outcome, _),) = Judge(request, LaunchTags("a.launch", (WORLD,)), 1.0).outcomes(found)
@@ -78,6 +79,24 @@ def test_a_test_beyond_its_limit_of_sim_time_fails() -> None:
     (expected,) = outcome.expectations
     assert outcome.status == "failed"
     assert "did not finish within 2 s of sim time: the robot had moved 0.50 m" in expected.verdict.message
+
+
+@pytest.mark.parametrize(
+    ("node", "exception", "status"),
+    [
+        ("t", "AssertionError: 0.21 not less than 0.2", "failed"),
+        ("ns-t", "AssertionError", "failed"),
+        ("t", "ValueError: 'burger' is not in list", "passed"),
+        ("driver", "AssertionError: no plan", "passed"),
+    ],
+)
+def test_an_assertion_of_the_test_that_fails_in_a_callback_fails_it(node: str, exception: str, status: str) -> None:
+    outcome = judged("rostest", suite=HELD, callbacks=(CallbackError(node, exception, PLACE, 50),))
+    assert outcome.status == status
+    if status == "failed":
+        (failed,) = outcome.causes
+        assert (failed.name, failed.location) == ("callbacks", PLACE)
+        assert f"raised 50 times: {exception}" in failed.verdict.message
 
 
 @pytest.mark.parametrize(("program", "suite"), BOTH)
