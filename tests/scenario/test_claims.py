@@ -504,3 +504,24 @@ def test_an_assertion_of_a_package_gets_the_same_audits(tmp_path: Path) -> None:
     assert "because nothing sways by more than 180 deg" in limit.message
     (shape,) = audit_robot(build_scene(loaded), audited, [("expect", 0)], [])
     assert (shape.rule, shape.path) == ("no-collision-shape", ("expect", 0, "sway"))
+
+
+@pytest.mark.parametrize(
+    ("expect", "rule"),
+    [
+        ("any_of: [no_collision, {contact: {with: wall}}]", "unreachable-limit"),
+        ("any_of: [upright, {not: {upright: {}}}]", "unreachable-limit"),
+        ("any_of: [{travel: {at_most: 1 m}}, {travel: {at_least: 50 cm}}]", "unreachable-limit"),
+        ("any_of: [{clearance: {at_least: 20 cm}}, {clearance: {at_most: 30 cm}}]", "unreachable-limit"),
+        ("stl: always (time >= 0)", "unreachable-limit"),
+        ("max_speed: {angular: 45}", "bare-angle"),
+        ("stl: always (turn_rate < 90)", "bare-angle"),
+        ("settled: {turn_rate: 5}", "bare-angle"),
+        ("max_speed: {link: wheel_left_link, frame: base, linear: 0.1}", "unreachable-limit"),
+    ],
+)
+def test_a_check_that_cannot_fail_is_refused_unless_the_expectation_allows_it(
+    expect: str, rule: str, tmp_path: Path
+) -> None:
+    assert [found for _, found in errors(tmp_path, scenario(expect, WALL))] == [rule]
+    assert load(tmp_path, scenario(f"{expect}\n    allow: [{rule}]", WALL))
