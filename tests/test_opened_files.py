@@ -56,6 +56,7 @@ OWN: Final = frozenset(
         "reports/html/document.py",
         "results/artifacts.py",
         "results/journal.py",
+        "results/journal_seal.py",
         "results/results_json.py",
         "results/written_files.py",
         "runner/cluster/task.py",
