@@ -52,6 +52,9 @@ _MAX_SHOWN_CHARS: Final = 60
 # The start of a comment or of a section of characters, or a bare `&`.
 _LENIENT: Final = re.compile(rb"<!--|<!\[CDATA\[|&(?!#\d+;|#x[0-9a-fA-F]+;|[A-Za-z_][\w.:-]*;)")
 
+# Each comment, section and bare `&` counts twice; a file with more is refused as it stands.
+_MAX_LENIENT: Final = 100_000
+
 _ENCODING: Final = re.compile(rb"""encoding\s*=\s*["']([\w.-]+)["']""")
 
 _CLOSING: Final = re.compile(rb"</([^\s>]*)")
@@ -143,7 +146,7 @@ def _parsed(data: bytes, file: str) -> ModelDocument:
 def _strict(data: bytes) -> tuple[bytes, int | None]:
     """Return a text with `=` for `-` in bad comments, and an entity for a bare `&`; and where the first change is."""
     parts, at, first = list[bytes](), 0, None
-    while (token := _LENIENT.search(data, at)) is not None:
+    while len(parts) < _MAX_LENIENT and (token := _LENIENT.search(data, at)) is not None:
         start, begin = token.span()
         if token[0] == b"&":
             parts += data[at:start], b"&amp;"
