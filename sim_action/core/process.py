@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 # On Windows, a cancelled workflow sends Ctrl-C, then Ctrl-Break. A closed terminal sends SIGHUP.
 _SIGNALS: Final = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK") if hasattr(signal, name)
 )
 
 
@@ -43,7 +43,7 @@ def release_signals() -> None:
 
 
 class Interruption:
-    """A context in which Ctrl-C, SIGTERM and SIGHUP only set a flag and end a `wait`.
+    """A context in which Ctrl-C, SIGTERM, SIGHUP and SIGQUIT only set a flag and end a `wait`.
 
     A cancelled workflow sends SIGTERM, a closed terminal SIGHUP. An exception raised by a signal handler could come
     after a child process has started and before it is known, or in the middle of a report.

@@ -35,6 +35,47 @@ _MODULES: Final = (
 _OURS: Final = str(Path(__file__).parent.parent / "_").removesuffix("_")
 
 
+_SHARED: Final = frozenset(
+    {"builtins", "hashlib", "io", "json", "math", "os", "struct", "tempfile", "time", "zipfile", "zlib"}
+    | {"mujoco", "numpy", "pybullet", "sim_action"}
+)
+"""The modules, with all below them, that user code shares with sim-action in its process."""
+_MAX_REPLACED_SHOWN: Final = 5
+
+
+class SharedModules:
+    """The content of the shared modules before user code runs, which can replace what sim-action calls next."""
+
+    def __init__(self) -> None:
+        self._before = {
+            name: (module, dict(vars(module)))
+            for name, module in list(sys.modules.items())
+            if name.partition(".")[0] in _SHARED
+        }
+
+    def replaced(self) -> list[str]:
+        """Return the names of the functions, classes and modules that were replaced or removed since."""
+        gone = [name for name, (module, _) in self._before.items() if sys.modules.get(name) is not module]
+        return gone + [
+            f"{name}.{key}"
+            for name, (module, before) in self._before.items()
+            for key, value in before.items()
+            if (callable(value) or type(value) is type(sys)) and vars(module).get(key) is not value
+        ]
+
+    def fault(self, error: Exception) -> ScriptError | None:
+        """Return an exception of sim-action as the error of the code that replaced what it needs; None: nothing was."""
+        names = self.replaced()
+        if not names:
+            return None
+        more = f" and {len(names) - _MAX_REPLACED_SHOWN} more" if len(names) > _MAX_REPLACED_SHOWN else ""
+        return ScriptError(
+            f"code of this scenario replaced {', '.join(names[:_MAX_REPLACED_SHOWN])}{more}, which sim-action uses in "
+            f"the same process, and then the run broke ({type(error).__name__}: {error}); change a copy, or run the "
+            "code as a 'process'"
+        )
+
+
 class ScriptProblem(ValueError):
     """The reason why a file cannot be used as a script; it follows the name of the file in messages."""
 

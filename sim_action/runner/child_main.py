@@ -38,6 +38,7 @@ from sim_action.core.errors import (
 )
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, field, replace
+from sim_action.core.user_scripts import SharedModules
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.results.outcome import (
@@ -78,8 +79,10 @@ def become_child(files: ChildFiles, progress_descriptor: int) -> None:
         os.set_inheritable(descriptor, False)
     # A killed process leaves no files: the parent removes this folder.
     tempfile.tempdir = str(files.scratch)
-    # Ctrl-C reaches all foreground processes, but the parent decides.
+    # Ctrl-C and Ctrl-\ reach all foreground processes, but the parent decides.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if sys.platform != "win32":
+        signal.signal(signal.SIGQUIT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
@@ -193,6 +196,7 @@ class _Progress:
 
 def _outcome(job: Job, progress: _Progress, kept: _Kept) -> Outcome:
     """Return the outcome; `kept` receives the rest."""
+    shared = SharedModules() if job.loaded.scenario.python_files else None
     try:
         return _judged(job, job.loaded.scenario, _stored_run(job, progress, kept))
     except InvalidScenario as error:
@@ -204,7 +208,8 @@ def _outcome(job: Job, progress: _Progress, kept: _Kept) -> Outcome:
     except Exception as error:  # noqa: BLE001 - an internal error is an outcome too
         if isinstance(error, OSError) and error.errno in _REFUSALS:
             return _refused_by_system(job, error)
-        return _of_fault(job, InternalError.of(error))
+        fault = None if shared is None else shared.fault(error)
+        return _of_fault(job, InternalError.of(error)) if fault is None else _of_run_error(job, fault)
 
 
 def _of_fault(job: Job, fault: InternalError) -> Outcome:

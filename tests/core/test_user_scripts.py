@@ -9,10 +9,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from sim_action.core.errors import ScriptError
-from sim_action.core.user_scripts import ScriptProblem, read_script, run_file, script_error
+from sim_action.core.user_scripts import ScriptProblem, SharedModules, read_script, run_file, script_error
 
 
 def names(folder: Path, text: str) -> set[str]:
@@ -199,3 +200,29 @@ def test_deep_code_shows_no_parameters(tmp_path: Path) -> None:
         found = read_script(tmp_path / "a.py").class_named("A")
         assert found is not None
         assert found.parameters is None
+
+
+@pytest.mark.parametrize(
+    ("module", "name", "value"),
+    [("json", "dumps", None), ("numpy", "asarray", max), ("numpy.linalg", "norm", None), ("os", "getlogin", len)],
+)
+def test_code_that_replaced_what_we_use_is_the_fault(
+    module: str, name: str, value: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shared = SharedModules()
+    monkeypatch.setattr(sys.modules[module], "an_addition", max, raising=False)
+    assert shared.fault(TypeError("x")) is None
+    monkeypatch.setattr(sys.modules[module], name, value)
+    fault = shared.fault(TypeError("x"))
+    assert isinstance(fault, ScriptError)
+    assert f"replaced {module}.{name}, which sim-action uses" in str(fault)
+    assert "(TypeError: x)" in str(fault)
+    monkeypatch.delattr(sys.modules[module], name)
+    assert shared.replaced() == [f"{module}.{name}"]
+
+
+def test_a_module_that_is_gone_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    shared = SharedModules()
+    assert np.__name__ in sys.modules
+    monkeypatch.setitem(sys.modules, "numpy", None)  # as code may do
+    assert shared.replaced() == ["numpy"]

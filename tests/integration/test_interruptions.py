@@ -63,7 +63,7 @@ sys.meta_path.insert(0, Finder)
 main()
 """
 
-SIGNALS: Final = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+SIGNALS: Final = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT]
 ENVIRONMENT: Final = {**os.environ, "PYTHONPATH": str(ROOT), "GITHUB_ACTIONS": ""}
 
 
@@ -171,7 +171,9 @@ def test_a_signal_does_not_hide_an_error_of_usage(folder: Path) -> None:
     assert not (folder / "sim-results").exists()
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, -15), (signal.SIGHUP, -1)])
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, -15), (signal.SIGHUP, -1), (signal.SIGQUIT, -3)]
+)
 def test_a_command_that_only_prints_ends_at_once(folder: Path, number: signal.Signals, code: int) -> None:
     assert at_import(folder, "click", number, "validate", ".") == code
 
