@@ -29,7 +29,7 @@ from sim_action.reports import ReportRequest
 from sim_action.reports.writing import open_reports, write_reports
 from sim_action.results.artifacts import RUN_FILE_FOLDERS, StoredFile, stored_files_of, trace_paths, with_copied_files
 from sim_action.results.gates import over_variations
-from sim_action.results.outcome import Outcome
+from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import RESULTS_FILE, Results, ResultsFile, find_all, read_all
 from sim_action.results.shard_results import Entry, Listing, gates_of, merge_shards
 from sim_action.scenario.variations.gate import PlannedGate
@@ -53,8 +53,8 @@ def merge(results: Sequence[str], scenarios: Sequence[str], **flags: Any) -> Exi
     """Join the results of shards, and report them like one run.
 
     RESULTS are results.json files, globs, or folders. A folder stands for every results.json in it and below. If a
-    shard is missing, or a scenario of --scenarios has no result, the joined results contain an error for it. Select
-    scenarios here with the same options as for the shards.
+    shard is missing or not valid, or a scenario of --scenarios has no result, the joined results contain an error for
+    it. Select scenarios here with the same options as for the shards.
 
     Exit code: as for `run`.
     """
@@ -89,10 +89,12 @@ class MergeRequest:
 
 def merge_results(request: MergeRequest) -> ExitCode:
     """Join results, write every report and return the exit code. Raises UsageError."""
-    files = _read(request)
+    lost: dict[Path, str] = {}
+    files = _read(request, lost)
     entries = _with_versions(merge_shards(files, request.listing), files)
+    entries += [Entry(_of_lost(path, reason)) for path, reason in lost.items()]
     evidence = [stored_files_of(entry.outcome, entry.origin.parent if entry.origin else None) for entry in entries]
-    _refuse_to_overwrite(files, evidence, request.reports)
+    _refuse_to_overwrite([*(file.path for file in files), *lost], evidence, request.reports)
     with open_reports(request.reports) as options:
         gates = gates_of(files, request.listing)
         outcomes = over_variations(list(_with_evidence(entries, evidence, options.folder)), gates)
@@ -104,10 +106,20 @@ def merge_results(request: MergeRequest) -> ExitCode:
         return write_reports(results, options, annotated=results.model_copy(update={"outcomes": added}))
 
 
-def _read(request: MergeRequest) -> list[ResultsFile]:
-    """Return the files to join. The list may be empty if a listing names the scenarios without a result."""
+def _of_lost(path: Path, reason: str) -> Outcome:
+    """Return the error for a results file that cannot be joined."""
+    message = f"{reason}; the verdicts in it are lost: run its shard again with this version of sim-action"
+    failure = Failure(kind="missing", title="no results", message=message)
+    return Outcome(name=escaped_line(str(path)), file="", status="error", failures=(failure,))
+
+
+def _read(request: MergeRequest, invalid: dict[Path, str]) -> list[ResultsFile]:
+    """Return the files to join; `invalid` receives the reasons of those that are not valid.
+
+    The list may be empty if a listing names the scenarios without a result.
+    """
     found = find_all(request.results)
-    files = [file for file in read_all(found) if not _is_earlier_output(file, request)]
+    files = [file for file in read_all(found, lost=invalid) if not _is_earlier_output(file, request)]
     empty = [pattern for pattern, paths in found.items() if not paths or not files]
     for pattern in empty:
         lost = f"no {RESULTS_FILE} found at '{pattern}'"
@@ -169,13 +181,11 @@ def _distinct(texts: Iterable[str]) -> str:
     return shortened(escaped_line(", ".join(dict.fromkeys(texts))), _MAX_VERSION_CHARS)
 
 
-def _refuse_to_overwrite(
-    files: Iterable[ResultsFile], named: Iterable[Iterable[StoredFile]], request: ReportRequest
-) -> None:
+def _refuse_to_overwrite(paths: Iterable[Path], named: Iterable[Iterable[StoredFile]], request: ReportRequest) -> None:
     """Raise UsageError if the output would overwrite a file that is to be joined."""
     written = [compared_name(str(path)) for path in (request.folder / RESULTS_FILE, request.junit) if path]
     folders = [compared_name(str(request.folder / name)) for name in RUN_FILE_FOLDERS]
-    for path in [file.path for file in files] + [file.source for found in named for file in found if file.source]:
+    for path in [*paths] + [file.source for found in named for file in found if file.source]:
         name = compared_name(str(path))
         if name in written or any(Path(name).is_relative_to(folder) for folder in folders):
             why = f"{name} is an input of the merge and would be overwritten"

@@ -309,16 +309,29 @@ def find_all(patterns: Iterable[str]) -> dict[str, list[Path]]:
     return {pattern: list(_matches(pattern)) for pattern in patterns}
 
 
-def read_all(found: Mapping[str, Iterable[Path]], most: int = MAX_OUTCOMES) -> list[ResultsFile]:
-    """Read each file once. Raises UsageError if a file is not valid, or if there are too many outcomes in total."""
+def read_all(
+    found: Mapping[str, Iterable[Path]], most: int = MAX_OUTCOMES, lost: dict[Path, str] | None = None
+) -> list[ResultsFile]:
+    """Read each file once. Raises UsageError if a file is not valid, or if there are too many outcomes in total.
+
+    If `lost` is given, it receives the reasons of files that are not valid, unless none is valid.
+    """
     files: list[ResultsFile] = []
     count = 0
     for path in unique(found):
-        results = _read_consistent(path)
+        try:
+            results = _read_consistent(path)
+        except UsageError as error:
+            if lost is None:
+                raise
+            lost[path] = str(error)
+            continue
         count += len(results.outcomes)
         if count > most:
             _reject(f"{path}: this file brings the number of outcomes to {count}; at most {most} are allowed")
         files.append(ResultsFile(path, results))
+    if lost and not files:
+        raise UsageError(next(iter(lost.values())))
     return files
 
 

@@ -382,3 +382,41 @@ def test_what_is_no_recording_of_ours_is_not_copied_and_that_is_told() -> None:
         f"its recording {name} was not found next to the results of its shard" for name in forged
     )
     assert not Path("joined/recordings").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ("", "Invalid JSON: EOF"),
+        ('{"version": 5, "sim_action": "1", "outcomes": [', "Invalid JSON: EOF"),
+        ('{"version": 99}', "its format version is 99, and this sim-action reads 1 to 5"),
+        ("\0\xff", "Invalid JSON"),
+        ("[" * 100_000, "Invalid JSON"),
+    ],
+)
+def test_a_shard_that_is_not_valid_costs_no_other(
+    content: str, reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shard(1, outcome("a.sim.yml"), outcome("c.sim.yml"))
+    Path("shards/2").mkdir()
+    Path("shards/2/results.json").write_text(content, encoding="latin-1")
+    assert merge_results(request()) is ExitCode.INVALID
+    found = read()
+    assert [made.file for made in found.outcomes[:2]] == ["a.sim.yml", "c.sim.yml"]
+    assert [made.status for made in found.outcomes[:2]] == ["passed", "passed"]
+    lost = {made.name: made for made in found.outcomes[2:]}
+    assert set(lost) == {"shard 2/2", "shards/2/results.json"}
+    assert reason in lost["shards/2/results.json"].failures[0].message
+    assert "run its shard again" in lost["shards/2/results.json"].failures[0].message
+    assert "shards/2/results.json" in Path("joined/junit.xml").read_text(encoding="utf-8")
+    assert "Traceback" not in capsys.readouterr().err
+    with pytest.raises(UsageError, match="is an input of the merge and would be overwritten"):
+        merge_results(request(folder="shards/2"))
+
+
+def test_no_valid_shard_is_a_mistake_of_the_call() -> None:
+    for index in (1, 2):
+        Path("shards", str(index)).mkdir(parents=True)
+        Path("shards", str(index), "results.json").write_text("{}")
+    with pytest.raises(UsageError, match="is not a valid results file"):
+        merge_results(request())
