@@ -220,6 +220,11 @@ class Assertion(FrozenModel):
         return False
 
     @property
+    def step_memory_s(self) -> float:
+        """The time in s for which a step of a position target may decide it; 0: never."""
+        return 0.0
+
+    @property
     def is_over_time(self) -> bool:
         """True if an invariant is judged at many moments, so that one moment is a remark."""
         return True

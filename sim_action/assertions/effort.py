@@ -88,6 +88,11 @@ class Effort(Assertion):
         )
         return shortened_title(f"{self.key}{of} {', '.join(limits)}")
 
+    @property
+    @override
+    def step_memory_s(self) -> float:
+        return 0.1 if self.rms_at_most is None else math.inf
+
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield unknown joints, and limits whose unit does not fit the joint."""
         yield from choice_problems(scene.model, self.joints)

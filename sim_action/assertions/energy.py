@@ -56,6 +56,11 @@ class Energy(Assertion):
         of = f" of {', '.join(self.joints)}" if self.joints else ""
         return shortened_title(f"{self.key}{of} at most {units.display(self.at_most, 'J')}")
 
+    @property
+    @override
+    def step_memory_s(self) -> float:
+        return float("inf")
+
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield unknown joints."""
         yield from choice_problems(scene.model, self.joints)

@@ -204,6 +204,11 @@ class Controls:
         return tuple(each for live in controllers if isinstance(live, ClosedLoop) for each in live.sensors)
 
     @property
+    def steps(self) -> Mapping[str, Sequence[float]]:
+        """Joint -> the sim times in s at which its position target changed in a step."""
+        return self._motions.steps
+
+    @property
     def at_rest(self) -> JointTargets:
         """The targets that hold the robot while it settles before t = 0: wheels braked, joints held."""
         targets = self._motion.targets(Twist(), 1)[0] if self._motion else JointTargets()

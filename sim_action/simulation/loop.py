@@ -254,7 +254,7 @@ class _Loop:
         notes = (*unreached, *(note for guard in self._guards for note in guard.notes(panel.time)))
         return SimulationRun(
             trace=kept,
-            verdicts=panel.verdicts(),
+            verdicts=tuple(map(self._with_steps, panel.verdicts(), self._scenario.expect)),
             end=panel.end or "controllers finished",
             digest=digest.hexdigest(),
             travelled=float(kept.planar_distance_to(x, y)[-1]),
@@ -262,6 +262,24 @@ class _Loop:
             engine=self._backend.version,
             notes=notes,
             findings=findings,
+        )
+
+    def _with_steps(self, verdict: Verdict, expected: Expectation) -> Verdict:
+        """Return a verdict whose message names the last step of a position target that may have decided it."""
+        memory, message = expected.assertion.step_memory_s, verdict.message
+        if not memory or verdict.time is None:
+            return verdict
+        steps = self._controls.steps
+        # A sum over all joints names none of them. A step of a target decides no position.
+        named = {joint for joint in steps if joint in message and f"{joint} position" not in message}
+        causes = named if math.isfinite(memory) else named or set(steps)
+        times = [(time, joint) for joint in sorted(causes) for time in steps[joint]]
+        within = [cause for cause in times if verdict.time - memory <= cause[0] <= verdict.time]
+        if not within:
+            return verdict
+        time, joint = max(within)
+        return replace(
+            verdict, message=f"{message}; a step of the position target of '{joint}' at {time:.2f} s adds to it"
         )
 
     def _audited(self, panel: Panel, motion: Motion, kept: Trace, placed: FloatArray) -> tuple[ClaimFinding, ...]:

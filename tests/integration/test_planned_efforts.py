@@ -125,3 +125,27 @@ def test_a_quarter_turn_needs_the_effort_and_work_of_a_closed_form(
     effort, energy = simulated(tmp_path, scenario).verdicts
     assert effort.measured == pytest.approx(moment * 10 / np.sqrt(3) * way / time**2, rel=0.01)
     assert energy.measured == pytest.approx(moment * (1.875 * way / time) ** 2 / 2, rel=0.01)
+
+
+@pytest.mark.parametrize("interpolation", ["hold", "minimum_jerk"])
+@on_every_engine
+def test_a_step_of_a_target_is_named_where_it_may_decide(engine: str, interpolation: str, tmp_path: Path) -> None:
+    (tmp_path / "turret.urdf").write_text(TURRET)
+    scenario = {
+        "name": "n",
+        "robot": {"model": "turret.urdf", "base": "fixed"},
+        "commands": {"joints": [{"at": 1.0, "position": {"pan": 0.3}}], "interpolation": interpolation},
+        "expect": [
+            {"effort": {"at_most": 39.9}},
+            {"effort": {"rms_at_most": 39}},
+            {"energy": {"at_most": 1000}},
+            {"joint_within": {"velocity": {"pan": [-20, 20]}}},
+        ],
+        "allow": ["fixed-base"],
+        "backend": engine,
+        "duration": 1.5,
+        "time_limit": 2,
+    }
+    cause = "a step of the position target of 'pan' at 1.00 s adds to it"
+    messages = [verdict.message for verdict in simulated(tmp_path, scenario).verdicts]
+    assert all((cause in message) == (interpolation == "hold") for message in messages), messages
