@@ -405,7 +405,7 @@ def test_a_shard_that_is_not_valid_costs_no_other(
     assert [made.file for made in found.outcomes[:2]] == ["a.sim.yml", "c.sim.yml"]
     assert [made.status for made in found.outcomes[:2]] == ["passed", "passed"]
     lost = {made.name: made for made in found.outcomes[2:]}
-    assert set(lost) == {"shard 2/2", "shards/2/results.json"}
+    assert set(lost) == {"shard 2 of 2", "shards/2/results.json"}
     assert reason in lost["shards/2/results.json"].failures[0].message
     assert "run its shard again" in lost["shards/2/results.json"].failures[0].message
     assert "shards/2/results.json" in Path("joined/junit.xml").read_text(encoding="utf-8")
