@@ -6,6 +6,7 @@ Every module that a message needs is imported before the run: at the end there m
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
@@ -17,15 +18,16 @@ from typing import TYPE_CHECKING, Final, Protocol, TextIO
 from sim_action.core.errors import ExitCode, InternalError, UsageError
 from sim_action.core.records import replace
 from sim_action.core.registry import Table
-from sim_action.core.wording import escaped_line, log_line, system_reason
+from sim_action.core.wording import escaped_line, log_line, system_reason, warn
 from sim_action.reports import ReportOptions, ReportRequest, workspace_of
 from sim_action.reports.escaping import log_text, one_line
 from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.reports.statuses import STATUS_DISPLAYS
-from sim_action.results.artifacts import REPORT_FILE, RUN_FILE_FOLDERS, with_existing_files
+from sim_action.results.artifacts import REPORT_FILE, RUN_FILE_FOLDERS, stored_file, with_existing_files
 from sim_action.results.journal import JOURNAL_FILE, manifest
 from sim_action.results.outcome import Outcome
 from sim_action.results.output_folder import (
+    DISK_FULL,
     create_folder,
     locked,
     remove_earlier_files,
@@ -69,6 +71,8 @@ _VARIABLES: Final = MappingProxyType(
 
 _SCENARIO_SUFFIXES: Final = frozenset({".yml", ".yaml"})
 _RESULTS: Final = "results"
+# Above this, a lack of space has another cause, such as a quota of inodes, and files of runs would be lost for nothing.
+_LEAST_FREE_BYTES: Final = 64_000_000
 _PRINTED: Final = frozenset({"terminal", "annotations"})
 
 
@@ -177,7 +181,7 @@ def write_reports(results: Results, options: ReportOptions, annotated: Results |
     unwritten = {}
     for name in (_RESULTS, *_enabled_reports(options)):
         try:
-            _write(name, annotated if name == "annotations" else results, options)
+            results = _with_room(name, annotated if name == "annotations" else results, options, results)
         except Exception as error:  # noqa: BLE001 - the fault of one report must not prevent the others
             if name in _PRINTED and isinstance(error, BrokenPipeError):
                 # A closed terminal output does not change a verdict.
@@ -194,6 +198,43 @@ def _with_existing_files(results: Results, folder: Path) -> Results:
     return results.model_copy(
         update={"outcomes": tuple(with_existing_files(outcome, folder) for outcome in results.outcomes)}
     )
+
+
+def _with_room(name: str, written: Results, options: ReportOptions, results: Results) -> Results:
+    """Write a report, and return the results with the files that are left.
+
+    On a full disk, files of runs make room for a required report, the largest first. Raise the error of the report.
+    """
+    while True:
+        try:
+            _write(name, written, options)
+        except OSError as error:
+            if name not in _REQUIRED or error.errno not in DISK_FULL or not _dropped_largest(results, options.folder):
+                raise
+            results = written = _with_existing_files(results, options.folder)
+            if name != _RESULTS:
+                # It names no file that was removed.
+                with suppress(OSError):
+                    _write(_RESULTS, results, options)
+        else:
+            return results
+
+
+def _dropped_largest(results: Results, folder: Path) -> bool:
+    """Remove the largest trace, replay or recording; return False if the disk has room, or if none is left."""
+    with suppress(OSError):
+        if shutil.disk_usage(folder).free > _LEAST_FREE_BYTES:
+            return False
+    named = {
+        file for outcome in results.outcomes for file in (outcome.trace, outcome.replay, *outcome.recordings) if file
+    }
+    sizes = {name: path.stat().st_size for name in named if (path := stored_file(folder, name)) is not None}
+    if not sizes:
+        return False
+    name = max(sizes, key=lambda name: sizes[name])
+    (folder / name).unlink()
+    warn(f"the disk is full: {name} was removed to make room for the verdicts")
+    return True
 
 
 def _write(name: str, results: Results, options: ReportOptions) -> None:

@@ -28,7 +28,7 @@ LOCK_FILE: Final = ".sim-action.lock"
 """The locked file; a name of our own, because the output folder may hold files of the user."""
 
 _REPORT_FILES: Final = frozenset({JOURNAL_FILE, RESULTS_FILE, JUNIT_FILE, REPORT_FILE})
-_DISK_FULL: Final = frozenset({errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)})
+DISK_FULL: Final = frozenset({errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)})
 _IN_USE: Final = frozenset({errno.EACCES, errno.EAGAIN, errno.EDEADLK})
 # A network file system may have no locks.
 _WITHOUT_LOCKS: Final = frozenset({errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL})
@@ -72,7 +72,7 @@ def locked(folder: Path) -> Iterator[None]:
     try:
         descriptor = _open_locked(folder)
     except OSError as error:
-        if error.errno not in _DISK_FULL | _WITHOUT_LOCKS:
+        if error.errno not in DISK_FULL | _WITHOUT_LOCKS:
             raise UsageError(
                 escaped_line(f"cannot write to the output folder {folder}: {system_reason(error)}")
             ) from None

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import shutil
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -303,3 +305,37 @@ def test_no_report_names_a_file_that_was_removed(opened: ReportOptions, capsys: 
     assert (stored.trace, stored.replay, stored.recordings) == (None, None, ("recordings/a.csv",))
     assert stored.notes[-2:] == ("trace: it was removed after the run", "replay: it was removed after the run")
     assert "a.npz" not in opened.junit.read_text() + capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("free", "left"), [(0, {"b.npz"}), (10**9, {"a.npz", "b.npz"})])
+def test_files_of_runs_make_room_for_the_verdicts_the_largest_first(
+    free: int,
+    left: set[str],
+    opened: ReportOptions,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The disk is full until one of them is removed. Where it has room, that would not help."""
+    traces, plain = opened.folder / "traces", SAMPLES["passed"].outcomes[0]
+    traces.mkdir()
+    for name, size in (("a.npz", 200), ("b.npz", 100)):
+        (traces / name).write_bytes(bytes(size))
+    outcomes = tuple(
+        plain.model_copy(update={"name": name, "trace": f"traces/{name}.npz", "replay": None, "recordings": ()})
+        for name in "ab"
+    )
+    whole = Results.write
+
+    def write(results: Results, folder: Path) -> Path:
+        if len(list(traces.iterdir())) > 1:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return whole(results, folder)
+
+    monkeypatch.setattr(Results, "write", write)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: shutil._ntuple_diskusage(free, 0, free))
+    code = write_reports(like(SAMPLES["passed"], outcomes=outcomes), opened)
+    assert {path.name for path in traces.iterdir()} == left
+    assert code is (ExitCode.FAILED if free else ExitCode.PASSED)
+    if not free:
+        assert "the disk is full: traces/a.npz was removed" in capsys.readouterr().err
+        assert [made.trace for made in Results.read(opened.folder / "results.json").outcomes] == [None, "traces/b.npz"]
