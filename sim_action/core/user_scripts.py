@@ -7,7 +7,7 @@ import itertools
 import re
 import sys
 import traceback
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from importlib.machinery import SourceFileLoader
@@ -36,8 +36,8 @@ _OURS: Final = str(Path(__file__).parent.parent / "_").removesuffix("_")
 
 
 _SHARED: Final = frozenset(
-    {"builtins", "hashlib", "io", "json", "math", "os", "struct", "tempfile", "time", "zipfile", "zlib"}
-    | {"mujoco", "numpy", "pybullet", "sim_action"}
+    {"builtins", "hashlib", "io", "json", "math", "numpy", "os", "sim_action", "struct", "tempfile", "time", "zipfile"}
+    | {"zlib"}
 )
 """The modules, with all below them, that user code shares with sim-action in its process."""
 _MAX_REPLACED_SHOWN: Final = 5
@@ -46,11 +46,13 @@ _MAX_REPLACED_SHOWN: Final = 5
 class SharedModules:
     """The content of the shared modules before user code runs, which can replace what sim-action calls next."""
 
-    def __init__(self) -> None:
+    def __init__(self, engines: Iterable[str] = ()) -> None:
+        """Note what the modules hold now; `engines`: the packages of the engines, which count too."""
+        shared = _SHARED.union(engines)
         self._before = {
             name: (module, dict(vars(module)))
             for name, module in list(sys.modules.items())
-            if name.partition(".")[0] in _SHARED
+            if name.partition(".")[0] in shared
         }
 
     def replaced(self) -> list[str]:

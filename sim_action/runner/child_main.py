@@ -41,6 +41,7 @@ from sim_action.core.records import dataclass, field, replace
 from sim_action.core.user_scripts import SharedModules
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.core.yaml_document import Document, KeyPath
+from sim_action.engines import ENGINES
 from sim_action.results.outcome import (
     ExpectationOutcome,
     Failure,
@@ -196,7 +197,7 @@ class _Progress:
 
 def _outcome(job: Job, progress: _Progress, kept: _Kept) -> Outcome:
     """Return the outcome; `kept` receives the rest."""
-    shared = SharedModules() if job.loaded.scenario.python_files else None
+    shared = SharedModules(row.package for row in ENGINES.values()) if job.loaded.scenario.python_files else None
     try:
         return _judged(job, job.loaded.scenario, _stored_run(job, progress, kept))
     except InvalidScenario as error:
