@@ -3,34 +3,75 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated, Final, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from sim_action.core.field_types import FrozenModel, Name, NonNegativeSeconds, PositiveSeconds, PositiveShare
+from sim_action.core import units
+from sim_action.core.field_types import (
+    FrozenModel,
+    Name,
+    NonNegativeSeconds,
+    PositiveSeconds,
+    PositiveShare,
+    SensorQuantity,
+)
 from sim_action.core.geometry import Twist
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, recognise
+from sim_action.state.readings import ReadingColumn, columns_of
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.sensors import MountedSensor
 
-FaultKind = Literal["off", "stuck", "weak", "frozen", "silent"]
+FaultKind = Literal["off", "stuck", "weak", "frozen", "silent", "biased"]
 
-_KINDS: Final[dict[str, tuple[FaultKind, ...]]] = {"motor": ("off", "stuck", "weak"), "sensor": ("frozen", "silent")}
+_KINDS: Final[dict[str, tuple[FaultKind, ...]]] = {
+    "motor": ("off", "stuck", "weak"),
+    "sensor": ("frozen", "silent", "biased"),
+}
 
 # A key without a value counts, so that `{motor: elbow, at: 3 s, off}` can be written.
 _Flag = Annotated[Literal[True] | None, BeforeValidator(lambda value: True if value is None else value)]
+
+
+_Bias = SensorQuantity | tuple[SensorQuantity, ...]
+
+
+def _error_of(written: object, column: ReadingColumn) -> float | tuple[float, ...]:
+    """Return the error of a column in SI units. Raise ValueError."""
+    if not isinstance(written, tuple):
+        return units.parse(written, column.dimension)
+    if len(written) != len(column.axes):
+        axes = f" or {len(column.axes)} ({', '.join(column.axes)})" if column.axes else ""
+        raise ValueError(f"expected one number{axes}, found {len(written)}")
+    return tuple(units.parse(value, column.dimension) for value in written)
+
+
+def _fits(written: object, column: ReadingColumn) -> bool:
+    try:
+        _error_of(written, column)
+    except ValueError:
+        return False
+    return True
+
+
+def _as_text(bias: object) -> str:
+    """Return the error of a biased sensor as it is written."""
+    if isinstance(bias, dict):
+        return ", ".join(f"{_as_text(value)} in {name}" for name, value in bias.items())
+    return f"({', '.join(map(str, bias))})" if isinstance(bias, tuple) else str(bias)
 
 
 class Fault(FrozenModel):
     """A motor or a sensor that fails at a time, until the end of the run or for some time.
 
     A motor that is off exerts nothing, and its joint moves freely. A stuck one holds its joint where it is. A weak one
-    has a share of its effort limit. A frozen sensor repeats its last reading, a silent one gives none.
+    has a share of its effort limit. A frozen sensor repeats its last reading, a silent one gives none. A biased one
+    adds a constant error.
     """
 
     motor: Annotated[Name | None, Field(description="joint whose motor fails")] = None
@@ -47,6 +88,13 @@ class Fault(FrozenModel):
     ] = None
     frozen: Annotated[_Flag, Field(description="the sensor repeats its last reading")] = None
     silent: Annotated[_Flag, Field(description="the sensor gives no readings")] = None
+
+    biased: Annotated[
+        _Bias | dict[str, _Bias] | None,
+        Field(
+            description="the error that the sensor adds, such as 5 cm, or a map of columns of its readings to errors"
+        ),
+    ] = None
 
     @property
     def kind(self) -> FaultKind:
@@ -69,8 +117,28 @@ class Fault(FrozenModel):
         """The fault in words."""
         what = f"motor of joint '{self.motor}'" if self.motor else f"sensor '{self.sensor}'"
         how = f"at {self.weak:.0%} of its effort" if self.weak is not None else self.kind
+        how = f"biased by {_as_text(self.biased)}" if self.biased is not None else how
         until = "on" if self.duration is None else f"to {self.end:g} s"
         return f"{what} is {how} from {self.at:g} s {until}"
+
+    def offsets(self, kind: str) -> dict[str, float | tuple[float, ...]]:
+        """Return the errors of a biased sensor of a kind by column, in SI units. Raise ValueError."""
+        columns = {name: column for name, column in columns_of(kind).items() if column.may_be_biased}
+        written = self.biased
+        if not columns or written is None:
+            raise ValueError("the readings of this sensor are no measured values, so they cannot be biased")
+        if not isinstance(written, dict):
+            meant = [name for name, column in columns.items() if _fits(written, column)] or list(columns)
+            if len(meant) > 1:
+                raise ValueError(f"a reading has {', '.join(meant)}; say which one, as in {{{meant[0]}: ...}}")
+            written = {meant[0]: written}
+        for name in written:
+            if name not in columns:
+                raise ValueError(f"no readings '{name}' that can be biased{did_you_mean(name, columns)}")
+        offsets = {name: _error_of(value, columns[name]) for name, value in written.items()}
+        if not any(any(offset) if isinstance(offset, tuple) else offset for offset in offsets.values()):
+            raise ValueError("an error of 0 changes nothing")
+        return offsets
 
     @model_validator(mode="after")
     def _is_one_fault(self) -> Self:
@@ -99,15 +167,25 @@ def fault_problems(
             if before.target == fault.target and max(before.at, fault.at) < min(before.end, fault.end):
                 yield path, f"two faults of '{fault.target}' overlap in time; give the first one an end with 'for'"
         if fault.sensor is not None:
-            names = [mounted.name for mounted in sensors]
-            if fault.sensor not in names:
-                yield (*path, "sensor"), f"there is no sensor '{fault.sensor}'{did_you_mean(fault.sensor, names)}"
-            elif fault.silent and not fault.at:
-                yield (*path, "at"), "a sensor has a reading at 0 s: it can be silent from a later time on"
+            yield from (((*path, key), problem) for key, problem in _sensor_problems(fault, sensors))
         elif (problem := scene.model.why_not_driven(fault.target)) is not None:
             yield (*path, "motor"), problem
         else:
             yield from ((path, problem) for problem in _motor_problems(fault, scene, drive))
+
+
+def _sensor_problems(fault: Fault, sensors: Sequence[MountedSensor]) -> Iterator[tuple[str, str]]:
+    """Yield keys and problems."""
+    kinds = {mounted.name: mounted.sensor.key for mounted in sensors}
+    if fault.target not in kinds:
+        yield "sensor", f"there is no sensor '{fault.target}'{did_you_mean(fault.target, kinds)}"
+    elif fault.silent and not fault.at:
+        yield "at", "a sensor has a reading at 0 s: it can be silent from a later time on"
+    elif fault.biased is not None:
+        try:
+            fault.offsets(kinds[fault.target])
+        except ValueError as error:
+            yield "biased", str(error)
 
 
 def _motor_problems(fault: Fault, scene: Scene, drive: Drive | None) -> list[str]:

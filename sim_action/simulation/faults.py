@@ -19,6 +19,7 @@ from sim_action.sensors import Measure, Sight
 from sim_action.simulation.seams import Seams
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
+from sim_action.state.readings import shifted
 from sim_action.world.scene import Scene
 
 Targets = list[JointTargets | None]
@@ -42,6 +43,7 @@ class FaultSeams(Seams):
         """Prepare the faults for a scene."""
         self._faults, self._inner, self._model = faults, inner, scene.model
         self.runs_on = inner.runs_on
+        self._kinds = {fitting.name: fitting.kind for fitting in scene.sensors}
         rate, held = scene.physics.rate, held_joints(scene.model)
         self._motors = [
             _Motor(
@@ -120,6 +122,8 @@ class FaultSeams(Seams):
         for fault in self._faults:
             if fault.sensor == sensor and fault.frozen:
                 measure = _frozen(measure, fault)
+            if fault.sensor == sensor and fault.biased is not None:
+                measure = _biased(measure, fault, self._kinds[sensor])
         return measure
 
     @override
@@ -160,3 +164,14 @@ def _frozen(measure: Measure, fault: Fault) -> Measure:
         return replace(last, time=sight.time)
 
     return frozen
+
+
+def _biased(measure: Measure, fault: Fault, kind: str) -> Measure:
+    """Return the function of a sensor that adds an error to its readings during a fault."""
+    offsets = fault.offsets(kind)
+
+    def biased(sight: Sight) -> Any:
+        reading = measure(sight)
+        return shifted(reading, kind, offsets) if _acts(fault, sight.time) else reading
+
+    return biased

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from sim_action.core import units
 from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
-from sim_action.core.records import dataclass
+from sim_action.core.records import dataclass, replace
 from sim_action.core.units import Dimension
 
 if TYPE_CHECKING:
@@ -41,6 +41,11 @@ class ReadingColumn:
         if which != "norm":
             return self.least, self.most
         return (0.0, math.inf) if self.norm is None else (self.norm - _ROUNDING, self.norm + _ROUNDING)
+
+    @property
+    def may_be_biased(self) -> bool:
+        """True if a sensor can add an error to its numbers: not to flags, colours or orientations."""
+        return self.norm is None and math.isinf(self.most)
 
     @property
     def is_single(self) -> bool:
@@ -260,3 +265,30 @@ class LidarScan:
     def columns(self) -> Mapping[str, Any]:
         """Return the stored values; see Reading.columns."""
         return {"ranges": self.ranges}
+
+
+def shifted(reading: Reading, kind: str, offsets: Mapping[str, float | tuple[float, ...]]) -> Reading:
+    """Return a reading of a kind of sensor with offsets added to its columns, within the limits of the sensor.
+
+    What is out of range stays so. Ranges of a scan that get out of its range are infinite, as with noise.
+    """
+    import numpy as np
+
+    values, columns = reading.columns(), columns_of(kind)
+    changed: dict[str, Any] = {}
+    for name, offset in offsets.items():
+        column, was = columns[name], np.asarray(values[name])
+        moved = np.clip(was + np.asarray(offset), column.least, column.most)
+        if isinstance(reading, LidarScan):
+            moved = np.where(moved >= reading.range_max, math.inf, moved)
+            moved = np.where(moved <= reading.range_min, -math.inf, moved) if reading.range_min else moved
+        number = np.where(np.isfinite(was), moved, was).astype(np.result_type(was.dtype, np.float32))
+        number.flags.writeable = False
+        changed[name] = number if column.many else number.item() if column.is_single else tuple(number.tolist())
+    if isinstance(reading, OdometryReading):
+        pose = Pose(changed.get("position_xyz", reading.pose.position_xyz), reading.pose.orientation_xyzw)
+        linear = changed.get("linear_xyz", reading.twist.linear_xyz)
+        return replace(reading, pose=pose, twist=Twist(linear, changed.get("angular_xyz", reading.twist.angular_xyz)))
+    record: Any = reading
+    biased: Reading = replace(record, **({"values": {**values, **changed}} if isinstance(reading, Values) else changed))
+    return biased

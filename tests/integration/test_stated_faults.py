@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from sim_action.core.errors import InvalidScenario
 from sim_action.core.permissions import Permissions
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import simulate
+from sim_action.state.trace_records import SensorRecord
 from tests.integration.engines import on_every_engine
 from tests.physics.case import Run, Setup, run_on
 from tests.physics.measures import GRAVITY
@@ -117,6 +119,92 @@ time_limit: 3 s
         assert (values[fails] == before).all()
         assert not (values[np.flatnonzero(times >= 2.0)[0]] == before).all()
     assert any("sensor 'imu' is" in note for note in run.notes)
+
+
+def sensed(engine: str, path: Path, sensor: str, *faults: str) -> SensorRecord:
+    """The readings of a sensor of a burger that turns in front of a wall 1 m away, 10 each second for 3 s."""
+    pytest.importorskip(engine)
+    lines = "".join(f"\n  - {fault}" for fault in faults) or " []"
+    path.write_text(
+        f"""
+name: turns
+robot: {{model: turtlebot3_burger}}
+world: {{objects: [{{name: wall, box: [0.1, 20, 2], pose: {{x: 1.05}}}}]}}
+backend: {engine}
+commands: {{twist: [{{angular: 0.5}}]}}
+sensors: [{{{sensor}, name: it, rate: 10, trace: true}}]
+faults:{lines}
+expect: [{{path_length: {{at_most: 10}}}}]
+allow: [never-moved]
+duration: 3 s
+time_limit: 3 s
+"""
+    )
+    loaded = load_scenario(path, Permissions(outside=True))
+    return simulate(loaded.scenario, build_scene(loaded), lambda _: None).trace.sensors["it"]
+
+
+@pytest.mark.parametrize(
+    ("sensor", "biased", "wanted"),
+    [
+        ("imu: {gyro_noise: 0.1}", "3 deg/s", ("angular_velocity_xyz", np.deg2rad([3.0] * 3))),
+        ("imu: {}", "{linear_acceleration_xyz: [0, 0, 0.5]}", ("linear_acceleration_xyz", [0.0, 0.0, 0.5])),
+        ("odometry: {}", "{position_xyz: [10 cm, 0, 0]}", ("position_xyz", [0.1, 0.0, 0.0])),
+        ("odometry: {}", "{angular_xyz: [0, 0, 0.1]}", ("angular_xyz", [0.0, 0.0, 0.1])),
+        ("lidar: {rays: 9, noise: 0.01, field_of_view: 90 deg}", "-5 cm", ("ranges", -0.05)),
+    ],
+)
+def test_a_biased_sensor_adds_its_error_for_some_time(
+    engine: str, sensor: str, biased: str, wanted: tuple[str, Any], tmp_path: Path
+) -> None:
+    fault = f"{{sensor: it, at: 1 s, for: 1 s, biased: {biased}}}"
+    sound = sensed(engine, tmp_path / "sound.sim.yml", sensor)
+    broken = sensed(engine, tmp_path / "broken.sim.yml", sensor, fault)
+    times = np.round(sound.time, 6)
+    fails = (times >= 1.0) & (times < 2.0)
+    assert fails.sum() == 10
+    for name, values in sound.columns.items():
+        added = np.asarray(wanted[1]) if name == wanted[0] else np.zeros(1)
+        finite = np.isfinite(values[fails])
+        assert np.where(finite, values[fails] + added, 0.0) == pytest.approx(
+            np.where(finite, broken.columns[name][fails], 0.0)
+        )
+        assert (broken.columns[name][~fails] == values[~fails]).all()
+
+
+def test_a_range_that_a_bias_moves_out_of_range_is_infinite(engine: str, tmp_path: Path) -> None:
+    scan = "lidar: {rays: 1, min_range: 20 cm, range: 3 m}"
+    faults = ["{sensor: it, at: 1 s, for: 1 s, biased: -1.9 m}", "{sensor: it, at: 2 s, biased: 5 m}"]
+    record = sensed(engine, tmp_path / "it.sim.yml", scan, *faults)
+    ranges, times = record.columns["ranges"][:, 0], np.round(record.time, 6)
+    assert np.isfinite(ranges[times < 1.0]).all()
+    assert np.isneginf(ranges[(times >= 1.0) & (times < 2.0)]).all()
+    assert np.isposinf(ranges[times >= 2.0]).all()
+
+
+@pytest.mark.parametrize(
+    ("sensor", "biased", "message"),
+    [
+        ("imu: {}", "0.1", "say which one, as in {angular_velocity_xyz: ...}"),
+        ("imu: {}", "{angular_velocity_xyz: 1 m}", "is not a unit of"),
+        ("imu: {}", "{angular_velocity: 1}", "did you mean 'angular_velocity_xyz'"),
+        ("imu: {}", "{orientation_xyzw: 1}", "no readings 'orientation_xyzw' that can be biased"),
+        ("imu: {}", "{angular_velocity_xyz: [1, 2]}", "expected one number or 3 (x, y, z), found 2"),
+        ("lidar: {}", "[0.1, 0.2]", "expected one number, found 2"),
+        ("lidar: {}", "0 m", "an error of 0 changes nothing"),
+        ("lidar: {}", "3 kg", "kg"),
+        ("lidar: {}", "true", "biased"),
+        ("lidar: {}", "null", "a sensor needs exactly one of"),
+        ("lidar: {}", "{}", "an error of 0 changes nothing"),
+        ("lidar: {}", ".nan", "finite"),
+    ],
+)
+def test_a_bias_that_no_sensor_can_have_is_refused(
+    engine: str, sensor: str, biased: str, message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InvalidScenario) as error:
+        sensed(engine, tmp_path / "it.sim.yml", sensor, f"{{sensor: it, at: 1 s, biased: {biased}}}")
+    assert message in str(error.value)
 
 
 @pytest.mark.parametrize(
