@@ -78,7 +78,6 @@ world:                          # flat ground, and a box below the gripper that 
     - {name: box, box: [0.2, 0.2, 0.2], pose: {x: 0.5, y: 0.1}}
 
 commands:                       # what moves the arm (sim-action commands lists more)
-  rate: 240 Hz                  # a command at each physics step; fewer would jerk
   joints:
     - {at: 1.5 s, position: {elbow_joint: 90 deg, wrist_1_joint: -90 deg, wrist_2_joint: -90 deg}}
     - {at: 2 s, position: {left_finger_joint: 40 mm}}   # 0 is open, 42.5 mm is closed; the other finger follows
