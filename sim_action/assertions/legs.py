@@ -26,6 +26,7 @@ from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.ground import GROUND
+from sim_action.world.physics import Disturbance
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -347,8 +348,8 @@ class SupportMargin(Feet):
     The support polygon is the convex hull of all contact points of feet on the ground, see `feet_on_ground`, as seen
     along gravity, on slopes and steps too. The margin is the distance to its nearest edge, negative outside. On two
     point feet it is at most 0, and without a foot on the ground no limit holds. This is static stability: it says
-    little about a robot that runs or trots. The masses are those of the model; a load that the robot carries does not
-    count.
+    little about a robot that runs or trots. The masses are those of the model and of each `payload`; an object that
+    the robot carries does not count.
     """
 
     key: ClassVar[str] = "support_margin"
@@ -376,7 +377,8 @@ class SupportMargin(Feet):
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         hint = _SETTLE if not scene.physics.settle else ""
-        return SupportMonitor(self.footing(scene), scene.model, self.at_least, hint)
+        payloads = tuple(load for load in scene.world.disturbances if load.payload is not None)
+        return SupportMonitor(self.footing(scene), scene.model, self.at_least, hint, payloads)
 
 
 @dataclass(frozen=True, slots=True)
@@ -385,6 +387,7 @@ class SupportMonitor(Monitor):
 
     Attributes:
         hint: added to the message of a failure at t = 0.
+        payloads: on links.
         standing: the feet on the ground at the step of the fold.
         steps: the steps at which contacts are known.
     """
@@ -395,6 +398,7 @@ class SupportMonitor(Monitor):
     model: RobotModel
     at_least: float
     hint: str = ""
+    payloads: tuple[Disturbance, ...] = ()
     fold: Invariant = Invariant()
     standing: tuple[str, ...] = ()
     steps: Judged = Judged()
@@ -430,7 +434,11 @@ class SupportMonitor(Monitor):
         if not self.footing.is_known(trace):
             return np.full(len(trace), -np.inf)
         moment, points = self.footing.points(trace)
-        centre = self.footing.level(centre_of_mass(self.model, trace))
+        loads: dict[str, FloatArray] = {}
+        for load in self.payloads:
+            link = load.link or self.model.root
+            loads[link] = loads.get(link, np.zeros(len(trace))) + load.payload_at(trace.time)
+        centre = self.footing.level(centre_of_mass(self.model, trace, loads))
         return support_margins(centre, moment, self.footing.level(points))
 
     def verdict(self) -> Verdict:

@@ -42,6 +42,9 @@ class BodyControl(Protocol):
     def clear_forces(self) -> None:
         """Remove all forces and torques; called after a step."""
 
+    def add_mass(self, link: str, mass: float) -> None:
+        """Add a mass in kg to a link at its centre of mass, for good; a negative one is taken from it."""
+
     def add_velocity(self, target: Target, velocity_xyz: Vector3) -> None:
         """Add a velocity in m/s, world frame, to a body; to the whole robot if the target is its base link."""
 

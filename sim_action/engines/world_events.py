@@ -1,10 +1,11 @@
-"""Timed events of the world, for every engine: bodies on paths, bodies that appear, disturbances.
+"""Timed events of the world, for every engine: bodies on paths, bodies that appear, disturbances, payloads.
 
 Before t = 0, while the robot settles, bodies wait at the start of their paths and nothing else happens.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final, Protocol, Self
 
@@ -45,8 +46,9 @@ class WorldEvents:
         movers: list[_Mover] = [
             *travels,
             *(_Absence(control, body, rate, number) for number, body in enumerate(absent, start=1)),
+            *(_Payload(control, load, scene) for load in scene.world.disturbances if load.payload is not None),
         ]
-        disturbances = [_Acting(disturbance, scene) for disturbance in scene.world.disturbances]
+        disturbances = [_Acting(acts, scene) for acts in scene.world.disturbances if acts.payload is None]
         return cls(control, movers, disturbances) if movers or disturbances else None
 
     def before_step(self, step: int) -> None:
@@ -108,6 +110,23 @@ class _Absence(_Mover):
         if not self._is_there:
             self._is_there = step >= self._first
             self._control.set_pose(self._name, self._pose if self._is_there else self._away, _AT_REST)
+
+
+class _Payload(_Mover):
+    """A load on a link from a step until another."""
+
+    def __init__(self, control: BodyControl, load: Disturbance, scene: Scene) -> None:
+        rate = scene.physics.rate
+        self._control, self._link, self._mass = control, load.link or scene.model.root, load.payload or 0.0
+        self._first = first_step(load.at, rate)
+        self._last = math.inf if load.duration is None else first_step(load.end, rate)
+        self._is_there = False
+
+    @override
+    def reach(self, step: int) -> None:
+        if self._is_there != (self._first <= step < self._last):
+            self._control.add_mass(self._link, -self._mass if self._is_there else self._mass)
+            self._is_there = not self._is_there
 
 
 class _Acting:

@@ -170,7 +170,7 @@ def _turn(start: Placement, end: Placement) -> float:
 def _time_problems(disturbance: Disturbance, limit: float) -> SpecProblems:
     if disturbance.at >= limit:
         yield ("at",), f"{disturbance.at:g} s is not earlier than time_limit ({limit:g} s)"
-    elif disturbance.end > limit:
+    elif disturbance.duration is not None and disturbance.end > limit:
         yield ("for",), f"it acts until {disturbance.end:g} s, but the run ends at time_limit ({limit:g} s)"
 
 
@@ -192,11 +192,27 @@ def _target_problems(disturbance: Disturbance, scene: Scene) -> SpecProblems:
         yield where, f"the robot has no link '{link}'; say body: {link}"
     elif (problem := scene.why_not_moved(link)) is not None:
         yield where, problem
+    elif disturbance.payload is not None:
+        yield from _payload_problems(disturbance, link, scene)
     elif disturbance.velocity is not None and (link != scene.model.root or scene.bolted):
         base = scene.model.root
         way = "give the link a 'force' for a short time" if scene.bolted else f"name its base link '{base}', or give"
         way = way if scene.bolted else f"{way} this one a 'force' for a short time"
         yield where, f"a push of 'velocity' moves the robot as a whole; {way}"
+
+
+def _payload_problems(disturbance: Disturbance, link: str, scene: Scene) -> SpecProblems:
+    """Yield a payload that takes all of the mass that is left of a link, or of which another one is a part."""
+    taken = [
+        other.payload or 0.0
+        for other in scene.world.disturbances
+        if (other.link or scene.model.root) == link and other.at < disturbance.end and disturbance.at < other.end
+    ]
+    mass = scene.model.links_by_name[link].mass or 0.0
+    if mass + sum(min(0.0, payload) for payload in taken) <= 0.0 and min(taken) < 0.0:
+        yield ("payload",), f"link '{link}' has only {units.display(mass, 'kg')}, and some of it must be left"
+    elif not mass:
+        yield ("link",), f"link '{link}' has no mass of its own; load the link that it is fixed to"
 
 
 def _body_problems(disturbance: Disturbance, name: str, scene: Scene) -> SpecProblems:

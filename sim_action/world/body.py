@@ -22,6 +22,7 @@ from sim_action.core.field_types import (
 from sim_action.core.geometry import Pose, symmetric_eigenvalues
 from sim_action.world.body_path import PathPoint, PosePath, placements
 from sim_action.world.ground import Friction
+from sim_action.world.physics import MAX_MASS
 from sim_action.world.shapes import (
     MAX_LENGTH_M,
     Cylinder,
@@ -145,7 +146,7 @@ _MAX_LOOP_GAP: Final = 1e-6
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
-Mass = Annotated[PositiveKilograms, Field(ge=1e-6, le=1e6)]
+Mass = Annotated[PositiveKilograms, Field(ge=1e-6, le=MAX_MASS)]
 
 
 def _listed(names: Sequence[str]) -> str:

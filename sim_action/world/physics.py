@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Final, Self
+from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -23,6 +23,10 @@ from sim_action.core.field_types import (
     RadiansPerSecond,
 )
 from sim_action.core.geometry import Vector3
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 MAX_PHYSICS_RATE_HZ: Final = 100_000.0
 """The greatest rate of physics steps in Hz, which also limits all other rates."""
@@ -112,17 +116,24 @@ FELT_SHARE: Final = 0.01
 MAX_FORCE: Final = 1e10
 """N and N m: a thousand times the weight of the heaviest body; more is a mistake and overflows in the engines."""
 
+MAX_MASS: Final = 1e6
+"""The mass in kg of the heaviest body."""
+
 Newtons = Annotated[float, Field(ge=-MAX_FORCE, le=MAX_FORCE), Quantity((units.FORCE,))]
 NewtonMetres = Annotated[float, Field(ge=-MAX_FORCE, le=MAX_FORCE), Quantity((units.TORQUE,))]
 PushMetresPerSecond = Annotated[MetresPerSecond, Field(ge=-MAX_SPEED, le=MAX_SPEED)]
 
 
 class Disturbance(FrozenModel):
-    """A force and a torque on a link or a body for some time, or a push that changes its velocity at once."""
+    """A force and a torque on a link or a body for some time, a push that changes its velocity at once, or a load."""
 
     at: Annotated[NonNegativeSeconds, Field(description="sim time at which it starts")]
     duration: Annotated[
-        PositiveSeconds | None, Field(alias="for", description="duration of a force or a torque; a push has none")
+        PositiveSeconds | None,
+        Field(
+            alias="for",
+            description="duration; needed by a force or a torque; a push has none; default of a payload: on",
+        ),
     ] = None
     link: Annotated[Name | None, Field(description="link of the robot; default without 'body': its base link")] = None
     body: Annotated[Name | None, Field(description="body of the world, instead of a link")] = None
@@ -141,29 +152,41 @@ class Disturbance(FrozenModel):
         tuple[PushMetresPerSecond, PushMetresPerSecond, PushMetresPerSecond] | None,
         Field(description="x, y, z in the world frame; added to the velocity of a body or of the whole robot"),
     ] = None
+    payload: Annotated[
+        Annotated[float, Field(ge=-MAX_MASS, le=MAX_MASS), Quantity((units.MASS,))] | None,
+        Field(description="mass added to a link at its centre of mass; a negative one is taken from it"),
+    ] = None
 
     def is_felt(self, mass: float) -> bool:
         """Return True if it is more than a hundredth of the weight of a mass in kg, or of 1 m/s."""
         force, torque, velocity = (math.hypot(*(v or (0.0,))) for v in (self.force, self.torque, self.velocity))
-        return velocity > FELT_SHARE or max(force, torque) > FELT_SHARE * mass * GRAVITY
+        pressing = max(force, torque, abs(self.payload or 0.0) * GRAVITY)
+        return velocity > FELT_SHARE or pressing > FELT_SHARE * mass * GRAVITY
 
     def claims(self) -> Iterator[str]:
         """Yield why it has no effect."""
-        if not any((*(self.force or ()), *(self.torque or ()), *(self.velocity or ()))):
-            yield "the force, the torque or the velocity of this disturbance is zero; change it, or remove it"
+        if not any((*(self.force or ()), *(self.torque or ()), *(self.velocity or ()), self.payload)):
+            yield "the force, torque, velocity or payload of this disturbance is zero; change it, or remove it"
 
     @property
     def end(self) -> float:
-        """The end in s of sim time."""
-        return self.at + (self.duration or 0.0)
+        """The end in s of sim time; infinite for a payload without a duration."""
+        return math.inf if self.payload is not None and self.duration is None else self.at + (self.duration or 0.0)
+
+    def payload_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the payload (T,) in kg at sim times in s."""
+        acts = (time >= self.at - units.TIME_EPSILON_S) & (time < self.end - units.TIME_EPSILON_S)
+        return acts.astype(float) * (self.payload or 0.0)
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         pushes, presses = self.velocity is not None, self.force is not None or self.torque is not None
         if self.link is not None and self.body is not None:
             raise ValueError("give 'link' or 'body', not both; use two disturbances")
-        if pushes == presses:
-            raise ValueError("a disturbance needs either 'force' and 'torque' (one or both), or 'velocity'")
+        if pushes + presses + (self.payload is not None) != 1:
+            raise ValueError("a disturbance needs 'force' and 'torque' (one or both), or 'velocity', or 'payload'")
+        if self.payload is not None and self.body is not None:
+            raise ValueError("a 'payload' loads a link of the robot, not a 'body'")
         if presses and self.duration is None:
             raise ValueError("a force or a torque needs a duration, such as for: 0.1 s")
         if pushes and self.duration is not None:

@@ -33,6 +33,7 @@ class WrittenDown:
     puts: list[tuple[str, Pose, Twist]] = field(default_factory=list)
     forces: list[tuple[Target, Vector3, Vector3, Vector3 | None]] = field(default_factory=list)
     pushes: list[tuple[Target, Vector3]] = field(default_factory=list)
+    loads: list[tuple[str, float]] = field(default_factory=list)
     releases: int = 0
 
     def pose(self, body: str) -> Pose:
@@ -46,6 +47,9 @@ class WrittenDown:
 
     def clear_forces(self) -> None:
         self.releases += 1
+
+    def add_mass(self, link: str, mass: float) -> None:
+        self.loads.append((link, mass))
 
     def add_velocity(self, target: Target, velocity_xyz: Vector3) -> None:
         self.pushes.append((target, velocity_xyz))
@@ -124,3 +128,13 @@ def test_a_body_that_is_not_there_yet_is_held_far_away_and_let_go_once() -> None
     go(events, 4, 20)
     assert control.puts[-1] == ("ball", Pose((1.0, 2.0, 0.5)), Twist())
     assert [pose.position_xyz[2] for _, pose, _ in control.puts].count(0.5) == 1
+
+
+def test_a_payload_is_put_on_and_taken_off_once() -> None:
+    load = {"payload": 2.0, "link": "base_link", "at": 0.1, "for": 0.05}
+    control, events = opened(disturbances=(load, {"payload": -0.5, "at": 0.12}))
+    go(events, 0, 10)
+    assert control.loads == [("base_link", 2.0)]
+    go(events, 10, 40)
+    assert control.loads == [("base_link", 2.0), (MODEL.root, -0.5), ("base_link", -2.0)]
+    assert not control.forces

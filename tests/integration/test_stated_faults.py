@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from sim_action.state.trace_records import SensorRecord
 from tests.integration.engines import on_every_engine
 from tests.physics.case import Run, Setup, run_on
 from tests.physics.measures import GRAVITY
-from tests.physics.robots import arm, lift
+from tests.physics.robots import STANCE, arm, box_shape, collision, inertial, joint, lift, link, quadruped, robot
 
 pytestmark = on_every_engine
 
@@ -223,3 +224,104 @@ def test_a_fault_that_cannot_happen_is_refused(engine: str, fault: dict[str, Any
     with pytest.raises(InvalidScenario) as error:
         run_on(engine, Setup(arm(), 2.0, {"faults": [{"at": 1.0, **fault}], **ALLOW}, FIXED))
     assert message in str(error.value)
+
+
+def loaded(engine: str, model: str, *loads: dict[str, Any], seconds: float = 2.0, **robot: Any) -> Run:
+    keys = {"world": {"disturbances": list(loads)}, **ALLOW}
+    return run_on(engine, Setup(model, seconds, keys, robot or FIXED, rate=1000.0))
+
+
+@pytest.mark.parametrize("mass", [2.0, -3.0])
+def test_a_payload_for_some_time_changes_the_effort_that_holds_a_link(engine: str, mass: float) -> None:
+    run = loaded(engine, lift(LOAD), {"payload": mass, "link": "carriage", "at": 0.5, "for": 0.8})
+    for time, carried in ((0.4, LOAD), (1.2, LOAD + mass), (1.9, LOAD)):
+        effort = run.trace.joint_effort[run.row(time), 0]
+        assert effort == pytest.approx(carried * GRAVITY, rel=0.005)
+    assert abs(run.trace.joint_position[:, 0]).max() < 1e-3
+
+
+@pytest.mark.parametrize(("link_name", "ahead"), [("lower", 0.25), ("payload", 0.5)])
+def test_a_payload_acts_at_the_centre_of_mass_of_its_link(engine: str, link_name: str, ahead: float) -> None:
+    run = loaded(engine, arm(), {"payload": 4.0, "link": link_name, "at": 0.5})
+    # 1 kg at 0.25 m, at 0.75 m, and at 1 m of the shoulder; the payload is `ahead` of the elbow, at 0.5 m.
+    before, after = (run.trace.joint_effort[run.row(time)] for time in (0.4, 1.9))
+    assert abs(before) == pytest.approx([GRAVITY * 2.0, GRAVITY * 0.75], rel=0.01)
+    carried = 4.0 * GRAVITY
+    wanted = [GRAVITY * 2.0 + carried * (0.5 + ahead), GRAVITY * 0.75 + carried * ahead]
+    assert abs(after) == pytest.approx(wanted, rel=0.01)
+
+
+@pytest.mark.parametrize("shape", ["", collision(box_shape((0.2, 0.2, 0.2)))], ids=["no shape", "a shape"])
+def test_a_payload_adds_no_inertia_about_the_centre_of_mass(engine: str, shape: str) -> None:
+    # A torque turns the joint about the centre of mass, where only the inertia counts, and gravity does not.
+    inertia = 0.02
+    text = robot(
+        link("base", inertial(1.0, (1.0, 1.0, 1.0))),
+        link("rotor", inertial(1.0, (0.01, inertia, 0.03)) + shape),
+        joint("spin", "revolute", "base", "rotor", limit='lower="-50" upper="50" effort="10" velocity="90"'),
+    )
+    keys = {
+        "commands": {"joints": [{"at": 0.0, "effort": {"spin": 0.1}}], "interpolation": "hold"},
+        "world": {"disturbances": [{"payload": 9.0, "link": "rotor", "at": 0.0}]},
+        **ALLOW,
+    }
+    run = run_on(engine, Setup(text, 1.0, keys, FIXED, rate=1000.0))
+    assert abs(run.trace.joint_velocity[run.row(0.9), 0]) == pytest.approx(0.9 * 0.1 / inertia, rel=0.02)
+
+
+def test_a_force_accelerates_a_robot_by_its_mass_with_the_payload(engine: str) -> None:
+    body = robot(link("base", inertial(2.0, (0.1, 0.1, 0.1)) + collision(box_shape((0.3, 0.3, 0.3)))))
+    push = {"force": [10.0, 0.0, 0.0], "at": 0.1, "for": 0.5}
+    run = loaded(engine, body, {"payload": 3.0, "at": 0.1}, push, seconds=0.7, base="free", pose={"z": 100.0})
+    # It falls from the start of the 2 s on in which robots settle.
+    assert run.trace.base_linear_xyz[run.row(0.6), 0] == pytest.approx(10.0 / 5.0 * 0.5, rel=0.01)
+    assert run.trace.base_linear_xyz[run.row(0.6), 2] == pytest.approx(-GRAVITY * (2.0 + 0.6), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("load", "message"),
+    [
+        ({"payload": -5.0, "link": "carriage"}, "link 'carriage' has only 5 kg"),
+        ({"payload": 1.0, "link": "carriag"}, "carriage"),
+        ({"payload": 1.0, "link": "base"}, "fixed to the world"),
+        ({"payload": 1.0, "link": "carriage", "at": 9.0}, "is not earlier than time_limit"),
+        ({"payload": 1.0, "link": "carriage", "for": 9.0}, "but the run ends at time_limit"),
+        ({"payload": 1.0, "link": "carriage", "velocity": [1, 0, 0]}, "or 'payload'"),
+        ({"payload": "1 m", "link": "carriage"}, "is not a unit of mass"),
+        ({"payload": 1.0, "body": "crate"}, "not a 'body'"),
+    ],
+)
+def test_a_payload_that_cannot_be_is_refused(engine: str, load: dict[str, Any], message: str) -> None:
+    with pytest.raises(InvalidScenario) as error:
+        loaded(engine, lift(LOAD), {"at": 1.0, **load})
+    assert message in str(error.value)
+
+
+def test_payloads_may_not_take_the_whole_mass_together(engine: str) -> None:
+    half = {"payload": -2.5, "link": "carriage", "at": 0.2, "for": 0.2}
+    loaded(engine, lift(LOAD), half, {**half, "at": 0.5})
+    with pytest.raises(InvalidScenario, match="some of it must be left"):
+        loaded(engine, lift(LOAD), half, {**half, "at": 0.3})
+
+
+def test_a_payload_moves_the_centre_of_mass_over_the_feet(engine: str, tmp_path: Path) -> None:
+    pytest.importorskip(engine)
+    (tmp_path / "robot.urdf").write_text(quadruped())
+    margins = {}
+    for mass in (0.0, 4.0):
+        scenario = {
+            "name": "stands",
+            "robot": {"model": "robot.urdf", "joints": STANCE},
+            "backend": engine,
+            "world": {"disturbances": [{"payload": mass, "link": "front_left_foot", "at": 0.5}] if mass else []},
+            "expect": [{"support_margin": {"links": ["*_foot"], "at_least": 0.05}}],
+            "duration": 1.0,
+            "time_limit": 1.0,
+        }
+        path = tmp_path / f"{mass}.sim.yml"
+        path.write_text(json.dumps(scenario))
+        it = load_scenario(path, Permissions(outside=True))
+        margins[mass] = simulate(it.scenario, build_scene(it), lambda _: None).verdicts[0].measured
+    # The feet are 0.3 m apart, and the robot weighs 12.6 kg.
+    assert margins[0.0] == pytest.approx(0.15, abs=0.002)
+    assert margins[4.0] == pytest.approx(0.15 - 0.15 * 4.0 / 16.6, abs=0.002)

@@ -263,8 +263,8 @@ def test_units_are_read() -> None:
 @pytest.mark.parametrize(
     ("keys", "told"),
     [
-        ({"at": 1}, "needs either 'force' and 'torque'"),
-        ({**FORCE, "velocity": (1, 0, 0)}, "needs either 'force' and 'torque'"),
+        ({"at": 1}, "needs 'force' and 'torque'"),
+        ({**FORCE, "velocity": (1, 0, 0)}, "needs 'force' and 'torque'"),
         ({"at": 1, "force": (1, 0, 0)}, "needs a duration"),
         ({"at": 1, "torque": (1, 0, 0)}, "needs a duration"),
         ({"at": 1, "for": 1, "velocity": (1, 0, 0)}, "remove 'for'"),

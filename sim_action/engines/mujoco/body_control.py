@@ -63,6 +63,12 @@ class MuJoCoBodyControl(BodyControl):
         self._pressed.clear()
 
     @override
+    def add_mass(self, link: str, mass: float) -> None:
+        self._model.body_mass[self._number(Target(link, is_link=True))] += mass
+        # It needs data of its own, because it moves the robot to its reference pose.
+        mujoco.mj_setConst(self._model, mujoco.MjData(self._model))
+
+    @override
     def add_velocity(self, target: Target, velocity_xyz: Vector3) -> None:
         first = int(self._model.body_dofadr[self._number(target)])
         self._data.qvel[first : first + 3] += velocity_xyz

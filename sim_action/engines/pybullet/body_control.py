@@ -58,6 +58,14 @@ class PyBulletBodyControl(BodyControl):
         """Do nothing: PyBullet clears them itself after each step."""
 
     @override
+    def add_mass(self, link: str, mass: float) -> None:
+        at = self._robot, self._links[link]
+        before, _, inertia, *_ = pybullet.getDynamicsInfo(*at, self._client)
+        # PyBullet computes an inertia from the shapes of the link.
+        pybullet.changeDynamics(*at, mass=before + mass, physicsClientId=self._client)
+        pybullet.changeDynamics(*at, localInertiaDiagonal=inertia, physicsClientId=self._client)
+
+    @override
     def add_velocity(self, target: Target, velocity_xyz: Vector3) -> None:
         body, _ = self._number(target)
         (vx, vy, vz), turning = pybullet.getBaseVelocity(body, self._client)

@@ -300,16 +300,20 @@ def _rows(columns: Any) -> FloatArray:
     return np.column_stack(columns)
 
 
-def centre_of_mass(model: RobotModel, trace: Trace) -> FloatArray:
+def centre_of_mass(model: RobotModel, trace: Trace, loads: Mapping[str, FloatArray] | None = None) -> FloatArray:
     """Return the positions (T, 3) in m of the robot's centre of mass at the moments of a trace, world frame.
 
     It is that of the links with a mass; the robot must have at least one.
+
+    :param loads: link -> the masses (T,) in kg that are added to it, at its own centre of mass.
     """
     import numpy as np
 
-    moments = np.zeros((len(trace), 3))
+    moments, total = np.zeros((len(trace), 3)), np.zeros((len(trace), 1))
     for link in (link for link in model.links if link.mass):
         motion = link_motion(model, trace, link.name)
         offset = geometry.rotate(_columns(motion.orientation_xyzw), link.centre_of_mass_xyz)
-        moments += (link.mass or 0.0) * (motion.position_xyz + _rows(offset))
-    return moments / model.mass
+        mass = np.reshape((loads or {}).get(link.name, 0.0) + np.full(len(trace), link.mass), (-1, 1))
+        moments += mass * (motion.position_xyz + _rows(offset))
+        total += mass
+    return moments / total
