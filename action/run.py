@@ -119,6 +119,7 @@ SUBCOMMANDS: Final = {
             **_SWITCHES,
             "fail-fast": ("--fail-fast", "--no-fail-fast"),
             "resume": ("--resume", "--no-resume"),
+            "strict": ("--strict", "--no-strict"),
         },
         required=("allow-scripts",),
         moved=dict.fromkeys(("rostest", "sim-time-limit", "allow-losses"), ROSTEST_ACTION),

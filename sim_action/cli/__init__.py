@@ -31,13 +31,13 @@ class Subcommand:
 
 
 _REPORTS: Final = ("output_dir", "junit", "junit_strict", "report", "summary", "annotations", "verbose", "quiet")
-_RUNS: Final = ("paths", "backend", "seed", "repeat", "unexercised", "jobs", "fail_fast", "record")
+_RUNS: Final = ("paths", "backend", "seed", "repeat", "unexercised", "strict", "jobs", "fail_fast", "record")
 _PROOFS: Final = ("paths", "seed", "jobs", "output_dir", "report", "summary", "annotations", "quiet")
 
 SUBCOMMANDS: Final[Mapping[str, Subcommand]] = MappingProxyType(
     {
         "run": Subcommand("run", "Run scenarios and report their verdicts.", (*_RUNS, *_REPORTS), handles_signals=True),
-        "validate": Subcommand("validate", "Check scenarios without running them.", ("paths",)),
+        "validate": Subcommand("validate", "Check scenarios without running them.", ("paths", "strict")),
         "matrix": Subcommand("matrix", "Split scenarios into shards.", ("paths",)),
         "merge": Subcommand("merge", "Join the results of shards.", _REPORTS),
         "compare": Subcommand("compare", "Compare two runs.", ("output_dir", "summary")),

@@ -139,6 +139,7 @@ jobs:
       - uses: sim-action/sim-action@{_MOVING_TAG}
         with:
           scenario: simulation
+          strict: true
 """
 
 

@@ -166,6 +166,14 @@ SEED_OPTION: Final = click.option(
 )
 
 
+strict_option: Final = click.option(
+    "--strict/--no-strict",
+    envvar="SIM_ACTION_STRICT",
+    default=False,
+    help="Fail on each warning of the audit of claims, such as a check that saw nothing.  [default: no]",
+)
+
+
 def jobs_option(noun: str) -> Callable[[Command], Command]:
     """Return the option for the number of processes; `noun`: what they run."""
     return click.option(

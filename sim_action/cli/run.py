@@ -25,6 +25,7 @@ from sim_action.cli.options import (
     report_flags,
     report_request,
     selection_flags,
+    strict_option,
 )
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.records import replace
@@ -53,7 +54,7 @@ _OF_RUNS: Final = (
         "summary",
         "annotations",
     ),
-    *("verbose", "quiet", "repeat", "unexercised", "update_golden", "jobs", "cluster", "record", "pass_env"),
+    *("verbose", "quiet", "repeat", "unexercised", "strict", "update_golden", "jobs", "cluster", "record", "pass_env"),
 )
 """The options without any effect on --list."""
 
@@ -134,6 +135,7 @@ _WISHED_RATE: Final = "97%"
     help='Effect of an expectation that is never judged, in files without "unexercised:". error: the scenario does not '
     "pass; warn: it is only reported.  [default: error]",
 )
+@strict_option
 @click.option(
     "--update-golden",
     is_flag=True,
@@ -174,6 +176,7 @@ def run(
     seed: int | None,
     repeat: int,
     unexercised: Unexercised | None,
+    strict: bool,
     update_golden: bool,
     jobs: int | None,
     cluster: str | None,
@@ -217,7 +220,7 @@ def run(
         permissions = replace(
             allowed, outside=allow_outside, updates_golden=update_golden, packages=named_packages(packages)
         )
-        plan = PlanRequest(suite, permissions, shard, backend, seed, unexercised)
+        plan = PlanRequest(suite, permissions, shard, backend, seed, unexercised, strict)
         if plan_gate is not None:
             return _planned(plan, plan_gate, flags["output_dir"], jobs or usable_cores())
         if list_only:

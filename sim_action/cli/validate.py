@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sim_action.cli.options import ALLOW_OUTSIDE, PACKAGES, PATHS, discovered, named_packages
+from sim_action.cli.options import ALLOW_OUTSIDE, PACKAGES, PATHS, discovered, named_packages, strict_option
 from sim_action.core.errors import ExitCode, InternalError
 from sim_action.core.permissions import Permissions, scripts_refused
 from sim_action.core.wording import log_line
@@ -21,16 +21,17 @@ if TYPE_CHECKING:
 
 @click.command()
 @PATHS
+@strict_option
 @PACKAGES
 @ALLOW_OUTSIDE
-def validate(paths: Sequence[str], packages: Sequence[str], allow_outside: bool) -> ExitCode:
+def validate(paths: Sequence[str], strict: bool, packages: Sequence[str], allow_outside: bool) -> ExitCode:
     """Check scenarios without running them, and report all problems.
 
     PATHS are scenario files, globs, or folders. A folder stands for every *.sim.yml and *.sim.yaml in it and below. The
     default is the current folder.
 
-    Exit code: 0 all scenarios are valid; 2 a scenario or the command line is invalid; 3 internal error of sim-action; 5
-    no scenario found.
+    Exit code: 0 all scenarios are valid; 1 a scenario has a warning, with --strict; 2 a scenario or the command line is
+    invalid; 3 internal error of sim-action; 5 no scenario found.
     """
     suite = discovered(paths, outside=allow_outside)
     refused_here = scripts_refused("auto", os.environ, (Path.cwd(), *(path.parent for path in suite.files)))
@@ -41,7 +42,8 @@ def validate(paths: Sequence[str], packages: Sequence[str], allow_outside: bool)
     # What several share may be wrong in each of them, and stands in one place.
     messages = [message for scenario in refused for message in _messages(scenario)]
     messages += [f"{loaded.file}: not checked: {remark}" for loaded in valid for remark in loaded.unchecked]
-    messages += [f"{warning.location}: warning: {warning}" for loaded in valid for warning in loaded.warnings]
+    warnings = [warning for loaded in valid for warning in loaded.warnings]
+    messages += [f"{warning.location}: {'error' if strict else 'warning'}: {warning}" for warning in warnings]
     for line in (line for message in dict.fromkeys(messages) for line in message.split("\n")):
         click.echo(log_line(line))
     scenarios = len({(loaded.file, loaded.source.group or loaded.scenario.name) for loaded in valid})
@@ -50,7 +52,8 @@ def validate(paths: Sequence[str], packages: Sequence[str], allow_outside: bool)
     if not suite.files:
         return ExitCode.of_command(has_scenarios=False)
     codes = (scenario.error.exit_code for scenario in refused)
-    return ExitCode.of_command((*codes, *(ExitCode.INVALID for _ in suite.empty)))
+    unnamed = (ExitCode.INVALID for _ in suite.empty)
+    return ExitCode.of_command((*codes, *unnamed), has_failed=strict and bool(warnings))
 
 
 def _messages(refused: Refused) -> list[str]:

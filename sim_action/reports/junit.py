@@ -35,6 +35,7 @@ from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import RESULTS_FILE, Results
 from sim_action.results.written_files import JUNIT_NAME
 from sim_action.scenario.variations.gate import GATE
+from sim_action.world.claims import AuditWarning
 
 _ENDINGS: Final = re.compile(r"(?<=[^/])(\.sim)?\.(yml|yaml|test|launch)$")
 _MAX_RUNS_OF_GATE: Final = 20
@@ -102,6 +103,7 @@ class _Document:
         values = group.values(outcome)
         cases = [self._expectation(group, outcome, expected) for expected in outcome.expectations]
         cases += [self._error(group, outcome, failure) for failure in _reasons(outcome)]
+        cases += [self._warning(group, outcome, warning) for warning in outcome.failing_warnings]
         if outcome.status == "skipped":
             cases.append(self._skipped(group, outcome))
         for index, case in enumerate(cases):
@@ -179,6 +181,13 @@ class _Document:
             body += f"\n\n{failure.details}"
         add_child(case, "error", body, {"type": failure.kind, "message": message})
         self._attach_trace(case, outcome)
+        return case
+
+    def _warning(self, group: ScenarioGroup, outcome: Outcome, warning: AuditWarning) -> ET.Element:
+        """Return the testcase of a warning that makes a run fail."""
+        case = self._case(group, outcome, warning.rule, warning.location)
+        body = self._body(warning.message, warning.rule, warning.location)
+        add_child(case, "failure", body, {"type": warning.rule, "message": warning.message})
         return case
 
     def _case(self, group: ScenarioGroup, outcome: Outcome, name: str, location: Location | None) -> ET.Element:

@@ -159,10 +159,11 @@ class _Printer:
 
     def _warnings(self, group: ScenarioGroup) -> None:
         """Print the warnings of the audit, each once for all variations."""
-        if self._verbosity == "quiet":
+        strict = any(outcome.strict for outcome in group.outcomes)
+        if self._verbosity == "quiet" and not strict:
             return
         for warning, runs in group.warnings:
-            self._line("  ", self._symbol("warned"), (group.warning_text(warning, runs), ""))
+            self._line("  ", self._symbol("failed" if strict else "warned"), (group.warning_text(warning, runs), ""))
             self._line("      ", (str(warning.location), "cyan"))
 
     def _model_notes(self, group: ScenarioGroup) -> None:

@@ -422,7 +422,9 @@ def _audited_over_variations(outcomes: Sequence[Outcome]) -> list[Outcome]:
 
 
 def _audited(outcome: Outcome, shared: Sequence[AuditWarning] | None) -> Outcome:
-    if shared is None or all(warning in shared for warning in outcome.warnings if warning.is_over_variations):
-        return outcome
-    kept = tuple(warning for warning in outcome.warnings if not warning.is_over_variations or warning in shared)
-    return share_parts(outcome.model_copy(update={"warnings": kept}), outcome)
+    if shared is not None and any(each.is_over_variations and each not in shared for each in outcome.warnings):
+        kept = tuple(warning for warning in outcome.warnings if not warning.is_over_variations or warning in shared)
+        outcome = share_parts(outcome.model_copy(update={"warnings": kept}), outcome)
+    if outcome.strict and outcome.has_verdict and outcome.status != (status := outcome.judged_status()):
+        return share_parts(outcome.model_copy(update={"status": status}), outcome)
+    return outcome

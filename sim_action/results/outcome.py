@@ -64,7 +64,7 @@ Status = Literal["error", "failed", "flaky", "inconclusive", "not_exercised", "p
 """The status of a scenario, the worst first; every status before "passed" gives exit code 1 or worse.
 
 - error: there is no verdict; `Outcome.failures` gives the reasons.
-- failed: at least one expectation with severity "error" did not hold.
+- failed: at least one expectation with severity "error" did not hold, or a strict run has a warning.
 - flaky: repeated runs gave different results.
 - inconclusive: the runs of a gate neither show nor refute what it claims.
 - not_exercised: nothing failed, but at least one expectation with severity "error" was never judged.
@@ -316,6 +316,7 @@ class Outcome(FrozenModel):
         repeats: the repeated runs; this outcome describes the first run, or the first of the runs that agree.
         provenance: the versions and the machine that produced the run.
         warnings: the parts of the scenario that checked nothing in this run.
+        strict: True if each of its warnings makes it fail.
         notes, model_notes: assumptions and remarks; those on the robot model that every report shows.
         diagnostics: messages of the engine.
         output: the end of the text that the user's code printed.
@@ -352,6 +353,7 @@ class Outcome(FrozenModel):
     engine: str | None = None
     provenance: Provenance | None = None
     warnings: tuple[AuditWarning, ...] = ()
+    strict: bool = False
     notes: tuple[str, ...] = ()
     model_notes: tuple[str, ...] = ()
     diagnostics: tuple[Diagnostic, ...] = ()
@@ -388,10 +390,25 @@ class Outcome(FrozenModel):
         return tuple(expected for expected in self.not_passed if expected.prevents_pass)
 
     @property
+    def failing_warnings(self) -> tuple[AuditWarning, ...]:
+        """The warnings that make it fail."""
+        return self.warnings if self.strict else ()
+
+    def judged_status(self, *, is_varied: bool = False) -> Status:
+        """Return the status that its expectations and, if it is strict, its warnings give.
+
+        `is_varied`: True for a variation alone: it does not know the warnings that count only if all variations have
+        them.
+        """
+        failing = [each for each in self.failing_warnings if not (is_varied and each.is_over_variations)]
+        return "failed" if failing else status_of(self.expectations)
+
+    @property
     def ending(self) -> str:
         """The status with its first reason, such as "failed (travelled 1.2 m of 1.5 m)"."""
         reasons = [f"{failure.title}: {failure.message}" for failure in self.failures]
         reasons += [expected.verdict.message for expected in self.causes]
+        reasons += map(str, self.failing_warnings)
         status = "ended in an error" if self.status == "error" else self.status.replace("_", " ")
         return f"{status} ({reasons[0]})" if reasons else status
 

@@ -22,7 +22,7 @@ from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import read_at_most, whole_file
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
-from sim_action.results.outcome import WORST_FIRST, NotNegative, Outcome, Status, status_of
+from sim_action.results.outcome import WORST_FIRST, NotNegative, Outcome, Status
 from sim_action.scenario.selection import ranges_text
 from sim_action.scenario.variations.gate import PlannedGate
 
@@ -374,8 +374,7 @@ def is_inconsistent(outcome: Outcome) -> bool:
         return not outcome.failures
     if outcome.status == "skipped":
         return bool(outcome.failures or outcome.expectations)
-    judged = status_of(outcome.expectations)
-    return bool(outcome.failures) or not outcome.expectations or outcome.status != judged
+    return bool(outcome.failures) or not outcome.expectations or outcome.status != outcome.judged_status()
 
 
 def _reject(message: str) -> NoReturn:

@@ -405,7 +405,8 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         )
         for expected, verdict in zip(scenario.expect, run.verdicts, strict=True)
     )
-    return Outcome(
+    is_varied = job.loaded.source.group is not None
+    outcome = Outcome(
         name=scenario.name,
         file=job.loaded.file,
         status=status_of(expectations),
@@ -416,14 +417,16 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         travelled=run.travelled,
         seed=scenario.seed,
         scenario_seed=job.loaded.source.scenario_seed,
-        surroundings=_surroundings(scenario, is_varied=job.loaded.source.group is not None),
+        surroundings=_surroundings(scenario, is_varied=is_varied),
         digest=run.digest,
-        motion=motion_figures(run.trace) if job.loaded.source.group is not None else (),
+        motion=motion_figures(run.trace) if is_varied else (),
         engine=run.engine,
         warnings=(*job.loaded.warnings, *(each.warning(job.loaded.document) for each in run.findings)),
+        strict=job.loaded.strict,
         notes=run.notes,
         model_notes=run.model_notes,
     )
+    return outcome.model_copy(update={"status": outcome.judged_status(is_varied=is_varied)})
 
 
 _MAX_SURROUNDINGS: Final = 500

@@ -28,12 +28,12 @@ from sim_action.core.workspace import PathError
 from sim_action.core.yaml_document import Document
 from sim_action.engines import ENGINES, chosen, named_version
 from sim_action.results.masking import Mask
-from sim_action.results.outcome import Failure, FailureKind, Outcome, status_of
+from sim_action.results.outcome import Failure, FailureKind, Outcome
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import out_of_memory
 from sim_action.runner.observed_inputs import inputs_in
 from sim_action.runner.process_output import place_in_stack_dump, split_output
-from sim_action.scenario.model import LoadedScenario, Scenario
+from sim_action.scenario.model import LoadedScenario
 
 _MAX_DETAILS_CHARS: Final = 20_000
 _MAX_LAST_WORDS_CHARS: Final = 2_000
@@ -177,7 +177,7 @@ def _written(child: ChildProcess, mask: Mask) -> Outcome | None:
         outcome = Outcome.model_validate_json(child.report.verdict)
     except ValidationError:
         return None
-    if not _is_consistent(outcome, child.job.loaded.scenario):
+    if not _is_consistent(outcome, child.job.loaded):
         return None
     return _of_limited_length(mask.outcome(outcome))
 
@@ -216,13 +216,15 @@ def _cut(text: str) -> str:
     return shortened(text, MAX_MESSAGE_CHARS)
 
 
-def _is_consistent(outcome: Outcome, scenario: Scenario) -> bool:
+def _is_consistent(outcome: Outcome, loaded: LoadedScenario) -> bool:
     """Return True if every expectation was judged and the status fits the verdicts."""
     if outcome.status == "error":
         return bool(outcome.failures)
-    asked = [(expected.name, expected.severity, expected.location) for expected in scenario.expect]
+    asked = [(expected.name, expected.severity, expected.location) for expected in loaded.scenario.expect]
     judged = [(expected.name, expected.severity, expected.location) for expected in outcome.expectations]
-    return judged == asked and not outcome.failures and outcome.status == status_of(outcome.expectations)
+    if judged != asked or outcome.failures or outcome.strict != loaded.strict:
+        return False
+    return outcome.status == outcome.judged_status(is_varied=loaded.source.group is not None)
 
 
 def _afterwards(child: ChildProcess, ending: Ending) -> Iterator[str]:

@@ -16,7 +16,7 @@ import numpy as np
 from sim_action.core import units
 from sim_action.core.records import dataclass
 from sim_action.core.yaml_document import KeyPath
-from sim_action.results.outcome import ExpectationOutcome, Measurement, Outcome, status_of
+from sim_action.results.outcome import ExpectationOutcome, Measurement, Outcome
 from sim_action.robot.model.joint_selection import matches_name
 from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, LoadedScenario, PoseAgreement
 from sim_action.state.motion_record import MotionRecord
@@ -62,9 +62,9 @@ def with_agreement(
             "notes": (*outcomes[last].notes, *notes),
             "expectations": expectations,
             "measurements": tuple(each for one in comparisons for each in one.measurements()),
-            "status": status_of(expectations),
         }
     )
+    compared = compared.model_copy(update={"status": compared.judged_status(is_varied=loaded.source.group is not None)})
     return tuple(compared if index == last else outcome for index, outcome in enumerate(outcomes))
 
 

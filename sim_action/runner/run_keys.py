@@ -243,7 +243,8 @@ def _scenario(loaded: LoadedScenario) -> list[object]:
     return [
         *(source.document.data, source.document.file, source.line, source.number, source.group, source.scenario_seed),
         [(varied.key, varied.value) for varied in source.variation],
-        *(scenario.name, scenario.backend, scenario.seed, scenario.unexercised, scenario.trace.rate, loaded.compared),
+        *(scenario.name, scenario.backend, scenario.seed, scenario.unexercised, scenario.trace.rate),
+        *(loaded.compared, loaded.strict),
         *(str(loaded.workspace.directory), str(loaded.workspace.root)),
     ]
 

@@ -86,7 +86,7 @@ Plan = tuple[LoadedScenario, ...] | Refused
 class PlanRequest:
     """The request of the command line; `shard`, `backend` and `seed` as typed.
 
-    `unexercised`: for scenarios that do not say it.
+    `unexercised`: for scenarios that do not say it. `strict`: warnings of the audit make scenarios fail.
     """
 
     suite: Suite
@@ -95,6 +95,7 @@ class PlanRequest:
     backend: str | None
     seed: int | None
     unexercised: Unexercised | None = None
+    strict: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,7 +216,9 @@ class _Planner:
             changed["seed"] = seed
         if request.unexercised is not None and loaded.scenario.unexercised is None:
             changed["unexercised"] = request.unexercised
-        return replace(loaded, scenario=loaded.scenario.model_copy(update=changed)) if changed else loaded
+        if changed:
+            loaded = replace(loaded, scenario=loaded.scenario.model_copy(update=changed))
+        return replace(loaded, strict=True) if request.strict else loaded
 
 
 def _once(planned: Iterable[Plan]) -> Iterator[Plan]:

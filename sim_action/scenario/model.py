@@ -389,6 +389,7 @@ class LoadedScenario:
         parts: name of a world body -> its parts, for bodies that are read from files.
         warnings: the findings of the audit of claims that do not refuse it.
         compared: True if the run is compared with that of another engine.
+        strict: True if warnings of the audit of claims make it fail.
         places: of the models in the world file.
         mutation: the injected fault; None in all runs but those of `sim-action prove`.
     """
@@ -400,6 +401,7 @@ class LoadedScenario:
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
     warnings: tuple[AuditWarning, ...] = ()
     compared: bool = False
+    strict: bool = False
     places: WorldPlaces = field(default_factory=WorldPlaces)
     mutation: Mutation | None = None
 

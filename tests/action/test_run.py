@@ -30,6 +30,7 @@ INPUTS = {
     "fail-fast": "false",
     "resume": "false",
     "seed": "",
+    "strict": "",
     "repeat": "",
     "unexercised": "",
     "jobs": "",

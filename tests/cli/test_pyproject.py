@@ -62,6 +62,11 @@ def test_expectations_that_are_never_judged_can_be_accepted(folder: Path) -> Non
     assert stated(folder, 'unexercised = "warn"', "merge") == {}
 
 
+@pytest.mark.parametrize(("command", "has"), [("run", True), ("validate", True), ("prove", False), ("compare", False)])
+def test_strict_is_of_runs_and_checks_alone(command: str, has: bool, folder: Path) -> None:
+    assert stated(folder, "strict = true", command) == ({"strict": True} if has else {})
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -8,6 +8,7 @@ import junitparser
 import pytest
 
 from tests.integration.conftest import outcomes, sim_action
+from tests.integration.engines import on_every_engine
 
 # The first reading comes at 1 s, after the window of the expectation has closed.
 UNREAD = """\
@@ -65,3 +66,55 @@ def test_it_can_be_accepted_knowingly(
     run = sim_action(tmp_path, "run", *options)
     assert run.returncode == code, run.stdout + run.stderr
     assert ("1 passed, 1 warning" if code == 0 else "1 not exercised") in run.stdout
+
+
+# The robot never drives as far as the premise asks.
+WARNS = """\
+name: warns
+robot: {model: turtlebot3_burger}
+commands: {twist: [{linear: 0.5, for: 1 s}]}
+expect:
+  - stl: "always (x > 5 m implies yaw < 1 rad)"
+    name: straight
+time_limit: 1 s
+"""
+RULE = "premise-never-held"
+
+
+@on_every_engine
+def test_a_strict_run_fails_by_the_rule_of_a_warning(engine: str, tmp_path: Path) -> None:
+    (tmp_path / "a.sim.yml").write_text(WARNS)
+    run = sim_action(tmp_path, "run", "--strict", "--backend", engine, GITHUB_ACTIONS="true")
+    assert run.returncode == 1, run.stdout + run.stderr
+    assert f"::error file=a.sim.yml,line=5,col=5,title=warns%3A {RULE}::" in run.stdout
+    (suite,) = junitparser.JUnitXml.fromfile(str(tmp_path / "sim-results/junit.xml"))
+    assert (suite.tests, suite.failures, suite.errors) == (2, 1, 0)
+    ((failure,),) = (case.result for case in suite if case.result)
+    assert (type(failure), failure.type) == (junitparser.Failure, RULE)
+    (outcome,) = outcomes(tmp_path)
+    assert (outcome["status"], outcome["strict"], outcome["warnings"][0]["rule"]) == ("failed", True, RULE)
+
+
+@pytest.mark.parametrize(
+    ("project", "options", "allow", "code"),
+    [
+        ("", (), "", 0),
+        ("strict = true", (), "", 1),
+        ("strict = true", ("--no-strict",), "", 0),
+        ("strict = true", (), f"allow: [{RULE}]\n", 0),
+    ],
+)
+def test_strict_is_of_the_project_too(
+    project: str, options: tuple[str, ...], allow: str, code: int, tmp_path: Path
+) -> None:
+    (tmp_path / "a.sim.yml").write_text(WARNS + allow)
+    (tmp_path / "pyproject.toml").write_text(f"[tool.sim-action]\n{project}\n")
+    run = sim_action(tmp_path, "run", *options)
+    assert run.returncode == code, run.stdout + run.stderr
+
+
+def test_a_strict_check_fails_by_what_is_known_before_the_run(tmp_path: Path) -> None:
+    (tmp_path / "a.sim.yml").write_text(WARNS.replace("for: 1 s", "for: 1000 s"))
+    assert sim_action(tmp_path, "validate").returncode == 0
+    run = sim_action(tmp_path, "validate", "--strict")
+    assert (run.returncode, "error:" in run.stdout, "[segment-beyond-run]" in run.stdout) == (1, True, True)

@@ -167,6 +167,29 @@ def test_a_premise_counts_only_if_it_held_in_no_variation() -> None:
 
 
 @pytest.mark.parametrize(
+    ("warnings", "others", "status"),
+    [
+        ((), (), "passed"),
+        ((STILL,), (), "failed"),
+        ((NEVER_HELD,), (NEVER_HELD,), "failed"),
+        ((NEVER_HELD,), (), "passed"),
+        ((NEVER_HELD, STILL), (), "failed"),
+    ],
+)
+def test_a_strict_outcome_fails_by_the_warnings_that_count(
+    warnings: tuple[AuditWarning, ...], others: tuple[AuditWarning, ...], status: Status
+) -> None:
+    one, other = varied(*warnings, strict=True), varied(*others, strict=True)
+    alone = one.model_copy(update={"status": one.judged_status(is_varied=True)})
+    assert alone.status == ("failed" if STILL in warnings else "passed")
+    final = over_variations([alone, other], ())[0]
+    assert (final.status, final.exit_code) == (status, ExitCode.FAILED if status == "failed" else ExitCode.PASSED)
+    # Joined with other shards, the same outcome is judged anew.
+    assert over_variations([final, varied(strict=True)], ())[0].status == alone.status
+    assert over_variations([final.model_copy(update={"strict": False}), other], ())[0].status == status
+
+
+@pytest.mark.parametrize(
     "changed", [{"status": "error"}, {"status": "skipped"}, {"status": "failed", "end": "expectation failed"}]
 )
 def test_a_variation_that_did_not_run_to_its_end_says_nothing_about_the_others(changed: dict[str, Any]) -> None:

@@ -128,7 +128,8 @@ def _annotations(name: str, outcome: Outcome, options: ReportOptions) -> Iterato
         annotation = Annotation(level, f"{name}: {expected.name}", message, expected.location)
         yield annotation, relative_margin(expected)
     for warning in outcome.warnings:
-        yield Annotation("warning", f"{name}: {warning.rule}", warning.message, warning.location), 0.0
+        level = "error" if outcome.strict else "warning"
+        yield Annotation(level, f"{name}: {warning.rule}", warning.message, warning.location), 0.0
 
 
 def _replayed(outcome: Outcome, options: ReportOptions, time: float | None) -> str:

@@ -280,6 +280,7 @@ def _gist(outcome: Outcome) -> str:
         return message_text(" ".join(outcome.notes))
     reasons = [f"{failure.title}: {failure.message}" for failure in outcome.failures]
     reasons += [expected.verdict.message for expected in outcome.causes]
+    reasons += map(str, outcome.failing_warnings)
     reasons = reasons or [expected.verdict.message for expected in outcome.causes_first if expected.warned]
     reasons = reasons or [str(warning) for warning in outcome.warnings]
     if reasons:
@@ -308,8 +309,9 @@ def _failure_text(failure: Failure, options: ReportOptions) -> str:
 
 def _warnings(outcome: Outcome, options: ReportOptions) -> str:
     """Return a list of the warnings of the audit."""
+    icon = STATUS_DISPLAYS["failed" if outcome.strict else "warned"].icon
     lines = [
-        f"- {STATUS_DISPLAYS['warned'].icon} {message_text(str(warning))}<br>{source_link(options, warning.location)}"
+        f"- {icon} {message_text(str(warning))}<br>{source_link(options, warning.location)}"
         for warning in outcome.warnings[:_MAX_ROWS]
     ]
     return paragraphs("\n".join(lines), left_out_note(len(outcome.warnings), _MAX_ROWS, "warning"))

@@ -123,7 +123,7 @@ def run_reasons(outcome: Outcome, options: ReportOptions, seen: Mapping[str, Sig
     """
     sections = failure_sections(outcome, options)
     sections += [_missed_section(expected, seen.get(expected.verdict.body)) for expected in outcome.not_passed]
-    sections += [_warning_section(warning, options) for warning in outcome.warnings[:_MAX_WARNINGS]]
+    sections += [_warning_section(warning, outcome, options) for warning in outcome.warnings[:_MAX_WARNINGS]]
     return reasons(sections)
 
 
@@ -188,9 +188,10 @@ def _missed_section(expected: ExpectationOutcome, seen: SightingData | None) -> 
     )
 
 
-def _warning_section(warning: AuditWarning, options: ReportOptions) -> Html:
-    title = element("h3", warning.rule, element("small", " · a warning"))
-    return reason("warned", title, warning.message, faint(source(warning.location, options)))
+def _warning_section(warning: AuditWarning, outcome: Outcome, options: ReportOptions) -> Html:
+    kind = element("small", " · a warning, and the run is strict" if outcome.strict else " · a warning")
+    status = "failed" if outcome.strict else "warned"
+    return reason(status, element("h3", warning.rule, kind), warning.message, faint(source(warning.location, options)))
 
 
 def _figures(verdict: Verdict) -> Html:

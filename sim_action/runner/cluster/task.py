@@ -89,13 +89,14 @@ class Run:
         index: its index among all runs of the call.
         source: the scenario as the caller's machine reads it.
         changed: the keys of the scenario that options have changed, and their values.
-        compared: as in `LoadedScenario`.
+        compared, strict: as in `LoadedScenario`.
     """
 
     index: int
     source: Source
     changed: tuple[tuple[str, Any], ...]
     compared: bool
+    strict: bool
 
     @classmethod
     def of(cls, index: int, loaded: LoadedScenario) -> Self:
@@ -103,7 +104,8 @@ class Run:
         scenario, source = loaded.scenario, loaded.source
         changed = {"name": scenario.name, "backend": scenario.backend, "seed": scenario.seed}
         changed |= {"unexercised": scenario.unexercised, "trace": scenario.trace}
-        return cls(index, replace(source, path=source.path.absolute()), tuple(changed.items()), loaded.compared)
+        there = replace(source, path=source.path.absolute())
+        return cls(index, there, tuple(changed.items()), loaded.compared, loaded.strict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +153,8 @@ class Task:
         [found] = load_all([moved], permissions, libraries)
         if isinstance(found, Refused):
             raise found.error
-        return replace(found, scenario=found.scenario.model_copy(update=dict(run.changed)), compared=run.compared)
+        scenario = found.scenario.model_copy(update=dict(run.changed))
+        return replace(found, scenario=scenario, compared=run.compared, strict=run.strict)
 
     def _moved_packages(self, packages: Sequence[tuple[str, str]], copies: Path) -> tuple[tuple[str, str], ...]:
         return tuple((name, str(self.moved(Path(folder), copies))) for name, folder in packages)
