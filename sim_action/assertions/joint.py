@@ -104,6 +104,11 @@ class JointReading(Assertion):
         )
         return f"joint {self.name} {self.reading} {wanted}"
 
+    @property
+    @override
+    def step_memory_s(self) -> float:
+        return 0.0 if self.reading == "position" else 0.1
+
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield an unknown joint, and units that do not fit its type."""
         moving = [joint.name for joint in scene.model.moving_joints]

@@ -171,11 +171,14 @@ class Saturation:
 
     def _note_positions(self, asked: Mapping[str, float]) -> None:
         for name, position in asked.items():
-            if name in self._limited and (beyond := beyond_limits(self._joints[name], position)):
-                self._limited.remove(name)
-                self.notes.append(
-                    f"{self._source} commanded joint '{name}' to a position that it cannot reach: {beyond}"
-                )
+            if beyond := beyond_limits(self._joints[name], position):
+                self.note_beyond(name, f"to a position that it cannot reach: {beyond}")
+
+    def note_beyond(self, name: str, command: str) -> None:
+        """Add a note on a command beyond the limits of a joint, unless it has one."""
+        if name in self._limited:
+            self._limited.remove(name)
+            self.notes.append(f"{self._source} commanded joint '{name}' {command}")
 
     def _cut(self, asked: Mapping[str, float], reading: Reading, limits: Mapping[str, float]) -> Mapping[str, float]:
         beyond = {name for name, value in asked.items() if abs(value) > limits.get(name, abs(value))}

@@ -61,8 +61,9 @@ class ReplayCommands(CommandSource):
 
     A row acts at its own time: at the nearest physics step, or with a `rate` at its next tick. A command holds until
     the next one, and the last one until the end. So the log should end with a stop; or set a `timeout`, as real bases
-    have one. Positions of joints are interpolated between rows, with the velocities of the log if it has them; a joint
-    holds its position over a gap of more than 1 s. A note counts the rows that were not used, with the reason.
+    have one. Positions of joints are interpolated between rows, with the velocities of the log if they fit, else with a
+    note. A joint holds its position over a gap of more than 1 s. A note counts the rows
+    that were not used, with the reason.
 
     A CSV file has a header with `time` (s) and either `linear`, `lateral`, `angular` (m/s, rad/s) or
     `position.<joint>`, `velocity.<joint>`, `effort.<joint>` (SI units). A unit may follow a name: `time [ms]`. Files of
@@ -72,7 +73,7 @@ class ReplayCommands(CommandSource):
     From ROS logs, `Twist`, `TwistStamped`, `AckermannDrive`, `AckermannDriveStamped`, `JointState`, `JointTrajectory`
     and `Float64MultiArray` (with `joints`) are replayed. If a joint has several of position, velocity and effort, the
     first of them is used; NaN means that a joint has none. Targets beyond the limits of the model are clipped, with a
-    note. An unfinished MCAP file is read up to its end, with a note.
+    note, also between two rows. An unfinished MCAP file is read up to its end, with a note.
 
     ROS logs need `pip install '.[rosbags]'` in a checkout of sim-action, and in a workflow the input `extras: rosbags`.
     """
@@ -348,6 +349,7 @@ class Playback:
         self._answers: dict[int, Command] = {}
         self._unused = dict(recorded.unused)
         self._motors = Saturation(scene.model, spec.replay)
+        self._misfits: list[str] = []
         self._now = 0.0
         end = math.inf if spec.end is None else spec.end
         kept = [
@@ -375,6 +377,9 @@ class Playback:
     def __iter__(self) -> Iterator[str]:
         yield from self._recorded.notes
         yield from self._motors.notes
+        if self._misfits:
+            names = ", ".join(self._misfits)
+            yield escaped_line(f"{self._spec.replay}: velocities that do not fit the positions were not used: {names}")
         now = round(self._now * self._rate)
         following = now + 1 if self._spec.has_rate else next((tick for tick in self.due if tick > now), math.inf)
         late = sum(self._tick(time) >= following for time in self._moments)
@@ -439,7 +444,9 @@ class Playback:
                 for time, value in values.items():
                     steps.setdefault(self._tick(time), {})[JointColumn(kind, joint)] = value
         curves = {
-            joint: self._curve(columns[JointColumn(kind, joint)], columns.get(JointColumn("velocity", joint), {}))
+            joint: self._curve(
+                joint, columns[JointColumn(kind, joint)], columns.get(JointColumn("velocity", joint), {})
+            )
             for joint, kind in kinds.items()
             if kind == "position"
         }
@@ -455,8 +462,9 @@ class Playback:
     def _moves(self, joint: str) -> bool:
         return self._spec.only_joints is None or joint in self._spec.only_joints
 
-    def _curve(self, positions: Mapping[float, float], speeds: Mapping[float, float]) -> Curve:
+    def _curve(self, joint: str, positions: Mapping[float, float], speeds: Mapping[float, float] | None) -> Curve:
         """Return the curve through positions in rad (or m) at times in s, with the speeds that are known."""
+        speeds = speeds or {}
         # Of rows in one physics step, the last counts.
         times = [time for time, later in pairwise([*positions, math.inf]) if later - time >= self._step_s / 2]
         if len(times) > 1 and all(time in speeds for time in times):
@@ -464,6 +472,7 @@ class Playback:
             # Many publishers fill the speeds of a motion with 0.
             differences = np.abs(slopes - [speeds[time] for time in times])
             if np.median(differences) > _DIFFERENT * np.median(np.abs(slopes)) + _SLOW_RADPS:
+                self._misfits.append(joint)
                 speeds = {}
         gaps = [index for index, (time, later) in enumerate(pairwise(times), start=1) if later - time > MAX_GAP_S]
         return joined(
@@ -500,15 +509,23 @@ class Playback:
         )
 
     def _note_limits(self, joint: str, curve: Curve) -> None:
-        """Note a position that the joint cannot reach, with its place."""
-        points = zip(curve.times.tolist(), curve.coefficients[:, 0].tolist(), strict=True)
+        """Note positions and speeds that the joint cannot reach, with the place of the first position."""
         limits = self._scene.model.joints_by_name[joint]
-        beyond = [(time, problem) for time, position in points if (problem := beyond_limits(limits, position))]
-        if beyond:
-            time, problem = beyond[0]
-            at = time + self._spec.start - self._spec.offset
-            what = f"{len(beyond)} positions that it cannot reach, first at {at:g} s of the log"
-            self._motors.notes.append(f"{self._spec.replay} commanded joint '{joint}' to {what}: {problem}")
+        times = curve.samples()
+        positions, speeds, _ = curve.states(times)
+        lower, upper = limits.range
+        for index in np.flatnonzero((positions < lower) | (positions > upper)).tolist():
+            if problem := beyond_limits(limits, float(positions[index])):
+                rows = sum(beyond_limits(limits, row) is not None for row in curve.coefficients[:, 0].tolist())
+                what = (
+                    f"to {rows} positions that it cannot reach, first"
+                    if rows
+                    else "beyond its limits between two rows,"
+                )
+                at = times[index] + self._spec.start - self._spec.offset
+                self._motors.note_beyond(joint, f"{what} at {at:g} s of the log: {problem}")
+                break
+        self._motors.clip(JointTargets(velocity={joint: float(np.abs(speeds).max())}))
 
 
 def joined(curves: Iterable[Curve]) -> Curve:

@@ -271,7 +271,8 @@ class _Loop:
             return verdict
         steps = self._controls.steps
         # A sum over all joints names none of them. A step of a target decides no position.
-        named = {joint for joint in steps if joint in message and f"{joint} position" not in message}
+        words = {word.strip("',;:") for word in message.split()}
+        named = {joint for joint in steps if joint in words and f"{joint} position" not in message}
         causes = named if math.isfinite(memory) else named or set(steps)
         times = [(time, joint) for joint in sorted(causes) for time in steps[joint]]
         within = [cause for cause in times if verdict.time - memory <= cause[0] <= verdict.time]

@@ -92,6 +92,11 @@ class Curve:
         ends = (self.coefficients[:-1] * powers).sum(axis=1)
         return np.asarray(np.abs(self.coefficients[1:, 0] - ends) > _STEP)
 
+    def samples(self) -> FloatArray:
+        """Return the times of all knots, and of points between them that show how far a piece overshoots."""
+        between = self.times[:-1, None] + np.diff(self.times)[:, None] * np.arange(8) / 8
+        return np.append(between, self.times[-1])
+
     def at(self, time: float) -> tuple[float, float, float]:
         """Return the value, its velocity and its acceleration at a time in s."""
         value, velocity, acceleration = self.states(np.array([time]))
@@ -210,8 +215,8 @@ class JointMotion:
 
     @cached_property
     def extremes(self) -> tuple[dict[str, float], dict[str, float]]:
-        """The least and the greatest position of each joint at its knots."""
-        values = [curve.coefficients[:, 0] for curve in self.curves]
+        """The least and the greatest position of each joint."""
+        values = [curve.states(curve.samples())[0] for curve in self.curves]
         least, greatest = ([float(of(each)) for each in values] for of in (np.min, np.max))
         return dict(zip(self.names, least, strict=True)), dict(zip(self.names, greatest, strict=True))
 
@@ -297,5 +302,8 @@ def _slopes(times: FloatArray, values: FloatArray) -> FloatArray:
     smooth = np.maximum(np.concatenate(([0.0], same)), np.concatenate((same, [0.0]))) if count > 3 else np.zeros(1)
     lower = np.where(mean[:-1] * mean[1:] > 0, np.minimum(np.abs(mean[:-1]), np.abs(mean[1:])), 0.0)
     most = np.maximum(3 * lower, 1.5 * np.maximum(span[:-1], span[1:]) * smooth)
-    slopes[1:-1] = np.clip(slopes[1:-1], -most, most)
+    limited = np.clip(slopes[1:-1], -most, most)
+    # The ends bend as in a spline through the limited slopes, so that a jump does not shake the first and last rows.
+    slopes[[0, -1]] += (slopes[[1, -2]] - limited[[0, -1]]) / 2
+    slopes[1:-1] = limited
     return slopes

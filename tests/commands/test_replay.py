@@ -399,11 +399,57 @@ def test_speeds_count_only_if_they_are_those_of_the_positions(speed: float, shar
     (tmp_path / "a.csv").write_text(f"time,position.wheel_left_joint,velocity.wheel_left_joint\n{rows}")
     position, velocity, _ = curve(tmp_path, "a.csv", "wheel_left_joint").at(0.25)
     assert (position, velocity) == pytest.approx((share, 2.0))
+    ignored = "a.csv: velocities that do not fit the positions were not used: wheel_left_joint"
+    assert notes(tmp_path, replay="a.csv") == ([] if speed == 2.0 else [ignored])
 
 
-def test_a_position_that_a_joint_cannot_reach_is_noted_with_its_time(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text("time,position.wheel_left_joint\n0,0\n0.5,1\n")
-    assert notes(tmp_path, replay="a.csv") == []
+SLIDER = """<robot name="s"><link name="base"/><link name="cart"><inertial><mass value="1"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+<joint name="slide" type="prismatic"><parent link="base"/><child link="cart"/><axis xyz="1 0 0"/>
+<limit lower="-0.6" upper="0.6" effort="100" velocity="3"/></joint></robot>"""
+
+
+RESTS = "".join(f"{n / 10},0.5,0\n" for n in range(9))
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        (f"{RESTS}1,0.5,0\n1.4,0.55,0.1\n1.8,0.55,-0.1\n2.2,0.5,0\n", []),
+        (
+            f"{RESTS}1,0.5,0\n1.4,0.55,0.8\n1.8,0.55,-0.8\n2.2,0.5,0\n",
+            ["its limits between two rows, at 1.5 s of the log"],
+        ),
+        ("0,0,\n0.5,0.61,\n1,0.7,\n1.5,0,\n", ["to 2 positions that it cannot reach, first at 0.5 s of the log"]),
+        ("0,0,\n0.01,0.4,\n", ["commanded 60 m/s for joint 'slide'; it was clipped to 3 m/s, its velocity limit"]),
+    ],
+)
+def test_what_a_joint_cannot_follow_is_noted_once_with_its_time(rows: str, expected: list[str], tmp_path: Path) -> None:
+    (tmp_path / "slider.urdf").write_text(SLIDER)
+    (tmp_path / "a.csv").write_text(f"time,position.slide,velocity.slide\n{rows}")
+    text = LEAST.replace("turtlebot3_burger", "slider.urdf").replace(TWIST, "commands: {replay: a.csv}\n")
+    controller = spec(replay="a.csv").open(build_scene(load(tmp_path, text)))
+    assert isinstance(controller, OpenLoop)
+    for n in range(960):
+        controller.command(n / 240)
+    found = list(controller.notes)
+    assert len(found) == len(expected)
+    assert all(part in note for part, note in zip(expected, found, strict=True)), found
+
+
+@pytest.mark.parametrize("jump_s", [0.01, 0.1])
+@pytest.mark.parametrize("values", [(0, 0, 1, 1), (0, 0, 0, 1, 1, 1), (1, 1, 0), (0, 1, 1, 1)])
+def test_rows_that_jump_move_nothing_before_and_after(jump_s: float, values: tuple[float, ...], tmp_path: Path) -> None:
+    times, clock = [], 0.0
+    for before, value in zip((values[0], *values), values, strict=False):
+        clock += jump_s if before != value else 0.5
+        times.append(clock - 0.5)
+    rows = "".join(f"{time},{value}\n" for time, value in zip(times, values, strict=True))
+    (tmp_path / "a.csv").write_text(f"time,position.wheel_left_joint\n{rows}")
+    wheel = curve(tmp_path, "a.csv", "wheel_left_joint")
+    positions = [wheel.at(n / 200)[0] for n in range(600)]
+    assert min(positions) >= -1e-9
+    assert max(positions) <= 1 + 1e-9
 
 
 def test_two_topics_of_a_log_keep_their_distance(tmp_path: Path) -> None:
@@ -453,4 +499,4 @@ def test_any_rows_of_joints_give_finite_targets(
             curves = [curve for motion in answer.motions for curve in motion.curves]
             states = [number for curve in curves for time in (0.0, 1.234, 5.0) for number in curve.at(time)]
             assert all(map(math.isfinite, [*answer.velocity.values(), *states]))
-    assert all("were not used" in note for note in controller.notes)
+    assert all("were not used" in note or "its velocity limit" in note for note in controller.notes)
