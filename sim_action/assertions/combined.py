@@ -69,20 +69,17 @@ class Combined(Assertion):
 
     @override
     def combined_claims(self, scene: Scene) -> Findings:
-        """Yield combinations that hold, or fail, in every run because of their parts: a check and its opposite."""
-        from sim_action.assertions.temporal_logic.formula_claims import constant_parts
+        """Yield combinations that hold, or fail, in every run: a check and its opposite, or a limit beyond any run."""
+        from sim_action.assertions.temporal_logic.formula_claims import constant_result
 
-        parts = self.placed_parts
-        inner = [finding.below(place) for place, part in parts for finding in part.combined_claims(scene)]
+        inner = [finding.below(place) for place, part in self.placed_parts for finding in part.combined_claims(scene)]
         yield from (finding.below((self.key,)) for finding in inner)
-        # Parts that are constant alone report it themselves.
-        if inner or any(True for _, part in parts for _ in constant_parts(formula_of(part, scene), scene)):
-            return
-        for constant in constant_parts(formula_of(self, scene), scene):
-            result = "holds" if constant.is_true else "fails"
-            message = f"this {result} in every run, because its parts exclude or contain each other"
-            yield ClaimFinding("unreachable-limit", (self.key,), f"{message}; remove a part, or change a limit")
-            return
+        result = None if inner else constant_result(formula_of(self, scene), scene)
+        if result is not None:
+            always = "holds" if result else "fails"
+            message = f"this {always} in every run, whatever the robot does: its limits exclude or contain each other"
+            use = "or no run comes to them; remove a part, or change a limit"
+            yield ClaimFinding("unreachable-limit", (self.key,), f"{message}, {use}")
 
     @property
     @override

@@ -121,7 +121,7 @@ class JointReading(Assertion):
                 units.parse(0.0 if written is None else written, joint.dimension(self.reading))
             except units.UnitError as error:
                 yield (key,), str(error)
-        if self.reading == "position":
+        if self.reading == "position" and not any(self._bare_angles(scene)):
             lower, upper = scene.model.reach(self.name)
             yield from self._unreachable(replace(joint, lower=lower, upper=upper))
 
@@ -133,6 +133,11 @@ class JointReading(Assertion):
             yield ("at_least",), f"'{self.name}' never gets there: {problem}"
         if near is not None and abs(near - max(lower, min(upper, near))) > (tolerance or 0.0):
             yield ("near",), f"'{self.name}' never comes so near: {beyond_limits(joint, near)}"
+
+    def _bare_angles(self, scene: Scene) -> Findings:
+        for key, written in self._asked().items() if self.reading == "position" else ():
+            if (problem := bare_angle(scene.model, (self.name,), written)) is not None:
+                yield ClaimFinding("bare-angle", (key,), problem)
 
     @override
     def meaning(self, scene: Scene) -> str:
@@ -146,10 +151,9 @@ class JointReading(Assertion):
 
     @override
     def robot_claims(self, scene: Scene) -> Findings:
-        for key, written in self._asked().items() if self.reading == "position" else ():
-            if (problem := bare_angle(scene.model, (self.name,), written)) is not None:
-                yield ClaimFinding("bare-angle", (key,), problem)
-                return
+        for finding in self._bare_angles(scene):
+            yield finding
+            return
         at_most = self._magnitude(self.at_most)
         _, high = joint_range(scene, self.name, self.reading)
         if at_most is not None and at_most >= high and self.at_least is None:

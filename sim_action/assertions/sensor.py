@@ -21,11 +21,11 @@ from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import as_written
-from sim_action.sensors import Sensor
+from sim_action.sensors import sensor_named
 from sim_action.state.readings import DISTANCES, READING_COLUMNS, ReadingColumn, columns_of
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
-from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting, nothing_in_range
+from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, nothing_in_range
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ class SensorReading(Assertion):
         return f"eventually ({both})"
 
     @override
-    def claims(self, setting: Setting) -> Findings:
+    def robot_claims(self, scene: Scene) -> Findings:
         """Yield bounds that no reading exceeds, and a minimum distance that is greater than the range of its sensor."""
         columns = (columns.get(self.reading) for columns in READING_COLUMNS.values())
         if any(column is not None and column.dimension == units.ANGULAR_SPEED for column in columns):
@@ -151,16 +151,18 @@ class SensorReading(Assertion):
                 if (problem := units.beyond_a_turn(written, units.ANGULAR_SPEED.si)) is not None:
                     yield ClaimFinding("bare-angle", (bound,), problem)
         least, most = (self._magnitude(bound) for bound in (self.at_least, self.at_most))
-        low, high = setting.limits(self.name, self.reading, self.which)
+        if (sensor := sensor_named(scene, self.name)) is None:
+            return
+        low, high = sensor.limits(self.reading, self.which)
         if (least is None or least <= low) and (most is None or most >= high) and not self.once:
             bound = "at_most" if self.at_least is None else "at_least"
             message = f"{self.what} is never outside {low:.6g} to {high:.6g}, so this checks nothing; change the limit"
             yield ClaimFinding("unreachable-limit", (bound,), message)
             return
-        key, far = setting.ranges.get((self.name, self.reading), ("", math.inf))
-        if self.once or self.which == "max":
+        key = sensor.range_keys.get(self.reading)
+        if self.once or self.which == "max" or least is None or key is None:
             return
-        if key and least is not None and least > far:
+        if least > (far := getattr(sensor, key)):
             reach, limit = units.display(far, "m"), units.display(least, "m")
             message = f"{self.name} sees {reach} far, so nothing between {reach} and {limit} is noticed"
             yield ClaimFinding("limit-beyond-range", ("at_least",), f"{message}; raise its '{key}'")
@@ -177,8 +179,8 @@ class SensorReading(Assertion):
 
     def _claims_empty(self, scene: Scene) -> bool:
         """Return True if the least allowed distance is the range of the sensor: nothing may be in range."""
-        sensor = next((fitting.keys for fitting in scene.sensors if fitting.name == self.name), None)
-        far = getattr(sensor, sensor.range_keys[self.reading]) if isinstance(sensor, Sensor) else math.inf
+        sensor = sensor_named(scene, self.name)
+        far = getattr(sensor, sensor.range_keys[self.reading]) if sensor is not None else math.inf
         return self.at_least is not None and (self._magnitude(self.at_least) or 0.0) >= far
 
     @override

@@ -27,19 +27,9 @@ def audit_scenario(
         yield from _warnings_only(scenario, expect_paths)
     if scenario.agreement is not None:
         yield from _beyond_half_a_turn(scenario.agreement)
-    ranges = {
-        (mounted.name, reading): (key, getattr(mounted.sensor, key))
-        for mounted in scenario.sensors
-        for reading, key in mounted.sensor.range_keys.items()
-    }
-    sensors = {mounted.name: mounted.sensor for mounted in scenario.sensors}
-
-    def limits(name: str, reading: str, which: str | None) -> tuple[float, float]:
-        return sensors[name].limits(reading, which) if name in sensors else (-math.inf, math.inf)
-
     for path, expectation in zip(expect_paths, scenario.expect, strict=True):
         end = min(scenario.time_limit, expectation.before)
-        setting = Setting(scenario.world, scenario.physics, scenario.time_limit, end, ranges=ranges, limits=limits)
+        setting = Setting(scenario.world, scenario.physics, scenario.time_limit, end)
         for place, leaf in expectation.assertion.placed_leaves():
             yield from _below((*path, *place), leaf.claims(setting), expectation)
     setting = _setting_of_commands(scenario)
@@ -68,10 +58,13 @@ def audit_robot(
         yield from (finding for finding in _without_shapes(judged, scene) if finding.rule == rule)
     for path, leaf, expectation in leaves:
         yield from _below(path, leaf.robot_claims(scene), expectation)
-    for path, expectation in zip(expect_paths, scenario.expect, strict=True):
-        yield from _below(path, expectation.assertion.combined_claims(scene), expectation)
     if scene.bolted and scenario.agreement is not None:
         yield from _fixed_parts(scenario.agreement, scene)
+
+
+def audit_combination(path: KeyPath, expectation: Expectation, scene: Scene) -> Findings:
+    """Yield the findings on a combined assertion as a whole."""
+    yield from _below(path, expectation.assertion.combined_claims(scene), expectation)
 
 
 def _below(path: KeyPath, findings: Findings, of: Expectation | None = None) -> Findings:

@@ -30,7 +30,7 @@ from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.reading.loading import ModelLibrary, check_text, load_model, package_problems, srdf_problems
 from sim_action.scenario import checks as scenario_checks
 from sim_action.scenario import world_checks
-from sim_action.scenario.claims import audit_robot, audit_scenario
+from sim_action.scenario.claims import audit_combination, audit_robot, audit_scenario
 from sim_action.scenario.faults import fault_problems
 from sim_action.scenario.files import read_only_scenario
 from sim_action.scenario.model import DrivenRobot, LoadedScenario, Scenario
@@ -327,6 +327,9 @@ class _Loader:
         for path, expectation in zip(self._parts.expect_paths, scenario.expect, strict=True):
             self._problems.note_all((*path, expectation.assertion.key), expectation.assertion.problems(scene))
         self._take(audit_robot(scene, scenario, self._parts.expect_paths, self._parts.command_paths))
+        for path, expectation in zip(self._parts.expect_paths, scenario.expect, strict=True):
+            if not self._problems.has_below(path):  # a wrong part is the reason
+                self._take(audit_combination(path, expectation, scene))
 
 
 def refused_together(

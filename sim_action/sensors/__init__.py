@@ -135,6 +135,12 @@ class Sensor(FrozenModel):
         """Return the function that measures."""
 
 
+def sensor_named(scene: Scene, name: str) -> Sensor | None:
+    """Return the sensor of a scene with a name; None if there is none, or its kind is unknown."""
+    keys = next((fitting.keys for fitting in scene.sensors if fitting.name == name), None)
+    return keys if isinstance(keys, Sensor) else None
+
+
 SENSORS: Final = Table[type[Sensor]](
     "sensor",
     {

@@ -239,10 +239,6 @@ def unknown_rules(allow: Sequence[str], path: KeyPath = ()) -> SpecProblems:
 Findings = Iterator[ClaimFinding]
 
 
-def _unlimited(*_: str | None) -> tuple[float, float]:
-    return -math.inf, math.inf
-
-
 @dataclass(frozen=True, slots=True)
 class Setting:
     """The scenario around an assertion or a command source, as far as its file says it.
@@ -251,8 +247,6 @@ class Setting:
         time_limit: of the scenario, in s.
         end: sim time in s at which the assertion is checked last, or at which a command can act last.
         end_key: the key of the scenario that states this end for commands.
-        ranges: sensor and column of its readings -> the key that states their range, and the range in m.
-        limits: sensor, column and axis or statistic of its readings -> their least and their greatest possible value.
     """
 
     world: World
@@ -260,8 +254,6 @@ class Setting:
     time_limit: float
     end: float
     end_key: str = "time_limit"
-    ranges: Mapping[tuple[str, str], tuple[str, float]] = field(default_factory=dict)
-    limits: Callable[[str, str, str | None], tuple[float, float]] = _unlimited
 
 
 @dataclass(frozen=True, slots=True, eq=False)

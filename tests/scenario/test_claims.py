@@ -525,3 +525,24 @@ def test_a_check_that_cannot_fail_is_refused_unless_the_expectation_allows_it(
 ) -> None:
     assert [found for _, found in errors(tmp_path, scenario(expect, WALL))] == [rule]
     assert load(tmp_path, scenario(f"{expect}\n    allow: [{rule}]", WALL))
+
+
+@pytest.mark.parametrize(
+    "expect",
+    [
+        "not: {travel: {at_least: 20 km}}",
+        "not: {path_length: {at_most: 1 mm, link: wheel_left_link, frame: base}}",
+        "not: {stl: eventually (speed > 500 m/s)}",
+        "any_of: [upright, {not: {travel: {at_least: 20 km}}}]",
+        "not: {all_of: [{travel: {at_least: 20 km}}, upright]}",
+        "all_of: [{travel: {at_least: 20 km}}, upright]",
+        "not: {sensor: {name: imu, reading: orientation_xyzw, which: norm, at_least: 5}}",
+        "any_of: [{not: {joint: {name: wheel_left_joint, reading: velocity, at_least: 9000}}}, upright]",
+    ],
+)
+def test_a_combination_is_refused_once_if_a_part_alone_decides_every_run(expect: str, tmp_path: Path) -> None:
+    (problem,) = errors(tmp_path, scenario(expect, "sensors: [{imu: {}, name: imu, rate: 20 Hz}]\n"))
+    assert problem[1] == "unreachable-limit"
+    within = expect.replace("20 km", "2 m").replace("500", "0.5").replace("at_least: 5}", "at_least: 0.5}")
+    if within != expect and "norm" not in expect:
+        assert load(tmp_path, scenario(within))

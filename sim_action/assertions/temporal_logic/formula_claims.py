@@ -46,6 +46,7 @@ from sim_action.core import units
 from sim_action.core.records import dataclass, replace
 from sim_action.robot.model.link_pairs import rigid_bodies
 from sim_action.robot.model.robot_model import WORLD, RobotModel
+from sim_action.sensors import sensor_named
 from sim_action.state.readings import DISTANCES, ReadingColumn
 from sim_action.world import GROUND, Physics
 from sim_action.world.claims import IN_RANGE, ClaimFinding, Findings, Setting
@@ -184,14 +185,15 @@ def audit_formula_of_robot(text: str, formula: Formula, scene: Scene) -> Finding
         if comparison not in reported and compared and all(map(places.is_constant, compared)):
             reported.add(comparison)
             yield _never_changes(text, comparison, compared)
-    for constant in constant_parts(formula, scene):
+    for constant in constants(formula, partial(possible_in_scene, scene)):
         if reported.isdisjoint(everything(constant.part)):
             yield _always(text, constant)
 
 
-def constant_parts(formula: Formula, scene: Scene) -> Iterator[Constant]:
-    """Yield the innermost parts of a formula that have the same result in every run of a robot."""
-    yield from constants(formula, partial(possible_in_scene, scene))
+def constant_result(formula: Formula, scene: Scene) -> bool | None:
+    """Return the result of a formula if it is the same in every run of a robot, else None."""
+    results = [true for true in (True, False) if can_be(formula, partial(possible_in_scene, scene), true=true)]
+    return results[0] if len(results) == 1 else None
 
 
 def is_about_motion(formula: Formula) -> bool:
@@ -254,9 +256,6 @@ def _possible_in(setting: Setting, end: float) -> Possible:
     anywhere = _possible_anywhere(setting.physics)
 
     def possible(signal: Signal) -> Range:
-        if signal.source == "sensor":
-            sensor, *which = signal.names
-            return setting.limits(sensor, signal.name, which[0] if which else None)
         low, high = anywhere(signal)
         return low, end if (signal.source, signal.name) == ("robot", "time") else high
 
@@ -340,4 +339,8 @@ def possible_in_scene(scene: Scene, signal: Signal) -> Range:
                 middle, away = math.hypot(*reach.centre_xyz), reach.radius + ROUNDING_M
                 low, high = max(low, middle - away), min(high, middle + away)
         return low, high
-    return ANYTHING if signal.source == "sensor" else _possible_anywhere(scene.physics)(signal)
+    if signal.source == "sensor":
+        name, *which = signal.names
+        sensor = sensor_named(scene, name)
+        return sensor.limits(signal.name, which[0] if which else None) if sensor else ANYTHING
+    return _possible_anywhere(scene.physics)(signal)
