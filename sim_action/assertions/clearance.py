@@ -23,9 +23,10 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import links_with_shapes
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.verdict import Judged, Mark, Polyline, Signal, Verdict
-from sim_action.world.claims import ClaimFinding, Findings
+from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.distance_lines import distance_lines
 from sim_action.world.ground import GROUND
+from sim_action.world.out_of_reach import out_of_reach
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -88,6 +89,13 @@ class Clearance(Assertion):
         if self.chosen and scene.bolted_links.issuperset(self.chosen) and moving.isdisjoint(bodies):
             message = f"clearance checks nothing: neither {quoted(self.chosen)} nor the bodies can move"
             yield ClaimFinding("fixed-base", (), f"{message}; name a link or a body that moves")
+
+    @override
+    def run_claims(self, run: JudgedRun) -> Findings:
+        """Yield a distance from bodies that are all below the ground or above the robot."""
+        bodies = [body for body in run.scene.world.objects if self.to is None or body.name in self.to]
+        if not self.is_goal and GROUND not in (self.to or ()):
+            yield from out_of_reach(run, bodies, self.at_least or 0.0)
 
     @override
     def judges_rest(self, scene: Scene) -> bool:

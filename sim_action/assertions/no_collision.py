@@ -13,13 +13,13 @@ from sim_action.assertions.monitors.contact_force import MeanForce, duration_tex
 from sim_action.assertions.monitors.proximity import strength, touch_signal, touching_at, with_zeros
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
-from sim_action.core.wording import FirstFew, did_you_mean, quoted
+from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
 from sim_action.world.ground import GROUND
-from sim_action.world.out_of_reach import is_out_of_reach
+from sim_action.world.out_of_reach import out_of_reach
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -113,11 +113,7 @@ class NoCollision(Assertion):
     def run_claims(self, run: JudgedRun) -> Findings:
         """Yield a world whose objects were all below the ground or above the robot."""
         bodies = [body for body in run.scene.world.objects if body.name not in (*self.allow, GROUND)]
-        if run.verdict.passed and bodies and all(is_out_of_reach(run.scene, run.trace, body) for body in bodies):
-            message = f"{quoted([body.name for body in bodies])} is below the ground, or above the robot"
-            yield ClaimFinding(
-                "nothing-to-touch", (), f"{message}, so the robot cannot touch it; check 'z' of its pose"
-            )
+        yield from out_of_reach(run, bodies)
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:

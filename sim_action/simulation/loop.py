@@ -15,7 +15,7 @@ from typing import Final, Literal, Self
 import numpy as np
 
 from sim_action.assertions.monitors import Monitor, State
-from sim_action.assertions.temporal_logic.becoming import Rest
+from sim_action.assertions.temporal_logic.becoming import MOVED_M, Rest
 from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core.errors import BadStart, ControllersFinished, FileProblem, RunError
 from sim_action.core.records import dataclass, replace
@@ -61,8 +61,6 @@ Progress = Callable[[float], None]
 # The speed limit for a robot at rest, in m/s and rad/s, at the end of a settling period.
 _REST_SPEED: Final = 5e-3
 _SETTLE_PERIOD_S: Final = 0.1
-# m: a body that moved less has not moved.
-_MOVED_M: Final = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,7 +288,7 @@ class _Loop:
         unmet = [monitor.unmet_premises for monitor in panel.monitors]
         undelivered = self._controls.undelivered(panel.time)
         why_silent = self._controls.why_silent() if self._controls.log.are_zero else ""
-        moved = bool(np.abs(self._placed_bodies()[:, :3] - placed[:, :3]).max(initial=0.0) > _MOVED_M)
+        moved = bool(np.abs(self._placed_bodies()[:, :3] - placed[:, :3]).max(initial=0.0) > MOVED_M)
         facts = RunFacts(
             *(panel.time, motion, self._controls.log, kept, unmet, panel.verdicts(), panel.monitors),
             *(moved, undelivered, why_silent),

@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Final, Self
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.temporal_logic.becoming import Rest
+from sim_action.assertions.temporal_logic.becoming import MOVED_M, Rest
 from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass, field, replace
@@ -176,11 +176,9 @@ def _of_parts(expected: Expectation, run: JudgedRun, window: Window) -> Iterator
 
 
 def _untouched_patches(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:
-    if any(body.mass is not None for body in scenario.world.objects):
-        return  # a body may have touched it
-    for index, patch in enumerate(scenario.world.patches):
+    for index, patch in enumerate(() if facts.bodies_moved else scenario.world.patches):
         if is_untouched(scene, facts.trace, patch):
-            message = "the robot was never on this patch, so its friction had no effect; drive over it, or remove it"
+            message = "nothing was ever on this patch, so its friction had no effect; drive over it, or remove it"
             yield ClaimFinding("no-effect", ("world", "patches", index), message)
 
 
@@ -248,7 +246,8 @@ def _never_moved(scene: Scene, facts: RunFacts) -> str | None:
     """Return the problem of a robot that did not move although it was commanded to, else None."""
     commands, motion = facts.commands, facts.motion
     # A goal on a distance shorter than the least motion is met without it.
-    if any(verdict.passed and verdict.goal and verdict.unit == "m" for verdict in facts.verdicts):
+    goals = [verdict for verdict in facts.verdicts if verdict.passed and verdict.goal and verdict.unit == "m"]
+    if any(verdict.limit is not None and verdict.limit < MOVED_M for verdict in goals):
         return None
     least = "by 1 mm or 0.1 deg"
     if commands.moves_base and not scene.bolted and not motion.base:

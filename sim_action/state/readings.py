@@ -55,7 +55,7 @@ class ReadingColumn:
 
 _RATIO: Final = units.RATIO
 _ROUNDING: Final = 1e-6
-_ORIENTATION: Final = ReadingColumn(_RATIO, "xyzw", least=-1.0 - _ROUNDING, most=1.0 + _ROUNDING, norm=1.0)
+_ORIENTATION: Final = ReadingColumn(_RATIO, "xyzw", least=-1.0, most=1.0, norm=1.0)
 
 READING_COLUMNS: Final[Mapping[str, Mapping[str, ReadingColumn]]] = MappingProxyType(
     {

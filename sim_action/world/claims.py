@@ -95,7 +95,9 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             "warning", "such an assertion where moving links have a visual shape but no collision shape"
         ),
         "nothing-to-touch": Rule(
-            "warning", "`no_collision` where there is nothing that the robot may not touch during the check"
+            "warning",
+            "`no_collision` where there is nothing that the robot may not touch during the check; `no_collision` or "
+            "`clearance` where all objects are below the ground or above the robot",
         ),
         "limit-beyond-range": Rule("warning", "a minimum distance of `sensor` that is greater than its sensor's range"),
         "segment-beyond-run": Rule(
@@ -128,8 +130,8 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         ),
         "no-effect": Rule(
             "warning",
-            "a part that has no effect: a disturbance of zero, waypoints where the robot stands, a patch that the "
-            "robot never touched, a noisy sensor that nothing reads",
+            "a part that has no effect: a disturbance of zero, waypoints where the robot stands, a patch that "
+            "nothing ever touched, a noisy sensor that nothing reads",
         ),
         "silent-controller": Rule(
             "warning",

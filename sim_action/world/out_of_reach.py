@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core import geometry
+from sim_action.core.lazy_numpy import np
+from sim_action.core.wording import quoted
 from sim_action.world.body import Body, placed
+from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.ground import Patch
 from sim_action.world.parts import lowest, reach
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.state.trace import Trace
+    from sim_action.state.trace import FloatArray, Trace
 
 # m: a robot that came so near to an object has passed it.
 _PASSED_M: Final = 0.5
@@ -32,28 +36,48 @@ def passed_by(scene: Scene, trace: Trace, body: Body) -> bool:
     return bool(away.min() <= near and away.max() - away.min() > _DRIVEN_M)
 
 
-def is_out_of_reach(scene: Scene, trace: Trace, body: Body) -> bool:
-    """Return True if a fixed body was always below the ground and the robot, or always above the robot."""
-    if body.mass is not None or body.path or not len(trace):
+def out_of_reach(run: JudgedRun, bodies: Sequence[Body], distance: float = 0.0) -> Findings:
+    """Yield the finding that no robot comes within a distance in m of some bodies: they are too low, or too high."""
+    if run.verdict.passed and bodies and all(_is_out_of_reach(run, body, distance) for body in bodies):
+        names = quoted([body.name for body in bodies])
+        message = f"{names} is below the ground, or above the robot, so the robot cannot come near"
+        yield ClaimFinding("nothing-to-touch", (), f"{message}; check 'z' of its pose")
+
+
+def _is_out_of_reach(run: JudgedRun, body: Body, distance: float) -> bool:
+    if body.mass is not None or body.path or not len(run.trace):
         return False
+    bottom, top = _heights(run.scene, body)
+    heights, extent = run.trace.base_position_xyz[:, 2], _stretched(run.scene)
+    low, high = float(heights.min()), float(heights.max())
+    # A robot that falls below the ground may touch what is there, one that flies may touch what is above it.
+    if top + distance < min(0.0, low + _SLACK_M):
+        return True
+    return bottom > high + extent + distance and low <= extent and high - low <= _DRIVEN_M
+
+
+def _heights(scene: Scene, body: Body) -> tuple[float, float]:
+    """Return the z of the lowest and of the highest point of a body in m, where it starts."""
     parts = scene.parts_of(body)
     _, _, z = (pose := placed(body, parts)).position_xyz
-    bottom = z + lowest(parts, pose.orientation_xyzw)
-    top = z - lowest(parts, geometry.multiply(_UPSIDE_DOWN_XYZW, pose.orientation_xyzw))
-    heights, extent = trace.base_position_xyz[:, 2], _stretched(scene)
-    # A robot that falls below the ground may touch what is there.
-    return top < min(0.0, float(heights.min()) + _SLACK_M) or bottom > float(heights.max()) + extent
+    upside_down = geometry.multiply(_UPSIDE_DOWN_XYZW, pose.orientation_xyzw)
+    return z + lowest(parts, pose.orientation_xyzw), z - lowest(parts, upside_down)
 
 
 def is_untouched(scene: Scene, trace: Trace, patch: Patch) -> bool:
-    """Return True if the robot was never above a patch of the ground."""
-    away = (
-        abs(trace.base_position_xyz[:, axis] - (low + high) / 2) - (high - low) / 2
-        for axis, (low, high) in enumerate(patch.bounds)
-    )
-    x, y = away
-    extent = _stretched(scene)
-    return bool(((x > extent) | (y > extent)).all())
+    """Return True if neither the robot nor an object that stays in its place was above a patch of the ground."""
+    for body in scene.world.objects:
+        parts = scene.parts_of(body)
+        place = np.array([placed(body, parts).position_xyz])
+        if body.mass is not None and not _is_off(patch, place, max(map(reach, parts))):
+            return False
+    return _is_off(patch, trace.base_position_xyz, _stretched(scene))
+
+
+def _is_off(patch: Patch, places: FloatArray, extent: float) -> bool:
+    """Return True if a circle with a radius of `extent` in m about each of the places is off a patch."""
+    low, high = np.transpose(patch.bounds)
+    return bool(((places[:, :2] < low - extent) | (places[:, :2] > high + extent)).any(axis=1).all())
 
 
 def _stretched(scene: Scene) -> float:

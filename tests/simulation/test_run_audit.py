@@ -193,7 +193,7 @@ def test_a_limit_of_a_contact_that_never_was(contact: str, commands: str, found:
         ("always (force(base_footprint, wall) < 50 N)", "", True),
         ("always (force(wall) < 5000 N)", "commands: {twist: [{linear: 0.2}]}\n", False),
         ("always (force(base_scan, wall) < 5000 N)", "commands: {twist: [{linear: 0.2}]}\n", True),
-        ("always (clearance(wall) > -1 m)", "", False),
+        ("always (clearance(wall) > -1 m)", "commands: {twist: [{linear: 0.2}]}\n", False),
     ],
 )
 def test_a_force_that_never_was(formula: str, commands: str, found: bool, tmp_path: Path) -> None:

@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 HOLD_S: Final = 1.0
 """The time in s for which a goal that is true from t = 0 on must hold if nothing acts on the robot."""
 
-_MOVED_M: Final = 1e-3
+MOVED_M: Final = 1e-3
+"""In m: what moved less has not moved."""
+
 _MOVED_RAD: Final = math.radians(0.1)
 # In PyBullet, braked wheels creep by 0.15 deg/s.
 _TURNED_RAD: Final = math.radians(5)
@@ -79,7 +81,7 @@ class Rest:
         away = np.linalg.norm(trace.base_position_xyz - self.base_position_xyz, axis=1)
         # |<p, q>| of unit quaternions is the cosine of half the angle between them.
         cosine = np.abs(trace.base_orientation_xyzw @ self.base_orientation_xyzw)
-        return np.asarray((away > _MOVED_M) | (cosine < math.cos(_MOVED_RAD / 2)), dtype=np.bool_)
+        return np.asarray((away > MOVED_M) | (cosine < math.cos(_MOVED_RAD / 2)), dtype=np.bool_)
 
     def joints_moved(self, trace: Trace) -> NDArray[np.bool_]:
         """Return (T,) True where a joint is away from its position at t = 0."""
@@ -94,7 +96,7 @@ def _least_motion(scene: Scene, name: str) -> float:
     joint = scene.model.joints_by_name[name]
     if joint.type == "continuous" and not scene.bolted:
         return _TURNED_RAD
-    return _MOVED_M if joint.dimension("position").si == "m" else _MOVED_RAD
+    return MOVED_M if joint.dimension("position").si == "m" else _MOVED_RAD
 
 
 @dataclass(frozen=True, slots=True)

@@ -197,8 +197,8 @@ def constant_result(formula: Formula, scene: Scene) -> bool | None:
 
 
 def is_about_motion(formula: Formula) -> bool:
-    """Return True if all signals are about the motion of the base on the ground."""
-    still = {"speed", "turn_rate", "travel", "x", "y"}
+    """Return True if all signals are about motion on the ground, or about distances from objects."""
+    still = {"speed", "turn_rate", "travel", "x", "y", "clearance", "distance"}
     return all(signal.name in still and not signal.joint for signal in signals_of(formula))
 
 
