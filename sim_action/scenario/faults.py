@@ -113,13 +113,17 @@ class Fault(FrozenModel):
         return math.inf if self.duration is None else self.at + self.duration
 
     @property
-    def title(self) -> str:
-        """The fault in words."""
+    def words(self) -> str:
+        """The fault in words, without its times."""
         what = f"motor of joint '{self.motor}'" if self.motor else f"sensor '{self.sensor}'"
         how = f"at {self.weak:.0%} of its effort" if self.weak is not None else self.kind
         how = f"biased by {_as_text(self.biased)}" if self.biased is not None else how
-        until = "on" if self.duration is None else f"to {self.end:g} s"
-        return f"{what} is {how} from {self.at:g} s {until}"
+        return f"{what} is {how}"
+
+    @property
+    def title(self) -> str:
+        """The fault and its times in words."""
+        return f"{self.words} from {self.at:g} s {'on' if self.duration is None else f'to {self.end:g} s'}"
 
     def offsets(self, kind: str) -> dict[str, float | tuple[float, ...]]:
         """Return the errors of a biased sensor of a kind by column, in SI units. Raise ValueError."""

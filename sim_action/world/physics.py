@@ -173,6 +173,22 @@ class Disturbance(FrozenModel):
         """The end in s of sim time; infinite for a payload without a duration."""
         return math.inf if self.payload is not None and self.duration is None else self.at + (self.duration or 0.0)
 
+    @property
+    def title(self) -> str:
+        """The disturbance in words."""
+        link = f"link '{self.link}'" if self.link else "the base link"
+        target = f"body '{self.body}'" if self.body else link
+        amounts = (
+            (self.force and math.hypot(*self.force), "force", "N"),
+            (self.torque and math.hypot(*self.torque), "torque", "N m"),
+            (self.velocity and math.hypot(*self.velocity), "push", "m/s"),
+            (self.payload, "payload", "kg"),
+        )
+        what = " and ".join(
+            f"{word} of {units.display(size, unit)}" for size, word, unit in amounts if size is not None
+        )
+        return f"{what} on {target}"
+
     def payload_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the payload (T,) in kg at sim times in s."""
         acts = (time >= self.at - units.TIME_EPSILON_S) & (time < self.end - units.TIME_EPSILON_S)

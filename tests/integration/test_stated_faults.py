@@ -11,8 +11,11 @@ import pytest
 
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.permissions import Permissions
+from sim_action.recording.replay.build import make_replay, stored_events
+from sim_action.recording.replay.replay_file import read_replay
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import simulate
+from sim_action.simulation.recorder import RunRecorder
 from sim_action.state.trace_records import SensorRecord
 from tests.integration.engines import on_every_engine
 from tests.physics.case import Run, Setup, run_on
@@ -295,6 +298,51 @@ def test_a_payload_that_cannot_be_is_refused(engine: str, load: dict[str, Any], 
     with pytest.raises(InvalidScenario) as error:
         loaded(engine, lift(LOAD), {"at": 1.0, **load})
     assert message in str(error.value)
+
+
+def test_faults_and_other_events_are_marked_on_the_timeline_of_the_report(engine: str, tmp_path: Path) -> None:
+    pytest.importorskip(engine)
+    path = tmp_path / "it.sim.yml"
+    path.write_text(
+        f"""
+name: stands
+robot: {{model: turtlebot3_burger}}
+backend: {engine}
+world:
+  objects: [{{name: crate, box: [0.1, 0.1, 0.1], pose: {{x: 2}}, appears: 0.4 s}}]
+  disturbances:
+    - {{payload: 500 g, link: base_scan, at: 0.1 s, for: 0.2 s}}
+    - {{velocity: [0, 0.1, 0], at: 0.3 s}}
+    - {{force: [3 N, 4 N, 0], at: 0.3 s, for: 0.1 s, link: base_footprint}}
+    - {{payload: 1 kg, at: 2 s}}
+sensors: [{{imu: {{}}, name: imu}}]
+faults:
+  - {{sensor: imu, at: 0.2 s, biased: 3 deg/s}}
+  - {{motor: wheel_left_joint, at: 0 s, for: 0.1 s, off}}
+expect: [{{path_length: {{at_most: 10}}}}]
+allow: [never-moved]
+duration: 0.5 s
+time_limit: 3 s
+"""
+    )
+    it = load_scenario(path, Permissions(outside=True))
+    events = stored_events(it.scenario, 0.5)
+    assert [(event.time, event.until, event.words) for event in events] == [
+        (0.0, 0.1, "motor of joint 'wheel_left_joint' is off"),
+        (0.1, pytest.approx(0.3), "payload of 0.5 kg on link 'base_scan'"),
+        (0.2, None, "sensor 'imu' is biased by 3 deg/s"),
+        (0.3, None, "push of 0.1 m/s on the base link"),
+        (0.3, pytest.approx(0.4), "force of 5 N on link 'base_footprint'"),
+        (0.4, None, "'crate' appears"),
+    ]
+    scene = build_scene(it)
+    footage = RunRecorder(it.scenario, filmed=True)
+    simulate(it.scenario, scene, lambda _: None, footage)
+    film = footage.film()
+    assert film is not None
+    assert footage.start is not None
+    make_replay(it.scenario, scene, footage.start, film, tmp_path / "run.html")
+    assert read_replay(tmp_path / "run.html").events == events
 
 
 def test_payloads_may_not_take_the_whole_mass_together(engine: str) -> None:

@@ -24,9 +24,11 @@ from sim_action.recording.replay.channels import stored_channels
 from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray, fine_scale, steady
 from sim_action.recording.replay.replay_data import (
     MAX_CONTACTS,
+    MAX_EVENTS,
     MAX_GOLDEN,
     MAX_SIGNALS,
     ContactData,
+    EventData,
     Frames,
     GoldenData,
     PoseColumns,
@@ -126,6 +128,7 @@ def make_replay(
     update = {
         "commanded_path": commanded_path(scenario, start, base, film.time),
         "unread": tuple(unread[: scans.MAX_SENSORS]),
+        "events": stored_events(scenario, float(film.time[-1])),
         "scenario": scenario.name[:MAX_TEXT_LENGTH],
         "golden": stored_golden(scenario, scene),
     }
@@ -281,6 +284,20 @@ def stored_signals(scenario: Scenario, scene: Scene, start: Observation, film: T
         if len(signal.time)
     )
     return tuple(signal for signal, _ in zip(found, range(MAX_SIGNALS), strict=False))
+
+
+def stored_events(scenario: Scenario, end: float) -> tuple[EventData, ...]:
+    """Return the first faults, disturbances and bodies that appear in a run that ends at `end`, in s."""
+    world = scenario.world
+    events = [
+        *((fault.at, fault.end, fault.words) for fault in scenario.faults),
+        *((acts.at, acts.end, acts.title) for acts in world.disturbances),
+        *((body.appears, math.inf, f"'{body.name}' appears") for body in world.objects if body.appears is not None),
+    ]
+    return tuple(
+        EventData(time=begins, until=until if begins < until < math.inf else None, words=words[:MAX_TEXT_LENGTH])
+        for begins, until, words in sorted(event for event in events if event[0] < end)[:MAX_EVENTS]
+    )
 
 
 def stored_marks(scenario: Scenario, scene: Scene, start: Observation) -> tuple[MarkData, ...]:

@@ -64,6 +64,7 @@ class GoldenData(FrozenModel):
         return all(index < joints for index, _ in self.joints)
 
 
+MAX_EVENTS: Final = 200
 MAX_CONTACTS: Final = 200
 MAX_SIGNALS: Final = 200
 MAX_CHANNELS: Final = 400
@@ -111,6 +112,14 @@ class Frames(FrozenModel):
         tracks = (column for track in self.tracks for column in track)
         commanded = (column for column in self.commanded if column is not None)
         return (self.time, *self.base, *self.joints, *commanded, self.speed, self.tilt, *tracks)
+
+
+class EventData(FrozenModel):
+    """A fault, a disturbance or a body that appears: from `time` in s, to `until`; null for an instant or for ever."""
+
+    time: Number
+    until: Number | None = None
+    words: Text
 
 
 class ContactData(FrozenModel):
@@ -201,6 +210,7 @@ class Replay(FrozenModel):
         scenario: the name of the scenario; null in version 1 and in runs that a launch file describes.
         contacts: the contacts with the largest forces, at most 200, in the order of time.
         contacts_left_out: the number of further contacts.
+        events: what the scenario lets happen at a time, in the order of time.
         channels: further recorded quantities.
         scans: the scans of lidars.
         cameras: the pictures of cameras.
@@ -216,6 +226,7 @@ class Replay(FrozenModel):
     frames: Frames
     contacts: Annotated[tuple[ContactData, ...], Field(max_length=MAX_CONTACTS)] = ()
     contacts_left_out: Annotated[int, Field(ge=0, le=2**53)] = 0
+    events: Annotated[tuple[EventData, ...], Field(max_length=MAX_EVENTS)] = ()
     signals: Annotated[tuple[SignalData, ...], Field(max_length=MAX_SIGNALS)] = ()
     marks: Annotated[tuple[MarkData, ...], Field(max_length=MAX_MARKS)] = ()
     channels: Annotated[tuple[ChannelData, ...], Field(max_length=MAX_CHANNELS)] = ()

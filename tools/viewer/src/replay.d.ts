@@ -104,6 +104,12 @@ interface SceneData {
   ground?: GroundData;
 }
 
+interface EventData {
+  time: number;
+  until?: number;
+  words: string;
+}
+
 interface ContactData {
   time: number;
   until: number;
@@ -211,6 +217,7 @@ interface Replay {
   frames: { time: Column; base: Column[]; joints: Column[]; commanded?: (Column | null)[]; speed: Column; tilt: Column; tracks: Column[][] };
   contacts: ContactData[];
   contacts_left_out: number;
+  events?: EventData[];
   signals: SignalData[];
   marks: MarkData[];
   channels: ChannelData[];

@@ -17,7 +17,7 @@ class Controls {
     this.readout = make("output", { class: "readout" });
     this.pace = make("select", { "aria-label": "Speed", title: "Speed" });
     for (const speed of SPEEDS) this.pace.append(make("option", { value: speed, selected: speed === 1 }, `${speed}×`));
-    const track = make("div", { class: "track" }, ...touchMarks(clock, motion), this.slider, ...decisionMarks(clock, expectations));
+    const track = make("div", { class: "track" }, ...touchMarks(clock, motion), this.slider, ...eventMarks(clock, motion), ...decisionMarks(clock, expectations));
     /** Where the ghost and the run part. */
     this.parted = make("span", { class: "parted", hidden: true });
     track.prepend(this.parted);
@@ -101,6 +101,20 @@ function touchMarks(clock, motion) {
     const mark = make("span", { class: "touched" });
     mark.style.left = share(clock, contact.time);
     mark.style.width = `max(2px, ${((contact.until - contact.time) / clock.length) * 100}%)`;
+    return mark;
+  });
+}
+
+/** Creates a button below the slider for each fault, disturbance and appearance. @param {Clock} clock @param {Motion} motion */
+function eventMarks(clock, motion) {
+  return (motion.replay.events ?? []).map(({ time, until, words }) => {
+    const told = `${words}: ${clockTime(time)}${until === undefined ? "" : ` to ${clockTime(until)}`}`;
+    const mark = make("button", { type: "button", class: "event", title: told, "aria-label": told });
+    mark.style.left = share(clock, time);
+    mark.addEventListener("click", () => {
+      clock.pause();
+      clock.seek(time);
+    });
     return mark;
   });
 }
