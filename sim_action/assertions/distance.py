@@ -101,7 +101,8 @@ class Travel(LengthBounds):
 
     @override
     def range_claims(self, limits: LinkRange) -> Findings:
-        yield from limits.too_wide(2 * limits.radius + ROUNDING_M, "its start", {"at_most": self.at_most})
+        if limits.joint:  # a free base has a ceiling
+            yield from limits.too_wide(2 * limits.radius + ROUNDING_M, "its start", {"at_most": self.at_most})
 
 
 class PathLength(LengthBounds):

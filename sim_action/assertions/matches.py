@@ -88,7 +88,15 @@ class Matches(Assertion):
         "A row differs by more than a tolerance, or one run is longer by more than `duration`.",
     )
     has_golden: ClassVar[bool] = True
-    ceilings: ClassVar[tuple[Ceiling, ...]] = (Ceiling("yaw", "rad", HEADINGS),)
+    ceilings: ClassVar[tuple[Ceiling, ...]] = (
+        Ceiling("yaw", "rad", HEADINGS),
+        Ceiling(
+            "position",
+            "m",
+            "two runs are never farther apart than twice physics.max_distance",
+            lambda setting: 2 * setting.physics.max_distance,
+        ),
+    )
 
     trace: Annotated[
         str,

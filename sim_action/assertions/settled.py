@@ -20,7 +20,7 @@ from sim_action.core.field_types import PositiveMetresPerSecond, PositiveSeconds
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Signal, Verdict
-from sim_action.world.claims import ClaimFinding, Findings
+from sim_action.world.claims import UNSTABLE, Ceiling, ClaimFinding, Findings
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -35,6 +35,11 @@ RestRadiansPerSecond = Annotated[float, Gt(0), Quantity((units.ANGULAR_SPEED,), 
 
 class AtRest(Assertion):
     """The definition of rest: the maximum speeds and the minimum duration."""
+
+    ceilings: ClassVar[tuple[Ceiling, ...]] = (
+        Ceiling("speed", "m/s", f"{UNSTABLE}max_speed", lambda setting: setting.physics.max_speed),
+        Ceiling("turn_rate", "rad/s", f"{UNSTABLE}max_turn_rate", lambda setting: setting.physics.max_turn_rate),
+    )
 
     speed: Annotated[PositiveMetresPerSecond, Field(description="maximum speed of the base and of sliding joints")] = (
         0.01

@@ -15,7 +15,7 @@ from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import Metres
 from sim_action.state.verdict import Mark, box, line, rectangle
-from sim_action.world.claims import UNSTABLE, ClaimFinding, Findings
+from sim_action.world.claims import ClaimFinding, Findings
 from sim_action.world.link_range import LinkRange
 from sim_action.world.scene import Scene
 
@@ -76,19 +76,9 @@ class StayWithin(MotionAssertion):
         return " and ".join(bounds_formula(name, *bounds, goal=False) for name, bounds in sides)
 
     @override
-    def robot_claims(self, scene: Scene) -> Findings:
-        yield from super().robot_claims(scene)
-        far, place = scene.physics.max_distance, scene.placement
-        starts = {"x": place.x, "y": place.y, "z": place.z or 0.0}
-        sides = ((starts[axis], *bounds) for axis, bounds in self.intervals.items())
-        if self.watches_base and all(lower <= at - far and at + far <= upper for at, lower, upper in sides):
-            message = f"these bounds cannot be left: {UNSTABLE}max_distance, {units.display(far, 'm')}; narrow them"
-            yield ClaimFinding("unreachable-limit", (), message)
-
-    @override
     def range_claims(self, limits: LinkRange) -> Findings:
         if limits.is_within(self.intervals):
-            most = f"{units.display(limits.radius, 'm')} from joint '{limits.joint}'"
+            most = f"{units.display(limits.radius, 'm')} from {limits.middle}"
             message = f"{limits.who} cannot leave these bounds: it is never more than {most}; give narrower bounds"
             yield ClaimFinding("unreachable-limit", (), message)
 

@@ -41,8 +41,8 @@ class LinkRange:
 
     Attributes:
         who: the link in a sentence.
-        joint: name of the joint about which it moves.
-        centre_xyz: m, the place of that joint.
+        joint: name of the joint about which it moves; empty for a free base, which moves about its start.
+        centre_xyz: m, the place of that joint, or the start.
         has_height: False if the z of the centre is unknown.
         radius: m, the greatest distance from the centre.
     """
@@ -53,6 +53,11 @@ class LinkRange:
     centre_xyz: Vector3
     has_height: bool
     radius: float
+
+    @property
+    def middle(self) -> str:
+        """The centre in a sentence."""
+        return f"joint '{self.joint}'" if self.joint else "its start"
 
     def distance(self, place: Mapping[str, float]) -> float:
         """Return the least distance in m from the centre of a place of which some coordinates are given."""
@@ -94,21 +99,22 @@ class LinkRange:
             far, longest = units.display_apart(away, most, "m")
             reach = f"but {self.who} reaches at most {longest} from there"
             use = f"move it, or the robot; check 'frame', which is {self.frame}"
-            message = f"this place is {far} from joint '{self.joint}', {reach}; {use}"
+            message = f"this place is {far} from {self.middle}, {reach}; {use}"
             yield ClaimFinding("unreachable-target", path, message)
 
 
 def range_of(scene: Scene, link: str | None, frame: str) -> LinkRange | None:
-    """Return the places that a link, or the base link, may come to in a frame.
+    """Return the places that a link, or the base link, may come to in a frame in a stable run.
 
     Return None if they are unlimited, or not known before a run.
     """
     who, link = link or "the base", link or scene.model.root
     model, base, has_height = scene.model, Pose(), True
     if frame == WORLD:
-        if not scene.bolted:
-            return None
         placement = scene.placement
+        if not scene.bolted:
+            start_xyz, far = (placement.x, placement.y, placement.z or 0.0), scene.physics.max_distance
+            return LinkRange(who, frame, "", start_xyz, True, far) if link == model.root else None
         base = Pose((placement.x, placement.y, placement.z or 0.0), placement.orientation_xyzw)
         has_height = placement.z is not None
     start = model.root if frame == WORLD else link_of_frame(model, frame)

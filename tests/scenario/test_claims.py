@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar, Final
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from typing_extensions import override
 
 from sim_action.assertions import Assertion
@@ -546,3 +550,55 @@ def test_a_combination_is_refused_once_if_a_part_alone_decides_every_run(expect:
     within = expect.replace("20 km", "2 m").replace("500", "0.5").replace("at_least: 5}", "at_least: 0.5}")
     if within != expect and "norm" not in expect:
         assert load(tmp_path, scenario(within))
+
+
+_LIMITS: Final[Mapping[str, tuple[str, float]]] = {
+    "travel: {at_most: LIMIT m}": ("max_distance", 1),
+    "stay_within: {x: [-1000000, START + LIMIT]}": ("max_distance", 1),
+    "reach: {x: START + LIMIT, y: 0, tolerance: 1 mm}": ("max_distance", 1.01),
+    "final_pose: {x: 0, y: 0, tolerance: LIMIT m}": ("max_distance", 11),
+    "final_pose: {x: 0, relative: true, tolerance: LIMIT m}": ("max_distance", 2.01),
+    "follow_path: {path: [{x: 0, y: 0}, {x: 1, y: 0}], max_error: LIMIT m}": ("max_distance", 11),
+    "follow_path: {path: [{x: 0, y: 0}, {x: 1, y: 0}], max_error: 1 m, rms: LIMIT m}": ("max_distance", 11),
+    "matches: {trace: golden.csv, position: LIMIT m}": ("max_distance", 2),
+    "max_speed: {linear: LIMIT m/s}": ("max_speed", 1),
+    "max_speed: {angular: LIMIT rad/s}": ("max_turn_rate", 1),
+    "settled: {speed: LIMIT m/s}": ("max_speed", 1),
+    "settled: {turn_rate: LIMIT rad/s}": ("max_turn_rate", 1),
+    "stops_before: {body: wall, gap: [0.1, 0.5], speed: LIMIT m/s}": ("max_speed", 1),
+    "path_length: {at_most: LIMIT m}": ("max_speed", 30),
+    "stl: always (travel < LIMIT m)": ("max_distance", 1),
+    "stl: always (speed < LIMIT m/s)": ("max_speed", 1),
+    "stl: always (turn_rate < LIMIT rad/s)": ("max_turn_rate", 1),
+    "upright: {max_tilt: LIMIT rad}": ("half a turn", 1),
+    "final_pose: {yaw: 0, yaw_tolerance: LIMIT rad}": ("half a turn", 1),
+}
+"""A limit -> the key of `physics` that bounds its quantity, and the multiple of it that no run exceeds."""
+
+
+@pytest.mark.parametrize("expect", _LIMITS)
+@settings(max_examples=6, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(
+    most=st.floats(20, 500).map(lambda value: round(value, 2)),
+    start=st.floats(-10, 10).map(lambda value: round(value, 2)),
+    beyond=st.floats(1.001, 1000),
+)
+def test_a_limit_beyond_what_any_run_reaches_is_refused(
+    expect: str, most: float, start: float, beyond: float, tmp_path: Path
+) -> None:
+    head = "# sim-action golden trajectory 1: turtlebot3_burger\ntime_s,x_m,y_m,z_m,yaw_rad\n"
+    (tmp_path / "golden.csv").write_text(f"{head}0.0,0.0,0.0,0.0,0.0\n0.1,0.1,0.0,0.0,0.0\n")
+    key, multiple = _LIMITS[expect]
+    physics = "" if key == "half a turn" else f"physics: {{{key}: {most}}}\n"
+    reachable = (math.pi if key == "half a turn" else most) * multiple
+
+    def text(limit: float) -> str:
+        stated = expect.replace("START + LIMIT", f"{start + limit:.4f}").replace("LIMIT", f"{limit:.4f}")
+        stated = stated.replace("-1000000", f"{start - 2 * limit:.4f}")
+        placed = f"model: turtlebot3_burger\n  pose: {{x: {start}}}\n"
+        return scenario(stated, WALL + physics).replace("model: turtlebot3_burger\n", placed)
+
+    refused = errors(tmp_path, text(reachable * beyond))
+    assert {rule for _, rule in refused} <= {"unreachable-limit", "unreachable-target"}
+    assert len(refused) == 1
+    assert load(tmp_path, text(0.4 * most if multiple > 1 else 0.4 * reachable))

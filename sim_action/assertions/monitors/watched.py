@@ -141,12 +141,13 @@ class MotionAssertion(Assertion):
 
     @override
     def robot_claims(self, scene: Scene) -> Findings:
+        if self.watches_base and scene.bolted:
+            yield from self.fixed_base_claims()
+            return
         if not self.watches_base:
             yield from self._rigid_link(scene)
-            if (limits := range_of(scene, self.link, self.frame)) is not None:
-                yield from self.range_claims(limits)
-        elif scene.bolted:
-            yield from self.fixed_base_claims()
+        if (limits := range_of(scene, self.link, self.frame)) is not None:
+            yield from self.range_claims(limits)
 
     def range_claims(self, limits: LinkRange) -> Findings:
         """Yield places and distances that a link with these limits cannot come to."""
