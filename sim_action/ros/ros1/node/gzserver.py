@@ -28,7 +28,8 @@ from sim_action.ros.ros1.launch.ros_patches import TEST_LIMIT
 from sim_action.ros.ros1.launch_request import PROGRESS_FILE, TITLE, End, SimulationRequest, SimulationResult
 from sim_action.ros.ros1.lockstep import Lockstep, TestFinished
 from sim_action.ros.ros1.master import Master
-from sim_action.ros.ros1.node.episode import Episode, EpisodeFactory, EpisodeRecord, Pace, Session
+from sim_action.ros.ros1.node.episode import Episode, EpisodeFactory, Pace, Session
+from sim_action.ros.ros1.node.episode_record import EpisodeRecord
 from sim_action.ros.ros1.node.services import ForceServices, ModelServices, QueryServices
 from sim_action.ros.ros1.node.topics import GazeboTopics, Traffic
 from sim_action.ros.ros1.node.world_models import (

@@ -11,7 +11,7 @@ import pytest
 
 from sim_action.assertions.upright import Upright
 from sim_action.ros.ros1.launch_request import REPLAY_FILE, TRACE_FILE
-from sim_action.ros.ros1.node.episode import EpisodeRecord
+from sim_action.ros.ros1.node.episode_record import EpisodeRecord
 from sim_action.simulation.recorder import RunRecorder
 from sim_action.state.observation import JointState
 from sim_action.world.claims import ClaimFinding
