@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path, PurePath
 from posixpath import normpath
-from typing import Annotated, Final, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Final, Literal, Self
 
 from pydantic import Field, PrivateAttr
 from typing_extensions import override
@@ -35,6 +35,9 @@ from sim_action.state.joint_motion import Curve, JointMotion, held, straight
 from sim_action.world.claims import ClaimFinding, Findings, Setting
 from sim_action.world.scene import Scene
 
+if TYPE_CHECKING:
+    from sim_action.state.trace import FloatArray
+
 _CSV: Final = ".csv"
 
 _ROUNDING: Final = 1e-6
@@ -43,6 +46,9 @@ _ROUNDING: Final = 1e-6
 # Speeds of a log that differ by more from those of its positions, as a share and in rad/s or m/s, are not its own.
 _DIFFERENT: Final = 0.5
 _SLOW_RADPS: Final = 0.05
+
+_TURN: Final = 1e-3
+"""In rad: rounding of positions that a log keeps within one turn."""
 
 MAX_GAP_S: Final = 1.0
 """Between two rows that are farther apart, a joint holds its position, and then steps."""
@@ -62,8 +68,8 @@ class ReplayCommands(CommandSource):
     A row acts at its own time: at the nearest physics step, or with a `rate` at its next tick. A command holds until
     the next one, and the last one until the end. So the log should end with a stop; or set a `timeout`, as real bases
     have one. Positions of joints are interpolated between rows, with the velocities of the log if they fit, else with a
-    note. A joint holds its position over a gap of more than 1 s. A note counts the rows
-    that were not used, with the reason.
+    note. A joint holds its position over a gap of more than 1 s. Angles of a continuous joint that wrap at a full turn go
+    on, with a note. A note counts the rows that were not used, with the reason.
 
     A CSV file has a header with `time` (s) and either `linear`, `lateral`, `angular` (m/s, rad/s) or
     `position.<joint>`, `velocity.<joint>`, `effort.<joint>` (SI units). A unit may follow a name: `time [ms]`. Files of
@@ -467,18 +473,34 @@ class Playback:
         speeds = speeds or {}
         # Of rows in one physics step, the last counts.
         times = [time for time, later in pairwise([*positions, math.inf]) if later - time >= self._step_s / 2]
-        if len(times) > 1 and all(time in speeds for time in times):
-            slopes = np.gradient([positions[time] for time in times], times)
+        values = self._unwrapped(joint, times, np.array([positions[time] for time in times]))
+        known = [index for index, time in enumerate(times) if time in speeds]
+        if len(times) > 1 and known:
+            slopes = np.gradient(values, times)[known]
             # Many publishers fill the speeds of a motion with 0.
-            differences = np.abs(slopes - [speeds[time] for time in times])
+            differences = np.abs(slopes - [speeds[times[index]] for index in known])
             if np.median(differences) > _DIFFERENT * np.median(np.abs(slopes)) + _SLOW_RADPS:
                 self._misfits.append(joint)
                 speeds = {}
         gaps = [index for index, (time, later) in enumerate(pairwise(times), start=1) if later - time > MAX_GAP_S]
         return joined(
-            Curve.through(part, [positions[time] for time in part], [speeds.get(time, math.nan) for time in part])
-            for part in (times[start:end] for start, end in pairwise([0, *gaps, len(times)]))
+            Curve.through(
+                times[start:end], values[start:end], [speeds.get(time, math.nan) for time in times[start:end]]
+            )
+            for start, end in pairwise([0, *gaps, len(times)])
         )
+
+    def _unwrapped(self, joint: str, times: Sequence[float], values: FloatArray) -> FloatArray:
+        """Return the positions (K,) of a joint that turns on and on; a log may give them within one turn only."""
+        wraps = np.flatnonzero(np.abs(np.diff(values)) > math.pi)
+        within = -math.pi - _TURN <= values.min() and values.max() - values.min() <= math.tau + _TURN
+        if self._scene.model.joints_by_name[joint].type != "continuous" or not within or not len(wraps):
+            return values
+        at = times[wraps[0] + 1] + self._spec.start - self._spec.offset
+        self._motors.notes.append(
+            f"{self._spec.replay}: positions of joint '{joint}' wrap at {at:g} s of the log and go on"
+        )
+        return np.unwrap(values)
 
     def _add_trajectories(self, rows: Sequence[tuple[float, Content]]) -> None:
         """Schedule trajectories; each replaces the one before, from the state of the joints at its time on."""
@@ -514,9 +536,11 @@ class Playback:
         times = curve.samples()
         positions, speeds, _ = curve.states(times)
         lower, upper = limits.range
-        for index in np.flatnonzero((positions < lower) | (positions > upper)).tolist():
+        beyond = np.flatnonzero((positions < lower) | (positions > upper))
+        rows = sum(beyond_limits(limits, row) is not None for row in curve.coefficients[:, 0].tolist())
+        # Every eighth sample is a row.
+        for index in (beyond[beyond % 8 == 0] if rows else beyond).tolist():
             if problem := beyond_limits(limits, float(positions[index])):
-                rows = sum(beyond_limits(limits, row) is not None for row in curve.coefficients[:, 0].tolist())
                 what = (
                     f"to {rows} positions that it cannot reach, first"
                     if rows

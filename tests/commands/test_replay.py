@@ -437,6 +437,28 @@ def test_what_a_joint_cannot_follow_is_noted_once_with_its_time(rows: str, expec
     assert all(part in note for part, note in zip(expected, found, strict=True)), found
 
 
+@pytest.mark.parametrize("first", ["", "1"])
+def test_speeds_that_some_rows_lack_are_compared_too(first: str, tmp_path: Path) -> None:
+    rows = "".join(f"{n / 10},{n / 5},{90.0 if n else first}\n" for n in range(10))
+    (tmp_path / "a.csv").write_text(f"time,position.wheel_left_joint,velocity.wheel_left_joint\n{rows}")
+    assert curve(tmp_path, "a.csv", "wheel_left_joint").at(0.25)[1] == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(("lowest", "wraps"), [(-math.pi, True), (0.0, True), (-9.0, False)])
+@pytest.mark.parametrize("speed", [7.0, -7.0])
+def test_angles_of_a_continuous_joint_within_one_turn_go_on(
+    lowest: float, wraps: bool, speed: float, tmp_path: Path
+) -> None:
+    angles = [speed * n / 20 for n in range(61)]
+    values = [(angle - lowest) % math.tau + lowest for angle in angles]
+    rows = "".join(f"{n / 20:.3f},{value:.4f}\n" for n, value in enumerate(values))
+    (tmp_path / "a.csv").write_text(f"time,position.wheel_left_joint\n{rows}")
+    wheel = curve(tmp_path, "a.csv", "wheel_left_joint")
+    turned = [wheel.at(n / 20)[0] - wheel.at(0.0)[0] for n in range(61)]
+    assert (turned == pytest.approx(angles, abs=1e-3)) == wraps
+    assert any("wrap at" in note for note in notes(tmp_path, replay="a.csv")) == wraps
+
+
 @pytest.mark.parametrize("jump_s", [0.01, 0.1])
 @pytest.mark.parametrize("values", [(0, 0, 1, 1), (0, 0, 0, 1, 1, 1), (1, 1, 0), (0, 1, 1, 1)])
 def test_rows_that_jump_move_nothing_before_and_after(jump_s: float, values: tuple[float, ...], tmp_path: Path) -> None:
@@ -499,4 +521,6 @@ def test_any_rows_of_joints_give_finite_targets(
             curves = [curve for motion in answer.motions for curve in motion.curves]
             states = [number for curve in curves for time in (0.0, 1.234, 5.0) for number in curve.at(time)]
             assert all(map(math.isfinite, [*answer.velocity.values(), *states]))
-    assert all("were not used" in note or "its velocity limit" in note for note in controller.notes)
+    assert all(
+        any(part in note for part in ("were not used", "its velocity limit", "wrap at")) for note in controller.notes
+    )
