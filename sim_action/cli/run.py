@@ -54,7 +54,19 @@ _OF_RUNS: Final = (
         "summary",
         "annotations",
     ),
-    *("verbose", "quiet", "repeat", "unexercised", "strict", "update_golden", "jobs", "cluster", "record", "pass_env"),
+    *(
+        "verbose",
+        "quiet",
+        "repeat",
+        "unexercised",
+        "strict",
+        "update_golden",
+        "force",
+        "jobs",
+        "cluster",
+        "record",
+        "pass_env",
+    ),
 )
 """The options without any effect on --list."""
 
@@ -139,7 +151,13 @@ _WISHED_RATE: Final = "97%"
 @click.option(
     "--update-golden",
     is_flag=True,
-    help='Save this run as the golden trajectory of each "matches", instead of comparing with it.',
+    help='Save this run as the golden trajectory of each "matches", instead of comparing with it. Nothing is saved if '
+    "another expectation failed or was not exercised.",
+)
+@click.option(
+    "--force",
+    is_flag=True,
+    help="With --update-golden: save also a run that did not pass. The first line of the file says so.",
 )
 @jobs_option("scenarios to run")
 @click.option(
@@ -178,6 +196,7 @@ def run(
     unexercised: Unexercised | None,
     strict: bool,
     update_golden: bool,
+    force: bool,
     jobs: int | None,
     cluster: str | None,
     record: tuple[str, ...],
@@ -208,8 +227,7 @@ def run(
             refuse_typed("--plan-gate runs nothing, and", *_OF_PLANNED_RUNS)
         if list_only:
             refuse_typed("--list runs nothing, and", *_OF_RUNS)
-        if repeat > 1 and update_golden:
-            raise UsageError("--update-golden cannot be combined with --repeat")
+        _check_golden(updates=update_golden, force=force, repeat=repeat)
         if resume and (update_golden or watch):
             raise UsageError("--resume cannot be combined with --update-golden or --watch")
         if cluster is not None and watch:
@@ -218,7 +236,11 @@ def run(
         suite = discovered(paths, flags, outside=allow_outside)
         allowed = code_permissions(flags, {path.parent: None for path in suite.files})
         permissions = replace(
-            allowed, outside=allow_outside, updates_golden=update_golden, packages=named_packages(packages)
+            allowed,
+            outside=allow_outside,
+            updates_golden=update_golden,
+            forces_golden=force,
+            packages=named_packages(packages),
         )
         plan = PlanRequest(suite, permissions, shard, backend, seed, unexercised, strict)
         if plan_gate is not None:
@@ -236,6 +258,14 @@ def run(
         from sim_action.app.watch import watch_scenarios
 
         return watch_scenarios(request, named_paths(paths), interruption, live_port=served)
+
+
+def _check_golden(*, updates: bool, force: bool, repeat: int) -> None:
+    """Raise UsageError if an option cannot be combined with --update-golden, or needs it."""
+    if force and not updates:
+        raise UsageError("--force needs --update-golden")
+    if updates and repeat > 1:
+        raise UsageError("--update-golden cannot be combined with --repeat")
 
 
 def _planned(request: PlanRequest, rate: str, folder: str, jobs: int) -> ExitCode:

@@ -61,6 +61,7 @@ class Permissions:
         imports_refused: the reason why assertions and sensors of installed packages are not imported, although nothing
             is run; None: `scripts_refused` decides.
         updates_golden: True if golden trajectories are written, inside the workspace.
+        forces_golden: True if they are written from a run that did not pass, too.
         pass_env: names of environment variables that code of the repository may see, in addition to the harmless ones.
         packages: names of ROS packages with their folders, absolute and without links; they may be outside the
             workspace.
@@ -70,6 +71,7 @@ class Permissions:
     scripts_refused: str | None = None
     imports_refused: str | None = None
     updates_golden: bool = False
+    forces_golden: bool = False
     pass_env: tuple[str, ...] = ()
     packages: tuple[tuple[str, str], ...] = ()
 

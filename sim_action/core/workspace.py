@@ -69,6 +69,7 @@ class Workspace:
         directory: the folder of the scenario file; relative paths start here.
         root: files outside this folder are refused, unless `allow_outside` is set.
         updates_golden: True if golden trajectories are written instead of compared.
+        forces_golden: True if they are written from a run that did not pass, too.
         pass_env: names of environment variables that code of the scenario may see, in addition to the harmless ones.
         packages: names of ROS packages that the caller provides, with their folders, absolute and without links; files
             below them may be read.
@@ -80,6 +81,7 @@ class Workspace:
     updates_golden: bool = False
     pass_env: tuple[str, ...] = ()
     packages: tuple[tuple[str, str], ...] = ()
+    forces_golden: bool = False
 
     @classmethod
     def around(
@@ -88,6 +90,7 @@ class Workspace:
         *,
         allow_outside: bool = False,
         updates_golden: bool = False,
+        forces_golden: bool = False,
         pass_env: tuple[str, ...] = (),
         packages: tuple[tuple[str, str], ...] = (),
     ) -> Workspace:
@@ -106,7 +109,7 @@ class Workspace:
                 left = next(_left_folders(place, root, here), None) if root != place else None
             if left is not None:
                 raise PathError(f"is a link to {file}, outside the workspace {left}; {OUTSIDE_REMEDY}")
-        return cls(file.parent, root, allow_outside, updates_golden, pass_env, packages)
+        return cls(file.parent, root, allow_outside, updates_golden, pass_env, packages, forces_golden)
 
     def file(self, path: str) -> Path:
         """Return the absolute path of a file that a scenario names. Raise PathError."""

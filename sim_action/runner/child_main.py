@@ -250,9 +250,11 @@ def _stored_run(job: Job, progress: _Progress, kept: _Kept) -> SimulationRun:
             raise
         kept.notes += store_evidence(job, scene, footage)
         if loaded.workspace.updates_golden and (trace := footage.trace()) is not None:
-            from sim_action.runner.golden_update import write_goldens
+            from sim_action.runner.golden_update import updated_goldens
 
-            kept.notes += write_goldens(loaded, scene, trace)
+            verdicts, notes = updated_goldens(loaded, scene, trace, run.verdicts)
+            run = replace(run, verdicts=verdicts)
+            kept.notes += notes
         kept.runs += run_to_record(job, scene, footage)
     return run
 

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from sim_action.assertions.matches import Matches, single_row
 from sim_action.core.errors import InvalidScenario, Problem
+from sim_action.core.records import replace
 from sim_action.core.workspace import PathError
 from sim_action.results.written_files import is_foreign
-from sim_action.scenario.model import Expectation, LoadedScenario
+from sim_action.scenario.model import Expectation, LoadedScenario, Scenario
 from sim_action.scenario.source import Refused
 from sim_action.state.golden_trajectory import Golden, GoldenError, is_golden
 from sim_action.state.trace import Trace
+from sim_action.state.verdict import Verdict
 from sim_action.world.claims import SINGLE_ROW
 from sim_action.world.scene import Scene
 
@@ -36,13 +39,37 @@ def refuse_shared_goldens(plans: Iterable[Plan]) -> list[Plan]:
     return [plan for plan in found if not isinstance(plan, Refused) or refused[plan.file, plan.name] is plan]
 
 
-def write_goldens(loaded: LoadedScenario, scene: Scene, trace: Trace) -> tuple[str, ...]:
-    """Write the golden files of a run, and return a note on each. Raise InvalidScenario.
+def updated_goldens(
+    loaded: LoadedScenario, scene: Scene, trace: Trace, verdicts: Sequence[Verdict]
+) -> tuple[tuple[Verdict, ...], tuple[str, ...]]:
+    """Write the golden files of a run that passed, and return its verdicts, and a note on each file.
 
-    `trace`: the trace of every physics step.
+    If another expectation failed or was not exercised, nothing is written, and the verdict on each file says so. With
+    --force the files are written, and say so in their first line. Raise InvalidScenario.
+
+    `trace`: the trace of every physics step. `verdicts`: one for each expectation.
     """
-    allow = loaded.scenario.allow
-    return tuple(_written(scene, trace, expected, matches, allow) for _, expected, matches in _goldens(loaded))
+    goldens = [(expected, matches) for _, expected, matches in _goldens(loaded)]
+    reason = next(_missed(loaded.scenario, verdicts), "")
+    if not reason or loaded.workspace.forces_golden:
+        written = partial(_written, scene, trace, allow=loaded.scenario.allow, reason=reason)
+        return tuple(verdicts), tuple(written(expected, matches) for expected, matches in goldens)
+    names = {id(expected): matches.file_in(scene) for expected, matches in goldens}
+    remedy = "correct the scenario or the robot, or add --force"
+    return tuple(
+        replace(verdict, passed=False, message=f"{name} is not written, because {reason}; {remedy}")
+        if (name := names.get(id(expected))) is not None and verdict.passed
+        else verdict
+        for expected, verdict in zip(loaded.scenario.expect, verdicts, strict=True)
+    ), ()
+
+
+def _missed(scenario: Scenario, verdicts: Sequence[Verdict]) -> Iterator[str]:
+    """Yield a clause for each expectation that prevents a pass."""
+    for expected, verdict in zip(scenario.expect, verdicts, strict=True):
+        is_accepted = verdict.status == "not_exercised" and scenario.unexercised == "warn"
+        if verdict.status != "passed" and expected.severity == "error" and not is_accepted:
+            yield f"'{expected.name}' {'failed' if verdict.status == 'failed' else 'was not exercised'}"
 
 
 def _goldens(loaded: LoadedScenario) -> Iterator[tuple[Path, Expectation, Matches]]:
@@ -88,12 +115,14 @@ def _planned(plan: Plan, writers: Mapping[Path, list[str]]) -> Plan:
     return tuple(run.traced_at_every_step() for run in plan) if goldens else plan
 
 
-def _written(scene: Scene, trace: Trace, expected: Expectation, matches: Matches, allow: Sequence[str]) -> str:
+def _written(
+    scene: Scene, trace: Trace, expected: Expectation, matches: Matches, *, allow: Sequence[str], reason: str
+) -> str:
     name = matches.file_in(scene)
     seen = trace.between(expected.after, expected.before)
     try:
         path = scene.workspace.new_file(name)
-        golden = Golden.of_trace(matches.form_in(scene), seen, matches.rate)
+        golden = replace(Golden.of_trace(matches.form_in(scene), seen, matches.rate), forced=reason)
         if len(golden.rows) < 2 and SINGLE_ROW not in allow:
             raise _refusal(expected, f"{name} is not written: {single_row(name, golden)} [{SINGLE_ROW}]")
         is_new = golden.write(path)

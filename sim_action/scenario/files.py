@@ -108,6 +108,7 @@ def workspace_around(path: Path, permissions: Permissions) -> Workspace:
             path,
             allow_outside=permissions.outside,
             updates_golden=permissions.updates_golden,
+            forces_golden=permissions.forces_golden,
             pass_env=permissions.pass_env,
             packages=permissions.packages,
         )

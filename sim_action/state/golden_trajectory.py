@@ -30,6 +30,7 @@ TITLE: Final = "# sim-action golden trajectory "
 """The beginning of the first line; the version of the format and the robot follow."""
 
 VERSION: Final = "1"
+_FORCED: Final = "; forced although "
 _BASE: Final = ("time_s", "x_m", "y_m", "z_m", "yaw_rad")
 
 
@@ -72,10 +73,12 @@ class Golden:
     Attributes:
         rows: (T, 5 + J) time in s, rising; x, y, z in m and yaw in rad of the base link, in the world frame; positions
             of joints in rad, or m.
+        forced: why the run did not pass from which it was written all the same; empty for a run that passed.
     """
 
     form: GoldenForm
     rows: FloatArray
+    forced: str = ""
 
     @property
     def time(self) -> FloatArray:
@@ -113,7 +116,8 @@ class Golden:
     def text(self) -> str:
         """Return the content of the file."""
         written = io.StringIO()
-        written.write(f"{self.form.title}\n")
+        remark = f"{_FORCED}{escaped_line(self.forced)}" if self.forced else ""
+        written.write(f"{self.form.title}{remark}\n")
         writer = csv.writer(written, lineterminator="\n")
         writer.writerow(self.form.columns)
         for time, *values in self.rows.tolist():
@@ -185,7 +189,8 @@ def _check_title(line: str, form: GoldenForm) -> None:
     version, _, robot = line.removeprefix(TITLE).partition(": ")
     if version != VERSION:
         _refuse(1, f"the file has format version {shown(version)}; this sim-action reads version {VERSION}")
-    if robot != escaped_line(form.robot):
+    name = escaped_line(form.robot)
+    if robot != name and not robot.startswith(f"{name}{_FORCED}"):
         _refuse(1, f"the file belongs to the robot {shown(robot)}; the robot of this scenario is {shown(form.robot)}")
 
 

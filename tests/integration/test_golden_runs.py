@@ -12,6 +12,7 @@ import pytest
 from sim_action.engines import installed
 from sim_action.results.results_json import Results
 from tests.integration.conftest import sim_action
+from tests.integration.engines import on_every_engine
 
 SCENARIO = """\
 name: burger goes round a corner
@@ -90,12 +91,57 @@ def test_another_physics_rate_will_do(folder: Path) -> None:
     ran(folder)
 
 
-def test_other_expectations_judge_as_ever(folder: Path) -> None:
-    changed(folder, ("at_least: 30 cm", "at_least: 30 m"))
-    ran(folder, "--update-golden", code=1)
-    passed = [expected.verdict.passed for expected in outcome(folder).expectations]
-    assert passed == [True, False]
+UNREAD = """
+  - sensor: {name: scan, reading: ranges, which: min, at_least: 0.2}
+    name: free in front
+    after: 0.2 s
+    before: 0.6 s
+sensors: [{lidar: {rays: 10, range: 3.5 m}, name: scan, link: base_scan, rate: 1 Hz}]
+"""
+
+
+@on_every_engine
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (("at_least: 30 cm}", "at_least: 30 m}\n    name: far"), "'far' failed"),
+        (("at_least: 30 cm}\n", f"at_least: 30 cm}}{UNREAD}"), "'free in front' was not exercised"),
+    ],
+)
+def test_a_run_that_did_not_pass_is_saved_by_force_alone(
+    engine: str, change: tuple[str, str], reason: str, folder: Path
+) -> None:
+    changed(folder, change)
+    file = folder / "golden/corner.csv"
+    refused = ran(folder, "--update-golden", "--backend", engine, code=1)
+    assert f"golden/corner.csv is not written, because {reason}; " in refused.stdout
+    assert [expected.verdict.passed for expected in outcome(folder).expectations][:1] == [False]
+    assert not file.exists()
+    ran(folder, "--update-golden", "--force", "--backend", engine, code=1)
+    assert file.read_text().splitlines()[0].endswith(f"; forced although {reason}")
+    # It is read all the same, and a run that passes leaves no remark.
+    ran(folder, "--backend", engine, code=1)
+    assert outcome(folder).expectations[0].verdict.passed
+    changed(folder, change[::-1])
+    ran(folder, "--update-golden", "--backend", engine)
+    assert "forced" not in file.read_text()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        ("at_least: 30 cm}\n", "at_least: 30 m}\n    severity: warning\n"),
+        ("at_least: 30 cm}\n", f"at_least: 30 cm}}{UNREAD}unexercised: warn\n"),
+    ],
+)
+def test_a_run_that_passed_with_a_warning_is_saved(change: tuple[str, str], folder: Path) -> None:
+    changed(folder, change)
+    ran(folder, "--update-golden")
     assert (folder / "golden/corner.csv").exists()
+
+
+def test_force_is_of_updates_alone(folder: Path) -> None:
+    assert "--force needs --update-golden" in ran(folder, "--force", code=2).stderr
 
 
 def test_a_run_without_an_end_writes_nothing(folder: Path) -> None:
