@@ -84,6 +84,8 @@ def run_scenarios(request: RunRequest, interruption: Interruption, listener: Lis
     started = time.monotonic()
     with closing(_keys(request)) as keys:
         found = plan_runs(request.plan)
+        if found.shard is not None and not found.plans:
+            warn(f"{found.shard} has no scenario: the selection has only {found.shard.total}; use fewer shards")
         if request.valid_only:
             refuse_invalid([plan for plan in found.plans if isinstance(plan, Refused)])
         with (

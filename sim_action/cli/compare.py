@@ -12,10 +12,11 @@ from typing import Final
 import click
 
 from sim_action.cli.options import Bounded, not_empty, output_dir, refuse_typed
+from sim_action.core.discovery import compared_name
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.files import whole_file
 from sim_action.core.records import dataclass, field
-from sim_action.core.wording import escaped_line, system_reason
+from sim_action.core.wording import escaped_line, system_reason, warn
 from sim_action.reports.comparison import comparison_markdown, print_comparison
 from sim_action.reports.github.step_outputs import append_outputs
 from sim_action.results.comparison import Comparison, Thresholds, compare_outcomes
@@ -119,6 +120,8 @@ def compare_results(request: CompareRequest) -> ExitCode:
     if request.markdown not in (None, STANDARD_OUTPUT):
         _refuse_foreign(Path(request.markdown))
     old, new = read_run(request.old), read_run(request.new)
+    if compared_name(request.old) == compared_name(request.new):
+        warn(f"{request.old} is compared with itself, which shows no change; name the results of another run")
     comparison = compare_outcomes(
         old.outcomes,
         new.outcomes,

@@ -42,6 +42,14 @@ def test_exit_codes(typed: str, code: int) -> None:
     assert call(["compare", *typed.split()]) == code
 
 
+@pytest.mark.parametrize(("new", "warned"), [("old", True), ("./old", True), ("slow", False)])
+def test_results_compared_with_themselves_are_a_warning(
+    new: str, warned: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(["compare", "old", new]) == 0
+    assert ("old is compared with itself" in capsys.readouterr().err) is warned
+
+
 def test_what_is_wrong_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     call(["compare", "old", "missing"])
     assert "sim-action: no results.json found at 'missing'" in capsys.readouterr().err

@@ -193,6 +193,7 @@ def test_an_empty_shard_passes_and_reads_well(tmp_path: Path) -> None:
     ran = sim_action(tmp_path, "run", "--shard", "2/2", GITHUB_STEP_SUMMARY="summary.md", GITHUB_OUTPUT="outputs")
     assert ran.returncode == 0, ran.stderr
     assert re.match(r"no scenarios in \d+\.\d s; shard 2 of 2 \(1 run in total\)\n", ran.stdout)
+    assert "shard 2 of 2 has no scenario: the selection has only 1" in ran.stderr
     assert "✅ No scenarios for shard 2 of 2" in (tmp_path / "summary.md").read_text()
     assert "success" in (tmp_path / "outputs").read_text()
     assert ET.parse(tmp_path / "sim-results/junit.xml").getroot().get("tests") == "0"
