@@ -68,8 +68,8 @@ class ReplayCommands(CommandSource):
     A row acts at its own time: at the nearest physics step, or with a `rate` at its next tick. A command holds until
     the next one, and the last one until the end. So the log should end with a stop; or set a `timeout`, as real bases
     have one. Positions of joints are interpolated between rows, with the velocities of the log if they fit, else with a
-    note. A joint holds its position over a gap of more than 1 s. Angles of a continuous joint that wrap at a full turn go
-    on, with a note. A note counts the rows that were not used, with the reason.
+    note. A joint holds its position over a gap of more than 1 s. Angles of a continuous joint that wrap at a full turn
+    go on, with a note. A note counts the rows that were not used, with the reason.
 
     A CSV file has a header with `time` (s) and either `linear`, `lateral`, `angular` (m/s, rad/s) or
     `position.<joint>`, `velocity.<joint>`, `effort.<joint>` (SI units). A unit may follow a name: `time [ms]`. Files of
@@ -459,8 +459,9 @@ class Playback:
         for tick, targets in steps.items():
             groups = {kind: {c.joint: value for c, value in targets.items() if c.kind == kind} for kind in KINDS}
             self._answers[tick] = JointTargets(velocity=groups["velocity"], effort=groups["effort"])
+        spaced = set(self._spaced([time for time, _ in rows]))
         for (time, _), (following, _) in pairwise(rows):
-            is_late = self._tick(time) == self._tick(following) if steps else following - time < self._step_s / 2
+            is_late = self._tick(time) == self._tick(following) if steps else time not in spaced
             if is_late:
                 self._count_replaced(following)
         self._add_motion(curves, velocity=[joint for joint, kind in kinds.items() if kind == "velocity"])
@@ -472,7 +473,7 @@ class Playback:
         """Return the curve through positions in rad (or m) at times in s, with the speeds that are known."""
         speeds = speeds or {}
         # Of rows in one physics step, the last counts.
-        times = [time for time, later in pairwise([*positions, math.inf]) if later - time >= self._step_s / 2]
+        times = self._spaced(positions)
         values = self._unwrapped(joint, times, np.array([positions[time] for time in times]))
         known = [index for index, time in enumerate(times) if time in speeds]
         if len(times) > 1 and known:
@@ -489,6 +490,14 @@ class Playback:
             )
             for start, end in pairwise([0, *gaps, len(times)])
         )
+
+    def _spaced(self, times: Iterable[float]) -> list[float]:
+        """Return rising times in s without those that are closer than half a physics step before one that is kept."""
+        kept: list[float] = []
+        for time in reversed(list(times)):
+            if not kept or kept[-1] - time >= self._step_s / 2:
+                kept.append(time)
+        return kept[::-1]
 
     def _unwrapped(self, joint: str, times: Sequence[float], values: FloatArray) -> FloatArray:
         """Return the positions (K,) of a joint that turns on and on; a log may give them within one turn only."""

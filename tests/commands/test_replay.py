@@ -437,6 +437,15 @@ def test_what_a_joint_cannot_follow_is_noted_once_with_its_time(rows: str, expec
     assert all(part in note for part, note in zip(expected, found, strict=True)), found
 
 
+@pytest.mark.parametrize("rate", [300, 470, 490, 500, 1000, 5000])
+def test_a_log_that_is_faster_than_the_physics_keeps_its_motion(rate: int, tmp_path: Path) -> None:
+    rows = "".join(f"{n / rate:.6f},{math.sin(3 * n / rate):.6f}\n" for n in range(2 * rate + 1))
+    (tmp_path / "a.csv").write_text(f"time,position.wheel_left_joint\n{rows}")
+    wheel = curve(tmp_path, "a.csv", "wheel_left_joint")
+    for time in (0.123, 0.5, 1.0, 1.777):
+        assert wheel.at(time)[:2] == pytest.approx((math.sin(3 * time), 3 * math.cos(3 * time)), abs=0.02)
+
+
 @pytest.mark.parametrize("first", ["", "1"])
 def test_speeds_that_some_rows_lack_are_compared_too(first: str, tmp_path: Path) -> None:
     rows = "".join(f"{n / 10},{n / 5},{90.0 if n else first}\n" for n in range(10))
