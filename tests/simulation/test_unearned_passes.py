@@ -83,10 +83,12 @@ KINDS: Final[Mapping[str, Kind]] = {
         (
             (DRIVES, "stl: always (x < 1 m or x > 0.5 m)"),
             (DRIVES, "stl: always (speed - 0.1 m/s < speed)"),
+            (DRIVES, "stl: always (x*x >= 0)"),
             (DRIVES, "stl: always (abs(yaw) > 10 deg or abs(yaw) < 20 deg)"),
         ),
         (
             (DRIVES, "stl: always (x < 1 m and x > -0.5 m)"),
+            (DRIVES, "stl: always (x*y < 1 and x*x*x > -1)"),
             (DRIVES, "stl: eventually (x > 0.1 m and abs(yaw) < 20 deg)"),
         ),
     ),

@@ -8,6 +8,7 @@ Products of signals and deep formulas are approximated: they may be called possi
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from itertools import product
 from typing import Final
@@ -247,8 +248,12 @@ def _range(term: Term, possible: Possible) -> Range:
             return sum(low for low, _ in each), sum(high for _, high in each)
         case Product():
             low, high = 1.0, 1.0
-            for factor in term.factors:
-                ends = [_times(a, b) for a, b in product((low, high), _range(factor, possible))]
+            for factor, power in Counter(term.factors).items():
+                bottom, top = _range(factor, possible)
+                powers = [math.prod([end] * power) for end in (bottom, top)]
+                if power % 2 == 0 and bottom < 0 < top:
+                    powers.append(0.0)
+                ends = [_times(a, b) for a, b in product((low, high), (min(powers), max(powers)))]
                 low, high = min(ends), max(ends)
             return low, high
 
