@@ -45,6 +45,9 @@ class BodyControl(Protocol):
     def add_mass(self, link: str, mass: float) -> None:
         """Add a mass in kg to a link at its centre of mass, for good; a negative one is taken from it."""
 
+    def scale_friction(self, patch: int, factor: float) -> None:
+        """Multiply the friction of the patch of the ground with this index."""
+
     def add_velocity(self, target: Target, velocity_xyz: Vector3) -> None:
         """Add a velocity in m/s, world frame, to a body; to the whole robot if the target is its base link."""
 

@@ -1,4 +1,4 @@
-"""Timed events of the world, for every engine: bodies on paths, bodies that appear, disturbances, payloads.
+"""Timed events of the world, for every engine: bodies on paths, bodies and patches that appear, disturbances, payloads.
 
 Before t = 0, while the robot settles, bodies wait at the start of their paths and nothing else happens.
 """
@@ -15,7 +15,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.units import first_step
 from sim_action.engines.body_control import BodyControl, Target
-from sim_action.world import Body, Disturbance
+from sim_action.world import Body, Disturbance, Patch
 from sim_action.world.body_path import PosePath
 from sim_action.world.scene import Scene
 
@@ -47,6 +47,11 @@ class WorldEvents:
             *travels,
             *(_Absence(control, body, rate, number) for number, body in enumerate(absent, start=1)),
             *(_Payload(control, load, scene) for load in scene.world.disturbances if load.payload is not None),
+        ]
+        movers += [
+            _Ice(control, index, patch, scene)
+            for index, patch in enumerate(scene.world.patches)
+            if patch.appears is not None
         ]
         disturbances = [_Acting(acts, scene) for acts in scene.world.disturbances if acts.payload is None]
         return cls(control, movers, disturbances) if movers or disturbances else None
@@ -110,6 +115,22 @@ class _Absence(_Mover):
         if not self._is_there:
             self._is_there = step >= self._first
             self._control.set_pose(self._name, self._pose if self._is_there else self._away, _AT_REST)
+
+
+class _Ice(_Mover):
+    """A patch of the ground that gets its own friction at a step."""
+
+    def __init__(self, control: BodyControl, index: int, patch: Patch, scene: Scene) -> None:
+        rate, ground = scene.physics.rate, scene.world.ground
+        self._control, self._index, self._factor = control, index, patch.friction / ground.friction
+        self._first = first_step(patch.appears or 0.0, rate)
+        self._is_there = False
+
+    @override
+    def reach(self, step: int) -> None:
+        if not self._is_there and step >= self._first:
+            self._is_there = True
+            self._control.scale_friction(self._index, self._factor)
 
 
 class _Payload(_Mover):

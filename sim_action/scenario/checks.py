@@ -188,6 +188,12 @@ def patch_problems(scenario: Scenario) -> SpecProblems:
     """Yield overlapping patches of the ground, whose friction would be ambiguous."""
     patches = scenario.world.patches
     for index, patch in enumerate(patches):
+        if patch.appears is not None:
+            where = ("world", "patches", index, "appears")
+            if patch.appears >= scenario.time_limit:
+                yield where, f"{patch.appears:g} s is not earlier than time_limit ({scenario.time_limit:g} s)"
+            if not scenario.world.ground.friction:
+                yield where, "the ground has no friction before, so a patch of it cannot get one; state a small one"
         for other, before in enumerate(patches[:index]):
             bounds = zip(patch.bounds, before.bounds, strict=True)
             if all(low < end - _EDGE and start < high - _EDGE for (low, high), (start, end) in bounds):

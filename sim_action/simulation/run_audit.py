@@ -286,5 +286,8 @@ def _events(world: World) -> Iterator[tuple[KeyPath, str, float]]:
             yield (*path, "appears"), f"body '{body.name}' never appeared", body.appears
         if body.path:
             yield (*path, "path"), f"the path of body '{body.name}' never began", body.path[0].at
+    for index, patch in enumerate(world.patches):
+        if patch.appears is not None:
+            yield ("world", "patches", index, "appears"), f"world.patches[{index}] never appeared", patch.appears
     for index, disturbance in enumerate(world.disturbances):
         yield ("world", "disturbances", index), f"world.disturbances[{index}] never began", disturbance.at

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
-from sim_action.core.field_types import FrozenModel, Metres, NonNegativeRatio
+from sim_action.core.field_types import FrozenModel, Metres, NonNegativeRatio, PositiveSeconds
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass
 
@@ -43,6 +43,14 @@ class Patch(FrozenModel):
     y: Annotated[Metres, Field(ge=-1000, le=1000, description="centre of the patch")] = 0.0
     size: Annotated[tuple[Side, Side], Field(description="size in x and y")]
     friction: Annotated[Friction, Field(description="friction in place of the ground's")]
+    appears: Annotated[
+        PositiveSeconds | None, Field(description="sim time from which on it has its own friction; default: always")
+    ] = None
+
+    @property
+    def title(self) -> str:
+        """The patch in words."""
+        return f"friction of {self.friction:g} on the patch at ({self.x:g}, {self.y:g}) m"
 
     @property
     def bounds(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -70,11 +78,13 @@ class Tile:
 
 
 def ground_tiles(ground: Ground, patches: Sequence[Patch]) -> tuple[Tile, ...]:
-    """Return the patches and the remaining ground between and around them; empty without patches."""
+    """Return the patches at the start, in order, and the remaining ground around them; empty without patches."""
     if not patches:
         return ()
     around = [Tile(_box(across, along), ground.friction) for across, along in _rest(patches)]
-    return (*(Tile(_box(*patch.bounds), patch.friction) for patch in patches), *around)
+    frictions = (patch.friction if patch.appears is None else ground.friction for patch in patches)
+    areas = (_box(*patch.bounds) for patch in patches)
+    return (*(Tile(area, friction) for area, friction in zip(areas, frictions, strict=True)), *around)
 
 
 def _rest(patches: Sequence[Patch]) -> Iterator[tuple[Span, Span]]:

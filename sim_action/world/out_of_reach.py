@@ -65,13 +65,13 @@ def _heights(scene: Scene, body: Body) -> tuple[float, float]:
 
 
 def is_untouched(scene: Scene, trace: Trace, patch: Patch) -> bool:
-    """Return True if neither the robot nor an object that stays in its place was above a patch of the ground."""
+    """Return True if neither the robot nor an object that stays in its place was above a patch after it appeared."""
     for body in scene.world.objects:
         parts = scene.parts_of(body)
         place = np.array([placed(body, parts).position_xyz])
         if body.mass is not None and not _is_off(patch, place, max(map(reach, parts))):
             return False
-    return _is_off(patch, trace.base_position_xyz, _stretched(scene))
+    return _is_off(patch, trace.base_position_xyz[trace.time >= (patch.appears or 0.0)], _stretched(scene))
 
 
 def _is_off(patch: Patch, places: FloatArray, extent: float) -> bool:

@@ -34,6 +34,7 @@ class WrittenDown:
     forces: list[tuple[Target, Vector3, Vector3, Vector3 | None]] = field(default_factory=list)
     pushes: list[tuple[Target, Vector3]] = field(default_factory=list)
     loads: list[tuple[str, float]] = field(default_factory=list)
+    frictions: list[tuple[int, float]] = field(default_factory=list)
     releases: int = 0
 
     def pose(self, body: str) -> Pose:
@@ -50,6 +51,9 @@ class WrittenDown:
 
     def add_mass(self, link: str, mass: float) -> None:
         self.loads.append((link, mass))
+
+    def scale_friction(self, patch: int, factor: float) -> None:
+        self.frictions.append((patch, factor))
 
     def add_velocity(self, target: Target, velocity_xyz: Vector3) -> None:
         self.pushes.append((target, velocity_xyz))

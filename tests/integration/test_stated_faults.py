@@ -20,7 +20,19 @@ from sim_action.state.trace_records import SensorRecord
 from tests.integration.engines import on_every_engine
 from tests.physics.case import Run, Setup, run_on
 from tests.physics.measures import GRAVITY
-from tests.physics.robots import STANCE, arm, box_shape, collision, inertial, joint, lift, link, quadruped, robot
+from tests.physics.robots import (
+    STANCE,
+    arm,
+    box_inertia,
+    box_shape,
+    collision,
+    inertial,
+    joint,
+    lift,
+    link,
+    quadruped,
+    robot,
+)
 
 pytestmark = on_every_engine
 
@@ -310,6 +322,7 @@ robot: {{model: turtlebot3_burger}}
 backend: {engine}
 world:
   objects: [{{name: crate, box: [0.1, 0.1, 0.1], pose: {{x: 2}}, appears: 0.4 s}}]
+  patches: [{{x: 3, size: [1, 1], friction: 0.1, appears: 0.45 s}}]
   disturbances:
     - {{payload: 500 g, link: base_scan, at: 0.1 s, for: 0.2 s}}
     - {{velocity: [0, 0.1, 0], at: 0.3 s}}
@@ -334,6 +347,7 @@ time_limit: 3 s
         (0.3, None, "push of 0.1 m/s on the base link"),
         (0.3, pytest.approx(0.4), "force of 5 N on link 'base_footprint'"),
         (0.4, None, "'crate' appears"),
+        (0.45, None, "friction of 0.1 on the patch at (3, 0) m"),
     ]
     scene = build_scene(it)
     footage = RunRecorder(it.scenario, filmed=True)
@@ -373,3 +387,46 @@ def test_a_payload_moves_the_centre_of_mass_over_the_feet(engine: str, tmp_path:
     # The feet are 0.3 m apart, and the robot weighs 12.6 kg.
     assert margins[0.0] == pytest.approx(0.15, abs=0.002)
     assert margins[4.0] == pytest.approx(0.15 - 0.15 * 4.0 / 16.6, abs=0.002)
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.0, 2.0])
+def test_a_patch_that_appears_changes_the_friction_of_what_slides_on_it(engine: str, friction: float) -> None:
+    crate = robot(
+        link("base", inertial(2.0, box_inertia(2.0, (0.4, 0.4, 0.1))) + collision(box_shape((0.4, 0.4, 0.1))), 0.5)
+    )
+    patch = {"x": 2, "size": [8, 8], "friction": friction, "appears": 0.5}
+    world = {"patches": [patch], "disturbances": [{"velocity": [5.0, 0, 0], "at": 0.1}]}
+    run = run_on(
+        engine,
+        Setup(crate, 0.9, {"world": world, "physics": {"rate": 1000, "settle": 2}}, {"pose": {"x": 0.0}}, rate=1000.0),
+    )
+    speed = run.trace.base_linear_xyz[:, 0]
+    assert speed[run.row(0.5)] == pytest.approx(5.0 - 0.5 * GRAVITY * 0.4, rel=0.01)
+    assert speed[run.row(0.5)] - speed[run.row(0.8)] == pytest.approx(
+        0.5 * friction * GRAVITY * 0.3, rel=0.02, abs=0.005
+    )
+
+
+def test_wheels_slip_on_a_patch_that_appears(engine: str) -> None:
+    keys: dict[str, Any] = {"commands": {"twist": [{"linear": 0.2, "for": 2}, {"linear": -0.2}]}, "world": {}}
+    keys["world"]["patches"] = [{"size": [8, 8], "friction": 0.001, "appears": 1.0}]
+    run = run_on(engine, Setup("turtlebot3_burger", 4.0, keys))
+    # The wheels reverse at 2 s, but the robot slides on: 0.001 g changes 0.2 m/s by 0.02 m/s in 2 s.
+    assert run.trace.base_linear_xyz[-1, 0] > 0.15
+
+
+@pytest.mark.parametrize(
+    ("world", "message"),
+    [
+        ({"patches": [{"size": [1, 1], "friction": 0.1, "appears": 9.0}]}, "is not earlier than time_limit"),
+        (
+            {"patches": [{"size": [1, 1], "friction": 0.1, "appears": 1.0}], "ground": {"friction": 0}},
+            "state a small one",
+        ),
+        ({"patches": [{"size": [1, 1], "friction": 0.1, "appears": -1.0}]}, "appears"),
+    ],
+)
+def test_a_patch_that_cannot_appear_is_refused(engine: str, world: dict[str, Any], message: str) -> None:
+    with pytest.raises(InvalidScenario) as error:
+        run_on(engine, Setup("turtlebot3_burger", 2.0, {"world": world}))
+    assert message in str(error.value)

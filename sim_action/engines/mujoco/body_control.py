@@ -7,6 +7,7 @@ added there, between the two halves of a step: then friction carries what stands
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import mujoco
@@ -21,12 +22,15 @@ from sim_action.engines.mujoco.names import engine_name
 from sim_action.engines.mujoco.queries import Objects
 from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.state.command import BasePush
+from sim_action.world import GROUND
 
 
 class MuJoCoBodyControl(BodyControl):
     """The bodies of a MuJoCo model."""
 
-    def __init__(self, compiled: CompiledScene, objects: Objects) -> None:
+    def __init__(self, compiled: CompiledScene, objects: Objects, forget_frictions: Callable[[], None]) -> None:
+        """`forget_frictions`: called when the friction of contacts has changed."""
+        self._forget_frictions = forget_frictions
         self._model, self._data, self._objects = compiled.model, compiled.data, objects
         self._names = compiled.bodies
         self._moving: dict[str, Twist] = {}
@@ -67,6 +71,16 @@ class MuJoCoBodyControl(BodyControl):
         self._model.body_mass[self._number(Target(link, is_link=True))] += mass
         # It needs data of its own, because it moves the robot to its reference pose.
         mujoco.mj_setConst(self._model, mujoco.MjData(self._model))
+
+    @override
+    def scale_friction(self, patch: int, factor: float) -> None:
+        model, tile = self._model, self._model.geom(f"{GROUND}/{patch}").id
+        pairs = np.flatnonzero((model.pair_geom1 == tile) | (model.pair_geom2 == tile))
+        # All coefficients of a pair are proportional to that of the ground.
+        model.pair_friction[pairs] *= factor
+        if not factor:
+            model.pair_dim[pairs] = 1
+        self._forget_frictions()
 
     @override
     def add_velocity(self, target: Target, velocity_xyz: Vector3) -> None:

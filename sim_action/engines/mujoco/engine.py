@@ -90,7 +90,7 @@ class MuJoCoEngine(Engine):
         self._rays = Rays(compiled)
         self._contacts = Contacts(compiled)
         self._sliding = SlidingContacts(compiled)
-        self._control = MuJoCoBodyControl(compiled, self._objects)
+        self._control = MuJoCoBodyControl(compiled, self._objects, self._sliding.forget)
         self._wrenches = HeldWrenches(self._control, self.link_pose, scene.model)
         self._events = WorldEvents.of(scene, self._control)
         self._is_disturbed = self._events is not None

@@ -107,6 +107,7 @@ class SlidingContacts:
         touching: the touching geoms of the last step, and which of their contacts have no rows; empty without contacts.
         correct: lowers the reference of the normal of each sliding contact, given a live view of `efc_aref`; called
             after all changes of friction rows.
+        forget: makes it look up the friction of all contacts again.
     """
 
     def __init__(self, compiled: CompiledScene) -> None:
@@ -117,10 +118,10 @@ class SlidingContacts:
         self._known: dict[bytes, _Touching] = {}
         # Number of contacts -> a live view of their geoms and of which have no rows.
         self._live: dict[int, memoryview] = {}
-        self.correct = self._corrector()
+        self.correct, self.forget = self._corrector()
 
-    def _corrector(self) -> Callable[[memoryview[float]], None]:
-        """Return the function `correct`."""
+    def _corrector(self) -> tuple[Callable[[memoryview[float]], None], Callable[[], None]]:
+        """Return the functions `correct` and `forget`."""
         # Called at every step: variables of a function are read faster than attributes.
         data, live_view, known, distance = self._data, self._live.get, self._known.get, math.dist
         touching, found = b"", _NOTHING
@@ -144,7 +145,12 @@ class SlidingContacts:
             ):
                 found.settle(values)
 
-        return correct
+        def forget() -> None:
+            nonlocal touching
+            self._known.clear()
+            touching = b""
+
+        return correct, forget
 
     def _correct_some(self, references: memoryview[float], values: tuple[float, ...], found: _Touching) -> bool:
         """Correct the contacts; return True if one slides or hits. `values`: the references of their rows."""

@@ -13,6 +13,7 @@ from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines.body_control import BodyControl, RobotInertia, Target, base_wrench
 from sim_action.engines.pybullet.queries import link_pose
 from sim_action.engines.pybullet.scene import BASE
+from sim_action.engines.pybullet.sliding import SlidingWheels
 from sim_action.state.command import BasePush
 
 
@@ -20,10 +21,18 @@ class PyBulletBodyControl(BodyControl):
     """The bodies of PyBullet. Contacts do not move a body without a mass, but its velocity acts on what touches it."""
 
     def __init__(
-        self, client: int, robot: int, links: Mapping[str, int], objects: Mapping[str, Sequence[tuple[int, Pose]]]
+        self,
+        client: int,
+        robot: int,
+        links: Mapping[str, int],
+        objects: Mapping[str, Sequence[tuple[int, Pose]]],
+        *,
+        tiles: Sequence[int] = (),
+        sliding: SlidingWheels | None = None,
     ) -> None:
-        """`objects`: body -> PyBullet number and pose in the body of each of its pieces."""
+        """`objects`: body -> PyBullet number and pose in the body of each of its pieces; `tiles`: of the ground."""
         self._client, self._robot, self._links, self._objects = client, robot, links, objects
+        self._tiles, self._sliding = tiles, sliding
 
     @override
     def pose(self, body: str) -> Pose:
@@ -64,6 +73,14 @@ class PyBulletBodyControl(BodyControl):
         # PyBullet computes an inertia from the shapes of the link.
         pybullet.changeDynamics(*at, mass=before + mass, physicsClientId=self._client)
         pybullet.changeDynamics(*at, localInertiaDiagonal=inertia, physicsClientId=self._client)
+
+    @override
+    def scale_friction(self, patch: int, factor: float) -> None:
+        tile = self._tiles[patch], BASE
+        friction = factor * pybullet.getDynamicsInfo(*tile, self._client)[1]
+        pybullet.changeDynamics(*tile, lateralFriction=friction, physicsClientId=self._client)
+        if self._sliding is not None:
+            self._sliding.forget()
 
     @override
     def add_velocity(self, target: Target, velocity_xyz: Vector3) -> None:

@@ -105,7 +105,9 @@ class PyBulletEngine(Engine):
         self._self_collision = self._collision_of_links(scene, channels)
         self._place_robot(scene)
         self._sliding = self._sliding_wheels(scene) if scene.scrubbing else None
-        control = PyBulletBodyControl(self._client, self._robot, self._links, self._objects)
+        control = PyBulletBodyControl(
+            self._client, self._robot, self._links, self._objects, tiles=tiles, sliding=self._sliding
+        )
         self._wrenches = HeldWrenches(control, self.link_pose, scene.model)
         self._events = WorldEvents.of(scene, control)
         distances = Distances(self._client, self._robot, self._link_names, self._body_names)

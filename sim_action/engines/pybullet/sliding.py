@@ -38,6 +38,10 @@ class SlidingWheels:
         # Link, other body, and its link -> coefficient.
         self._frictions: dict[tuple[int, int, int], float] = {}
 
+    def forget(self) -> None:
+        """Look up all friction again."""
+        self._frictions.clear()
+
     def correct(self) -> None:
         """Apply the missing friction of the last step to the next one."""
         moving: dict[tuple[int, int], _Motion] = {}

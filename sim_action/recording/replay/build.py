@@ -293,6 +293,7 @@ def stored_events(scenario: Scenario, end: float) -> tuple[EventData, ...]:
         *((fault.at, fault.end, fault.words) for fault in scenario.faults),
         *((acts.at, acts.end, acts.title) for acts in world.disturbances),
         *((body.appears, math.inf, f"'{body.name}' appears") for body in world.objects if body.appears is not None),
+        *((patch.appears, math.inf, patch.title) for patch in world.patches if patch.appears is not None),
     ]
     return tuple(
         EventData(time=begins, until=until if begins < until < math.inf else None, words=words[:MAX_TEXT_LENGTH])
