@@ -21,11 +21,11 @@ from sim_action.core.geometry import Twist
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, recognise
-from sim_action.state.readings import ReadingColumn, columns_of
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.sensors import MountedSensor
+    from sim_action.state.readings import ReadingColumn
 
 FaultKind = Literal["off", "stuck", "weak", "frozen", "silent", "biased"]
 
@@ -127,6 +127,9 @@ class Fault(FrozenModel):
 
     def offsets(self, kind: str) -> dict[str, float | tuple[float, ...]]:
         """Return the errors of a biased sensor of a kind by column, in SI units. Raise ValueError."""
+        # Few scenarios bias a sensor, and it needs numpy.
+        from sim_action.state.readings import columns_of
+
         columns = {name: column for name, column in columns_of(kind).items() if column.may_be_biased}
         written = self.biased
         if not columns or written is None:

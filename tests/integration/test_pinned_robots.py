@@ -33,7 +33,7 @@ def press(squeeze: float) -> dict[str, Any]:
 def run(folder: Path, engine: str, urdf: str, *objects: dict[str, Any], **keys: Any) -> SimulationRun:
     (folder / "robot.urdf").write_text(urdf)
     asked = (
-        [{"joint": {"name": "shoulder", "at_most": "1 rad"}}] if "shoulder" in urdf else [{"travel": {"at_most": 5}}]
+        [{"joint": {"name": "shoulder", "at_least": "-1 rad"}}] if "shoulder" in urdf else [{"travel": {"at_most": 5}}]
     )
     scenario = {"name": "s", "backend": engine, "robot": {"model": "robot.urdf"}, "world": {"objects": objects}}
     return simulated(folder, {**scenario, "expect": asked, "duration": 2, "time_limit": 2, **keys})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import pybullet
 from typing_extensions import override
@@ -13,8 +14,10 @@ from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines.body_control import BodyControl, RobotInertia, Target, base_wrench
 from sim_action.engines.pybullet.queries import link_pose
 from sim_action.engines.pybullet.scene import BASE
-from sim_action.engines.pybullet.sliding import SlidingWheels
 from sim_action.state.command import BasePush
+
+if TYPE_CHECKING:
+    from sim_action.engines.pybullet.sliding import SlidingWheels
 
 
 class PyBulletBodyControl(BodyControl):

@@ -102,7 +102,7 @@ def couple(client: int, robot: int, model: RobotModel, numbers: Mapping[str, int
     for leader, group in groups.items():
         if len(group) == 1:
             continue
-        carrier = leader if model.balls else _carrier(client, robot, numbers, group)
+        carrier = leader if model.balls else _carrier(client, robot, numbers, group, otherwise=leader)
         driven = group[carrier]
         if carrier != leader:
             carriers[leader] = replace(driven, joint=carrier)
@@ -128,12 +128,18 @@ def _is_above(model: RobotModel, leader: str, name: str) -> bool:
     return model.joints_by_name[leader] in joints_above(model, name)
 
 
-def _carrier(client: int, robot: int, numbers: Mapping[str, int], group: Mapping[str, Mimic]) -> str:
-    """Return the joint of a group on which the solver converges best if the motor acts on it."""
+def _carrier(client: int, robot: int, numbers: Mapping[str, int], group: Mapping[str, Mimic], *, otherwise: str) -> str:
+    """Return the joint of a group on which the solver converges best if the motor acts on it.
+
+    `otherwise`: the joint to return if PyBullet gives no mass matrix of the robot, for which it names no reason.
+    """
     count = pybullet.getNumJoints(robot, client)
     moving = [number for number in range(count) if pybullet.getJointInfo(robot, number, client)[3] >= 0]
     states = pybullet.getJointStates(robot, moving, client)
-    masses = np.array(pybullet.calculateMassMatrix(robot, [state[0] for state in states], physicsClientId=client))
+    try:
+        masses = np.array(pybullet.calculateMassMatrix(robot, [state[0] for state in states], physicsClientId=client))
+    except (SystemError, pybullet.error):
+        return otherwise
     # With a free base, its six motions come first.
     places = len(masses) - len(moving) + np.array([moving.index(numbers[name]) for name in group])
     mobility = np.linalg.inv(masses)[np.ix_(places, places)]
