@@ -184,7 +184,7 @@ def _folders() -> Iterator[Finding]:
     if (cache := cache_folder("meshes")) is None:
         yield Finding("missing", "cache", "there is no home folder; hulls of meshes are made in each run")
         return
-    size = sum(path.stat().st_size for path in cache.parent.rglob("*") if path.is_file())
+    size = sum(path.stat().st_size for path in cache.rglob("*") if path.is_file())
     used = f"{size / 1e6:.3g} MB of hulls of meshes in {cache.parent}"
     there = next(folder for folder in (cache, *cache.parents) if folder.exists())
     writable = os.access(there, os.W_OK)
