@@ -13,7 +13,7 @@ from functools import lru_cache
 from importlib.machinery import SourceFileLoader
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
-from types import CodeType
+from types import CodeType, ModuleType
 from typing import Any, Final
 
 from sim_action.core.errors import Location, ScriptError
@@ -52,7 +52,7 @@ class SharedModules:
         self._before = {
             name: (module, dict(vars(module)))
             for name, module in list(sys.modules.items())
-            if name.partition(".")[0] in shared
+            if name.partition(".")[0] in shared and isinstance(module, ModuleType)
         }
 
     def replaced(self) -> list[str]:
