@@ -103,7 +103,7 @@ def decisive(curves: list[Shown], verdict: Verdict) -> Shown:
     measured, time = verdict.measured, verdict.time
     alike = [one for one in curves if one.signal.unit == verdict.unit]
     alike = [one for one in alike if verdict.limit in (one.signal.lower, one.signal.upper)]
-    return min(alike, key=lambda one: abs(one.at(time) - measured))
+    return min(alike, key=lambda one: abs(one.at(time) - measured) / one.rounding)
 
 
 def check(curves: list[Shown], verdict: Verdict) -> None:
