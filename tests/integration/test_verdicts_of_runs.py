@@ -52,7 +52,8 @@ LIMITS: Final[Mapping[str, Limited]] = {
     ),
     "range": Limited(scan("at_least", "min"), scan("at_most", "min", once=True), least=True, loose=0.0),
     "stl": Limited(
-        lambda v: {"stl": f"always turn_rate < {v:.12f}"}, lambda v: {"stl": f"eventually turn_rate > {v:.12f}"}
+        lambda v: {"stl": f"always turn_rate < {v:.12f} rad/s"},
+        lambda v: {"stl": f"eventually turn_rate > {v:.12f} rad/s"},
     ),
     "energy": Limited(lambda j: {"energy": {"at_most": j}}),
     "effort": Limited(lambda n: {"effort": {"at_most": n}}),
