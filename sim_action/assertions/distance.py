@@ -36,6 +36,8 @@ class LengthBounds(MotionAssertion):
     """The base class of assertions with two bounds on a length."""
 
     measured_unit: ClassVar[str | None] = "m"
+    base_signal: ClassVar[str] = ""
+    """The signal of formulas that is this length of the base; empty if there is none."""
 
     at_least: Annotated[PositiveMetres | None, Field(description="a goal: must be reached")] = None
     at_most: Annotated[NonNegativeMetres | None, Field(description="an invariant: must not be exceeded")] = None
@@ -60,7 +62,7 @@ class LengthBounds(MotionAssertion):
 
     @override
     def meaning(self, scene: Scene) -> str:
-        signal = "travel" if self.watches_base and self.key == "travel" else ""
+        signal = self.base_signal if self.watches_base else ""
         return bounds_formula(self.quantity(self.key, signal), self.at_least, self.at_most)
 
     has_truth: ClassVar[bool] = True
@@ -78,6 +80,7 @@ class Travel(LengthBounds):
     """
 
     key: ClassVar[str] = "travel"
+    base_signal: ClassVar[str] = "travel"
     reference: ClassVar[Reference] = Reference(
         "motion",
         "`at_least`: goal; `at_most`: invariant",

@@ -437,8 +437,8 @@ class Playback:
             assert isinstance(content, Mapping)
             for column, value in content.items():
                 columns.setdefault(column, {})[time] = value
-        wanted = [column for column in columns if self._moves(column.joint)]
-        kinds = {column.joint: column.kind for column in sorted(wanted, key=lambda c: -KINDS.index(c.kind))}
+        usable = [column for column in columns if self._moves(column.joint)]
+        kinds = {column.joint: column.kind for column in sorted(usable, key=lambda c: -KINDS.index(c.kind))}
         for _, content in rows:
             assert isinstance(content, Mapping)
             used += any(kinds.get(column.joint) == column.kind for column in content)

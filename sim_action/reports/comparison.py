@@ -237,8 +237,8 @@ def _weaker_text(weaker: WeakerCheck) -> str:
     if weaker.kind == "allow":
         return f"{new.name}: allow has {', '.join(newly_allowed(old, new))} now"
     if weaker.kind == "stated":
-        found = loosened_statements(old, new).items()
-        return f"{new.name}: " + "; ".join(f"{key} {_said(now)}, was {_said(was)}" for key, (was, now) in found)
+        statements = loosened_statements(old, new).items()
+        return f"{new.name}: " + "; ".join(f"{key} {_said(now)}, was {_said(was)}" for key, (was, now) in statements)
     return f"{new.name}: {limits_text(old, new)}"
 
 

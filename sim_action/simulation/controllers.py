@@ -103,8 +103,8 @@ class _Motions:
     def take(self, command: JointTargets, step: int, *, sent: int, until: float) -> None:
         """Let joints follow the motions of a command, from a physics step on, and let its other joints leave theirs."""
         if self._active:
-            known = [followed.motion for followed in self._active]
-            if until == math.inf and command.motions and all(map(known.__contains__, command.motions)):
+            active = [followed.motion for followed in self._active]
+            if until == math.inf and command.motions and all(map(active.__contains__, command.motions)):
                 return
             named = set(command.names())
             self._active = [
@@ -125,20 +125,18 @@ class _Motions:
         for motion, delay, until in self._active:
             times = np.minimum(moments, until) - delay
             positions, velocities, stepped = motion.targets(times, 1 / self._rate)
-            here, ahead, jumped = positions.tolist(), velocities.tolist(), stepped.any()
-            for name, position, velocity in zip(motion.names, here[0], ahead[0], strict=True):
+            targets, speeds = positions.tolist(), velocities.tolist()
+            for name, position, velocity in zip(motion.names, targets[0], speeds[0], strict=True):
                 self._note_step(name, position, velocity, step)
-            for row, column in np.argwhere(stepped).tolist() if jumped else ():
+            for row, column in np.argwhere(stepped).tolist():
                 self.steps.setdefault(motion.names[column], []).append((step + row) / self._rate)
-            for index, (at, speed) in enumerate(zip(here, ahead, strict=True)):
-                before = rows[index]
-                position, velocity = (
-                    dict(zip(motion.names, at, strict=True)),
-                    dict(zip(motion.names, speed, strict=True)),
+            for index, (position, velocity) in enumerate(zip(targets, speeds, strict=True)):
+                rows[index] = JointTargets(
+                    {**rows[index].position, **dict(zip(motion.names, position, strict=True))},
+                    {**rows[index].velocity, **dict(zip(motion.names, velocity, strict=True))},
                 )
-                rows[index] = JointTargets({**before.position, **position}, {**before.velocity, **velocity})
-            last = step + steps - 1
-            self._last |= {name: (*state, last) for name, *state in zip(motion.names, here[-1], ahead[-1], strict=True)}
+            for name, position, velocity in zip(motion.names, targets[-1], speeds[-1], strict=True):
+                self._last[name] = position, velocity, step + steps - 1
         for index in range(-step % self._told_stride, steps, self._told_stride):
             self._told((step + index) / self._rate, rows[index])
         start = step / self._rate

@@ -222,10 +222,10 @@ class JointMotion:
 
     def only(self, names: Iterable[str]) -> Self:
         """Return the motion of some of its joints, in its order."""
-        wanted = set(names)
-        if wanted.issuperset(self.names):
+        kept_names = set(names)
+        if kept_names.issuperset(self.names):
             return self
-        kept = [index for index, name in enumerate(self.names) if name in wanted]
+        kept = [index for index, name in enumerate(self.names) if name in kept_names]
 
         def chosen(values: Sequence[float]) -> tuple[float, ...]:
             return tuple(values[index] for index in kept) if values else ()
@@ -252,10 +252,10 @@ class JointMotion:
         at = [np.maximum(np.searchsorted(knot, times + TIME_EPSILON_S, side="right") - 1, 0) for knot in knots]
         pieces = np.stack(at, axis=1) + first
         since = np.maximum(times[:, None] - np.stack([knot[k] for knot, k in zip(knots, at, strict=True)], axis=1), 0.0)
-        found = coefficients[pieces]
-        values = found[:, :, -1]
+        polynomials = coefficients[pieces]
+        values = polynomials[:, :, -1]
         for power in range(_QUINTIC - 2, -1, -1):
-            values = values * since + found[:, :, power]
+            values = values * since + polynomials[:, :, power]
         if self.lower:
             values = np.clip(values, self.lower, self.upper)
         stepped = np.diff(jumps[pieces], axis=0) > 0
