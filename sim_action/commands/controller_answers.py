@@ -12,11 +12,13 @@ from typing import Final, cast
 from sim_action.core import units
 from sim_action.core.field_types import MAX_COORDINATE_M
 from sim_action.core.geometry import Twist
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import replace
 from sim_action.core.wording import with_article
 from sim_action.robot.model.kinematics import beyond_limits, why_no_frame
 from sim_action.robot.model.robot_model import Reading, RobotModel
 from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, is_finite
+from sim_action.state.joint_motion import JointMotion
 from sim_action.world.physics import MAX_FORCE
 from sim_action.world.scene import Scene
 
@@ -32,7 +34,7 @@ def answer_problem(answer: object, scene: Scene) -> str | None:
         if sum(isinstance(part, kind) for part in answer) > 1:
             return (
                 f"more than one {kind.__name__} in a tuple; it may have one Twist, one JointTargets and any number of "
-                "LinkWrench"
+                "JointMotion and LinkWrench"
             )
     if len(answer) > MAX_PARTS:
         return f"{with_article(type(answer).__name__)} of {len(answer):,} commands; at most {MAX_PARTS:,} are allowed"
@@ -48,17 +50,23 @@ def twist_problem(twist: Twist) -> str | None:
 
 
 def as_answer(answer: object) -> Answer:
-    """Return a valid answer in the form that the simulation loop expects."""
-    if isinstance(answer, (tuple, list)):
-        return tuple(part for part in answer if part is not None)
-    return cast("Answer", answer)
+    """Return a valid answer in the form that the simulation loop expects: motions are part of the joint targets."""
+    parts = tuple(part for part in answer if part is not None) if isinstance(answer, (tuple, list)) else (answer,)
+    motions = tuple(part for part in parts if isinstance(part, JointMotion))
+    if motions:
+        targets = next((part for part in parts if isinstance(part, JointTargets)), JointTargets())
+        others = (part for part in parts if not isinstance(part, (JointMotion, JointTargets)))
+        return cast("Answer", (*others, replace(targets, motions=motions)))
+    return cast("Answer", parts if isinstance(answer, (tuple, list)) else answer)
 
 
 def _problem_with_one(answer: object, scene: Scene) -> str | None:
     if answer is None:
         return None
+    if isinstance(answer, JointMotion):
+        return _problem_with_motion(answer, scene)
     if not isinstance(answer, (Twist, JointTargets, LinkWrench)):
-        allowed = "a Twist, JointTargets, a LinkWrench, a tuple of them, or None"
+        allowed = "a Twist, JointTargets, a JointMotion, a LinkWrench, a tuple of them, or None"
         return f"{with_article(type(answer).__name__)}; allowed are {allowed}"
     if isinstance(answer, Twist):
         return twist_problem(answer)
@@ -100,11 +108,27 @@ def _problem_with_wrench(wrench: LinkWrench, scene: Scene) -> str | None:
     return f"{_text(wrench)}; its point_xyz may be at most {MAX_COORDINATE_M:g} m away" if is_far else None
 
 
+def _problem_with_motion(motion: JointMotion, scene: Scene) -> str | None:
+    try:
+        tables = [table for curve in motion.curves for table in (curve.times, curve.coefficients)]
+        if not all(np.isfinite(table).all() for table in tables):
+            return "a JointMotion that has a value that is not finite"
+        # It looks at all parts of the motion.
+        _ = motion.end, motion.extremes
+    except Exception:  # noqa: BLE001 - values may be objects of the user, which can raise anything
+        return "a JointMotion that is not well-formed; JointMotion.through(names, times, positions) makes one"
+    troubles = (scene.model.why_not_driven(str(name), "position") for name in motion.names)
+    trouble = next((trouble for trouble in troubles if trouble is not None), None)
+    return None if trouble is None else f"a JointMotion of a joint that cannot be driven: {trouble}"
+
+
 def _problem_with_targets(targets: JointTargets, scene: Scene) -> str | None:
     if targets.base is not None:
         return "a push of the base, which only drives may command; use joint targets"
     if targets.wrenches is not None:
         return "JointTargets with wrenches; answer with a tuple (JointTargets, LinkWrench, ...) instead"
+    if targets.motions:
+        return "JointTargets with motions; answer with the JointMotion itself, alone or in a tuple"
     named: list[tuple[str, Reading | None]] = [
         *((name, "position") for name in targets.position),
         *((name, "velocity") for name in targets.velocity if name not in targets.position),

@@ -61,8 +61,9 @@ class ScriptCommands(CommandSource):
 
     Both get a `sim_action.Observation`: `time`, `pose`, `twist` (base link, world frame), `joints` (by name:
     `position`, `velocity`, `effort`), `links` (by name: `pose` and `twist`, world frame), `contacts` and `sensors` (by
-    name: the latest reading). They return a `sim_action.Twist`, `sim_action.JointTargets`, a `sim_action.LinkWrench`, a
-    tuple of them (such as for a base with an arm, or for four thrusters), or None to keep the last command.
+    name: the latest reading). They return a `Twist`, `JointTargets`, a `JointMotion` or a `LinkWrench` of `sim_action`,
+    a tuple of them (such as for a base with an arm, or for four thrusters), or None to keep the last command.
+    `JointMotion.through(names, times, positions)` moves position targets over sim time, in s and rad (m).
 
     `LinkWrench(link, force_xyz, torque_xyz, frame, point_xyz)` applies a force in N and a torque in N m to a link,
     along the axes of `frame`: `world` (the default), `base`, or the name of a link, with which it then turns. The force

@@ -74,7 +74,8 @@ class JointTargets:
         base: the push on the base; None: as before. For drives, not for scripts.
         wrenches: all wrenches on links; None: as before. For engines: a script answers with a LinkWrench instead.
         motions: position targets that go on to move by themselves, until their joints are named again. For the loop,
-            which gives the engine a position and a velocity for each physics step.
+            which gives the engine a position and a velocity for each physics step: a script answers with a
+            JointMotion instead.
     """
 
     position: Mapping[str, float] = field(default_factory=dict)

@@ -201,6 +201,8 @@ class JointMotion:
             raise ValueError("a motion needs at least one row, and times that rise")
         if not np.isfinite(tables[0]).all() or (tables[2] is not None and not np.isfinite(tables[2]).all()):
             raise ValueError("a motion needs finite positions and accelerations")
+        if tables[1] is not None and np.isinf(tables[1]).any():
+            raise ValueError("a velocity of a motion is infinite; write NaN for one that is not known")
         position, *more = tables
         curves = (
             Curve.through(at, position[:, j], *(None if table is None else table[:, j] for table in more))

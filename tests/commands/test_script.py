@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import pytest
 
@@ -182,18 +183,28 @@ def test_an_answer_is_a_twist_joint_targets_both_or_none(body: str, command: obj
     assert answer(tmp_path, body) == command
 
 
+def test_motions_join_the_joint_targets_of_an_answer(tmp_path: Path) -> None:
+    motion = "sim.JointMotion.through(['wheel_left_joint'], [0, 1], [[0], [1]])"
+    (alone,) = cast("tuple[JointTargets]", answer(tmp_path, f"return {motion}"))
+    assert list(alone.names()) == ["wheel_left_joint"]
+    others = "sim.Twist.planar(1), sim.JointTargets(effort={'wheel_right_joint': 1})"
+    twist, targets = cast("tuple[Twist, JointTargets]", answer(tmp_path, f"return {motion}, {others}"))
+    assert twist == Twist.planar(1)
+    assert list(targets.names()) == ["wheel_right_joint", "wheel_left_joint"]
+
+
 @pytest.mark.parametrize(
     ("body", "message"),
     [
         (
             "return 1.0",
-            "control() returned a float; allowed are a Twist, JointTargets, a LinkWrench, a tuple of them, or None",
+            "control() returned a float; allowed are a Twist, JointTargets, a JointMotion, a LinkWrench, a tuple",
         ),
         ("return (1.0, 0.0)", "control() returned a tuple with a float; allowed are"),
         ("return [sim.Twist(), (1, 2)]", "control() returned a list with a tuple; allowed are"),
         (
             "return sim.Twist(), sim.Twist()",
-            "more than one Twist in a tuple; it may have one Twist, one JointTargets and any number of LinkWrench",
+            "more than one Twist in a tuple; it may have one Twist, one JointTargets and any number of JointMotion and",
         ),
         ("return 2 * [sim.JointTargets()]", "control() returned more than one JointTargets in a tuple"),
         (
@@ -242,6 +253,26 @@ def test_an_answer_is_a_twist_joint_targets_both_or_none(body: str, command: obj
         (
             "return sim.JointTargets(wrenches=(sim.LinkWrench('base_footprint'),))",
             "JointTargets with wrenches; answer with a tuple (JointTargets, LinkWrench, ...) instead",
+        ),
+        (
+            "return sim.JointTargets(motions=(sim.JointMotion.through(['wheel_left_joint'], [0], [[1]]),))",
+            "JointTargets with motions; answer with the JointMotion itself, alone or in a tuple",
+        ),
+        (
+            "return sim.JointMotion.through(['wheel_joint'], [0], [[1]])",
+            "a JointMotion of a joint that cannot be driven: the model has no moving joint 'wheel_joint'",
+        ),
+        (
+            "return sim.JointMotion(('wheel_left_joint',), ('x',))",
+            "a JointMotion that is not well-formed; JointMotion.thr",
+        ),
+        ("return sim.JointMotion((), ())", "a JointMotion that is not well-formed"),
+        (
+            (
+                "motion = sim.JointMotion.through(['wheel_left_joint'], [0], [[0]]); "
+                "motion.curves[0].coefficients[:] = 1e999; return motion"
+            ),
+            "a JointMotion that has a value that is not finite",
         ),
         (
             "return sim.LinkWrench('base_scam', (0, 0, 1))",

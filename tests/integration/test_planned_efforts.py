@@ -149,3 +149,40 @@ def test_a_step_of_a_target_is_named_where_it_may_decide(engine: str, interpolat
     cause = "a step of the position target of 'pan' at 1.00 s adds to it"
     messages = [verdict.message for verdict in simulated(tmp_path, scenario).verdicts]
     assert all((cause in message) == (interpolation == "hold") for message in messages), messages
+
+
+MOVES = """\
+from sim_action import JointMotion
+
+TIMES = [0.0, 0.5, 1.0]
+
+
+def control(observation):
+    if observation.time:
+        return None
+    return JointMotion.through(["pan"], TIMES, [[0.0], [0.4], [1.0]], [[0.0], [1.0], [0.0]])
+"""
+
+
+@on_every_engine
+def test_a_script_hands_over_a_motion_once(engine: str, tmp_path: Path) -> None:
+    """The servo follows the cubic through its rows from one physics step to the next."""
+    (tmp_path / "turret.urdf").write_text(TURRET)
+    (tmp_path / "moves.py").write_text(MOVES)
+    scenario = {
+        "name": "n",
+        "robot": {"model": "turret.urdf", "base": "fixed"},
+        "commands": {"rate": 10, "script": "moves.py"},
+        "expect": [{"joint": {"name": "pan", "near": "1 rad", "tolerance": "0.5 deg"}}],
+        "backend": engine,
+        "duration": 1.5,
+        "time_limit": 2,
+    }
+    trace = simulated(tmp_path, scenario).trace
+    share = np.clip(trace.time, 0, 1)
+    first, second = share / 0.5, (share - 0.5) / 0.5
+    # The two cubics in terms of their points and speeds.
+    wanted_first = 0.4 * (3 * first**2 - 2 * first**3) + 0.5 * (first**3 - first**2)
+    wanted_second = 0.4 + 0.6 * (3 * second**2 - 2 * second**3) + 0.5 * (second**3 - 2 * second**2 + second)
+    expected = np.where(share < 0.5, wanted_first, wanted_second)
+    assert trace.joint_position[:, 0] == pytest.approx(expected, abs=5e-3)
