@@ -389,7 +389,7 @@ class Playback:
         now = round(self._now * self._rate)
         following = now + 1 if self._spec.has_rate else next((tick for tick in self.due if tick > now), math.inf)
         late = sum(self._tick(time) >= following for time in self._moments)
-        unused = {**self._unused, f"were due after the last tick of the run, at {self._now:.3g} s": late}
+        unused = {**self._unused, f"after the last tick of the run, at {self._now:.3g} s": late}
         reasons = [f"{count} {reason}" for reason, count in unused.items() if count]
         if reasons:
             of = f" of {self._spec.topic}" if self._spec.topic else ""
@@ -427,7 +427,7 @@ class Playback:
     def _count_replaced(self, by: float) -> None:
         """Count a row at whose tick a later one acts, at a sim time in s."""
         ticks = f"at a tick of {self._rate:g} Hz" if self._spec.has_rate else "in one physics step"
-        self._count("are before t = 0" if by < self._tolerance else f"were replaced by a later one {ticks}", 1)
+        self._count("before t = 0" if by < self._tolerance else f"replaced by a later one {ticks}", 1)
 
     def _add_rows(self, rows: Sequence[tuple[float, Content]]) -> None:
         """Schedule rows of joints: positions as motions, velocities and efforts as steps."""

@@ -363,10 +363,10 @@ def notes(folder: Path, **keys: Any) -> list[str]:
 @pytest.mark.parametrize(
     ("keys", "reason"),
     [
-        ({"rate": "10 Hz"}, "149 were replaced by a later one at a tick of 10 Hz"),
-        ({"start": "1 s"}, "60 are before t = 0"),
+        ({"rate": "10 Hz"}, "149 replaced by a later one at a tick of 10 Hz"),
+        ({"start": "1 s"}, "60 before t = 0"),
         ({"end": "1 s"}, "119 are after 'end'"),
-        ({"offset": "2 s"}, "119 were due after the last tick of the run"),
+        ({"offset": "2 s"}, "119 after the last tick of the run"),
         ({}, ""),
     ],
 )

@@ -340,7 +340,7 @@ class Table:
         listed = ", ".join(shown(name) for name in header.ignored[:3])
         more = f" and {len(header.ignored) - 3} more" if len(header.ignored) > 3 else ""
         notes = (escaped_line(f"{self.name}: columns that are not commands: {listed}{more}"),) if listed else ()
-        unused = {"have no number in the columns of commands": count - len(rows)}
+        unused = {"without a number in the columns of commands": count - len(rows)}
         return Recorded(tuple(rows), clock.resolution_s, count, unused, notes)
 
     @contextmanager

@@ -357,7 +357,7 @@ def _recorded(storages: Sequence[_Storage], wanted: Wanted) -> Recorded:
     rows.sort(key=lambda row: row[0])
     if clock is not None:
         rows = [(time_ns, content) for time_ns, (_, content) in zip(clock([t for t, _ in rows]), rows, strict=True)]
-    return Recorded(tuple(rows), read=read, unused={"have no finite value": read - len(rows)})
+    return Recorded(tuple(rows), read=read, unused={"without a finite value": read - len(rows)})
 
 
 def _connections(storages: Sequence[_Storage], wanted: Wanted) -> list[Connection]:
