@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,10 +14,11 @@ import pytest
 
 from sim_action.commands.line_protocol import MAX_LINE_BYTES, AnswerLimit, LineProcess
 from sim_action.core.errors import ScriptError
+from tests.patience import PATIENCE, wait_until
 
 pytestmark = pytest.mark.process
 
-PATIENCE: Final = AnswerLimit(30.0, "answer_within")
+LIMIT: Final = AnswerLimit(PATIENCE, "answer_within")
 SHORT: Final = AnswerLimit(0.3, "answer_within")
 
 ECHO: Final = "for line in sys.stdin: print(line.strip().upper(), flush=True)"
@@ -34,7 +34,7 @@ def running(program: str, folder: Path) -> Iterator[LineProcess]:
         lockstep.close()
 
 
-def refusal(program: str, folder: Path, limit: AnswerLimit = PATIENCE) -> ScriptError:
+def refusal(program: str, folder: Path, limit: AnswerLimit = LIMIT) -> ScriptError:
     """What is said of the first question at which it fails."""
     with running(program, folder) as lockstep, pytest.raises(ScriptError) as raised:
         ask_often(lockstep, limit)
@@ -48,24 +48,24 @@ def ask_often(lockstep: LineProcess, limit: AnswerLimit) -> None:
 
 def test_each_line_is_answered_by_the_next(tmp_path: Path) -> None:
     with running(ECHO, tmp_path) as lockstep:
-        assert [lockstep.ask(question, PATIENCE) for question in (b"one", b"two")] == [b"ONE", b"TWO"]
+        assert [lockstep.ask(question, LIMIT) for question in (b"one", b"two")] == [b"ONE", b"TWO"]
 
 
 def test_it_runs_in_its_folder(tmp_path: Path) -> None:
     with running("input(); print(os.getcwd(), flush=True)\ninput()", tmp_path) as lockstep:
-        assert lockstep.ask(b"where", PATIENCE) == str(tmp_path).encode()
+        assert lockstep.ask(b"where", LIMIT) == str(tmp_path).encode()
 
 
 @pytest.mark.parametrize("length", [10, 200_000, MAX_LINE_BYTES])
 def test_lines_of_any_length_come_whole(length: int, tmp_path: Path) -> None:
     with running(ECHO, tmp_path) as lockstep:
-        assert lockstep.ask(b"a" * length, PATIENCE) == b"A" * length
+        assert lockstep.ask(b"a" * length, LIMIT) == b"A" * length
 
 
 def test_a_line_that_comes_in_pieces_is_one_line(tmp_path: Path) -> None:
     pieces = "for line in sys.stdin:\n    for c in 'abc\\n': sys.stdout.write(c); sys.stdout.flush(); time.sleep(0.02)"
     with running(pieces, tmp_path) as lockstep:
-        assert [lockstep.ask(b"go", PATIENCE) for _ in range(2)] == [b"abc", b"abc"]
+        assert [lockstep.ask(b"go", LIMIT) for _ in range(2)] == [b"abc", b"abc"]
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ def test_one_that_has_ended_while_what_it_started_holds_its_output_is_told_so(tm
     child = "input()\nif os.fork() == 0: time.sleep(600)\nprint('a', flush=True)\nos._exit(4)"
     with running(child, tmp_path) as lockstep:
         # Until it is about to end, however slow the machine is.
-        lockstep.ask(b"x", PATIENCE)
+        lockstep.ask(b"x", LIMIT)
         # No test waits for so long: it is told when it is gone.
         with pytest.raises(ScriptError, match="exited with code 4"):
             lockstep.ask(b"y", AnswerLimit(3600.0, "answer_within"))
@@ -144,12 +144,12 @@ def test_lines_that_nobody_asked_for_are_told_at_the_end_at_the_latest(tmp_path:
     # The second line comes when the input has ended, as late as it can.
     late = "print(input(), flush=True); sys.stdin.read(); print('second', flush=True)"
     with running(late, tmp_path) as lockstep:
-        lockstep.ask(b"x", PATIENCE)
+        lockstep.ask(b"x", LIMIT)
     assert (lockstep.unasked() or "").startswith(
         "the process 'ctl' wrote more lines than it received, such as 'second'; if they came between its answers"
     )
     with running(ECHO, tmp_path) as lockstep:
-        lockstep.ask(b"x", PATIENCE)
+        lockstep.ask(b"x", LIMIT)
     assert lockstep.unasked() is None
 
 
@@ -161,13 +161,13 @@ def test_last_words_are_its_own_and_not_without_end(tmp_path: Path) -> None:
 
 def test_what_it_says_on_standard_error_is_passed_on(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     with running("print('hello', file=sys.stderr)\n" + ECHO, tmp_path) as lockstep:
-        lockstep.ask(b"x", PATIENCE)
+        lockstep.ask(b"x", LIMIT)
     assert "hello\n" in capfd.readouterr().err
 
 
 def test_a_program_is_told_the_end_and_may_say_its_farewell(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     with running(ECHO + "\nprint('farewell', file=sys.stderr)", tmp_path) as lockstep:
-        lockstep.ask(b"x", PATIENCE)
+        lockstep.ask(b"x", LIMIT)
     assert "farewell\n" in capfd.readouterr().err
 
 
@@ -191,12 +191,9 @@ def is_there(process: int) -> bool:
 def test_a_program_that_does_not_leave_is_ended_with_its_group(stays: str, tmp_path: Path) -> None:
     program = "input(); child = os.fork()\nif child: print(os.getpid(), child, flush=True)"
     with running(f"{program}\n{stays}", tmp_path) as lockstep:
-        both = list(map(int, lockstep.ask(b"who", PATIENCE).split()))
+        both = list(map(int, lockstep.ask(b"who", LIMIT).split()))
         assert is_there(both[1])
-    deadline = time.monotonic() + 10
-    while any(map(is_there, both)) and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert not any(map(is_there, both))
+    wait_until(lambda: not any(map(is_there, both)))
 
 
 def test_what_it_does_to_its_group_does_not_end_us(tmp_path: Path) -> None:
@@ -220,11 +217,8 @@ def test_what_a_silent_program_says_elsewhere_goes_with_the_error(tmp_path: Path
 def test_no_thread_is_left_of_it(tmp_path: Path) -> None:
     before = set(threading.enumerate())
     with running(ECHO, tmp_path) as lockstep:
-        lockstep.ask(b"x", PATIENCE)
-    deadline = time.monotonic() + 10
-    while not before.issuperset(threading.enumerate()) and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert before.issuperset(threading.enumerate())
+        lockstep.ask(b"x", LIMIT)
+    wait_until(lambda: before.issuperset(threading.enumerate()))
 
 
 def test_a_program_that_cannot_be_started_is_told(tmp_path: Path) -> None:

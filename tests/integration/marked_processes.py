@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from pathlib import Path
+
+from tests.patience import wait_until
 
 
 def processes_of(folder: Path) -> list[int]:
@@ -18,13 +18,6 @@ def processes_of(folder: Path) -> list[int]:
             except OSError:
                 continue
     return found
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 120
-    while not condition() and time.monotonic() < deadline:
-        time.sleep(0.02)
-    assert condition()
 
 
 def wait_for(count: int, folder: Path) -> None:

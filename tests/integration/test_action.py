@@ -29,6 +29,7 @@ from tests.integration.conftest import (
 from tests.integration.github import (
     Runner,
 )
+from tests.patience import PATIENCE
 
 
 def test_tutorial_passes(runner: Runner) -> None:
@@ -170,7 +171,7 @@ def test_cancelled_workflow_gets_its_reports(runner: Runner, forgiving: str) -> 
     with subprocess.Popen(command, cwd=runner.workspace, env=variables) as process:
         wait_until_it_runs(process, runner.workspace / "out/results.jsonl")
         process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=30) == 130
+        assert process.wait(timeout=PATIENCE) == 130
     [outcome] = json.loads((runner.workspace / "out/results.json").read_text(encoding="utf-8"))["outcomes"]
     assert outcome["failures"][0]["kind"] == "interrupted"
 

@@ -17,6 +17,7 @@ import pytest
 
 from sim_action.results.output_folder import locked
 from tests.integration.conftest import interpreter, sim_action
+from tests.patience import PATIENCE
 
 ROOT = Path(__file__).parents[2]
 TUTORIAL = str(ROOT / "examples/turtlebot3/straight_line.sim.yml")
@@ -307,7 +308,7 @@ def test_reading_only_the_beginning_of_the_output_loses_no_report(tmp_path: Path
     stream = process.stdout or process.stderr
     assert stream is not None
     stream.close()
-    process.wait(60)
+    process.wait(PATIENCE)
     assert (tmp_path / "sim-results/junit.xml").exists()
     assert process.returncode == 0
 

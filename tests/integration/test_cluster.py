@@ -9,25 +9,24 @@ import signal
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 import pytest
+from distributed import Client
 
 import sim_action
 from sim_action.engines import installed
 from sim_action.runner.isolation.process_control import processes
+from tests.patience import PATIENCE, wait_until
 from tests.soak import soaked
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="it looks for processes in /proc")
 
 ROOT: Final = Path(__file__).parents[2]
 ENVIRONMENT: Final = {**os.environ, "PYTHONPATH": str(ROOT), "GITHUB_ACTIONS": ""}
-PATIENCE: Final = 120
-"""s; as long as no call of these takes."""
 
 DRIVES: Final = """\
 name: burger drives on what it finds
@@ -169,19 +168,12 @@ def workers_of(process: subprocess.Popen[str]) -> list[int]:
     def found() -> list[int]:
         return [pid for pid in children_of(process.pid) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
 
-    assert soon(lambda: len(found()) == 2)
+    wait_until(lambda: len(found()) == 2)
     return found()
 
 
 def gone(pids: Sequence[int]) -> bool:
     return not any(Path(f"/proc/{pid}").exists() for pid in pids)
-
-
-def soon(holds: Callable[[], bool]) -> bool:
-    patience = time.monotonic() + PATIENCE
-    while not holds() and time.monotonic() < patience:
-        time.sleep(0.05)
-    return holds()
 
 
 @pytest.mark.parametrize("samples", soaked((12, 200), (12,)))
@@ -212,7 +204,7 @@ def test_a_signal_ends_all_workers_and_keeps_what_has_ended(tmp_path: Path) -> N
     assert {outcome["status"] for outcome in found} == {"passed", "error"}
     kinds = {failure["kind"] for outcome in found for failure in outcome["failures"]}
     assert kinds == {"interrupted"}
-    assert soon(lambda: gone(pids))
+    wait_until(lambda: gone(pids))
 
 
 def test_a_caller_that_is_killed_leaves_no_worker_behind(tmp_path: Path) -> None:
@@ -223,7 +215,7 @@ def test_a_caller_that_is_killed_leaves_no_worker_behind(tmp_path: Path) -> None
         pids += [each for pid in pids for each in children_of(pid)]
         process.kill()
         process.communicate()
-    assert soon(lambda: gone(pids))
+    wait_until(lambda: gone(pids))
 
 
 def test_a_scenario_that_kills_its_worker_three_times_is_an_error(tmp_path: Path) -> None:
@@ -269,7 +261,8 @@ def scheduler(tmp_path: Path) -> Iterator[str]:
     """The address of a scheduler."""
     file = tmp_path / "scheduler.json"
     with dask("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)):
-        assert soon(file.exists)
+        # The scheduler does not write it in one go.
+        wait_until(lambda: file.exists() and file.read_text().endswith("}"))
         yield json.loads(file.read_text())["address"]
 
 
@@ -278,7 +271,8 @@ def worker(scheduler: str, folder: Path, path: Path = ROOT) -> Iterator[None]:
     folder.mkdir()
     options = ("--host", "127.0.0.1", "--nthreads", "1", "--no-dashboard", "--local-directory", str(folder))
     with dask("worker", scheduler, *options, path=path):
-        assert soon(lambda: any(folder.rglob("worker-*")))
+        with Client(scheduler) as client:
+            client.wait_for_workers(1, PATIENCE)
         yield
 
 

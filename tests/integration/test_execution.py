@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +22,7 @@ from sim_action.runner.isolation.linux_child import LinuxChild
 from sim_action.runner.isolation.portable_child import PortableChild
 from sim_action.scenario.loading import load_scenario
 from sim_action.state.trace_storage import load_trace
+from tests.patience import PATIENCE, wait_until
 from tests.pool import execute
 from tests.soak import soaked
 
@@ -328,10 +328,7 @@ def test_processes_that_a_script_leaves_behind_are_ended(tmp_path: Path, run: Ru
     )
     (outcome,) = run([script(tmp_path, "forker", body)], tmp_path)
     assert outcome.status == "passed"
-    deadline = time.monotonic() + 10
-    while processes_of(tmp_path) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert processes_of(tmp_path) == []
+    wait_until(lambda: processes_of(tmp_path) == [])
 
 
 def test_a_script_does_not_see_what_it_could_act_with(
@@ -415,10 +412,9 @@ def test_an_interrupted_run_reports_what_had_finished(tmp_path: Path, number: si
     line = process.stdout.readline()
     assert "a-quick" in line
     # The next child is there by now or soon: it never ends by itself.
-    while not processes_of(tmp_path):
-        time.sleep(0.01)
+    wait_until(lambda: processes_of(tmp_path))
     process.send_signal(number)
-    process.communicate(timeout=30)
+    process.communicate(timeout=PATIENCE)
     assert process.returncode == 130
     junit = (tmp_path / "sim-results" / "junit.xml").read_text()
     assert 'name="a-quick"' in junit

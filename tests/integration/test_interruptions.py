@@ -18,10 +18,10 @@ import pytest
 import yaml
 
 from sim_action.results.results_json import Results
+from tests.patience import PATIENCE, wait_until
 from tests.soak import soaked
 
 ROOT: Final = Path(__file__).parents[2]
-PATIENCE: Final = 60
 """s; as long as no run of these takes."""
 
 QUICK: Final = """\
@@ -91,10 +91,7 @@ def running(folder: Path, *before: str, streams: int | None = None) -> Iterator[
 
 
 def await_endless(folder: Path) -> None:
-    until = time.monotonic() + PATIENCE
-    while not (folder / "began").exists():
-        assert time.monotonic() < until
-        time.sleep(0.01)
+    wait_until((folder / "began").exists)
 
 
 def reported(folder: Path) -> Mapping[str, str]:

@@ -14,6 +14,7 @@ from sim_action.core.errors import Location
 from sim_action.engines import installed
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results
+from tests.patience import PATIENCE
 
 ROOT: Final = Path(__file__).parents[2]
 
@@ -51,7 +52,7 @@ def run(folder: Path, *arguments: str, code: int = 0, **environment: str) -> dic
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=PATIENCE,
         check=False,
     )
     assert ran.returncode == code, ran.stdout + ran.stderr

@@ -20,6 +20,7 @@ import pytest
 from sim_action.engines import installed
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
+from tests.patience import PATIENCE, wait_until
 from tests.soak import soaked
 
 ROOT: Final = Path(__file__).parents[2]
@@ -130,7 +131,7 @@ def start(folder: Path, *options: str) -> subprocess.Popen[str]:
 
 def outcomes(folder: Path) -> dict[str, Outcome]:
     run = start(folder)
-    run.communicate(timeout=120)
+    run.communicate(timeout=PATIENCE)
     results = Results.read(folder / "sim-results/results.json")
     return {outcome.name: outcome for outcome in results.outcomes}
 
@@ -147,13 +148,6 @@ def is_of(process: int, folder: Path) -> bool:
     except OSError:
         return False
     return f"ROS_KILLERS={folder}".encode() in variables
-
-
-def are_gone(folder: Path, within: float = 10.0) -> bool:
-    deadline = time.monotonic() + within
-    while processes_of(folder) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    return not processes_of(folder)
 
 
 def resident_megabytes(process: int) -> float:
@@ -176,7 +170,7 @@ def test_ten_killers_cost_ten_scenarios_and_nothing_else(tmp_path: Path, total: 
     write_suite(tmp_path, total)
     run = start(tmp_path)
     resident = list(resident_after_each(run, total))
-    run.communicate(timeout=60)
+    run.communicate(timeout=PATIENCE)
     assert run.returncode == 1
     # Asked at once: the call itself must have waited for all of them.
     assert processes_of(tmp_path) == []
@@ -241,14 +235,11 @@ def test_what_classes_do_before_they_are_asked_costs_their_own_scenario_only(tmp
 def test_a_call_that_is_killed_outright_leaves_no_process(tmp_path: Path) -> None:
     script(tmp_path, "hider", "subprocess.Popen(['sleep', '600'], start_new_session=True)\ntime.sleep(600)")
     run = start(tmp_path)
-    deadline = time.monotonic() + 30
     # The call, the supervisor, the scenario, and what it hides.
-    while len(processes_of(tmp_path)) < 4 and time.monotonic() < deadline:
-        time.sleep(0.02)
-    assert len(processes_of(tmp_path)) == 4
+    wait_until(lambda: len(processes_of(tmp_path)) == 4)
     run.kill()
-    run.communicate(timeout=30)
-    assert are_gone(tmp_path)
+    run.communicate(timeout=PATIENCE)
+    wait_until(lambda: not processes_of(tmp_path))
 
 
 @pytest.mark.parametrize(
@@ -270,7 +261,7 @@ def test_signals_to_whom_it_descends_from_cost_the_script_its_own_scenario_only(
     assert found["honest 1"].status == "passed"
     (failure,) = found["patricide"].failures
     assert cause in failure.message
-    assert are_gone(tmp_path)
+    wait_until(lambda: not processes_of(tmp_path))
 
 
 def test_what_a_script_leaves_behind_is_ended_and_said_and_costs_no_verdict(tmp_path: Path) -> None:

@@ -10,8 +10,7 @@ import socket
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,8 @@ from sim_action.results.events import Finished
 from sim_action.results.journal import JOURNAL_FILE
 from tests.integration.conftest import write
 from tests.integration.marked_processes import processes_of
-from tests.integration.test_watch import PATIENCE, SCENARIO, watching
+from tests.integration.test_watch import SCENARIO, watching
+from tests.patience import PATIENCE, wait_until
 from tests.results.test_journal import begun, outcome
 
 GET_IN = ("127.0.0.1", "localhost")
@@ -65,13 +65,6 @@ def asked(address: str, path: str = "", method: str = "GET", host: str | None = 
 def state(address: str) -> dict[str, Any]:
     found: dict[str, Any] = json.loads(asked(address, "state").read())
     return found
-
-
-def until(condition: Callable[[], bool]) -> None:
-    ends = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < ends
-        time.sleep(0.05)
 
 
 @pytest.mark.parametrize("name", GET_IN)
@@ -222,7 +215,7 @@ def test_a_run_of_two_jobs_is_followed_from_before_its_start(tmp_path: Path) -> 
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        until(lambda: state(address).get("finished", 0) > 0)
+        wait_until(lambda: state(address).get("finished", 0) > 0)
         report = asked(address, "report").read().decode()
         assert "number 0" in report
         assert run.wait(PATIENCE) == 0

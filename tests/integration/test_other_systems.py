@@ -18,6 +18,7 @@ from sim_action.results.results_json import Results
 from tests.integration.conftest import fresh_sim_action as command_line
 from tests.integration.marked_processes import processes_of, wait_for
 from tests.integration.other_systems import System, variables_of
+from tests.patience import PATIENCE
 
 SCENARIO: Final = """\
 name: {name}
@@ -132,7 +133,7 @@ def test_scenarios_have_the_same_verdicts_and_ends_as_on_linux(tmp_path: Path, s
         more = "output_limit: 1 MB\n" if name == "floods" else ""
         write_script(tmp_path, name, body, wall_limit=3 if name == "loops" else 60, more=more)
     run = start(tmp_path, variables_of(system, tmp_path), "--backend", "mujoco")
-    log, _ = run.communicate(timeout=120)
+    log, _ = run.communicate(timeout=PATIENCE)
     assert run.returncode == 1, log
     assert processes_of(tmp_path) == []
     outcomes = {o.name: o for o in Results.read(tmp_path / "sim-results/results.json").outcomes}
@@ -171,7 +172,7 @@ def test_an_interrupted_run_leaves_no_process(tmp_path: Path, system: System, nu
     run = start(tmp_path, variables_of(system, tmp_path), "--backend", "mujoco")
     wait_for(2, tmp_path)
     run.send_signal(number)
-    run.communicate(timeout=30)
+    run.communicate(timeout=PATIENCE)
     assert run.returncode == 130
     assert processes_of(tmp_path) == []
     (outcome,) = Results.read(tmp_path / "sim-results/results.json").outcomes
@@ -186,14 +187,14 @@ def test_a_call_that_is_killed_outright_takes_its_children_with_it(tmp_path: Pat
         time.sleep(0.02)
     wait_for(2, tmp_path)
     run.kill()
-    run.communicate(timeout=30)
+    run.communicate(timeout=PATIENCE)
     wait_for(0, tmp_path)
 
 
 def test_where_there_are_process_groups_what_stays_in_that_of_the_child_is_ended(tmp_path: Path) -> None:
     write_script(tmp_path, "untidy", f"if observation.time == 0: subprocess.Popen(['sleep', '600'])\n{DRIVE}")
     run = start(tmp_path, variables_of("darwin", tmp_path), "--backend", "mujoco")
-    log, _ = run.communicate(timeout=60)
+    log, _ = run.communicate(timeout=PATIENCE)
     assert run.returncode == 0, log
     wait_for(0, tmp_path)
 

@@ -14,6 +14,7 @@ import pytest
 from sim_action.cli.main import call, program
 from sim_action.core.permissions import PRIVILEGED_EVENTS
 from tests.onnx_files import linear
+from tests.patience import PATIENCE
 from tests.ros.ros1.launches import needs_ros, package
 from tests.ros.ros2.nodes import needs_ros2, variables
 
@@ -258,7 +259,13 @@ def test_no_file_is_imported_by_its_name_alone(words: list[str], tmp_path: Path)
     if words[0] != "-P":
         (tmp_path / "sim_action").rmdir()
     done = subprocess.run(
-        [sys.executable, *words], cwd=tmp_path, env=variables, capture_output=True, text=True, timeout=120, check=False
+        [sys.executable, *words],
+        cwd=tmp_path,
+        env=variables,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert markers(tmp_path) == set()

@@ -17,6 +17,7 @@ from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from tests.integration.marked_processes import processes_of, wait_for
 from tests.integration.other_systems import System, variables_of
+from tests.patience import PATIENCE
 
 ROOT: Final = Path(__file__).parents[2]
 
@@ -109,7 +110,7 @@ def run(folder: Path, *options: str, paths: str = ".", variables: dict[str, str]
         cwd=folder,
         env=variables or environment(folder),
         capture_output=True,
-        timeout=120,
+        timeout=PATIENCE,
         check=False,
     )
     return {outcome.name: outcome for outcome in Results.read(folder / "sim-results/results.json").outcomes}
@@ -364,7 +365,7 @@ def test_a_call_that_is_killed_outright_leaves_no_program(tmp_path: Path) -> Non
     # The call, the supervisor, the scenario, and its program.
     wait_for(4, tmp_path)
     call.kill()
-    call.wait(30)
+    call.wait(PATIENCE)
     wait_for(0, tmp_path)
 
 

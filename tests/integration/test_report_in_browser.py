@@ -30,6 +30,7 @@ from tests.integration.test_bolted_contacts import ARM, BASE, INERTIAL
 from tests.integration.test_examples import sim_action
 from tests.integration.test_live import serving
 from tests.outcomes import outcome, report_options, results
+from tests.patience import PATIENCE
 from tests.replays import drive, kept, seen
 from tests.reports.html.gates import grid_of_runs, inconclusive_gate
 
@@ -90,7 +91,7 @@ def looked(report: Path | str, *checks: str) -> dict[str, str]:
         capture_output=True,
         text=True,
         check=False,
-        timeout=120 * len(checks),
+        timeout=PATIENCE * len(checks),
     )
     assert ran.returncode == 0, ran.stdout + ran.stderr
     return dict(json.loads(line) for line in ran.stdout.splitlines())

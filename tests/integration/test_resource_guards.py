@@ -16,12 +16,12 @@ import pytest
 
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
+from tests.patience import PATIENCE
 
 ROOT: Final = Path(__file__).parents[2]
 MOST_MEGABYTES: Final = 160
 """Of the caller, at its peak: 55 MB are its own, and one of these files may be in memory as bytes."""
 
-PATIENCE: Final = 120
 """s; each takes less than 2 s on an idle machine."""
 
 # The command line, and then its caller's own peak of memory in kB.

@@ -19,6 +19,7 @@ import pytest
 from sim_action.core.git_tree import CLOCK_TICK_NS
 from sim_action.results.journal_seal import Seal
 from tests.integration.conftest import outside_of_github, sim_action
+from tests.patience import PATIENCE
 from tests.soak import soaked
 
 SWEEP = """\
@@ -50,7 +51,6 @@ def control(observation):
 JOURNAL = Path("sim-results/results.jsonl")
 RESULTS = Path("sim-results/results.json")
 # s; long enough for every run.
-PATIENCE = 600
 
 
 def command(folder: Path, *arguments: str, **variables: str) -> tuple[list[str], dict[str, Any]]:

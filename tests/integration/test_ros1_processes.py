@@ -13,7 +13,8 @@ import pytest
 
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
-from tests.integration.marked_processes import processes_of, wait_for, wait_until
+from tests.integration.marked_processes import processes_of, wait_for
+from tests.patience import PATIENCE, wait_until
 from tests.ros.ros1.launches import ROOT, needs_ros, package
 
 pytestmark = needs_ros
@@ -75,7 +76,7 @@ def ended_by(folder: Path, end: Callable[[int], None], program: str = "rostest")
     try:
         wait_until(begun.exists)
         end(call.pid)
-        code = call.wait(120)
+        code = call.wait(PATIENCE)
     finally:
         call.kill()
     results = folder / "sim-results/results.json"

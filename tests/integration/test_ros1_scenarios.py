@@ -13,8 +13,9 @@ from typing import Any
 import pytest
 
 from tests.integration.conftest import outcomes
-from tests.integration.marked_processes import wait_for, wait_until
+from tests.integration.marked_processes import wait_for
 from tests.integration.test_examples import ROOT, sim_action
+from tests.patience import PATIENCE, wait_until
 from tests.ros.ros1.launches import needs_ros, package
 
 pytestmark = needs_ros
@@ -405,7 +406,7 @@ def test_nothing_of_a_run_is_left_whoever_ends_it(number: signal.Signals, tmp_pa
     try:
         wait_until(begun.exists)
         os.kill(call.pid, number)
-        call.wait(120)
+        call.wait(PATIENCE)
     finally:
         call.kill()
 

@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
@@ -14,6 +13,7 @@ from typing import Any, Final
 import pytest
 
 from sim_action.runner.isolation.process_control import processes
+from tests.patience import PATIENCE, wait_until
 from tests.ros.ros2.nodes import needs_ros2, outcomes, scenario, variables
 
 pytestmark = needs_ros2
@@ -171,9 +171,7 @@ def test_an_interrupted_command_leaves_nothing(tmp_path: Path, number: signal.Si
     faulty(tmp_path, "slow", **hang)
     command = [sys.executable, "-m", "sim_action", "run", "."]
     with subprocess.Popen(command, cwd=tmp_path, env=variables(), start_new_session=True) as running:
-        deadline = time.monotonic() + 60
-        while not (tmp_path / "up").exists() and time.monotonic() < deadline:
-            time.sleep(0.02)
+        wait_until((tmp_path / "up").exists)
         os.kill(running.pid, number)
-        assert running.wait(30) == 130
+        assert running.wait(PATIENCE) == 130
     assert left_over(tmp_path) == []

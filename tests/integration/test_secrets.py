@@ -15,6 +15,7 @@ from typing import Final
 import pytest
 
 from sim_action.results.results_json import Results
+from tests.patience import PATIENCE
 from tests.ros.ros1.launches import needs_ros, package
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -106,7 +107,7 @@ def call(folder: Path, *words: str) -> tuple[str, str]:
         env=variables,
         capture_output=True,
         text=True,
-        timeout=180,
+        timeout=PATIENCE,
         check=False,
     )
     written = "\n".join(

@@ -18,6 +18,7 @@ from pathlib import Path
 import pytest
 
 from tests.integration.conftest import write
+from tests.patience import PATIENCE
 
 SCENARIO = """\
 name: {name}
@@ -40,7 +41,6 @@ def control(observation):
     return Twist((1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 """
 # s; as long as nobody would wait for a line.
-PATIENCE = 60
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent to a process of its own here")
 

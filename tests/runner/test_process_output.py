@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from sim_action.core.errors import Location
 from sim_action.results.outcome import Diagnostic
 from sim_action.runner.process_output import dump_stack_before, place_in_stack_dump, split_output
+from tests.patience import PATIENCE
 
 BANNER = "pybullet build time: Jan 29 2025 23:20:52\n"
 WARNING = "b3Warning[examples/Importers/ImportURDFDemo/BulletUrdfImporter.cpp,126]:\nNo inertial data for link"
@@ -114,14 +115,18 @@ for _ in range(50):
 def test_a_process_survives_that_it_is_noted(tmp_path: Path) -> None:
     program = tmp_path / "busy.py"
     program.write_text(BUSY)
-    subprocess.run([sys.executable, program, tmp_path / "noted"], env={"PYTHONPATH": str(ROOT)}, check=True, timeout=60)
+    subprocess.run(
+        [sys.executable, program, tmp_path / "noted"], env={"PYTHONPATH": str(ROOT)}, check=True, timeout=PATIENCE
+    )
 
 
 @pytest.mark.process
 def test_a_process_notes_where_it_is(tmp_path: Path) -> None:
     program = tmp_path / "st\u00fcck \U0001f916.py"
     program.write_text(STUCK)
-    subprocess.run([sys.executable, program, tmp_path / "noted"], env={"PYTHONPATH": str(ROOT)}, check=True, timeout=60)
+    subprocess.run(
+        [sys.executable, program, tmp_path / "noted"], env={"PYTHONPATH": str(ROOT)}, check=True, timeout=PATIENCE
+    )
     place = place_in_stack_dump((tmp_path / "noted").read_text(), [tmp_path / "other.py", program])
     assert place is not None
     assert place.file == str(program)

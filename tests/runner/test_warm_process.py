@@ -16,6 +16,7 @@ import pytest
 
 from sim_action.core.errors import InternalError, InvalidScenario, Location, Problem
 from sim_action.runner.warm_process import WarmProcess, call_beside
+from tests.patience import PATIENCE, wait_until
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="other systems have no warm process"),
@@ -156,7 +157,7 @@ def test_threads_call_at_the_same_time() -> None:
     parents: list[int] = []
 
     def meet(_: object) -> None:
-        barrier.wait(60)
+        barrier.wait(PATIENCE)
 
     def call() -> None:
         found = call_beside(seen, ("HOME",), meet)
@@ -207,10 +208,7 @@ time.sleep(60)
 
 
 def until_gone(process: int) -> None:
-    deadline = time.monotonic() + 20
-    while Path(f"/proc/{process}").exists():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+    wait_until(lambda: not Path(f"/proc/{process}").exists())
 
 
 def test_a_caller_without_standard_streams_runs_calls() -> None:

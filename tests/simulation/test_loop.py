@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import time
 from itertools import pairwise
 from pathlib import Path
 from typing import ClassVar
@@ -29,6 +28,7 @@ from sim_action.simulation.loop import End, Panel, SimulationRun, simulate
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Transcript
 from sim_action.state.trace import Trace
+from tests.patience import wait_until
 from tests.scenarios import LEAST, load
 from tests.soak import examples
 from tests.traces import START, contact, expectation, piece, scenario, scene, trace
@@ -78,10 +78,7 @@ def test_programs_are_ended_when_a_sensor_cannot_be_opened(tmp_path: Path) -> No
     with pytest.raises(KeyError, match="nowhere"):
         simulate(scenario, build_scene(loaded), lambda _: None)
     program = int((tmp_path / "number").read_text())
-    deadline = time.monotonic() + 10
-    while is_there(program) and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert not is_there(program)
+    wait_until(lambda: not is_there(program))
 
 
 @pytest.mark.process

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Final, Literal
 
 from tests.integration.marked_processes import processes_of
+from tests.patience import PATIENCE
 
 ROOT: Final = Path(__file__).parents[3]
 COMPILER: Final = shutil.which("cc")
 _SOURCE: Final = Path(__file__).parent / "injector.c"
 _COUNTERS: Final = struct.Struct("@i3I")
-_ENDING_TIMEOUT_S: Final = 60.0
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def sim_action(folder: Path, cache: Path, variables: dict[str, str], *words: str
         capture_output=True,
         text=True,
         check=False,
-        timeout=300,
+        timeout=PATIENCE,
         start_new_session=True,
     )
 
@@ -153,7 +153,7 @@ def _settings(fault: Fault, nth: int, folder: Path, cache: Path) -> dict[str, st
 
 def _left(folder: Path, code: int) -> tuple[int, ...]:
     """Return the processes that are left. A command that was killed cannot wait until the last one has ended."""
-    deadline = time.monotonic() + (_ENDING_TIMEOUT_S if code == -signal.SIGKILL else 0.0)
+    deadline = time.monotonic() + (PATIENCE if code == -signal.SIGKILL else 0.0)
     while (left := processes_of(folder)) and time.monotonic() < deadline:
         time.sleep(0.02)
     return tuple(left)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from tests.integration.faults.injection import COMPILER, ROOT
+from tests.patience import PATIENCE
 
 _SOURCE: Final = Path(__file__).parent / "tracer.c"
 
@@ -45,7 +46,7 @@ def traced(folder: Path, library: Path, variables: Mapping[str, str], *words: st
         stdin=subprocess.DEVNULL,
         capture_output=True,
         check=False,
-        timeout=300,
+        timeout=PATIENCE,
     )
     printed = (run.stdout + run.stderr).decode(errors="replace")
     return Traced(run.returncode, printed, frozenset(log.read_text(errors="replace").splitlines()))

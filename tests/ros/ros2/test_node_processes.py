@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
 from sim_action.core.errors import ScriptError
 from sim_action.ros.ros2.node_processes import ProcessFolder
+from tests.patience import wait_until
 
 pytestmark = [
     pytest.mark.process,
@@ -56,10 +56,7 @@ def test_nothing_survives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     folder.close()
     assert not is_there(stubborn.pid)
     # It is not our child, so nobody here can wait for its end.
-    deadline = time.monotonic() + 60
-    while is_there(child) and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert not is_there(child)
+    wait_until(lambda: not is_there(child))
     assert not folder.path.exists()
 
 

@@ -6,10 +6,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+
+from tests.patience import PATIENCE, wait_until
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="there is no keeper but on Linux"),
@@ -42,10 +43,9 @@ def test_a_signal_of_the_command_is_its_own(tmp_path: Path) -> None:
 def test_told_to_end_it_ends_all(tmp_path: Path) -> None:
     file, begun = tmp_path / "left", tmp_path / "begun"
     keeper = subprocess.Popen([*KEEPER, "sh", "-c", LEAVES.format(file=file) + f"touch {begun}; sleep 600"])
-    while not begun.exists():
-        time.sleep(0.01)
+    wait_until(begun.exists)
     keeper.terminate()
-    assert keeper.wait(60) == -signal.SIGTERM
+    assert keeper.wait(PATIENCE) == -signal.SIGTERM
     assert not is_there(file)
 
 
