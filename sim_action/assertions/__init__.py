@@ -221,7 +221,7 @@ class Assertion(FrozenModel):
 
     @property
     def step_memory_s(self) -> float:
-        """The time in s for which a step of a position target may decide it; 0: never."""
+        """The time in s for which a step of a target may decide it; 0: never."""
         return 0.0
 
     @property

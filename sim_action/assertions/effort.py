@@ -39,9 +39,10 @@ class Effort(Assertion):
     """The effort (torque or force) of each motor never exceeds `at_most`, or its RMS is at most `rms_at_most`.
 
     Limits hold in both directions. The root mean square (RMS) is a measure of motor heating. It is judged at the end of
-    the run or at `before`. Efforts are those of the engine's motors, within the effort limits of the model. A velocity
-    command changes the target in steps, once per tick of the command, which causes peaks. If peaks matter, set the
-    `rate` of the command to the physics rate.
+    the run or at `before`. Efforts are those of the engine's motors, within the effort limits of the model; only a
+    motor that is `stuck` by `faults` can exceed them. A velocity command changes the target in steps, once per tick of
+    the command, which causes peaks: the verdict names the step. If peaks matter, set the `rate` of the command to the
+    physics rate.
     """
 
     key: ClassVar[str] = "effort"
@@ -135,13 +136,10 @@ class Effort(Assertion):
             limits = {key: units.parse(written, dimension) for key, written in self._limits().items()}
             who = f"{joint.name} exerted"
             if (at_most := limits.get("at_most")) is not None:
-                monitors.append(
-                    SignalMonitor(f"{joint.name} effort", magnitude(effort), Bounds(who, dimension.si, None, at_most))
-                )
+                bounds = Bounds(who, dimension.si, None, at_most)
+                monitors.append(SignalMonitor(f"{joint.name} effort", magnitude(effort), bounds, joint.name))
             if (rms_at_most := limits.get("rms_at_most")) is not None:
-                monitors.append(
-                    RootMeanSquareMonitor(f"{joint.name} RMS effort", effort, who, dimension.si, rms_at_most)
-                )
+                monitors.append(RootMeanSquareMonitor(joint.name, effort, dimension.si, rms_at_most))
         return AllLimits(tuple(monitors))
 
 
@@ -152,15 +150,15 @@ def magnitude(signal: Callable[[Trace], FloatArray]) -> Callable[[Trace], FloatA
 
 @dataclass(frozen=True, slots=True)
 class RootMeanSquareMonitor(Monitor):
-    """The fold of the squares of a signal. It is judged at the end, because later steps can lower the RMS.
+    """The fold of the squares of an effort. It is judged at the end, because later steps can lower the RMS.
 
     Attributes:
+        joint: the joint whose motor exerts it.
         squares: sum of the squares over `moments` steps, up to sim time `end` in s.
     """
 
-    name: str
+    joint: str
     signal: Callable[[Trace], FloatArray]
-    who: str
     unit: str
     limit: float
     squares: float = 0.0
@@ -182,17 +180,20 @@ class RootMeanSquareMonitor(Monitor):
     def verdict(self) -> Verdict:
         """Return the verdict on the RMS so far."""
         if self.end is None:
-            return Verdict(True, None, self.limit, None, self.unit, None, "no physics step to measure")
+            nothing = "no physics step to measure"
+            return Verdict(True, None, self.limit, None, self.unit, None, nothing, joint=self.joint)
         measured = math.sqrt(self.squares / self.moments)
         passed = measured <= self.limit
         value, limit = units.display_apart(measured, self.limit, self.unit)
-        message = f"{self.who} {value} RMS until {self.end:.2f} s, {'limit' if passed else 'more than'} {limit}"
-        return Verdict(passed, measured, self.limit, self.limit - measured, self.unit, self.end, message)
+        end = f"until {self.end:.2f} s, {'limit' if passed else 'more than'} {limit}"
+        message = f"{self.joint} exerted {value} RMS {end}"
+        margin = self.limit - measured
+        return Verdict(passed, measured, self.limit, margin, self.unit, self.end, message, joint=self.joint)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See Monitor.signals. Each value is the RMS up to that step; the last one counts."""
         means = self._squares(trace) / (self.moments + np.arange(1, len(trace) + 1))
-        return (Signal(self.name, self.unit, trace.time, np.sqrt(means), upper=self.limit).at_end(),)
+        return (Signal(f"{self.joint} RMS effort", self.unit, trace.time, np.sqrt(means), upper=self.limit).at_end(),)
 
     def _squares(self, trace: Trace) -> FloatArray:
         """Return (T,) the sum of squares up to each step."""

@@ -16,7 +16,7 @@ from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import choice_problems, chosen, motor_problems
-from sim_action.state.verdict import Signal
+from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -107,6 +107,10 @@ class EnergyMonitor(BoundsMonitor):
     @override
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         return (self.bounds.drawn("work", trace.time, self.values(trace)),)
+
+    @override
+    def verdict(self) -> Verdict:
+        return replace(self.bounds.verdict(), joint=self.joints[0] if len(self.joints) == 1 else "")
 
     def values(self, trace: Trace) -> FloatArray:
         """See BoundsMonitor.values. Returns (T,) J, the work up to each step."""

@@ -170,15 +170,14 @@ class JointReading(Assertion):
         at_least, at_most, near, tolerance = (self._magnitude(value) for value in self._asked().values())
         if near is not None and tolerance is not None:
             nearest = ClosestApproach(f"{self.name} came", units.display(near, unit), unit, tolerance)
-            return NearMonitor(f"{self.name} {self.reading}", signal, near, nearest)
-        return SignalMonitor(
-            f"{self.name} {self.reading}", signal, Bounds(f"{self.name} had {self.reading}", unit, at_least, at_most)
-        )
+            return NearMonitor(f"{self.name} {self.reading}", signal, near, nearest, self.name)
+        bounds = Bounds(f"{self.name} had {self.reading}", unit, at_least, at_most)
+        return SignalMonitor(f"{self.name} {self.reading}", signal, bounds, self.name)
 
 
 @dataclass(frozen=True, slots=True)
 class NearMonitor(Monitor):
-    """The monitor of the distance of a reading from a value."""
+    """The monitor of the distance of a reading of a joint from a value."""
 
     is_goal = True
     is_momentary = True
@@ -187,6 +186,7 @@ class NearMonitor(Monitor):
     signal: Callable[[Trace], FloatArray]
     value: float
     nearest: ClosestApproach
+    joint: str
 
     @property
     @override
@@ -207,7 +207,7 @@ class NearMonitor(Monitor):
 
     def verdict(self) -> Verdict:
         """Return the verdict. `measured` is the least distance from the value, `limit` the tolerance."""
-        return self.nearest.verdict()
+        return replace(self.nearest.verdict(), joint=self.joint)
 
     def _distance(self, trace: Trace) -> FloatArray:
         return abs(self.signal(trace) - self.value)
@@ -335,4 +335,4 @@ class JointWithin(Assertion):
                 dimension = joint.dimension(reading)
                 lower, upper = (units.parse(bound, dimension) for bound in bounds)
                 label = joint.name if reading == "position" else f"{joint.name} {reading}"
-                yield Interval(label, dimension.si, lower, upper, reading_of(joint.name, reading))
+                yield Interval(label, dimension.si, lower, upper, reading_of(joint.name, reading), joint.name)

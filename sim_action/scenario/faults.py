@@ -34,6 +34,12 @@ _KINDS: Final[dict[str, tuple[FaultKind, ...]]] = {
     "sensor": ("frozen", "silent", "biased"),
 }
 
+_OF_THE_WORLD: Final = {
+    "payload": "world: {disturbances: [{payload: 2 kg, link: NAME, at: 3 s}]}, negative if it is taken from the link",
+    "force": "world: {disturbances: [{force: [10 N, 0, 0], link: NAME, at: 3 s, for: 0.1 s}]}",
+    "patch": "world: {patches: [{x: 1 m, size: [1 m, 1 m], friction: 0.05, appears: 3 s}]}",
+}
+
 # A key without a value counts, so that `{motor: elbow, at: 3 s, off}` can be written.
 _Flag = Annotated[Literal[True] | None, BeforeValidator(lambda value: True if value is None else value)]
 
@@ -146,6 +152,13 @@ class Fault(FrozenModel):
         if not any(any(offset) if isinstance(offset, tuple) else offset for offset in offsets.values()):
             raise ValueError("an error of 0 changes nothing")
         return offsets
+
+    @model_validator(mode="before")
+    @classmethod
+    def _is_of_the_robot(cls, written: object) -> object:
+        if isinstance(written, dict) and (key := next((key for key in _OF_THE_WORLD if key in written), None)):
+            raise ValueError(f"'{key}' is no fault of a motor or a sensor; write it as {_OF_THE_WORLD[key]}")
+        return written
 
     @model_validator(mode="after")
     def _is_one_fault(self) -> Self:

@@ -39,7 +39,7 @@ NO_WHEELS: Final = "a controller sent a twist, but the wheels of the robot are u
 # Recordings hold the targets of motions at about this rate.
 _TOLD_HZ: Final = 40.0
 
-# A change of a position target is a step from this on, in rad or m: smaller ones are rounding of logs.
+# A change of a target is a step from this on, in rad or m, or per s: smaller ones are rounding of logs.
 _LEAST_STEP: Final = 1e-3
 
 TWO_WAYS: Final = "a controller sent, at the same tick, a twist and a target for joint"
@@ -86,15 +86,17 @@ class _Followed(NamedTuple):
 
 
 class _Motions:
-    """The motions of position targets that are in effect, and the steps of all position targets.
+    """The motions of position targets that are in effect, and the steps of all targets of positions and velocities.
 
     Attributes:
-        steps: joint -> the sim times in s at which its position target changed in a step.
+        steps: joint -> the sim times in s at which its target changed in a step, and the kind of the target.
     """
 
     def __init__(self, beginnings: Mapping[str, float], rate: float, told: Told) -> None:
         """`beginnings`: the positions in rad (or m) of the joints at t = 0."""
-        self.steps: dict[str, list[float]] = {}
+        self.steps: dict[str, list[tuple[float, str]]] = {}
+        # Joint -> its last velocity target without a position.
+        self._velocities: dict[str, float] = {}
         self._rate, self._told, self._told_stride = rate, told, max(1, round(rate / _TOLD_HZ))
         self._active: list[_Followed] = []
         # Joint -> its last position target, the velocity of this target, and its physics step.
@@ -115,6 +117,10 @@ class _Motions:
         self._active += [_Followed(motion, (step - sent) / self._rate, until) for motion in command.motions]
         for name, position in command.position.items():
             self._note_step(name, position, command.velocity.get(name, 0.0), step)
+        for name, velocity in command.velocity.items():
+            if name not in command.position and abs(velocity - self._velocities.get(name, 0.0)) > _LEAST_STEP:
+                self._velocities[name] = velocity
+                self.steps.setdefault(name, []).append((step / self._rate, "velocity"))
 
     def rows(self, step: int, steps: int) -> list[JointTargets]:
         """Return the targets of the following steps; nothing if all motions have ended, and their joints rest."""
@@ -129,7 +135,7 @@ class _Motions:
             for name, position, velocity in zip(motion.names, targets[0], speeds[0], strict=True):
                 self._note_step(name, position, velocity, step)
             for row, column in np.argwhere(stepped).tolist():
-                self.steps.setdefault(motion.names[column], []).append((step + row) / self._rate)
+                self.steps.setdefault(motion.names[column], []).append(((step + row) / self._rate, "position"))
             for index, (position, velocity) in enumerate(zip(targets, speeds, strict=True)):
                 rows[index] = JointTargets(
                     {**rows[index].position, **dict(zip(motion.names, position, strict=True))},
@@ -147,7 +153,7 @@ class _Motions:
         """Keep the position target of a joint, and note if it is a step."""
         before, speed, when = self._last.get(name, (position, 0.0, step))
         if abs(position - before - speed * (step - when) / self._rate) > _LEAST_STEP:
-            self.steps.setdefault(name, []).append(step / self._rate)
+            self.steps.setdefault(name, []).append((step / self._rate, "position"))
         self._last[name] = position, velocity, step
 
 
@@ -202,8 +208,8 @@ class Controls:
         return tuple(each for live in controllers if isinstance(live, ClosedLoop) for each in live.sensors)
 
     @property
-    def steps(self) -> Mapping[str, Sequence[float]]:
-        """Joint -> the sim times in s at which its position target changed in a step."""
+    def steps(self) -> Mapping[str, Sequence[tuple[float, str]]]:
+        """Joint -> the sim times in s at which its target changed in a step, and the kind of the target."""
         return self._motions.steps
 
     @property

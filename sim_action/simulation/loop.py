@@ -61,6 +61,8 @@ Progress = Callable[[float], None]
 # The speed limit for a robot at rest, in m/s and rad/s, at the end of a settling period.
 _REST_SPEED: Final = 5e-3
 _SETTLE_PERIOD_S: Final = 0.1
+# Of the positions of joints.
+_POSITION_UNITS: Final = frozenset({"rad", "m"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +254,7 @@ class _Loop:
         notes = (*unreached, *(note for guard in self._guards for note in guard.notes(panel.time)))
         return SimulationRun(
             trace=kept,
-            verdicts=tuple(map(self._with_steps, panel.verdicts(), self._scenario.expect)),
+            verdicts=tuple(map(self._explained, panel.verdicts(), self._scenario.expect)),
             end=panel.end or "controllers finished",
             digest=digest.hexdigest(),
             travelled=float(kept.planar_distance_to(x, y)[-1]),
@@ -262,24 +264,26 @@ class _Loop:
             findings=findings,
         )
 
-    def _with_steps(self, verdict: Verdict, expected: Expectation) -> Verdict:
-        """Return a verdict whose message names the last step of a position target that may have decided it."""
-        memory, message = expected.assertion.step_memory_s, verdict.message
-        if not memory or verdict.time is None:
-            return verdict
+    def _explained(self, verdict: Verdict, expected: Expectation) -> Verdict:
+        """Return a verdict whose message names what may have decided it: a step of a target, or faults."""
+        causes = [*self._decisive_step(verdict, expected.assertion.step_memory_s)]
+        if not verdict.passed:
+            decided = self._step / self._scenario.physics.rate if verdict.goal else verdict.time or 0.0
+            causes += [f"fault: {fault.title}" for fault in self._scenario.faults if fault.at <= decided]
+        return replace(verdict, message="; ".join((verdict.message, *causes))) if causes else verdict
+
+    def _decisive_step(self, verdict: Verdict, memory: float) -> Iterator[str]:
+        """Yield the last step of a target within a time in s before the decision."""
+        # A step of a target decides no position.
+        if not memory or verdict.time is None or verdict.unit in _POSITION_UNITS:
+            return
         steps = self._controls.steps
-        # A sum over all joints names none of them. A step of a target decides no position.
-        words = {word.strip("',;:") for word in message.split()}
-        named = {joint for joint in steps if joint in words and f"{joint} position" not in message}
-        causes = named if math.isfinite(memory) else named or set(steps)
-        times = [(time, joint) for joint in sorted(causes) for time in steps[joint]]
-        within = [cause for cause in times if verdict.time - memory <= cause[0] <= verdict.time]
-        if not within:
-            return verdict
-        time, joint = max(within)
-        return replace(
-            verdict, message=f"{message}; a step of the position target of '{joint}' at {time:.2f} s adds to it"
-        )
+        # A sum over all joints is about none of them.
+        joints = [verdict.joint] if verdict.joint else sorted(steps)
+        times = [(time, joint, kind) for joint in joints for time, kind in steps.get(joint, ())]
+        if within := [cause for cause in times if verdict.time - memory <= cause[0] <= verdict.time]:
+            time, joint, kind = max(within)
+            yield f"a step of the {kind} target of '{joint}' at {time:.2f} s adds to it"
 
     def _audited(self, panel: Panel, motion: Motion, kept: Trace, placed: FloatArray) -> tuple[ClaimFinding, ...]:
         """Return the findings of the audit; none if a broken expectation ended the run early."""

@@ -59,6 +59,7 @@ class Verdict:
         judged: the moments at which it was judged; None if they were not counted, as in ROS tests and old results.
         inconclusive: the reason why there is no decision; "statistical": there are too few runs for the confidence.
         body: the body that decided it, because the robot touched it or came near to it; empty if there is none.
+        joint: the joint whose reading decided it; empty if it is about no single joint.
     """
 
     passed: bool
@@ -73,6 +74,7 @@ class Verdict:
     judged: Judged | None = None
     inconclusive: Literal["statistical"] | None = None
     body: str = ""
+    joint: str = ""
 
     @property
     def status(self) -> VerdictStatus:
@@ -84,12 +86,12 @@ class Verdict:
     @property
     def texts(self) -> tuple[str, ...]:
         """All texts, which user code may have written."""
-        return self.message, self.unit, self.body
+        return self.message, self.unit, self.body, self.joint
 
     def with_texts(self, changed: Callable[[str], str]) -> Verdict:
         """Return the verdict with each text replaced by `changed(text)`."""
-        message, unit, body = map(changed, self.texts)
-        return replace(self, message=message, unit=unit, body=body)
+        message, unit, body, joint = map(changed, self.texts)
+        return replace(self, message=message, unit=unit, body=body, joint=joint)
 
     def counted(self, steps: Judged) -> Verdict:
         """Return the verdict with the moments at which it was judged; `steps`: those of the run, the default.

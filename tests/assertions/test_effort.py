@@ -17,10 +17,10 @@ SEEN = trace([1.0, 2.0, 3.0, 4.0], effort=[3.0, -4.0, 0.0, 5.0])
 
 def test_both_directions_count() -> None:
     assert judged(Effort(at_most=3.5), SEEN) == Verdict(
-        False, 4.0, 3.5, -0.5, "N m", 2.0, f"{WHEEL} exerted 4 N m at 2.00 s, more than 3.5 N m"
+        False, 4.0, 3.5, -0.5, "N m", 2.0, f"{WHEEL} exerted 4 N m at 2.00 s, more than 3.5 N m", joint=WHEEL
     )
     assert judged(Effort(at_most=6.0), SEEN) == Verdict(
-        True, 5.0, 6.0, 1.0, "N m", 4.0, f"{WHEEL} exerted at most 5 N m, limit 6 N m"
+        True, 5.0, 6.0, 1.0, "N m", 4.0, f"{WHEEL} exerted at most 5 N m, limit 6 N m", joint=WHEEL
     )
 
 

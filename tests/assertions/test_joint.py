@@ -18,7 +18,9 @@ SEEN = trace([1.0, 2.0, 3.0], position=[0.5, 1.25, 1.0], velocity=[0.5, -1.0, 0.
 
 def test_a_bound_that_is_reached() -> None:
     verdict = judged(JointReading(name=WHEEL, at_least=1.0), SEEN)
-    assert verdict == Verdict(True, 1.25, 1.0, 0.25, "rad", 2.0, "wheel_left_joint had position 71.62 deg in 2.00 s")
+    assert verdict == Verdict(
+        True, 1.25, 1.0, 0.25, "rad", 2.0, "wheel_left_joint had position 71.62 deg in 2.00 s", joint=WHEEL
+    )
 
 
 def test_a_bound_that_is_not_reached() -> None:
@@ -29,14 +31,14 @@ def test_a_bound_that_is_not_reached() -> None:
 
 def test_a_bound_that_is_exceeded() -> None:
     assert judged(JointReading(name=WHEEL, reading="effort", at_most=3.5), SEEN) == Verdict(
-        False, 4.0, 3.5, -0.5, "N m", 2.0, "wheel_left_joint had effort 4 N m at 2.00 s, more than 3.5 N m"
+        False, 4.0, 3.5, -0.5, "N m", 2.0, "wheel_left_joint had effort 4 N m at 2.00 s, more than 3.5 N m", joint=WHEEL
     )
 
 
 def test_a_value_that_is_come_near_to() -> None:
     verdict = judged(JointReading(name=WHEEL, near=1.5, tolerance=0.5), SEEN)
     assert verdict == Verdict(
-        True, 0.25, 0.5, 0.25, "rad", 2.0, "wheel_left_joint came within 14.32 deg of 85.94 deg in 2.00 s"
+        True, 0.25, 0.5, 0.25, "rad", 2.0, "wheel_left_joint came within 14.32 deg of 85.94 deg in 2.00 s", joint=WHEEL
     )
 
 
@@ -132,6 +134,7 @@ def test_the_bound_that_was_nearest_speaks_if_all_hold() -> None:
         "rad",
         1.0,
         "stayed within bounds; closest to wheel_left_joint = 0 deg with wheel_left_joint = 28.65 deg at 1.00 s",
+        joint=WHEEL_JOINT,
     )
 
 
@@ -144,6 +147,7 @@ def test_a_bound_that_was_left_speaks() -> None:
         "rad/s",
         2.0,
         "crossed the bound wheel_left_joint velocity = -28.65 deg/s: wheel_left_joint velocity = -57.3 deg/s at 2.00 s",
+        joint=WHEEL_JOINT,
     )
 
 

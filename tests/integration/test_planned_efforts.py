@@ -127,28 +127,41 @@ def test_a_quarter_turn_needs_the_effort_and_work_of_a_closed_form(
     assert energy.measured == pytest.approx(moment * (1.875 * way / time) ** 2 / 2, rel=0.01)
 
 
-@pytest.mark.parametrize("interpolation", ["hold", "minimum_jerk"])
+@pytest.mark.parametrize(
+    ("commands", "target"),
+    [
+        ({"joints": [{"at": 1.0, "position": {"pan": 0.3}}], "interpolation": "hold"}, "position"),
+        ({"joints": [{"at": 1.0, "position": {"pan": 0.3}}], "interpolation": "minimum_jerk"}, ""),
+        ({"joints": [{"at": 1.0, "velocity": {"pan": 0.3}}], "interpolation": "hold", "rate": 10}, "velocity"),
+    ],
+)
 @on_every_engine
-def test_a_step_of_a_target_is_named_where_it_may_decide(engine: str, interpolation: str, tmp_path: Path) -> None:
+def test_a_step_of_a_target_is_named_where_it_may_decide(
+    engine: str, commands: object, target: str, tmp_path: Path
+) -> None:
+    """A position is not decided by a step, also if its joint is named like a word of another message."""
     (tmp_path / "turret.urdf").write_text(TURRET)
     scenario = {
         "name": "n",
         "robot": {"model": "turret.urdf", "base": "fixed"},
-        "commands": {"joints": [{"at": 1.0, "position": {"pan": 0.3}}], "interpolation": interpolation},
+        "commands": commands,
         "expect": [
             {"effort": {"at_most": 39.9}},
             {"effort": {"rms_at_most": 39}},
             {"energy": {"at_most": 1000}},
             {"joint_within": {"velocity": {"pan": [-20, 20]}}},
+            {"joint_within": {"position": {"pan": [-1, 1]}}},
         ],
         "allow": ["fixed-base"],
         "backend": engine,
         "duration": 1.5,
         "time_limit": 2,
     }
-    cause = "a step of the position target of 'pan' at 1.00 s adds to it"
-    messages = [verdict.message for verdict in simulated(tmp_path, scenario).verdicts]
-    assert all((cause in message) == (interpolation == "hold") for message in messages), messages
+    cause = f"a step of the {target} target of 'pan' at 1.00 s adds to it"
+    verdicts = simulated(tmp_path, scenario).verdicts
+    messages = [verdict.message for verdict in verdicts]
+    assert [cause in message for message in messages] == [bool(target)] * 4 + [False], messages
+    assert [verdict.joint for verdict in verdicts] == ["pan"] * 5
 
 
 MOVES = """\

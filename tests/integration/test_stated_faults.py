@@ -33,6 +33,7 @@ from tests.physics.robots import (
     quadruped,
     robot,
 )
+from tests.simulated import simulated
 
 pytestmark = on_every_engine
 
@@ -100,6 +101,26 @@ def test_a_robot_whose_wheel_motor_dies_does_not_drive_on(engine: str) -> None:
     # It turns about the wheel that stands, at the speed of the other one over their distance.
     rate = np.gradient(np.unwrap(broken.trace.yaw), broken.trace.time)[broken.row(4.0) : broken.row(5.5)]
     assert abs(rate).mean() == pytest.approx(0.2 / 0.16, rel=0.03)
+
+
+def test_a_failure_names_the_faults_before_it(engine: str, tmp_path: Path) -> None:
+    """A broken limit only those before that time, a goal that was missed all of them; a pass names none."""
+    scenario = {
+        "name": "n",
+        "robot": {"model": "turtlebot3_burger"},
+        "commands": {"twist": [{"linear": 0.2}]},
+        "faults": [
+            {"motor": "wheel_left_joint", "at": 1.0, "stuck": True},
+            {"motor": "wheel_right_joint", "at": 2.0, "off": True},
+        ],
+        "expect": [{"travel": {"at_least": 1.5}}, {"travel": {"at_most": 0.1}, "severity": "warning"}, "upright"],
+        "backend": engine,
+        "time_limit": 3,
+    }
+    missed, broken, upright = (verdict.message for verdict in simulated(tmp_path, scenario).verdicts)
+    left = "; fault: motor of joint 'wheel_left_joint' is stuck from 1 s on"
+    assert missed.endswith(f"{left}; fault: motor of joint 'wheel_right_joint' is off from 2 s on")
+    assert "fault" not in broken + upright
 
 
 @pytest.mark.parametrize("kind", ["frozen", "silent"])
@@ -233,6 +254,9 @@ def test_a_bias_that_no_sensor_can_have_is_refused(
         ({"motor": "elbow", "weak": 1.5}, "weak"),
         ({"motor": "elbow", "off": True, "at": 9.0}, "is not earlier than time_limit"),
         ({"off": True}, "name either a 'motor' or a 'sensor'"),
+        ({"payload": {"link": "forearm", "mass": "2 kg"}}, "write it as world: {disturbances: [{payload: 2 kg, link"),
+        ({"force": [1, 0, 0], "for": 1}, "write it as world: {disturbances: [{force"),
+        ({"patch": {"size": [1, 1], "friction": 0.1}}, "write it as world: {patches: ["),
     ],
 )
 def test_a_fault_that_cannot_happen_is_refused(engine: str, fault: dict[str, Any], message: str) -> None:

@@ -23,7 +23,7 @@ SECRET = "open sesame"
 
 def outcome(text: str) -> Outcome:
     """An outcome with a text wherever code can write one."""
-    verdict = Verdict(passed=False, unit=text, message=text, body=text)
+    verdict = Verdict(passed=False, unit=text, message=text, body=text, joint=text)
     return Outcome(
         name=text,
         file="a.sim.yml",

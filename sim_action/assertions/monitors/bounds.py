@@ -142,13 +142,23 @@ class BoundsMonitor(Monitor):
 
 @dataclass(frozen=True, slots=True)
 class SignalMonitor(BoundsMonitor):
-    """The monitor of a signal that is computed from each step alone. `name` is the label of its curve."""
+    """The monitor of a signal that is computed from each step alone.
+
+    Attributes:
+        name: the label of its curve.
+        joint: the joint that it is a reading of, if any.
+    """
 
     is_momentary = True
 
     name: str
     signal: Callable[[Trace], FloatArray]
     bounds: Bounds
+    joint: str = ""
+
+    @override
+    def verdict(self) -> Verdict:
+        return replace(self.bounds.verdict(), joint=self.joint)
 
     @override
     def values(self, trace: Trace) -> FloatArray:
@@ -207,13 +217,14 @@ class AllLimits(Monitor):
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A closed interval for a signal, which is (T,) in `unit`."""
+    """A closed interval for a signal, which is (T,) in `unit`; `joint`: the joint that it is a reading of, if any."""
 
     name: str
     unit: str
     lower: float
     upper: float
     signal: Callable[[Trace], FloatArray]
+    joint: str = ""
 
     def sides(self, scale: float = 1.0) -> Iterator[OneSidedBound]:
         """Yield both bounds. `scale` makes their margins comparable with those of other signals."""
@@ -284,7 +295,8 @@ class IntervalsMonitor(Monitor):
             if passed
             else f"crossed the bound {limit}: {where}"
         )
-        return Verdict(passed, measured, side.bound, margin, unit, time, f"{message} at {time:.2f} s")
+        message = f"{message} at {time:.2f} s"
+        return Verdict(passed, measured, side.bound, margin, unit, time, message, joint=side.interval.joint)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See Monitor.signals. Returns one curve for each interval."""
