@@ -31,6 +31,13 @@ RAMP_S: Final = 0.02
 # A jump of a curve that is greater than this, in rad or m, is a step of the target; a smaller one is rounding.
 _STEP: Final = 1e-6
 
+# Points that differ from regular times by less than this in s, and than this share of a period, may have jitter.
+_JITTER_S: Final = 5e-3
+_JITTER_SHARE: Final = 0.45
+_LEAST_REGULAR: Final = 10
+# Jitter roughens a motion: without it, changes of the velocity add up to less than this share.
+_SMOOTHER: Final = 0.9
+
 _QUINTIC: Final = 6
 """The number of coefficients of a polynomial."""
 
@@ -114,6 +121,25 @@ class Curve:
             velocity = velocity * since + value
             value = value * since + powers[power]
         return value, velocity * moving, acceleration * moving
+
+
+def regular(times: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the times (K,) of points without the jitter of their recording, if the motion is smoother then."""
+    if len(times) < _LEAST_REGULAR:
+        return times
+    period, first = float(np.median(np.diff(times))), float(times[0])
+    count = np.cumsum(np.round(np.diff(times, prepend=first) / period))
+    # The second time, errors of the first period do not add up.
+    for _ in range(2):
+        about = count - count.mean()
+        period = float(about @ times / (about @ about))
+        first = float(times.mean() - period * count.mean())
+        count = np.round((times - first) / period)
+    even = first + period * count
+    if (np.diff(count) < 1).any() or np.abs(even - times).max() > min(_JITTER_S, _JITTER_SHARE * period):
+        return times
+    before, after = (np.abs(np.diff(np.diff(values) / np.diff(at))).sum() for at in (times, even))
+    return even if after < _SMOOTHER * before else times
 
 
 def held(times: ArrayLike, values: ArrayLike) -> Curve:

@@ -139,6 +139,27 @@ def test_a_motion_ends_at_the_same_place_in_every_form(
 
 
 @on_every_engine
+@pytest.mark.parametrize(("rate", "accurate"), [(240, False), (100, False), (100, True)])
+def test_jitter_of_a_recording_changes_no_motion(engine: str, rate: int, accurate: bool, tmp_path: Path) -> None:
+    """Also where the times are as accurate as the positions, but irregular: then they are kept."""
+    random, turned = np.random.default_rng(rate), TURNS[1]
+    ends = []
+    for jitter in (0.0, 1e-3):
+        times = [n / rate for n in range(round(DURATION_S * rate) + 1)]
+        stamps = [time + noise for time, noise in zip(times, random.uniform(-jitter, jitter, len(times)), strict=True)]
+        rows = [
+            (stamp - stamps[0], *state(turned, stamp if accurate else time)[0])
+            for time, stamp in zip(times, stamps, strict=True)
+        ]
+        header = ",".join(("time", *(f"position.{wheel}" for wheel in WHEELS)))
+        lines = [",".join(f"{number:.6f}" for number in row) for row in rows]
+        (tmp_path / "log.csv").write_text("\n".join([header, *lines, ""]))
+        ends.append(end(run(tmp_path, engine, {"replay": "log.csv"}).trace))
+    assert math.dist(*(there[:2] for there in ends)) < 2e-3
+    assert abs(ends[1][2] - ends[0][2]) < math.radians(0.5)
+
+
+@on_every_engine
 def test_pulses_turn_by_the_same_angle_at_every_number_of_digits_and_with_jitter(engine: str, tmp_path: Path) -> None:
     jitter = np.random.default_rng(1).uniform(-1e-3, 1e-3, 90)
     yaws = []
