@@ -7,12 +7,16 @@ xmlrunner.py). The files may be cut short or hold characters that XML forbids.
 from __future__ import annotations
 
 import re
+from itertools import islice
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
+
+UNPUBLISHED: Final = "unpublished"
+"""The name of the property of a topic without a publisher; `ros_patches` writes it."""
 
 _MAX_RESULT_BYTES: Final = 16_000_000
 _MAX_CASES: Final = 1_000
@@ -41,10 +45,16 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Suite:
-    """The content of one result file; `output`: the output of its tests."""
+    """The content of one result file.
+
+    Attributes:
+        output: the output of its tests.
+        unpublished: topics that its tests listened to, and that never had a publisher.
+    """
 
     cases: tuple[Case, ...]
     output: str = ""
+    unpublished: tuple[str, ...] = ()
 
 
 def read_suite(path: Path) -> Suite | None:
@@ -56,9 +66,10 @@ def read_suite(path: Path) -> Suite | None:
     root = _parsed(data) if data is not None else None
     if root is None:
         return None
-    cases = [case for _, case in zip(range(_MAX_CASES), root.iter("testcase"), strict=False)]
+    cases = islice(root.iter("testcase"), _MAX_CASES)
     output = "\n".join(filter(None, (_plain(root.findtext(f"system-{name}") or "") for name in ("out", "err"))))
-    return Suite(tuple(map(_case, cases)), output)
+    topics = (known.get("value", "") for known in root.iter("property") if known.get("name") == UNPUBLISHED)
+    return Suite(tuple(map(_case, cases)), output, tuple(islice(topics, _MAX_CASES)))
 
 
 def _parsed(data: bytes) -> ET.Element | None:

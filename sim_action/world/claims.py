@@ -57,6 +57,9 @@ NOT_REPRODUCIBLE: Final = "not-reproducible"
 LOGGED_ERROR: Final = "logged-error"
 """The rule about errors that nodes log."""
 
+NODE_FAILED: Final = "node-failed"
+"""The rule about nodes of a rostest that fail although its methods pass."""
+
 LOW_GATE: Final = "low-gate"
 """The rule about gates that pass although most of their runs fail."""
 
@@ -163,6 +166,10 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             "a node that is never quiet or acts by the wall clock, or `pace: realtime`",
         ),
         LOGGED_ERROR: Rule("warning", "a ROS 2 node that logged at the level ERROR or FATAL"),
+        NODE_FAILED: Rule(
+            "warning",
+            "a rostest whose methods passed although a node ended with an error, or a callback of the test raised",
+        ),
         LOW_GATE: Rule(
             "error",
             "a gate that passes although most of its runs fail: a rate, or the share of a quantile, below 50 %",

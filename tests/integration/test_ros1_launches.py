@@ -317,3 +317,38 @@ def test_a_node_that_dies_right_before_a_short_limit_fails_the_launch(tmp_path: 
 
     assert (code, outcome.status) == (1, "failed")
     assert outcome.expectations[0].verdict.message.startswith("the node 'it' ended with exit code 1")
+
+
+HEEDLESS = """\
+#!/usr/bin/env python
+import unittest, rospy, rostest
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+class Heedless(unittest.TestCase):
+    def served(self, request):
+        self.fail("asked")
+    def ticked(self, event):
+        assert event.last_real, "ticked"
+    def test_it(self):
+        rospy.init_node("heedless")
+        rospy.Service("/ask", Trigger, self.served)
+        rospy.Timer(rospy.Duration(0.1), self.ticked)
+        own = rospy.Publisher("/own", Float64, queue_size=1)
+        subscribers = [rospy.Subscriber(topic, Float64, lambda message: None) for topic in ("/own", "/clearence")]
+        rospy.sleep(0.3)
+        with self.assertRaises(rospy.ServiceException):
+            rospy.ServiceProxy("/ask", Trigger)()
+rostest.rosrun("parts", "heedless", Heedless)
+"""
+
+
+def test_assertions_in_services_and_timers_fail_a_test_and_topics_without_a_publisher_are_named(tmp_path: Path) -> None:
+    test = '<test test-name="heedless" pkg="parts" type="heedless.py" time-limit="20"/>'
+    package(tmp_path, "parts", {"a.test": f"<launch>{BURGER}{test}</launch>", "heedless.py": HEEDLESS})
+    _, [outcome], _ = called(tmp_path, "rostest", "parts", "a.test")
+
+    held, callbacks, topic = outcome.expectations
+    assert outcome.status == "failed"
+    assert (held.verdict.passed, topic.name, topic.verdict.status) == (True, "/clearence", "not_exercised")
+    assert "AssertionError: asked at src/parts/heedless.py:7" in callbacks.verdict.message
+    assert "AssertionError: ticked at src/parts/heedless.py:9" in callbacks.verdict.message

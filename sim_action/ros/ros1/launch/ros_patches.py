@@ -11,7 +11,11 @@ every run. Three parts of ROS are replaced for that:
 
 A node that calls `time.sleep` again and again acts by the wall clock. It leaves a file with the place of the call.
 
-rosunit writes a skipped test method as one that passed. The patch writes it as skipped.
+rosunit writes a skipped test method as one that passed. The patch writes it as skipped. It adds the topics that the
+test listens to and that had no publisher, as properties of the suite.
+
+rospy logs what a callback of a subscriber raises, hides what a service raises in a list, and logs nothing of a timer or
+another thread. The patch logs all three in the same way.
 
 rostest ends a test after its time-limit in wall time, so a busy machine would decide. Where the launch starts a
 simulation, the patch leaves the limit in a file for it: the simulation ends after as much sim time.
@@ -39,9 +43,16 @@ TEST_LIMIT = "test_time_limit"  # file of the limit of the running test in s of 
 _NO_LIMIT_S = 1e9
 _SIMULATIONS = ("gazebo", "gzserver")
 
+UNPUBLISHED = "unpublished"  # name of the property of a topic without a publisher
+# Every listener for transforms subscribes to both, and often one is enough.
+_TRANSFORMS = ("/tf", "/tf_static")
+
 _POLL_S = 0.1  # of wall time, for the check whether the node has to leave
 # A node that only waits for something to come up sleeps less often, or for less wall time.
 _MIN_SLEEPS, _MIN_SLEPT_S = 3, 0.2
+
+# Topic that this process has subscribed to -> True if it had a publisher at some time.
+_has_publisher = dict[str, bool]()
 
 
 def wait_for_message(topic: str, topic_type: Any, timeout: Any = None) -> Any:
@@ -109,13 +120,56 @@ def _replace_delays(connections: dict[str, Any]) -> None:
     connections["_configure_pub_socket"] = lambda socket, _: configure(socket, True)
 
 
+def _replace_subscribers(topics: dict[str, Any]) -> None:
+    subscriber = topics["_SubscriberImpl"]
+    begin, connect = subscriber.__init__, subscriber.add_connection
+
+    def begin_noted(self: Any, *arguments: Any, **options: Any) -> None:
+        begin(self, *arguments, **options)
+        _has_publisher.setdefault(self.resolved_name, self.resolved_name in _TRANSFORMS)
+
+    def connect_noted(self: Any, connection: Any) -> Any:
+        _has_publisher[self.resolved_name] = True
+        return connect(self, connection)
+
+    subscriber.__init__, subscriber.add_connection = begin_noted, connect_noted
+
+
+def _replace_service_errors(services: dict[str, Any]) -> None:
+    def error_handler(self: Any, error: Any, *_: Any) -> None:
+        _log_callback(f"service {self.resolved_name}", error)
+
+    services["ServiceImpl"].error_handler = error_handler
+
+
+def _log_callback(name: str, error: BaseException) -> None:
+    """Log an exception in the words of rospy for a subscriber."""
+    import traceback
+
+    lines = traceback.format_exception(type(error), error, error.__traceback__)
+    sys.modules["rospy"].logerr("bad callback: %s\n%s", name, "".join(lines))
+
+
+def _log_errors_of_threads() -> None:
+    """Log what a thread of a node raises, such as that of a timer."""
+    hook = threading.excepthook
+
+    def log_and_print(raised: Any) -> None:
+        rospy = sys.modules.get("rospy")
+        if rospy is not None and rospy.core.is_initialized() and not rospy.is_shutdown() and raised.exc_value:
+            _log_callback(f"thread {raised.thread.name if raised.thread else ''}", raised.exc_value)
+        hook(raised)
+
+    threading.excepthook = log_and_print
+
+
 def _replace_pool(threadpool: dict[str, Any]) -> None:
     threadpool["MarkedThreadPool"] = _awaiting(threadpool["MarkedThreadPool"])
 
 
 def _replace_results(runner: dict[str, Any]) -> None:
     result, write = runner["_XMLTestResult"], runner["_TestInfo"].xml
-    add, stop = result.addSkip, result.stopTest
+    add, stop, write_suite = result.addSkip, result.stopTest, result.xml
 
     def add_skip(self: Any, test: Any, reason: str) -> None:
         add(self, test, reason)
@@ -133,7 +187,14 @@ def _replace_results(runner: dict[str, Any]) -> None:
             runner["ET"].SubElement(case, "skipped").text = str(reason)
         return case
 
-    result.addSkip, result.stopTest, runner["_TestInfo"].xml = add_skip, stop_test, xml
+    def suite_xml(self: Any, *arguments: Any) -> Any:
+        tree = write_suite(self, *arguments)
+        for topic in (topic for topic, has_publisher in sorted(_has_publisher.items()) if not has_publisher):
+            runner["ET"].SubElement(tree.getroot(), "property", name=UNPUBLISHED, value=topic)
+        return tree
+
+    result.addSkip, result.stopTest, result.xml = add_skip, stop_test, suite_xml
+    runner["_TestInfo"].xml = xml
 
 
 def _replace_limits(runner: dict[str, Any]) -> None:
@@ -211,7 +272,9 @@ def _write(folder: str, name: str, text: str) -> None:
 # Module of ROS -> function that patches its namespace.
 _REPLACED = {
     "rospy.client": _replace_waiting,
+    "rospy.topics": _replace_subscribers,
     "rospy.impl.tcpros_pubsub": _replace_delays,
+    "rospy.impl.tcpros_service": _replace_service_errors,
     "rosunit.xmlrunner": _replace_results,
     "rosmaster.threadpool": _replace_pool,
     "rostest.runner": _replace_limits,
@@ -249,4 +312,5 @@ def _read_next() -> None:
 if __name__ == "sitecustomize":
     sys.meta_path.insert(0, _Finder())
     _note_sleeps()
+    _log_errors_of_threads()
     _read_next()

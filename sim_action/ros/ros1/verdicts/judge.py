@@ -21,7 +21,7 @@ from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, sta
 from sim_action.ros.program_failures import exception_line, shown_path, signal_name, traceback_location
 from sim_action.ros.result_files import Case
 from sim_action.ros.ros1.command_source.file_problems import Packages, program_problem
-from sim_action.ros.ros1.launch_request import TITLE, LaunchRequest, loss_failures, loss_warnings
+from sim_action.ros.ros1.launch_request import OPTION, TITLE, LaunchRequest, loss_failures, loss_warnings
 from sim_action.ros.ros1.verdicts.findings import Findings, Run, TestFindings
 from sim_action.ros.ros1.verdicts.launch_output import (
     Death,
@@ -37,10 +37,11 @@ from sim_action.ros.ros1.verdicts.launch_output import (
 )
 from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags
 from sim_action.state.verdict import Judged, Verdict
-from sim_action.world.claims import AuditWarning
+from sim_action.world.claims import NODE_FAILED, AuditWarning
 from sim_action.world.world_files.losses import Loss
 
 _MAX_CALLBACKS: Final = 3
+_MAX_NODES: Final = 20
 
 _RESULT_FIELDS: Final = ("end", "sim_time", "real_time_factor", "travelled", "digest", "engine", "notes")
 
@@ -110,12 +111,18 @@ class Judge:
         where = Location(self.file)
         claims = result.claims if result else {}
         audited = (AuditWarning(rule=rule, message=message, location=where) for rule, message in claims.items())
-        return outcome.model_copy(update={"warnings": (*loss_warnings(losses, where), *audited)})
+        return outcome.model_copy(update={"warnings": (*outcome.warnings, *loss_warnings(losses, where), *audited)})
 
     def _test(self, test: TestFindings, found: Findings) -> Outcome:
         where = Location(self.file, test.tag.line if test.tag else None)
-        expectations = _accepting_skips(self._expectations(test, found, where))
+        expectations = (
+            *_accepting_skips(self._expectations(test, found, where)),
+            *self._unpublished(test, where),
+        )
         failed = any(expected.failed for expected in expectations)
+        dead = [death for death in deaths(found.text) if death.node not in (test.name, _SIMULATION_NODE)]
+        failed_nodes = [_described(death, found) for death in dead if not _is_window(death)]
+        has_command = test.run is None or test.run.result is None or test.run.result.first_command is not None
         printed = "\n".join(filter(None, (test.methods.output if test.methods else "", output_tail(found.text))))
         has_written = test.methods is not None and found.ending == "over" and not _has_failed(test.run)
         if has_written and not expectations:
@@ -128,8 +135,17 @@ class Judge:
             or _is_invalid(test.run)
         ):
             about = {"status": "error", "failures": (cause_of(test, found, where),)}
+        elif failed_nodes and not failed and not has_command and not self.request.allows_losses:
+            message = f"{failed_nodes[0]}; the robot received no command in the whole test; to run without it: {OPTION}"
+            about = {"status": "error", "failures": (_failure("script", "a node died", message, where, found),)}
         else:
-            about = {"status": status_of(expectations), "expectations": expectations}
+            own = (raised for raised in test.callbacks if raised.is_of(test.name) and not raised.is_assertion)
+            noted = [(text, where) for text in failed_nodes] + [(str(raised), raised.location) for raised in own]
+            warnings = (
+                AuditWarning(rule=NODE_FAILED, message=escaped_line(text), location=place or where)
+                for text, place in noted[:_MAX_NODES]
+            )
+            about = {"status": status_of(expectations), "expectations": expectations, "warnings": tuple(warnings)}
         return self._outcome(test, {**about, "line": where.line, "output": printed})
 
     def _expectations(self, test: TestFindings, found: Findings, where: Location) -> Iterator[ExpectationOutcome]:
@@ -146,6 +162,14 @@ class Judge:
         if own:
             verdict = Verdict(passed=False, time=_sim_time(test.run), message="; ".join(map(str, own[:_MAX_CALLBACKS])))
             yield _expected("callbacks", "rostest", own[0].location or where, verdict)
+
+    def _unpublished(self, test: TestFindings, where: Location) -> Iterator[ExpectationOutcome]:
+        """Yield an expectation for each topic that the test listened to and that no node published."""
+        for topic in test.methods.unpublished if test.methods else ():
+            message = f"never checked: the test listens to '{topic}', which no node published"
+            verdict = Verdict(False, message=escaped_line(message), judged=Judged())
+            expected = _expected(topic, "rostest", where, verdict)
+            yield expected.model_copy(update={"unexercised": "warn"}) if self.request.allows_losses else expected
 
     def _expectation(self, case: Case, test: TestFindings, where: Location, late: str | None) -> ExpectationOutcome:
         if case.problem == "skipped":
@@ -408,6 +432,10 @@ class AbsentNodes:
             else:
                 losses.append(Loss(message=message, location=place))
         return cls(tuple(failures), tuple(losses))
+
+
+def _is_window(death: Death) -> bool:
+    return any(map(_has_window, PurePath(death.program).parts))
 
 
 def _has_window(package: str) -> bool:

@@ -99,6 +99,42 @@ def test_an_assertion_of_the_test_that_fails_in_a_callback_fails_it(node: str, e
         assert f"raised 50 times: {exception}" in failed.verdict.message
 
 
+DIED = "[it-3] process has died [pid 9, exit code 1, cmd p/dies.py __name:=it].\nValueError: no map\n"
+DIED_WINDOW = "[it-3] process has died [pid 9, exit code -6, cmd /opt/ros/noetic/lib/rviz/rviz __name:=it].\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "first_command", "allows_losses", "status", "rules"),
+    [
+        (DIED, None, False, "error", []),
+        (DIED, None, True, "passed", ["node-failed"]),
+        (DIED, 0.5, False, "passed", ["node-failed"]),
+        (DIED_WINDOW, None, False, "passed", []),
+        ("[it-3] process has finished cleanly\n", None, False, "passed", []),
+    ],
+)
+def test_a_test_whose_only_driver_died_is_an_error_and_other_deaths_are_warnings(
+    text: str, first_command: float | None, allows_losses: bool, status: str, rules: list[str]
+) -> None:
+    outcome = judged("rostest", text=text, suite=HELD, allows_losses=allows_losses, first_command=first_command)
+    messages = [*(failure.message for failure in outcome.failures), *map(str, outcome.warnings)]
+    assert (outcome.status, [warning.rule for warning in outcome.warnings]) == (status, rules)
+    assert all("the node 'it' ended with exit code 1" in message for message in messages)
+
+
+def test_an_error_of_the_test_in_its_own_callback_is_a_warning() -> None:
+    raised = CallbackError("t", "ValueError: 'burger' is not in list", PLACE, 50)
+    outcome = judged("rostest", suite=HELD, callbacks=(raised,))
+    assert [(warning.rule, warning.location) for warning in outcome.warnings] == [("node-failed", PLACE)]
+
+
+@pytest.mark.parametrize(("allows_losses", "status"), [(False, "not_exercised"), (True, "passed")])
+def test_a_topic_without_a_publisher_is_not_exercised(allows_losses: bool, status: str) -> None:
+    outcome = judged("rostest", suite=Suite(HELD.cases, unpublished=("/scan",)), allows_losses=allows_losses)
+    assert (outcome.status, outcome.expectations[-1].name) == (status, "/scan")
+    assert "'/scan', which no node published" in outcome.expectations[-1].verdict.message
+
+
 @pytest.mark.parametrize(("program", "suite"), BOTH)
 def test_a_loss_is_an_error(program: Program, suite: Suite | None) -> None:
     outcome = judged(program, suite=suite, losses=(LOSS,))
