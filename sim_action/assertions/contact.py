@@ -90,7 +90,9 @@ class Touch(Assertion):
     sees_shapes: ClassVar[bool] = True
     bare_value: ClassVar[str | None] = "with"
 
-    body: Annotated[str, Field(alias="with", min_length=1, description="name of the object; may be the whole value")]
+    body: Annotated[
+        str, Field(alias="with", min_length=1, description="name of the object, or ground; may be the whole value")
+    ]
     link: Annotated[
         str | None, Field(min_length=1, description="link of the robot, or a pattern such as '*_finger'; default: any")
     ] = None
@@ -160,7 +162,8 @@ class Touch(Assertion):
     @property
     @override
     def channels(self) -> Channels:
-        return Channels(contacts=True, clearances=frozenset() if self.watch is None else frozenset({self.watch}))
+        watches = frozenset() if self.watch is None else frozenset({self.watch})
+        return Channels(contacts=True, clearances=watches, ground=self.body == GROUND)
 
     @property
     @override
@@ -190,9 +193,7 @@ class Touch(Assertion):
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield a body or a link that does not exist, limits without a force, and a window without a whole step."""
         bodies = [body.name for body in scene.world.objects]
-        if self.body == GROUND:
-            yield ("with",), "contacts with the ground are not recorded; name an object"
-        elif self.body not in bodies:
+        if self.body not in (*bodies, GROUND):
             yield ("with",), f"the world has no body '{self.body}'{did_you_mean(self.body, bodies)}"
         links = links_with_shapes(scene.model)
         if self.link is not None and not any(self._is_of(link) for link in links):
@@ -307,7 +308,10 @@ class TouchMonitor(Monitor):
         meant: list[Contact] = []
         others: list[Contact] = []
         for contact in trace.contacts:
-            (meant if self.spec.is_meant(contact) else others).append(contact)
+            if self.spec.is_meant(contact):
+                meant.append(contact)
+            elif contact.body != GROUND:
+                others.append(contact)
         return meant, others
 
     def _instead_of(self, others: list[Contact]) -> Contact | None:

@@ -14,7 +14,7 @@ from sim_action.assertions.monitors.bounds import check_order
 from sim_action.assertions.monitors.goals import Invariant, joined
 from sim_action.core import geometry, units
 from sim_action.core.field_types import Metres
-from sim_action.core.geometry import Vector3
+from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
@@ -69,7 +69,7 @@ class Feet(Assertion):
             if scene.robot.base is None:
                 fixed, remedy = (
                     "its root link is 'world', which is fixed",
-                    "give its body a <freejoint>, or a slide joint that is upright"
+                    "give its body a <freejoint>, or a joint that lets it rise"
                     if scene.model.mjcf
                     else "rename the link, or write robot: {base: free}",
                 )
@@ -87,14 +87,18 @@ class Feet(Assertion):
 
 
 def _rises(model: RobotModel, link: str) -> bool:
-    """Return True if an upright slide carries a link of a robot with a fixed base, as on a rail or in a plane."""
+    """Return True if a joint raises a link of a robot with a fixed base, as on a rail, in a plane or on a boom."""
     poses = link_poses(model, model.positions({}))
-    while joints := model.joints_to.get(link):
-        for joint in (joint for joint in joints if link in poses):
-            upright = abs(geometry.rotate(poses[link].orientation_xyzw, joint.axis_xyz)[2])
-            if joint.type == "prismatic" and upright > math.cos(MAX_SLOPE_RAD):
+    name = link
+    while joints := model.joints_to.get(name):
+        for joint in (joint for joint in joints if joint.moves and name in poses):
+            way = geometry.rotate(poses[name].orientation_xyzw, joint.axis_xyz)
+            if joint.type != "prismatic":
+                anchor = geometry.compose(poses[name], Pose(joint.anchor_xyz)).position_xyz
+                way = geometry.cross(way, geometry.subtract(poses[link].position_xyz, anchor))
+            if abs(way[2]) > math.cos(MAX_SLOPE_RAD) * math.hypot(*way):
                 return True
-        link = joints[0].parent
+        name = joints[0].parent
     return False
 
 

@@ -33,6 +33,7 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.link_motion import LinkMotions
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict, VerdictStatus
+from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -201,6 +202,9 @@ class UserMonitor(Monitor):
     def observe(self, trace: Trace) -> Self:
         if self.decided is not None or not len(trace):
             return self
+        # Other expectations may ask for contacts with the ground.
+        contacts = tuple(contact for contact in trace.contacts if contact.body != GROUND)
+        trace = replace(trace, contacts=contacts)
         later = replace(self, seen=History.of(trace) if self.seen is None else self.seen.followed_by(trace))
         if self.judge.kind == "end":
             return later

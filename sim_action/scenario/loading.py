@@ -246,7 +246,8 @@ class _Loader:
         if scenario.world.objects:
             from sim_action.scenario.body_overlaps import clashes
 
-            found = world_checks.Clashes.of(scenario.world, clashes(scenario.world), self.places.bodies)
+            clashing = clashes(scenario.world)
+            found = world_checks.Clashes.of(scenario.world, clashing, self.places.bodies, self._allowed)
             self._problems.note_all((), found.problems())
             for problem in found.problems_of_file():
                 self._problems.note_elsewhere(problem)

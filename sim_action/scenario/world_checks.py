@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final, Self
 
@@ -16,6 +16,7 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.scenario.model import Scenario
 from sim_action.world import GROUND, Body, Disturbance, Physics, World, placed
 from sim_action.world.body_path import placements
+from sim_action.world.claims import OVERLAPPING_BODIES
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -29,6 +30,8 @@ MAX_FILE_OVERLAP_M: Final = 0.02
 """Bodies of a world file that begin deeper in each other are an error; engines move others apart without a throw."""
 
 _MAX_NAMED: Final = 3
+
+_REMEDY: Final = f"run with it: allow: [{OVERLAPPING_BODIES}] [{OVERLAPPING_BODIES}]"
 
 # Advised times are rounded up to this step in s.
 _ADVISED: Final = 0.001
@@ -70,16 +73,20 @@ class Clashes:
         places: name of a body of the world file -> its place.
         own: those with a body of the scenario.
         of_file: those of bodies of the world file only, or with the ground.
+        are_allowed: True if none of them is an error.
     """
 
     indices: Mapping[str, int]
     places: Mapping[str, Location]
     own: tuple[Clash, ...]
     of_file: tuple[Clash, ...]
+    are_allowed: bool
 
     @classmethod
-    def of(cls, world: World, found: Iterable[Clash], places: Mapping[str, Location]) -> Self:
-        """Return the clashes that are deeper than a contact."""
+    def of(
+        cls, world: World, found: Iterable[Clash], places: Mapping[str, Location], allowed: Collection[str] = ()
+    ) -> Self:
+        """Return the clashes that are deeper than a contact; `allowed`: the rules that the scenario allows."""
         deepest: dict[str, Clash] = {}
         for clash in sorted(found, key=lambda clash: -clash.depth):
             if clash.depth > DEPTH:
@@ -87,36 +94,49 @@ class Clashes:
         theirs = {*places, GROUND}
         of_file = tuple(each for each in deepest.values() if {each.body, each.other} <= theirs)
         own = tuple(each for each in deepest.values() if each not in of_file)
-        return cls({body.name: index for index, body in enumerate(world.objects)}, places, own, of_file)
+        indices = {body.name: index for index, body in enumerate(world.objects)}
+        return cls(indices, places, own, of_file, OVERLAPPING_BODIES in allowed)
 
     def problems(self) -> SpecProblems:
         """Yield the problems of bodies of the scenario."""
-        for clash in self.own:
+        for clash in () if self.are_allowed else self.own:
             name = clash.other if clash.body in self.places else clash.body
-            message = f"{_in_other(clash)}, which would throw it out; move {'it' if name == clash.body else repr(name)}"
+            move = f"move {'it' if name == clash.body else repr(name)}"
+            message = f"{_in_other(clash)}, which would throw it out; {move}, or {_REMEDY}"
             yield ("world", "objects", self.indices[name], "pose"), message
 
     def problems_of_file(self) -> Iterator[Problem]:
         """Yield one problem about all bodies of the world file that begin too deep in others."""
         deep = [each for each in self.of_file if each.depth > MAX_FILE_OVERLAP_M]
-        if not deep:
+        if not deep or self.are_allowed:
             return
         limit, place = units.display(MAX_FILE_OVERLAP_M, "m"), self.places[deep[0].body]
         if len(deep) == 1:
-            message = f"{_in_other(deep[0])}, which would throw it out; move it: at most {limit} is allowed"
+            message = f"{_in_other(deep[0])}, which would throw it out; at most {limit} is allowed"
         else:
-            begin = f"{len(deep)} bodies begin more than {limit} deep in others, which would throw them out; move them"
+            begin = f"{len(deep)} bodies begin more than {limit} deep in others, which would throw them out"
             message = f"{begin}: {_few(deep)}"
-        yield Problem(place, message)
+        yield Problem(place, f"{message}; move {'it' if len(deep) == 1 else 'them'}, or {_REMEDY}")
 
-    def note(self) -> str | None:
-        """Return a note on the bodies of the world file that begin a little inside others."""
+    def notes(self) -> Iterator[str]:
+        """Yield a note on bodies that the engine throws out, and one on those of the file that it moves apart."""
+        if self.are_allowed and (deep := self._deep):
+            bodies = "1 body begins inside another, and the engine throws it out"
+            if len(deep) > 1:
+                bodies = f"{len(deep)} bodies begin inside others, and the engine throws them out"
+            yield f"{bodies}: {_few(deep)}"
         shallow = [each for each in self.of_file if each.depth <= MAX_FILE_OVERLAP_M]
         if not shallow:
-            return None
+            return
         bodies = "1 body of the world file begins" if len(shallow) == 1 else f"{len(shallow)} bodies begin"
         place = self.places[shallow[0].body]
-        return f"{bodies} a little inside others, and the engine moves them apart: {_few(shallow)} ({place})"
+        yield f"{bodies} a little inside others, and the engine moves them apart: {_few(shallow)} ({place})"
+
+    @property
+    def _deep(self) -> tuple[Clash, ...]:
+        """The clashes that are errors unless they are allowed, the deepest first."""
+        deep = (*self.own, *(each for each in self.of_file if each.depth > MAX_FILE_OVERLAP_M))
+        return tuple(sorted(deep, key=lambda clash: -clash.depth))
 
 
 def _few(clashes: Sequence[Clash]) -> str:

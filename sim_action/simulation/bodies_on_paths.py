@@ -33,7 +33,7 @@ from sim_action.simulation.guards import NO_BODIES, Guard
 from sim_action.state.observation import Contact
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_records import FRAME_RATE
-from sim_action.world import Body, path_of, placed
+from sim_action.world import GROUND, Body, path_of, placed
 from sim_action.world.body_path import PosePath
 from sim_action.world.parts import reach
 from sim_action.world.scene import Scene
@@ -89,7 +89,7 @@ class Pinning(Guard):
         count = len(trace)
         if not count or not self._mass:
             return trace, None
-        touches = [*self._recent, *(touch for touch in trace.contacts if touch.has_force)]
+        touches = [*self._recent, *(touch for touch in trace.contacts if touch.has_force and touch.body != GROUND)]
         self._recent = [touch for touch in touches if touch.time > float(trace.time[-1]) - 2 * _WINDOW_S]
         pressed = self._pressed(touches, trace)
         speeds = np.vstack((self._speeds, trace.base_linear_xyz))

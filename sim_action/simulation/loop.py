@@ -128,7 +128,8 @@ def simulate(
     try:
         at = backend.observe(0, contacts=False).pose
         can_clash = any(body.mass is not None for body in scene.world.objects)
-        notes += refuse_bad_start(scene, at, backend.overlaps(), backend.clashes() if can_clash else ())
+        clashes = backend.clashes() if can_clash else ()
+        notes += refuse_bad_start(scene, at, backend.overlaps(), clashes, scenario.allow)
         loop = _Loop(scenario, scene, drive, backend, channels, footage=footage, springs=springs, seams=seams)
         run = loop.run(progress)
         return replace(run, notes=(*run.notes, *notes))
@@ -371,7 +372,7 @@ class _Loop:
 
     def _first_moment(self, start: Observation) -> Trace:
         """Return the moment at t = 0 as monitors see it: invariants are judged from there on."""
-        contacts = tuple(contact for contact in start.contacts if contact.body != GROUND)
+        contacts = tuple(contact for contact in start.contacts if self._judged.ground or contact.body != GROUND)
         objects = {name: self._first_pose(name) for name in sorted(self._judged.objects)}
         touches = self._backend.link_contacts(0) if self._judged.link_contacts else {}
         return replace(Trace.of_observation(start), contacts=contacts, objects=objects, link_contacts=touches)

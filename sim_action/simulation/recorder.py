@@ -18,7 +18,7 @@ from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import FRAME_RATE, CommandedTwists, CommandedValues, SensorRecord, frame_stride
-from sim_action.world import World
+from sim_action.world import GROUND, World
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -100,7 +100,8 @@ class RunRecorder:
         contacts = seen.contacts if self._judges_contacts else ()
         self._kept.append(replace(seen.rows(wanted), contacts=contacts))
         if self._filmed:
-            self._contacts += seen.contacts
+            # The ground is no body of a replay.
+            self._contacts += (contact for contact in seen.contacts if contact.body != GROUND)
             wanted = self._rows(seen, self._film_stride, is_last=is_last)
             # Images are too large to be kept.
             sensors = {name: told for name, told in judged.items() if name in seen.sensors or told.kind != "camera"}

@@ -9,7 +9,7 @@ throw it at 5 m/s. Measurements after that say nothing about the robot.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from collections.abc import Set as AbstractSet
 from typing import Final, Self
 
@@ -44,13 +44,16 @@ MAX_LIFT_M: Final = 0.1
 _ON_TOP_M: Final = 0.0005
 
 
-def refuse_bad_start(scene: Scene, at: Pose, overlaps: Iterable[Overlap], clashes: Iterable[Clash]) -> tuple[str, ...]:
+def refuse_bad_start(
+    scene: Scene, at: Pose, overlaps: Iterable[Overlap], clashes: Iterable[Clash], allowed: Collection[str] = ()
+) -> tuple[str, ...]:
     """Raise BadStart if the robot or a moving body starts inside something.
 
-    `at`: the pose of the base link, world frame. Returns the notes on bodies that begin only a little inside others.
+    `at`: the pose of the base link, world frame; `allowed`: rules that the scenario allows. Returns the notes on bodies
+    that begin inside others all the same.
     """
     inside = _problems(scene, overlaps)
-    found = Clashes.of(scene.world, clashes, scene.places.bodies)
+    found = Clashes.of(scene.world, clashes, scene.places.bodies, allowed)
     problems = [*inside, *_buried(scene, at), *found.problems()]
     elsewhere = list(found.problems_of_file())
     if (place := scene.places.robot) is not None:
@@ -58,7 +61,7 @@ def refuse_bad_start(scene: Scene, at: Pose, overlaps: Iterable[Overlap], clashe
         problems = problems[len(inside) :]
     if problems or elsewhere:
         raise BadStart(problems, elsewhere)
-    return (note,) if (note := found.note()) is not None else ()
+    return tuple(found.notes())
 
 
 def opened_on_top(scene: Scene, opened: Callable[[Scene], Engine]) -> tuple[Engine, tuple[str, ...]]:

@@ -56,7 +56,8 @@ class Trace:
     Attributes:
         joint_names: J names, the order of the joint columns.
         state: (T, 14 + 3 J), a row a moment; the properties below are its columns, in this order.
-        contacts: contacts of the robot with bodies other than the ground, from every step of the trace.
+        contacts: contacts of the robot with bodies, from every step of the trace; with the ground only if an
+            expectation asks for them.
         sensors: sensor name -> its readings, for sensors that the trace keeps.
         clearances: watch -> the observed distances, from every step.
         bodies: body name -> its poses, 30 per second, for moving bodies, if a replay is asked for.

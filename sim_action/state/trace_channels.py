@@ -37,6 +37,7 @@ class Channels:
 
     Attributes:
         contacts: True if `Trace.contacts` is needed.
+        ground: True if `Trace.contacts` must have those with the ground, too.
         clearances: the entries of `Trace.clearances` that are needed.
         sensors: the names of sensors that monitors need in `Trace.sensors`.
         bodies: the names of bodies that are needed in `Trace.bodies`, 30 poses per second.
@@ -54,6 +55,7 @@ class Channels:
     link_contacts: frozenset[str] = frozenset()
     openings: frozenset[float] = frozenset()
     self_contacts: bool = False
+    ground: bool = False
 
     @classmethod
     def all_of(cls, several: Iterable[Self]) -> Self:
@@ -71,6 +73,7 @@ class Channels:
             link_contacts=self.link_contacts | other.link_contacts,
             openings=self.openings | other.openings,
             self_contacts=self.self_contacts or other.self_contacts,
+            ground=self.ground or other.ground,
         )
 
     def opening_at(self, time: float) -> Self:

@@ -66,6 +66,9 @@ LOW_GATE: Final = "low-gate"
 INCOMPLETE_WORLD: Final = "incomplete-world"
 """The rule about files of a world that cannot be used, so that an obstacle is missing."""
 
+OVERLAPPING_BODIES: Final = "overlapping-bodies"
+"""The rule about bodies with a mass that begin inside others."""
+
 RULES: Final[Mapping[str, Rule]] = MappingProxyType(
     {
         "bare-angle": Rule(
@@ -176,6 +179,9 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         ),
         INCOMPLETE_WORLD: Rule(
             "error", "a model or a mesh of a world file that is not found or cannot be used: an obstacle is missing"
+        ),
+        OVERLAPPING_BODIES: Rule(
+            "error", "a body with a mass that begins inside another one or the ground: the engine throws it out"
         ),
         "event-never-began": Rule(
             "warning", "a disturbance, a wrench, a body or a path that is due after the end of the run"

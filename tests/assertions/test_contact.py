@@ -293,7 +293,7 @@ def test_how_near_it_came_is_told_where_that_is_known() -> None:
     ("keys", "path", "message"),
     [
         ({"with": "bal"}, "with", "the world has no body 'bal'; did you mean 'ball'?"),
-        ({"with": "ground"}, "with", "contacts with the ground are not recorded; name an object"),
+        ({"with": "grund"}, "with", "the world has no body 'grund'"),
         (
             {"link": "base_scam"},
             "link",

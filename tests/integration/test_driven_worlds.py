@@ -24,11 +24,12 @@ world: {world}
 commands: {{rate: 10 Hz, twist: [{twist}]}}
 sensors: [{sensor}]
 expect: [upright]
+allow: [{allow}]
 duration: {seconds} s
 time_limit: {seconds} s
 backend: {engine}
 """
-DEFAULTS = {"pose": "{}", "world": "{}", "twist": "{linear: 0.2}", "sensor": "imu", "seconds": 5}
+DEFAULTS = {"pose": "{}", "world": "{}", "twist": "{linear: 0.2}", "sensor": "imu", "seconds": 5, "allow": ""}
 
 
 def run(engine: str, folder: Path, **said: object) -> SimulationRun:
@@ -96,6 +97,12 @@ def test_a_body_that_begins_in_another_is_told_with_its_line(engine: str, tmp_pa
     with pytest.raises(BadStart, match=r"'ball' begins .* deep in 'wall'") as caught:
         run(engine, tmp_path, world=world)
     assert caught.value.by_keys[0][0] == ("world", "objects", 1, "pose")
+    (note,) = (
+        note
+        for note in run(engine, tmp_path, world=world, seconds=1, allow="overlapping-bodies").notes
+        if "deep" in note
+    )
+    assert note.startswith("1 body begins inside another, and the engine throws it out: 'ball' begins 0.")
     lies = world.replace("z: 0.5", "z: 1.1")
     assert run(engine, tmp_path, world=lies, seconds=1).sim_time == 1
 

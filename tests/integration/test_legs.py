@@ -101,3 +101,40 @@ def test_the_centre_of_mass_is_that_of_mujoco(tmp_path: Path) -> None:
             mujoco.mj_comPos(model, data)
             found = centre_of_mass(scene.model, trace)[-1]
             assert found == pytest.approx(data.subtree_com[model.body("robot/platform").id], abs=1e-9)
+
+
+@on_every_engine
+def test_the_force_on_the_ground_is_the_weight_and_that_of_a_foot_its_share(engine: str, tmp_path: Path) -> None:
+    weight = 5.8 * GRAVITY
+    formulas = [
+        f"always (abs(force(ground) - {weight}) < {0.01 * weight})",
+        f"always (force(foot_2, ground) < {0.3 * weight})",
+    ]
+    found = run(
+        tmp_path,
+        engine,
+        *({"stl": formula, "after": 0.1} for formula in formulas),
+        {"contact": {"with": "ground", "at_least": 0.98 * weight, "at_most": 1.02 * weight, "for": 0.1}, "after": 0.1},
+        {"contact": {"with": "ground", "link": "foot_1", "at_least": 0.3 * weight}},
+        {"no_collision": {"allow": []}},
+        world={"objects": [{"name": "post", "box": [0.1, 0.1, 0.1], "pose": {"x": 3}}]},
+    )
+    assert [verdict.passed for verdict in found.verdicts] == [True, True, True, False, True]
+    # Nothing asks for them: they are not recorded.
+    assert not run(
+        tmp_path, engine, {"contact": "post"}, world={"objects": [{"name": "post", "box": [1, 1, 1], "pose": {"x": 3}}]}
+    ).trace.contacts
+
+
+@on_every_engine
+def test_a_leg_on_a_boom_stands_and_falls(engine: str, tmp_path: Path) -> None:
+    """The root is the world. A hinge lets the other end of an arm of 1 m fall onto its foot."""
+    mass = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+    boom = f"""<robot name="boom"><link name="world"/><link name="arm">{mass}</link>
+      <link name="foot">{mass}<collision><geometry><sphere radius="0.05"/></geometry></collision></link>
+      <joint name="hinge" type="continuous"><parent link="world"/><child link="arm"/><origin xyz="0 0 0.1"/>
+        <axis xyz="0 1 0"/></joint>
+      <joint name="end" type="fixed"><parent link="arm"/><child link="foot"/><origin xyz="1 0 0"/></joint></robot>"""
+    standing = {"feet_on_ground": {"links": ["foot"]}}
+    found = run(tmp_path, engine, {**standing, "after": 0.5}, standing, urdf=boom, time_limit=1, physics={"settle": 0})
+    assert [verdict.passed for verdict in found.verdicts] == [True, False]

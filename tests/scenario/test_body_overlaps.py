@@ -18,6 +18,7 @@ from sim_action.world import Body, World
 from sim_action.world.parts import BoxPart, CylinderPart, HullPart, Part, SpherePart
 from tests.scenarios import told
 
+REMEDY = "or run with it: allow: [overlapping-bodies] [overlapping-bodies]"
 WALL = {"name": "wall", "box": (1, 1, 1), "pose": {"x": 3}}
 
 
@@ -31,7 +32,7 @@ def ball(name: str = "ball", **keys: object) -> dict[str, object]:
 
 
 def test_what_would_be_thrown_out_is_told_once() -> None:
-    inside = "which would throw it out; move it"
+    inside = f"which would throw it out; move it, {REMEDY}"
     assert found(WALL, ball(pose={"x": 2.45, "z": 0.5})) == [
         ("world.objects.1.pose", f"'ball' begins 0.05 m deep in 'wall', {inside}")
     ]
@@ -77,7 +78,12 @@ def test_bodies_of_a_world_file_are_one_problem_with_the_first_three() -> None:
     assert list(found.problems()) == []
     (problem,) = found.problems_of_file()
     assert str(problem).startswith("w.world:14: 4 bodies begin more than 0.02 m deep in others, which would throw")
-    assert str(problem).endswith("'b' begins 0.2 m deep in 'wall' and 1 more")
+    assert str(problem).endswith(f"'b' begins 0.2 m deep in 'wall' and 1 more; move them, {REMEDY}")
+
+    allowed = Clashes.of(world, clashes(world), places, ["overlapping-bodies"])
+    assert list(allowed.problems_of_file()) == []
+    (note,) = allowed.notes()
+    assert note.startswith("4 bodies begin inside others, and the engine throws them out: 'd' begins 0.4 m deep")
 
 
 def test_a_body_of_the_scenario_in_one_of_a_world_file_is_its_own_problem() -> None:
@@ -85,9 +91,15 @@ def test_a_body_of_the_scenario_in_one_of_a_world_file_is_its_own_problem() -> N
 
     found = Clashes.of(world, clashes(world), {"ball": Location("w.world", 3)})
 
+    rest = f"move 'wall', {REMEDY}"
     assert list(found.problems_of_file()) == []
     assert list(found.problems()) == [
-        (("world", "objects", 0, "pose"), "'ball' begins 0.09 m deep in 'wall', which would throw it out; move 'wall'")
+        (("world", "objects", 0, "pose"), "'ball' begins 0.09 m deep in 'wall', which would throw it out; " + rest)
+    ]
+    allowed = Clashes.of(world, clashes(world), {"ball": Location("w.world", 3)}, ["overlapping-bodies"])
+    assert list(allowed.problems()) == []
+    assert list(allowed.notes()) == [
+        "1 body begins inside another, and the engine throws it out: 'ball' begins 0.09 m deep in 'wall'"
     ]
 
 

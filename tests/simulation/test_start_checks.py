@@ -150,9 +150,8 @@ def test_what_is_bolted_to_the_world_may_be_in_what_is_fixed(link: str, body: st
 
 def test_a_body_that_begins_deep_in_another_is_told_once_and_one_that_lies_on_it_is_not() -> None:
     clashes = (Clash("crate", "wall", 0.1), Clash("crate", GROUND, 0.3), Clash("crate", "wall", DEPTH))
-    assert told(clashes=clashes) == [
-        "world.objects.0.pose: 'crate' begins 0.3 m deep in the ground, which would throw it out; move it"
-    ]
+    (message,) = told(clashes=clashes)
+    assert message.startswith("world.objects.0.pose: 'crate' begins 0.3 m deep in the ground, which would throw it out")
     assert told(clashes=clashes[2:]) == []
 
 
@@ -278,7 +277,7 @@ def test_bodies_of_the_world_file_may_begin_a_little_in_each_other() -> None:
     )
     (message,) = of_file((), [Clash("crate", "wall", 0.021)], **places)
     assert message.startswith("office.world:3: 'crate' begins 0.021 m deep in 'wall', which would throw it out; ")
-    assert message.endswith("; move it: at most 0.02 m is allowed")
+    assert "; at most 0.02 m is allowed; move it, or run with it: allow: [overlapping-bodies]" in message
 
 
 TEXT = """\

@@ -195,7 +195,9 @@ def _channels(signal: Signal) -> Channels:
     if signal.source == "frame" or signal.name == "distance":
         return Channels(objects=frozenset(signal.names))
     if signal.source == "pair":
-        return Channels(contacts=True) if signal.name == "force" else Channels(clearances=frozenset({watch_of(signal)}))
+        if signal.name == "force":
+            return Channels(contacts=True, ground=signal.names[-1] == GROUND)
+        return Channels(clearances=frozenset({watch_of(signal)}))
     return Channels()
 
 
@@ -236,9 +238,7 @@ def _shape_problems(signal: Signal, scene: Scene, bodies: list[str]) -> Iterator
     *named, body = signal.names or (None,)
     if body is None and not bodies:
         yield "the world has no objects to keep clear of; add some to world.objects"
-    if body == GROUND and signal.name == "force":
-        yield "contacts with the ground are not recorded; name an object"
-    elif body is not None and body not in (*bodies, GROUND):
+    if body is not None and body not in (*bodies, GROUND):
         yield f"the world has no body '{body}'{did_you_mean(body, bodies)}"
     meant = named or links
     for link in meant:

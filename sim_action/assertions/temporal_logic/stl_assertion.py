@@ -63,10 +63,11 @@ class Stl(Assertion):
     `travel`, in the world frame; `OBJECT.z` the same without `speed` and `turn_rate`. `distance(NAME, NAME)` is the
     distance between the origins of two links or objects. `clearance`, `clearance(OBJECT)` and `clearance(LINK, OBJECT)`
     are the distance between shapes, as in `clearance`. `force(OBJECT)` and `force(LINK, OBJECT)` are the contact force,
-    averaged over 50 ms. `SENSOR.READING` is the last reading before a step, such as `bumper.force`; one of several
-    numbers is chosen as in `sensor`: `scan.ranges.min`, `imu.angular_velocity_xyz.z`. An infinite range counts as
-    1e9 m. A name that is not a plain word stands in quotes: `'left-hand'.z`. The formula is judged from the first step
-    at which all its signals are known: sensors have been read, and objects have appeared.
+    averaged over 50 ms. The object of these may be `ground`. `SENSOR.READING` is the last reading before a step, such
+    as `bumper.force`; one of several numbers is chosen as in `sensor`: `scan.ranges.min`,
+    `imu.angular_velocity_xyz.z`. An infinite range counts as 1e9 m. A name that is not a plain word stands in quotes:
+    `'left-hand'.z`. The formula is judged from the first step at which all its signals are known: sensors have been
+    read, and objects have appeared.
 
     The margin is the robustness: the change of the signals that would make a true formula false, or a false one true.
     `<` and `<=` are the same.

@@ -200,8 +200,8 @@ class MuJoCoEngine(Engine):
         """Yield the functions that observe the state after each step, given its number."""
         if self._objects_qpos.size:
             yield self._record_bodies
-        if channels.contacts and self._scene.world.objects:
-            yield self._record_contacts
+        if channels.contacts and (channels.ground or self._scene.world.objects):
+            yield self._record_all_contacts if channels.ground else self._record_contacts
             if self._path_contacts is not None:
                 yield self._record_path_contacts
         if self._self_collision is not None and channels.self_contacts:
@@ -217,6 +217,9 @@ class MuJoCoEngine(Engine):
     def _record_contacts(self, step: int) -> None:
         if self._contacts.may_matter(self._sliding.touching):
             self._touches += self._contacts.of_step(step / self._rate, ground=False)
+
+    def _record_all_contacts(self, step: int) -> None:
+        self._touches += self._contacts.of_step(step / self._rate, ground=True)
 
     def _record_path_contacts(self, step: int) -> None:
         if self._path_contacts is not None:

@@ -99,7 +99,8 @@ class PyBulletEngine(Engine):
             self.close()
             raise EngineError(f"the engine cannot open the files of the model: {system_reason(error)}") from None
         self._rate, self._model = scene.physics.rate, scene.model
-        self._watches_contacts = channels.contacts and bool(self._objects)
+        self._watches_ground = channels.ground
+        self._watches_contacts = channels.contacts and (channels.ground or bool(self._objects))
         self._read_joints(scene)
         self.notes = self._calm(scene)
         self._self_collision = self._collision_of_links(scene, channels)
@@ -156,7 +157,7 @@ class PyBulletEngine(Engine):
     def _watch(self, step: int) -> None:
         """Record everything but the state of the robot after a step."""
         if self._watches_contacts:
-            self._touches += self._present_contacts(step, ground=False)
+            self._touches += self._present_contacts(step, ground=self._watches_ground)
         for watch in self._watchers:
             watch(step)
         if not self._clearances.is_idle:

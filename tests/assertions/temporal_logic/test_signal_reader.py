@@ -144,7 +144,7 @@ def test_a_formula_asks_for_the_channels_of_its_signals() -> None:
         ("always (base_scn.z < 1)", "at character 9, the arrow: always (-> base_scn.z < 1)"),
         ("distance(base_scan, bal) < 1", "there is no link or object 'bal'; did you mean 'ball'?"),
         ("ball.speed < 1", "the speed of an object is not recorded; bound its place, such as ball.z"),
-        ("force(ground) < 1", "contacts with the ground are not recorded; name an object"),
+        ("force(grund) < 1", "the world has no body 'grund'"),
         ("force(wal) < 1", "the world has no body 'wal'; did you mean 'wall'?"),
         ("clearance(tip, wall) < 1", "the robot has no link 'tip' with a collision shape"),
     ],
