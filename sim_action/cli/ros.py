@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
@@ -48,7 +49,6 @@ _ALLOW_LOSSES: Final = click.option(
 _OPTIONS: Final = (
     click.argument("package"),
     click.argument("file"),
-    click.argument("arguments", nargs=-1, metavar="[ARG:=VALUE]..."),
     click.option(
         "--workspace",
         envvar="SIM_ACTION_WORKSPACE",
@@ -75,14 +75,14 @@ _OPTIONS: Final = (
 )
 
 
-def _ros_options(sim_time_limit: str) -> Callable[[Command], Command]:
-    """Add the options of both commands; `sim_time_limit` is the help of that option."""
+def _ros_options(sim_time_limit: str, arguments: str) -> Callable[[Command], Command]:
+    """Add the options of both commands; `sim_time_limit`: help of that option; `arguments`: how they are shown."""
     limit = click.option("--sim-time-limit", type=_POSITIVE, metavar="S", help=sim_time_limit)
-    return with_options(*_OPTIONS, limit)
+    return with_options(*_OPTIONS[:2], click.argument("arguments", nargs=-1, metavar=arguments), *_OPTIONS[2:], limit)
 
 
 @click.command()
-@_ros_options("End the simulation after this sim time in s.  [default: the time-limit of each test]")
+@_ros_options("End the simulation after this sim time in s.  [default: the time-limit of each test]", "[ARG:=VALUE]...")
 @report_flags
 @code_flags
 def rostest(**flags: Any) -> ExitCode:
@@ -96,14 +96,14 @@ def rostest(**flags: Any) -> ExitCode:
 
 
 @click.command()
-@_ros_options("End the launch after this sim time in s.  [default: 30]")
+@_ros_options("End the launch after this sim time in s.  [default: 30]", "[PACKAGE FILE]... [ARG:=VALUE]...")
 @report_flags
 @code_flags
 def roslaunch(**flags: Any) -> ExitCode:
-    """Run a launch file of ROS 1, with sim-action as simulator instead of Gazebo.
+    """Run launch files of ROS 1 as one launch, with sim-action as simulator instead of Gazebo.
 
-    FILE is a .launch file of PACKAGE. An installed ROS 1 is needed. The launch ends at --sim-time-limit. It passes if
-    the robot is spawned, every node is started and no node dies.
+    FILE is a .launch file of PACKAGE; arguments are for all files. An installed ROS 1 is needed. The launch ends at
+    --sim-time-limit. It passes if the robot is spawned, every node is started and no node dies.
 
     Exit code: as for `run`.
     """
@@ -173,7 +173,7 @@ def _called(program: Program, flags: dict[str, Any]) -> ExitCode:
     permissions.require_scripts(f"{program} runs nodes and launch files")
     if sys.platform != "linux":
         raise UsageError("ROS 1 needs Linux: its packages exist for Debian 12 and Ubuntu")
-    arguments: Sequence[str] = flags["arguments"]
+    more, arguments = _split(flags["arguments"]) if program == "roslaunch" else ((), flags["arguments"])
     _check(arguments)
     with Interruption() as interruption:
         from sim_action.ros.ros1 import command
@@ -193,8 +193,17 @@ def _called(program: Program, flags: dict[str, Any]) -> ExitCode:
             replays=flags["report"],
             allows_losses=flags["allow_losses"],
             pass_env=permissions.pass_env,
+            more=more,
         )
         return command.run(request, report_request(flags), interruption)
+
+
+def _split(words: Sequence[str]) -> tuple[tuple[tuple[str, str], ...], Sequence[str]]:
+    """Return further launch files, each with its package, and the arguments."""
+    count = next((index for index, word in enumerate(words) if ":=" in word), len(words))
+    if count % 2:
+        raise click.BadArgumentUsage(f"'{words[count - 1]}' has no FILE; write PACKAGE FILE, or NAME:=VALUE")
+    return tuple(itertools.pairwise(words[:count]))[::2], words[count:]
 
 
 def _check(arguments: Sequence[str]) -> None:

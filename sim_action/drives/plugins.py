@@ -96,11 +96,15 @@ _FIGURES: Final = {
     "wheel_separation": ("separation", 1.0),
     "wheelAcceleration": ("acceleration", 1.0),
     "max_wheel_acceleration": ("acceleration", 1.0),
-    "wheelTorque": ("torque", 1.0),
-    "max_wheel_torque": ("torque", 1.0),
-    "torque": ("torque", 1.0),
-    "MaxForce": ("torque", 1.0),
 }
+# Plugin -> the tag for the torque of a wheel; the other drives of Gazebo have none.
+_TORQUES: Final[Mapping[str, tuple[str, ...]]] = {
+    _LEGACY_DIFF: ("wheelTorque", "max_wheel_torque"),
+    "DiffDrivePlugin": ("torque",),
+    "gazebo_ros_skid_steer_drive": ("torque",),
+    "SkidSteerDrivePlugin": ("MaxForce",),
+}
+_NAMES_OF_TORQUES: Final = frozenset(name for names in _TORQUES.values() for name in names)
 _STEERING_FIGURES: Final = {
     **_ACCELERATIONS,
     "wheel_radius": ("radius", 1.0),
@@ -251,11 +255,20 @@ def _axle_figures(plugin: Plugin) -> dict[str, tuple[str, float]]:
 
 
 def _meant(plugin: Plugin, left: tuple[str, ...], right: tuple[str, ...]) -> StatedSides:
-    figures, remarks = _corrected(plugin, _figures(plugin, _FIGURES))
+    torques = _TORQUES.get(plugin.name, ())
+    figures, remarks = _corrected(plugin, _figures(plugin, {**_FIGURES, **dict.fromkeys(torques, ("torque", 1.0))}))
+    remarks += tuple(_unread_torques(plugin, torques))
     remarks += _unlimited(figures, _NO_LIMIT)
     if _swaps_sides(plugin):
         return StatedSides(right, left, figures, (_SWAPPED, *remarks), source_of(plugin))
     return StatedSides(left, right, figures, remarks, source_of(plugin))
+
+
+def _unread_torques(plugin: Plugin, read: Sequence[str]) -> Iterator[str]:
+    """Yield a remark on each tag for a torque that another plugin has."""
+    for tag in dict.fromkeys(tag for tag, _ in plugin.parameters if tag in _NAMES_OF_TORQUES.difference(read)):
+        meant = f"the tag is <{read[0]}>" if read else "it has no such tag"
+        yield f"<{tag}> has no effect, as in Gazebo: {plugin.name} does not read it; {meant}"
 
 
 def _corrected(plugin: Plugin, figures: dict[str, float]) -> tuple[dict[str, float], tuple[str, ...]]:

@@ -86,13 +86,17 @@ def descendants(pid: int) -> frozenset[int]:
     return frozenset(found)
 
 
+def command_line(pid: int) -> bytes:
+    """Return the words of a command line, each with a NUL at its end; nothing for a process that has ended."""
+    with suppress(OSError):
+        return (_PROC / str(pid) / "cmdline").read_bytes()
+    return b""
+
+
 def rostest_result_path(pid: int) -> Path | None:
     """Return the path of the result file of a test process of rostest; None for other processes."""
-    with suppress(OSError):
-        for word in (_PROC / str(pid) / "cmdline").read_bytes().split(b"\0"):
-            if word.startswith(_RESULT):
-                return Path(os.fsdecode(word.removeprefix(_RESULT)))
-    return None
+    results = (word for word in command_line(pid).split(b"\0") if word.startswith(_RESULT))
+    return next((Path(os.fsdecode(word.removeprefix(_RESULT))) for word in results), None)
 
 
 def is_result_written(result: Path) -> bool:
@@ -105,10 +109,8 @@ def is_result_written(result: Path) -> bool:
 
 def process_name(pid: int) -> str:
     """Return a short name of a process: the first words of its command line."""
-    with suppress(OSError):
-        words = (_PROC / str(pid) / "cmdline").read_bytes().decode(errors="replace").split("\0")
-        return " ".join(PurePath(word).name for word in words[:2] if word)
-    return f"process {pid}"
+    words = command_line(pid).decode(errors="replace").split("\0")
+    return " ".join(PurePath(word).name for word in words[:2] if word) or f"process {pid}"
 
 
 class WatchedThread:

@@ -16,6 +16,8 @@ from sim_action.core import geometry
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.model.kinematics import joint_motion
+from sim_action.robot.model.robot_model import Joint, RobotModel
 from sim_action.world.scene import Fitting
 
 COMMANDS: Final = "cmd_vel"
@@ -121,10 +123,56 @@ def seconds_and_nanoseconds(time: float) -> tuple[int, int]:
     return divmod(round(time * _BILLION), _BILLION)
 
 
+PlacedFrame = tuple[str, str, geometry.Pose]
+"""Parent frame, child frame, and the pose of the child in the parent."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkFrames:
+    """The frames of the links of a robot, as a robot_state_publisher publishes them.
+
+    Attributes:
+        fixed: links that do not move on their parents.
+        moving: parent link, child link, and the joints in series between them.
+    """
+
+    fixed: tuple[PlacedFrame, ...]
+    moving: tuple[tuple[str, str, tuple[Joint, ...]], ...]
+
+    @classmethod
+    def of(cls, model: RobotModel) -> Self:
+        """Return the frames of a model."""
+        series = [(joints[0].parent, child, joints) for child, joints in model.joints_to.items()]
+        moving = {child for _, child, joints in series if any(joint.moves for joint in joints)}
+        return cls(
+            tuple((parent, child, joints[0].origin) for parent, child, joints in series if child not in moving),
+            tuple(each for each in series if each[1] in moving),
+        )
+
+    def at(self, positions: Mapping[str, float]) -> Iterator[PlacedFrame]:
+        """Yield the links that joints move; links with a joint whose position is unknown are left out."""
+        for parent, child, series in self.moving:
+            pose = series[0].origin
+            moving = [joint for joint in series if joint.moves]
+            if all(joint.name in positions for joint in moving):
+                for joint in moving:
+                    pose = geometry.compose(pose, joint_motion(joint, positions[joint.name]))
+                yield parent, child, pose
+
+
 def in_frame_of(pose: geometry.Pose, twist: geometry.Twist) -> geometry.Twist:
     """Return a twist in the world frame, in the frame of a pose (nav_msgs/Odometry's child frame)."""
     back = geometry.conjugate(pose.orientation_xyzw)
     return geometry.Twist(geometry.rotate(back, twist.linear_xyz), geometry.rotate(back, twist.angular_xyz))
+
+
+def pinhole_of(width: int, height: int, field_of_view: float) -> tuple[float, float, float]:
+    """Return the focal length and the centre (x, y) of a camera in pixels.
+
+    The centre of the first pixel is at (0, 0), as in OpenCV and image_geometry, so that the optical axis passes through
+    `((width - 1) / 2, (height - 1) / 2)`.
+    """
+    return width / 2 / math.tan(field_of_view / 2), (width - 1) / 2, (height - 1) / 2
 
 
 def diagonal(variances: Sequence[float]) -> tuple[float, ...]:

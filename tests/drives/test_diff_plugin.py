@@ -156,3 +156,21 @@ def test_a_plugin_that_does_not_tell_the_diameter_of_wheels_that_are_not_round_i
 @PASSED_OVER
 def test_a_plugin_that_does_not_fit_is_passed_over(plugin: RobotModel) -> None:
     assert recognise(plugin) == BURGER
+
+
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [
+        ("gazebo_ros_diff_drive", {"wheelTorque", "max_wheel_torque"}),
+        ("DiffDrivePlugin", {"torque"}),
+        ("gz-sim-diff-drive-system", set()),
+        ("diff_drive_controller/DiffDriveController", set()),
+    ],
+)
+@pytest.mark.parametrize("tag", ["torque", "wheelTorque", "max_wheel_torque", "MaxForce"])
+def test_each_plugin_reads_its_own_tag_for_the_torque(name: str, read: set[str], tag: str) -> None:
+    model = with_plugin(name, left_joint=LEFT, right_joint=RIGHT, **{tag: "0.1"})
+    drive = recognise(model)
+    assert isinstance(drive, DiffDrive)
+    assert drive.torque == (0.1 if tag in read else None)
+    assert (f"<{tag}> has no effect, as in Gazebo" in drive.describe(model)) == (tag not in read)

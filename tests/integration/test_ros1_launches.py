@@ -352,3 +352,78 @@ def test_assertions_in_services_and_timers_fail_a_test_and_topics_without_a_publ
     assert (held.verdict.passed, topic.name, topic.verdict.status) == (True, "/clearence", "not_exercised")
     assert "AssertionError: asked at src/parts/heedless.py:7" in callbacks.verdict.message
     assert "AssertionError: ticked at src/parts/heedless.py:9" in callbacks.verdict.message
+
+
+EYED = """\
+<robot name="eyed" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <link name="base_link"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>
+    </inertial><collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>
+  <link name="arm"><inertial><mass value="0.1"/><inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/>
+    </inertial></link>
+  <link name="eye"/>
+  <joint name="lift" type="prismatic"><parent link="base_link"/><child link="arm"/><origin xyz="0 0 0.2"/>
+    <axis xyz="0 0 1"/><limit lower="0.1" upper="0.3" effort="10" velocity="1"/></joint>
+  <joint name="eye_joint" type="fixed"><parent link="base_link"/><child link="eye"/><origin xyz="0.15 0 0"/></joint>
+  <gazebo reference="eye"><sensor name="camera" type="camera"><update_rate>5</update_rate>
+    <camera><horizontal_fov>1.5707963</horizontal_fov><image><width>8</width><height>6</height><format>R8G8B8</format>
+    </image><clip><near>0.01</near><far>50</far></clip></camera>
+    <plugin name="eye" filename="libgazebo_ros_camera.so"><cameraName>front</cameraName><frameName>optical</frameName>
+    </plugin></sensor></gazebo>
+</robot>
+"""
+SEES = """\
+#!/usr/bin/env python
+import rospy
+from sensor_msgs.msg import CameraInfo, Image, JointState
+from tf2_msgs.msg import TFMessage
+rospy.init_node("sees")
+image = rospy.wait_for_message("/front/image_raw", Image)
+info = rospy.wait_for_message("/front/camera_info", CameraInfo)
+assert (image.width, image.height, len(image.data), image.header.frame_id) == (8, 6, 144, "optical"), image
+assert image.data[:3] != image.data[-3:], "the sky has the colour of the ground"
+assert abs(info.K[0] - 4) < 1e-6 and info.width == 8, info
+fixed, = rospy.wait_for_message("/tf_static", TFMessage).transforms
+assert (fixed.header.frame_id, fixed.child_frame_id, fixed.transform.translation.x) == ("base_link", "eye", 0.15), fixed
+joints = rospy.wait_for_message("/joint_states", JointState)
+assert (joints.name, joints.position) == (["lift"], (0.2,)), joints
+while True:
+    moved, = rospy.wait_for_message("/tf", TFMessage).transforms
+    if moved.child_frame_id == "arm":
+        break
+assert abs(moved.transform.translation.z - 0.4) < 1e-9, moved
+rospy.spin()
+"""
+
+
+def test_files_are_launched_together_with_cameras_and_stand_ins_for_the_publishers_of_states(tmp_path: Path) -> None:
+    spawn = '<node name="spawn" pkg="gazebo_ros" type="spawn_model" args="-urdf -param robot_description -model r"/>'
+    description = """<param name="robot_description" command="xacro '$(find parts)/$(arg robot).xacro'"/>"""
+    states = "".join(
+        f'<node name="{p}" pkg="{p}" type="{p}"/>' for p in ("robot_state_publisher", "joint_state_publisher")
+    )
+    files = {
+        "world.launch": f'<launch><arg name="robot"/>{WORLD}{description}{spawn}</launch>',
+        "nodes.launch": f'<launch><arg name="robot"/>{states}<node name="sees" pkg="parts" type="sees.py"/></launch>',
+        "eyed.xacro": EYED,
+        "sees.py": SEES,
+    }
+    package(tmp_path, "parts", files)
+    words = ("parts", "world.launch", "parts", "nodes.launch", "robot:=eyed", "--sim-time-limit", "2")
+    code, [outcome], printed = called(tmp_path, "roslaunch", *words)
+    assert (code, outcome.status) == (0, "passed"), printed
+
+
+@pytest.mark.parametrize(
+    ("launch", "title", "message"),
+    [
+        (WORLD, "no robot", "no node of the launch spawns a robot, and the world has none"),
+        (f'{WORLD}<node name="d" pkg="parts" type="dies.py"/>', "no robot", "no node has spawned a robot within 10 s"),
+        ('<node name="d" pkg="parts" type="dies.py"/>', "launch error", "the launch starts no simulation"),
+    ],
+    ids=["only a world", "no spawner", "no simulation"],
+)
+def test_a_launch_without_a_robot_ends_at_once(launch: str, title: str, message: str, tmp_path: Path) -> None:
+    package(tmp_path, "parts", {"a.launch": f"<launch>{launch}</launch>", "dies.py": DIES.replace("0.2", "5")})
+    code, [outcome], printed = called(tmp_path, "roslaunch", "parts", "a.launch")
+    assert (code, [failure.title for failure in outcome.failures]) == (2, [title]), printed
+    assert message in outcome.failures[0].message

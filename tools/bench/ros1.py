@@ -85,7 +85,7 @@ def _parts(ros: Ros) -> Parts:
         overlay = build_overlay(folder / "overlay", ros, EXAMPLES, os.environ)
         launched = time.time()
         call = LaunchCall(request, ros, overlay, folder / "call")
-        (run,) = call.launched(call.file(), interruption).runs
+        (run,) = call.launched(call.files(), interruption).runs
         ended = time.time()
         assert run.result is not None
         assert run.result.real_time_factor

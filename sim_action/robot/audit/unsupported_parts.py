@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
-from typing import Final
+from typing import Final, NamedTuple, Self
 from xml.etree.ElementTree import Element
 
 from sim_action.core.geometry import ZERO
@@ -60,8 +60,7 @@ _FORCES: Final = re.compile(
 _FRICTION: Final = "surface/friction"
 _BOUNCE: Final = "surface/bounce/restitution_coefficient"
 _CONTACT: Final = "surface/contact"
-# The mask of the ground and of objects, which have none.
-_EVERYTHING: Final = 0xFFFF
+_ALL_BITS: Final = 0xFFFF
 
 
 def note_parts(notes: Notes, holder: Element, owner: str) -> None:
@@ -110,8 +109,7 @@ def note_contact(notes: Notes, collision: Element, owner: str) -> None:
     if flag_of(contact, "collide_without_contact"):
         message = f"<collide_without_contact> of {owner} is not supported"
         notes.add("unsupported-part", contact, f"{message}: use <empty/>; if allowed, it collides like any other shape")
-    own = _mask(contact, "collide_bitmask", _EVERYTHING)
-    if not (own | _mask(contact, "category_bitmask", own)) & _EVERYTHING:
+    if not ContactBits.of(contact).meets(ALL_CONTACTS):
         message = f"<collide_bitmask> of {owner} excludes every contact, which is not supported"
         notes.add("unsupported-part", contact, f"{message}: use <empty/>; if allowed, it collides like any other shape")
 
@@ -128,6 +126,27 @@ def _has_effect(holder: Element, path: str, default: Default) -> bool:
     if isinstance(default, float):
         return number_of(holder, path, default) != default
     return numbers_of(needed(holder, path), len(default)) != default
+
+
+class ContactBits(NamedTuple):
+    """The bits of a <contact>, which decide whether two shapes touch (sdformat.org, collision/surface/contact)."""
+
+    collide: int = _ALL_BITS
+    category: int = _ALL_BITS
+
+    @classmethod
+    def of(cls, contact: Element) -> Self:
+        """Return the bits that are stated. Raises SdfProblem."""
+        collide = _mask(contact, "collide_bitmask", _ALL_BITS)
+        return cls(collide, _mask(contact, "category_bitmask", collide))
+
+    def meets(self, other: ContactBits) -> bool:
+        """Return True if shapes with these bits touch."""
+        return bool(self.category & other.collide | other.category & self.collide)
+
+
+ALL_CONTACTS: Final = ContactBits()
+"""The bits of the ground, and of shapes that state none."""
 
 
 def _mask(contact: Element, tag: str, otherwise: int) -> int:

@@ -34,6 +34,8 @@ _MAX_LISTED: Final = 10_000
 
 PACKAGE_VARIABLES: Final = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
 
+# Gazebo also finds model://part.dae, a file directly on the path for models.
+_MESHES: Final = frozenset({".dae", ".obj", ".stl"})
 MODEL_VARIABLES: Final = ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH")
 
 
@@ -232,24 +234,25 @@ class EnvironmentFolders:
 
     def model(self, name: str) -> Path | None:
         """Return the folder of a Gazebo model; None if there is none."""
-        return next((folder for folder in _children(self._model_path, name) if is_model(folder)), None)
+        return next((folder for folder in _children(self.model_path, name) if is_model(folder)), None)
 
     def named(self, name: str) -> Iterator[Path]:
         """Yield the folders with this name on the model path; as in Gazebo, they need no model.config."""
-        return (folder for folder in _children(self._model_path, name) if not name.startswith("."))
+        return (folder for folder in _children(self.model_path, name) if not name.startswith("."))
 
     def contains(self, path: Path) -> bool:
         """Return True if a path, with its links resolved, is in one of these, and not in .git."""
         if is_of_git(path):
             return False
         for folder in (path, *path.parents):
-            if folder.parent in self._model_path and not folder.name.startswith(".") and folder.is_dir():
+            is_usable = folder.is_dir() or folder.suffix.lower() in _MESHES
+            if folder.parent in self.model_path and is_usable and not folder.name.startswith("."):
                 return True
             if folder.parent in self._shares:
                 return True
             if (folder / PACKAGE_FILE).is_file() and _is_below(folder, self._package_path):
                 return True
-            if is_model(folder) and _is_below(folder, self._model_path):
+            if is_model(folder) and _is_below(folder, self.model_path):
                 return True
         return False
 
@@ -275,7 +278,8 @@ class EnvironmentFolders:
         return tuple(prefix / "share" for prefix in self._entries("AMENT_PREFIX_PATH"))
 
     @cached_property
-    def _model_path(self) -> tuple[Path, ...]:
+    def model_path(self) -> tuple[Path, ...]:
+        """The folders in which Gazebo searches for models."""
         return tuple(entry for variable in MODEL_VARIABLES for entry in self._entries(variable))
 
     def _entries(self, variable: str) -> tuple[Path, ...]:

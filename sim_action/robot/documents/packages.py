@@ -61,7 +61,7 @@ class Reference(NamedTuple):
 
     Attributes:
         scheme: "package", "model", "file", or empty for a path.
-        name: of the package or model; empty for other schemes.
+        name: of the package or model; empty for other schemes, and for a file directly on the path for models.
         path: below the package or model; absolute or relative for other schemes.
     """
 
@@ -88,6 +88,9 @@ class Reference(NamedTuple):
             return cls(scheme, "", _path_of_address(rest if slashes == "//" else f"/{rest}"))
         name, _, path = rest.replace("\\", "/").partition("/")
         path = path.lstrip("/")
+        if scheme == "model" and name and not path and PurePosixPath(name).suffix:
+            # Gazebo looks for model://part.dae in each folder of the path for models.
+            return cls(scheme, "", name)
         if not name or not path:
             raise ValueError(f"'{text}' names no file; write {scheme}://name/path/of/the/file")
         return cls(scheme, name, path)
@@ -218,6 +221,9 @@ class Packages:
         if stated.scheme == "file":
             meant = f"write file:///{stated.path}, or '{stated.path}' for a path relative to the referring file"
             raise PackageError("bad-reference", f"'{reference}': file:// needs an absolute path; {meant}")
+        if not stated.name:
+            searched = ", ".join(self._environment_folders.described(MODEL_VARIABLES))
+            raise PackageError("missing-file", f"'{reference}' is in no folder for models (searched: {searched})")
         raise self._missing(stated.scheme, stated.name, here)
 
     def _candidates(self, stated: Reference, here: Path) -> Iterator[Found]:
@@ -238,12 +244,14 @@ class Packages:
             yield Found(Path() if stated.is_absolute else here.parent)
         elif stated.scheme == "file":
             # Gazebo searches such a path on the path for models.
-            name, _, path = stated.path.partition("/")
+            name, _, path = stated.path.partition("/") if "/" in stated.path else ("", "", stated.path)
             if self._is_there(here.parent / stated.path):
                 yield Found(here.parent, (Note("file-spelling", f"'file://{name}' is read as a relative path", here),))
             for folder in self._places(Reference("model", name, path), here):
                 if self._is_there(folder.path / path):
-                    yield replace(folder, path=folder.path.parent)
+                    yield replace(folder, path=folder.path.parent) if name else folder
+        elif not stated.name:
+            yield from map(Found, self._environment_folders.model_path)
         elif (declared := self._declared(stated.scheme, stated.name, here)) is not None:
             yield declared
         else:

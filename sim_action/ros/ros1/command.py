@@ -56,32 +56,34 @@ class LaunchCall:
     overlay: Overlay
     folder: Path
 
-    def file(self) -> Path:
-        """Return the path of the requested launch file. Raises InvalidScenario."""
-        request, packages = self.request, self.overlay.packages
-        package = packages.get(request.package)
+    def files(self) -> tuple[Path, ...]:
+        """Return the paths of the requested launch files. Raises InvalidScenario."""
+        return tuple(self._file(package, file) for package, file in self.request.files)
+
+    def _file(self, package_name: str, file: str) -> Path:
+        packages = self.overlay.packages
+        package = packages.get(package_name)
         if package is None:
-            hint = did_you_mean(request.package, packages)
-            raise self._invalid(
-                f"there is no package '{request.package}' in {request.workspace.resolve()} or ROS{hint}"
-            )
-        if (found := find_launch_file(package, request.file)) is not None:
+            hint = did_you_mean(package_name, packages)
+            place = self.request.workspace.resolve()
+            raise self._invalid(f"there is no package '{package_name}' in {place} or ROS{hint}")
+        if (found := find_launch_file(package, file)) is not None:
             return found
         files = {path.name for path in package.rglob("*") if path.suffix in (".test", ".launch")}
-        raise self._invalid(f"the package has no file '{request.file}'{did_you_mean(request.file, files)}")
+        raise self._invalid(f"the package has no file '{file}'{did_you_mean(file, files)}")
 
     def launched(
-        self, file: Path, interruption: Interruption, meanwhile: Callable[[], object] = lambda: None
+        self, files: Sequence[Path], interruption: Interruption, meanwhile: Callable[[], object] = lambda: None
     ) -> Findings:
-        """Launch the file, and return the findings once all processes have ended. Raises UsageError.
+        """Launch the files, and return the findings once all processes have ended. Raises UsageError.
 
         `meanwhile`: called after the start, while this process only waits.
         """
-        tags = test_tags(file)
+        tags = test_tags(files[0])
         asked = self._asked(tags)
         (self.folder / REQUEST_FILE).write_text(asked.model_dump_json(), encoding="utf-8")
         more = {"ROS_TEST_RESULTS_DIR": str(self.folder / RESULTS), "ROS_LOG_DIR": str(self.folder / LOGS)}
-        launch = Launch.start(self._words(file), self.overlay, self.folder, more)
+        launch = Launch.start(self._words(files), self.overlay, self.folder, more)
         try:
             meanwhile()
             stated = self.request.wall_limit
@@ -98,15 +100,15 @@ class LaunchCall:
         share = self.overlay.variables["ROS_PACKAGE_PATH"]
         return collect_findings(LaunchFolders(self.folder, share, self.request.workspace.resolve()), tags, ending, code)
 
-    def _words(self, file: Path) -> list[str]:
-        """Return the command line. It names the file in the overlay, because rostest names its results by package."""
-        request = self.request
-        seen = Path(self.overlay.variables["ROS_PACKAGE_PATH"]) / request.package
-        inside = seen / file.relative_to(self.overlay.packages[request.package])
+    def _words(self, files: Iterable[Path]) -> list[str]:
+        """Return the command line. It names files in the overlay, because rostest names its results by package."""
+        request, share = self.request, Path(self.overlay.variables["ROS_PACKAGE_PATH"])
+        pairs = zip(request.files, files, strict=True)
+        inside = [str(share / name / file.relative_to(self.overlay.packages[name])) for (name, _), file in pairs]
         if request.program == "rostest":
             # rostest finds a port for its master by itself.
-            return [str(self.ros.python), "-c", _ROSTEST, str(inside), *request.arguments]
-        return [str(self.ros.program("roslaunch")), "-p", str(free_port()), str(inside), *request.arguments]
+            return [str(self.ros.python), "-c", _ROSTEST, *inside, *request.arguments]
+        return [str(self.ros.program("roslaunch")), "-p", str(free_port()), *inside, *request.arguments]
 
     def _asked(self, tags: Iterable[TestTag]) -> SimulationRequest:
         """Return the request to the node. A test's own limit, taken as sim time, limits the simulation."""
@@ -161,13 +163,13 @@ def _outcomes(call: LaunchCall, options: ReportOptions, interruption: Interrupti
     """Yield the outcomes, with their traces and replays copied to the results folder."""
     request, results, started = call.request, options.folder, time.monotonic()
     try:
-        file = call.file()
+        files = call.files()
     except InvalidScenario as error:
         known = {"name": f"{request.package}/{request.file}", "call": request.words}
         yield Outcome.of_invalid(request.file, error).model_copy(update=known)
         return
-    findings = call.launched(file, interruption, partial(make_ready, options))
-    tags = LaunchTags.read(file, call.overlay.packages)
+    findings = call.launched(files, interruption, partial(make_ready, options))
+    tags = LaunchTags.read(files, call.overlay.packages)
     mask = Mask.of(os.environ, request.pass_env)
     found = Judge(request, tags, time.monotonic() - started).outcomes(findings)
     judged = [(mask.outcome(outcome, names=True, states=False), run) for outcome, run in found]

@@ -23,6 +23,7 @@ from sim_action.world.world_files.tags import READ, Row
 
 _DRIVE: Final = "sim_action.ros.ros1.node.devices:open_drive"
 _LASER: Final = "sim_action.ros.ros1.node.devices:open_laser"
+_CAMERA: Final = "sim_action.ros.ros1.node.devices:open_camera"
 _IMU: Final = "sim_action.ros.ros1.node.devices:open_imu"
 
 PLUGINS: Final[Table[Callable[[Plugin, Any], Iterable[Any]]]] = Table(
@@ -32,6 +33,7 @@ PLUGINS: Final[Table[Callable[[Plugin, Any], Iterable[Any]]]] = Table(
         "gazebo_ros_skid_steer_drive": _DRIVE,
         "gazebo_ros_laser": _LASER,
         "gazebo_ros_gpu_laser": _LASER,
+        "gazebo_ros_camera": _CAMERA,
         "gazebo_ros_imu": _IMU,
         "gazebo_ros_imu_sensor": _IMU,
         "gazebo_ros_control": "sim_action.ros.ros1.node.control.manager:open_control",
@@ -157,7 +159,8 @@ _COMMON: Final[Mapping[str, Row]] = {
     "rosDebugLevel": _LOG,
 }
 _ODOMETRY: Final = _read("commandTopic", "odometryTopic", "odometryFrame", "robotBaseFrame")
-_WHEELS: Final = _read("wheelSeparation", "wheelDiameter", "wheelAcceleration", "wheelTorque", "torque", "updateRate")
+_WHEELS: Final = _read("wheelSeparation", "wheelDiameter", "updateRate")
+_UNREAD: Final = Row("none", "Gazebo's plugin does not read it either; the drive has a remark on it")
 _OFFSET: Final = {
     name: Row("lost", "the sensor is at the origin of its link", _ZEROS)
     for name in ("xyzOffset", "xyzOffsets", "rpyOffset", "rpyOffsets")
@@ -166,6 +169,23 @@ _LASER_TAGS: Final = {
     **_read("topicName", "frameName", "gaussianNoise"),
     "updateRate": Row("none", "the rate is that of the sensor"),
     "hokuyoMinIntensity": Row("none", "Gazebo does not use it either"),
+}
+_CAMERA_TAGS: Final = {
+    **_read("cameraName", "imageTopicName", "cameraInfoTopicName", "frameName", "updateRate"),
+    "hackBaseline": Row("lost", "there is one camera", ("0",)),
+    **{
+        name: Row("lost", "pictures have no distortion", ("0",))
+        for name in ("distortionK1", "distortionK2", "distortionK3", "distortionT1", "distortionT2")
+    },
+    **{
+        name: Row("lost", "the matrix follows from the field of view", ("0",))
+        for name in ("CxPrime", "Cx", "Cy", "focalLength")
+    },
+    **{
+        name: Row("none", "it acts only with a distortion, which is reported")
+        for name in ("autoDistortion", "borderCrop")
+    },
+    "triggerTopicName": Row("lost", "pictures are taken at the rate of the camera"),
 }
 _IMU_TAGS: Final = {
     **_read("topicName", "frameName", "bodyName", "updateRate", "updateRateHZ", "gaussianNoise"),
@@ -180,6 +200,8 @@ PLUGIN_TAGS: Final[Mapping[str, Mapping[str, Row]]] = MappingProxyType(
             **_ODOMETRY,
             **_WHEELS,
             **_read("leftJoint", "rightJoint", "legacyMode", "publishTf", "publishOdomTF", "publishWheelJointState"),
+            **_read("wheelAcceleration", "wheelTorque"),
+            "torque": _UNREAD,
             "odometrySource": Row("lost", "odometry is the true motion, as with 'world'", ("world", "1")),
             "publishWheelTF": Row("lost", "use robot_state_publisher for the frames of wheels", ("false",)),
         },
@@ -187,11 +209,14 @@ PLUGIN_TAGS: Final[Mapping[str, Mapping[str, Row]]] = MappingProxyType(
             **_ODOMETRY,
             **_WHEELS,
             **_read("leftFrontJoint", "rightFrontJoint", "leftRearJoint", "rightRearJoint", "broadcastTF"),
+            **_read("torque"),
+            **dict.fromkeys(("wheelAcceleration", "wheelTorque"), _UNREAD),
             **_read("covariance_x", "covariance_y", "covariance_yaw"),
         },
         "gazebo_ros_planar_move": {**_ODOMETRY, **_read("odometryRate", "cmdTimeout")},
         "gazebo_ros_laser": _LASER_TAGS,
         "gazebo_ros_gpu_laser": _LASER_TAGS,
+        "gazebo_ros_camera": _CAMERA_TAGS,
         "gazebo_ros_imu": _IMU_TAGS,
         "gazebo_ros_imu_sensor": _IMU_TAGS,
         "gazebo_ros_control": {
@@ -241,6 +266,24 @@ _LASER_SENSOR: Final[Mapping[str, Mapping[str, Row]]] = {
         "bias_stddev": Row("lost", "a lidar has no bias", ("0",)),
     },
 }
+_CAMERA_SENSOR: Final[Mapping[str, Mapping[str, Row]]] = {
+    "": {**_SENSOR, **_read("pose", "camera")},
+    "camera": {
+        **_read("horizontal_fov", "image", "clip", "noise"),
+        "lens": Row("lost", "the camera is a pinhole"),
+        "distortion": Row("lost", "pictures have no distortion"),
+    },
+    "image": {
+        **_read("width", "height"),
+        "format": Row("lost", "pictures are rgb8", ("R8G8B8", "RGB_INT8")),
+        "anti_aliasing": _DRAWN,
+    },
+    "clip": _read("near", "far"),
+    "noise": {
+        "type": Row("none", "without a deviation there is no noise"),
+        **dict.fromkeys(("mean", "stddev"), Row("lost", "pictures have no noise", ("0",))),
+    },
+}
 _IMU_NOISE: Final = Row("lost", "set <gaussianNoise> of the plugin instead", ("0",))
 _AXES: Final = _read("x", "y", "z")
 _IMU_SENSOR: Final[Mapping[str, Mapping[str, Row]]] = {
@@ -267,6 +310,7 @@ _IMU_SENSOR: Final[Mapping[str, Mapping[str, Row]]] = {
 _SENSOR_TAGS: Final = {
     "gazebo_ros_laser": _LASER_SENSOR,
     "gazebo_ros_gpu_laser": _LASER_SENSOR,
+    "gazebo_ros_camera": _CAMERA_SENSOR,
     "gazebo_ros_imu_sensor": _IMU_SENSOR,
 }
 

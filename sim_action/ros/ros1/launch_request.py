@@ -184,6 +184,7 @@ class LaunchRequest:
         package: package of the launch file.
         file: name of the launch file in the package, or its path.
         arguments: `NAME:=VALUE`.
+        more: package and name of each further launch file.
         workspace: packages are in its `src`, or below it.
         sim_time_limit: s of a simulation; None: the limits of the tests.
         real_time_factor: limit of the speed; None: as fast as the nodes can follow.
@@ -207,11 +208,18 @@ class LaunchRequest:
     replays: bool = True
     allows_losses: bool = False
     pass_env: tuple[str, ...] = ()
+    more: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def files(self) -> tuple[tuple[str, str], ...]:
+        """Package and name of each launch file."""
+        return (self.package, self.file), *self.more
 
     @property
     def words(self) -> tuple[str, ...]:
         """The command line that repeats the call. Options come first, so that no argument is read as an option."""
-        return ("sim-action", self.program, *self._options(), self.package, self.file, *self.arguments)
+        files = (word for pair in self.files for word in pair)
+        return ("sim-action", self.program, *self._options(), *files, *self.arguments)
 
     def _options(self) -> Iterator[str]:
         """Yield the options that differ from their defaults."""

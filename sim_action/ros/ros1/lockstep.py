@@ -15,6 +15,7 @@ from sim_action.core.errors import ControllersFinished
 from sim_action.ros.processes import (
     ChildProcesses,
     WatchedProcesses,
+    command_line,
     descendants,
     is_result_written,
     process_name,
@@ -149,6 +150,10 @@ class Lockstep:
             if self._launcher.look() == self._siblings:
                 return
             self._wait_for_newcomers()
+
+    def may_start_nodes(self, program: bytes) -> bool:
+        """Return True if a process is not a node yet, or runs a program with this text in its command line."""
+        return not self._is_everybody_there() or any(program in command_line(pid) for pid in self._siblings)
 
     def await_leavers(self, within: float) -> None:
         """Wait until processes that are no longer nodes have ended, for at most `within` s of wall time.

@@ -5,13 +5,12 @@ The functions need no ROS. Fields that are left out keep the defaults of the mes
 
 from __future__ import annotations
 
-import math
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
-from sim_action.ros.robot_topics import diagonal, seconds_and_nanoseconds
+from sim_action.ros.robot_topics import PlacedFrame, diagonal, pinhole_of, seconds_and_nanoseconds
 from sim_action.sensors.camera import Camera
 from sim_action.state.observation import JointState
 from sim_action.state.readings import CameraImage, ImuReading, LidarScan
@@ -21,9 +20,6 @@ if TYPE_CHECKING:
 
 Message = dict[str, Any]
 """A message: field -> number, text, message, list of messages, or array of numbers."""
-
-PlacedFrame = tuple[str, str, Pose]
-"""Parent frame, child frame, and the pose of the child in the parent."""
 
 OPTICAL: Final = Pose(orientation_xyzw=(-0.5, 0.5, -0.5, 0.5))
 """The optical frame of a camera in the frame of its sensor: x to the right, y down, z ahead (REP 103)."""
@@ -155,13 +151,8 @@ def _image(head: Message, encoding: str, pixels: NDArray[Any]) -> Message:
 
 
 def camera_info_message(time: float, frame: str, camera: Camera) -> Message:
-    """Return sensor_msgs/CameraInfo of a camera without distortion.
-
-    The centre of the first pixel is at (0, 0), as in OpenCV and image_geometry, so that the optical axis passes through
-    `((width - 1) / 2, (height - 1) / 2)`.
-    """
-    focal = camera.width / 2 / math.tan(camera.field_of_view / 2)
-    cx, cy = (camera.width - 1) / 2, (camera.height - 1) / 2
+    """Return sensor_msgs/CameraInfo of a camera without distortion."""
+    focal, cx, cy = pinhole_of(camera.width, camera.height, camera.field_of_view)
     return {
         "header": header(time, frame),
         "height": camera.height,

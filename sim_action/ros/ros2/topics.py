@@ -18,13 +18,21 @@ from sim_action.core.records import dataclass
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, recognise
 from sim_action.recording.export.ros2_markers import urdf_of
-from sim_action.robot.model.kinematics import joint_motion
-from sim_action.robot.model.robot_model import Joint, RobotModel
+from sim_action.robot.model.robot_model import Joint
 from sim_action.ros import robot_topics
-from sim_action.ros.robot_topics import COMMANDS, JOINTS, ODOMETRY, Schedule, in_frame_of, plain_name
+from sim_action.ros.robot_topics import (
+    COMMANDS,
+    JOINTS,
+    ODOMETRY,
+    LinkFrames,
+    PlacedFrame,
+    Schedule,
+    in_frame_of,
+    plain_name,
+)
 from sim_action.ros.ros2 import messages
 from sim_action.ros.ros2.graph import LATCHED, TRANSFORMS, USUAL, Qos
-from sim_action.ros.ros2.messages import OPTICAL, Message, PlacedFrame
+from sim_action.ros.ros2.messages import OPTICAL, Message
 from sim_action.ros.ros2.node_spec import JointController, joint_problems
 from sim_action.ros.ros2.received_commands import (
     Subscription,
@@ -35,7 +43,7 @@ from sim_action.ros.ros2.received_commands import (
 from sim_action.scenario.model import DrivenRobot
 from sim_action.sensors.camera import Camera
 from sim_action.sensors.imu import Imu
-from sim_action.state.observation import JointState, Observation
+from sim_action.state.observation import Observation
 from sim_action.state.readings import CameraImage, ContactReading, ImuReading, LidarScan, OdometryReading
 from sim_action.world.scene import Fitting, Scene
 
@@ -67,16 +75,14 @@ class RobotFrames:
         base: the base link.
         sensors: name of a sensor -> the frame of its messages.
         mounted: frames of sensors on their links.
-        fixed: links that do not move on their parents.
-        moving: parent link, child link, and the joints in series between them.
+        links: the frames of its links.
     """
 
     odom: str
     base: str
     sensors: Mapping[str, str]
     mounted: tuple[PlacedFrame, ...]
-    fixed: tuple[PlacedFrame, ...]
-    moving: tuple[tuple[str, str, tuple[Joint, ...]], ...]
+    links: LinkFrames
 
     @classmethod
     def of(cls, scene: Scene) -> RobotFrames:
@@ -90,28 +96,8 @@ class RobotFrames:
             model.root,
             frames,
             tuple(_mounted(scene.sensors, frames)),
-            tuple(
-                (joints[0].parent, child, joints[0].origin)
-                for child, joints in model.joints_to.items()
-                if not any(joint.moves for joint in joints)
-            ),
-            tuple(_moving(model)),
+            LinkFrames.of(model),
         )
-
-    def of_joints(self, joints: Mapping[str, JointState]) -> Iterator[PlacedFrame]:
-        """Yield the links that joints move, at their present positions."""
-        for parent, child, series in self.moving:
-            pose = series[0].origin
-            for joint in series:
-                if joint.moves:
-                    pose = geometry.compose(pose, joint_motion(joint, joints[joint.name].position))
-            yield parent, child, pose
-
-
-def _moving(model: RobotModel) -> Iterator[tuple[str, str, tuple[Joint, ...]]]:
-    for child, joints in model.joints_to.items():
-        if any(joint.moves for joint in joints):
-            yield joints[0].parent, child, joints
 
 
 def _free(name: str, taken: set[str]) -> str:
@@ -277,7 +263,7 @@ def _states(
         yield Publisher(topics[JOINTS], "sensor_msgs/msg/JointState", _joint_states(scene, schedule))
     if ODOMETRY in topics:
         yield Publisher(topics[ODOMETRY], "nav_msgs/msg/Odometry", _truth(frames, schedule))
-    links = () if described else frames.fixed
+    links = () if described else frames.links.fixed
     fixed = [*links, *frames.mounted]
     yield Publisher(
         "/tf", "tf2_msgs/msg/TFMessage", _transforms(scene, frames, schedule, links=not described), TRANSFORMS
@@ -332,7 +318,7 @@ def _transforms(
         elif is_due and not scene.bolted:
             found += _placed(seen.time, [(frames.odom, frames.base, seen.pose)])
         if is_due and links:
-            found += _placed(seen.time, frames.of_joints(seen.joints))
+            found += _placed(seen.time, frames.links.at({name: joint.position for name, joint in seen.joints.items()}))
         return {"transforms": found} if found else None
 
     return message

@@ -133,6 +133,7 @@ class _WorldReader:
             self._losses.remark(model, message, "models with the name of another one: they get a number")
         self._note_state(element.find("state"))
         bodies = [body for model in self._world.models.values() for body in self._read_model(model, is_robot)]
+        self._notes.attempt(self._bodies.note_contact_bits, self._world.models.values())
         for plugin in element.findall("plugin"):
             if (name := plugin_name(plugin)) not in HARMLESS_WORLD_PLUGINS:
                 message = f"the plugin {name} of the world is not supported and has no effect"

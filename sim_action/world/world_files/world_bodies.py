@@ -6,7 +6,7 @@ of its own, with the name `model/link`. Joints that move are losses: the links t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 from xml.etree.ElementTree import Element
 
@@ -19,6 +19,7 @@ from sim_action.core.errors import Location
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Quaternion, Vector3
 from sim_action.core.records import dataclass
+from sim_action.robot.audit.unsupported_parts import ALL_CONTACTS, ContactBits
 from sim_action.robot.documents.sdf_elements import SdfProblem, flag_attribute, number_of, text_of
 from sim_action.robot.model.robot_model import WORLD
 from sim_action.robot.reading.sdf.auto_inertia import auto_inertia
@@ -105,6 +106,20 @@ class BodyReader:
                 self._losses.remark(sensor, f"{kind} ('{model.name}')", kind)
             for tag, message in lost_tags_below(link.element, moves=not link.owner.static):
                 self._losses.add(tag, message, model.name)
+
+    def note_contact_bits(self, models: Iterable[Entry]) -> None:
+        """Note shapes whose bits would keep them from touching another model or the ground. Raises SdfProblem."""
+        contacts = [
+            (model.name, not link.owner.static, contact, ContactBits.of(contact))
+            for model in models
+            for link in (model.scope.all_of("link") if model.scope else ())
+            for contact in link.element.findall("collision/surface/contact")
+        ]
+        for name, moves, contact, bits in contacts:
+            others = (other for of, moving, _, other in contacts if of != name and (moves or moving))
+            if not all(map(bits.meets, (ALL_CONTACTS, *others))):
+                message = "the bitmask of a <contact> is not simulated: the shape collides with every other one"
+                self._losses.add(contact, message, name)
 
     def _shapes_of(self, model: Entry, group: _Group) -> list[PlacedShape]:
         found = list[PlacedShape]()

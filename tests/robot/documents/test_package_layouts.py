@@ -322,6 +322,7 @@ def test_an_exact_name_comes_before_other_letters(tmp_path: Path) -> None:
         ("model://a/b/c", ("model", "a", "b/c")),
         ("file://localhost/a/b", ("file", "", "/a/b")),
         ("file:/a/b", ("file", "", "/a/b")),
+        ("model://a.dae", ("model", "", "a.dae")),
     ],
 )
 def test_the_parts_of_a_reference(text: str, parts: tuple[str, str, str]) -> None:

@@ -578,3 +578,24 @@ def test_what_leads_nowhere_is_told(inside: str, reference: str, rule: str, word
 @pytest.mark.parametrize(("text", "version"), [("1.9", (1, 9)), (" 1.10 ", (1, 10)), ("1", (0, 0)), ("a.b", (0, 0))])
 def test_versions_are_numbers(text: str, version: tuple[int, int]) -> None:
     assert parsed_version(text) == version
+
+
+@pytest.mark.parametrize("scheme", ["model", "file"])
+@pytest.mark.parametrize("name", ["part.stl", "meshes/part.stl", ".part.stl"])
+def test_a_file_may_be_directly_on_the_path_for_models(tmp_path: Path, scheme: str, name: str) -> None:
+    folder, inside = tmp_path / "models", tmp_path / "repository"
+    for file in (folder / name, inside / "robot.urdf"):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+    packages = Packages(Workspace(inside, inside), environment={"GAZEBO_MODEL_PATH": str(folder)})
+    if name.startswith("."):
+        with pytest.raises(PackageError):
+            packages.resolve(f"{scheme}://{name}", inside / "robot.urdf")
+    else:
+        assert packages.resolve(f"{scheme}://{name}", inside / "robot.urdf").path == folder / name
+
+
+def test_a_file_that_no_folder_for_models_has_is_named_with_them(tmp_path: Path) -> None:
+    packages = Packages(Workspace(tmp_path, tmp_path), environment={})
+    with pytest.raises(PackageError, match=r"'model://part.stl' is in no folder for models .*GAZEBO_MODEL_PATH"):
+        packages.resolve("model://part.stl", tmp_path / "robot.urdf")

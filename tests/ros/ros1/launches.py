@@ -60,7 +60,7 @@ def launched(folder: Path, request: LaunchRequest) -> Findings:
     overlay = build_overlay(overlay_folder, ros(), request.workspace.resolve(), os.environ)
     made = LaunchCall(request, ros(), overlay, call)
     with Interruption() as interruption:
-        return made.launched(made.file(), interruption)
+        return made.launched(made.files(), interruption)
 
 
 def told(findings: Findings) -> SimulationResult:

@@ -219,7 +219,7 @@ def test_every_link_has_one_parent(tmp_path: Path) -> None:
     for model in ("turtlebot3_burger", "husky_a200", "ur5e_gripper"):
         there = scene(tmp_path, model)
         frames = RobotFrames.of(there)
-        moving = list(frames.of_joints(resting(there).joints))
-        children = [child for _, child, _ in (*frames.fixed, *moving)]
+        moving = list(frames.links.at({name: joint.position for name, joint in resting(there).joints.items()}))
+        children = [child for _, child, _ in (*frames.links.fixed, *moving)]
 
         assert sorted(children) == sorted(link.name for link in there.model.links if link.name != frames.base)

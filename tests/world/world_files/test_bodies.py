@@ -383,3 +383,37 @@ def test_a_surface_of_many_triangles_keeps_its_place() -> None:
 
 def test_a_surface_that_is_too_large_for_small_cells_is_left() -> None:
     assert simplified(bumpy(120, 40.0)) is None
+
+
+def _masked(name: str, contact: str, *, static: bool = False) -> str:
+    box = "<geometry><box><size>1 1 1</size></box></geometry>"
+    return (
+        f"<model name='{name}'><static>{static}</static><link name='l'><collision name='c'>{box}"
+        f"<surface><contact>{contact}</contact></surface></collision></link></model>"
+    )
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "static", "lost"),
+    [
+        ("", "", False, 0),
+        ("<collide_bitmask>0x01</collide_bitmask>", "", False, 0),
+        ("<collide_bitmask>0x01</collide_bitmask>", "<collide_bitmask>3</collide_bitmask>", False, 0),
+        ("<collide_bitmask>0x01</collide_bitmask>", "<collide_bitmask>0x02</collide_bitmask>", False, 2),
+        ("<collide_bitmask>0x01</collide_bitmask>", "<collide_bitmask>0x02</collide_bitmask>", True, 0),
+        (
+            "<collide_bitmask>1</collide_bitmask><category_bitmask>2</category_bitmask>",
+            "<collide_bitmask>2</collide_bitmask>",
+            False,
+            0,
+        ),
+        ("<collide_bitmask>0</collide_bitmask>", "", True, 1),
+        ("<collide_bitmask>0x10000</collide_bitmask>", "", False, 2),
+    ],
+)
+def test_bitmasks_are_losses_if_they_keep_shapes_apart(
+    one: str, other: str, static: bool, lost: int, tmp_path: Path
+) -> None:
+    _, losses = read(_masked("a", one, static=static) + _masked("b", other, static=static), tmp_path)
+    message = "the bitmask of a <contact> is not simulated: the shape collides with every other one"
+    assert [loss for loss in losses if "bitmask" in loss] == [f"{message} ('{name}')" for name in "ab"[:lost]]

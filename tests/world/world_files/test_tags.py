@@ -74,8 +74,6 @@ def test_a_part_of_the_motion_is_lost_only_where_something_moves(link: str, fixe
     [
         ("<contact><ode/></contact><friction><ode/><torsional><ode/></torsional></friction><bounce/>", 0),
         ("<contact><ode><kp>1e6</kp><kd>1</kd><max_vel>0.1</max_vel></ode></contact>", 0),
-        ("<contact><collide_bitmask>0xffff</collide_bitmask></contact>", 0),
-        ("<contact><collide_bitmask>0x01</collide_bitmask></contact>", 1),
         ("<contact><collide_without_contact>1</collide_without_contact></contact>", 1),
         ("<bounce><restitution_coefficient>0.5</restitution_coefficient><threshold>1</threshold></bounce>", 1),
         ("<bounce><restitution_coefficient>0</restitution_coefficient></bounce>", 0),

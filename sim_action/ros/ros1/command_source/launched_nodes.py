@@ -40,8 +40,9 @@ from sim_action.ros.ros1.verdicts.launch_output import (
 )
 
 _LAUNCHER: Final = Path(__file__).with_name("launcher.py")
-# Packages whose nodes would wait forever for Gazebo, or for controllers of its plugins.
-_LEFT_OUT: Final = ("gazebo_ros", "controller_manager")
+# Packages whose nodes would wait forever for Gazebo, or for controllers of its plugins. The robot of the scenario
+# publishes the states of its joints.
+_LEFT_OUT: Final = ("gazebo_ros", "controller_manager", "joint_state_publisher", "joint_state_publisher_gui")
 _STANDARD_OUTPUT: Final = 1
 _MAX_KEPT_BYTES: Final = 100_000
 _POLL_S: Final = 0.005

@@ -40,11 +40,16 @@ _NODES: Final = {
     ("controller_manager", "spawner"): f"{_PROGRAMS} spawner",
     ("controller_manager", "unspawner"): f"{_PROGRAMS} unspawner",
     ("controller_manager", "controller_manager"): f"{_PROGRAMS} controller_manager",
+    ("robot_state_publisher", "robot_state_publisher"): f"{_PROGRAMS} robot_state_publisher",
+    ("robot_state_publisher", "state_publisher"): f"{_PROGRAMS} robot_state_publisher",
+    ("joint_state_publisher", "joint_state_publisher"): f"{_PROGRAMS} joint_state_publisher",
     ("xacro", "xacro"): _XACRO,
     ("xacro", "xacro.py"): _XACRO,
 }
 # Packages of ours that a package of the user or of ROS replaces.
-_FALLBACKS: Final = frozenset({"turtlebot3_gazebo", "turtlebot3_description"})
+_FALLBACKS: Final = frozenset(
+    {"turtlebot3_gazebo", "turtlebot3_description", "robot_state_publisher", "joint_state_publisher"}
+)
 
 _MESSAGE_KINDS: Final = ("msg", "srv")
 
@@ -106,6 +111,10 @@ def build_overlay(folder: Path, ros: Ros, workspace: Path, environment: Mapping[
     (modules / "sitecustomize.py").symlink_to(_SITECUSTOMIZE)
     for name in ("python", "python3"):
         _write_program(programs / name, f'exec {ros.python} "$@"')
+    for package, name in _NODES:
+        # A launch file may call it without its package: command="xacro ...".
+        if package == "xacro":
+            (programs / name).symlink_to(share / package / name)
     python_path = os.pathsep.join((str(modules), *_modules_of(users), *_paths("PYTHONPATH")))
     variables = _variables(folder, ros, workspace, packages)
     return Overlay({**environment, **variables}, python_path, packages)

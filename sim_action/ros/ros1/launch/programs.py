@@ -62,6 +62,13 @@ def _controller_program(name: str) -> int:
     return CONTROLLER_PROGRAMS[name]()
 
 
+def _state_publisher(name: str) -> int:
+    _add_rospy()
+    from sim_action.ros.ros1.node.state_publishers import PROGRAMS as STATE_PUBLISHERS
+
+    return STATE_PUBLISHERS[name]()
+
+
 def _add_rospy() -> None:
     request = Path(os.environ["SIM_ACTION_ROS_RUN"]) / "request.json"
     sys.path.append(json.loads(request.read_bytes())["modules"])
@@ -73,6 +80,8 @@ PROGRAMS: Final[Mapping[str, Callable[[], int]]] = {
     "spawner": lambda: _controller_program("spawner"),
     "unspawner": lambda: _controller_program("unspawner"),
     "controller_manager": lambda: _controller_program("controller_manager"),
+    "robot_state_publisher": lambda: _state_publisher("robot_state_publisher"),
+    "joint_state_publisher": lambda: _state_publisher("joint_state_publisher"),
 }
 """Program name -> function that runs it and returns the exit code."""
 

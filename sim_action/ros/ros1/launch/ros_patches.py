@@ -20,6 +20,9 @@ another thread. The patch logs all three in the same way.
 rostest ends a test after its time-limit in wall time, so a busy machine would decide. Where the launch starts a
 simulation, the patch leaves the limit in a file for it: the simulation ends after as much sim time.
 
+roslaunch starts a file without a simulation, which then waits for nothing. The patch refuses it, and leaves a file for
+a simulation that is the only node: nothing can spawn a robot in it.
+
 Python imports this file as `sitecustomize` at start, in every process of a launch. It imports nothing of this package.
 """
 
@@ -37,11 +40,18 @@ from types import ModuleType
 from typing import Any
 
 SLEEPERS = "wall_clock"  # folder of files of nodes that sleep, in that of the logs
+ALONE = "no_other_node"  # file of a launch that has only a simulation, in the folder of the logs
 TEST_LIMIT = "test_time_limit"  # file of the limit of the running test in s of sim time, in the folder of the logs
 
 # As long as no test takes, in s.
 _NO_LIMIT_S = 1e9
 _SIMULATIONS = ("gazebo", "gzserver")
+# The nodes of gazebo_ros that spawn nothing.
+_IDLE = (*_SIMULATIONS, "gzclient")
+_NO_SIMULATION = (
+    "the launch starts no simulation (gazebo_ros/gzserver), so there is no robot: launch the file that starts it "
+    "together with this one, as in: sim-action roslaunch MY_ROBOT gazebo.launch MY_ROBOT navigation.launch"
+)
 
 UNPUBLISHED = "unpublished"  # name of the property of a topic without a publisher
 # Every listener for transforms subscribes to both, and often one is enough.
@@ -214,6 +224,23 @@ def _replace_limits(runner: dict[str, Any]) -> None:
     runner["rostestRunner"] = rostest_runner
 
 
+def _replace_loading(parent: dict[str, Any]) -> None:
+    launch, error = parent["ROSLaunchParent"], parent["RLException"]
+    load = launch._load_config  # noqa: SLF001 - the nodes are known after it, and not started yet
+
+    def load_and_look(self: Any) -> None:
+        load(self)
+        nodes = [(node.package, node.type) for node in self.config.nodes]
+        if self.config.tests:
+            return
+        if not any(package == "gazebo_ros" and kind in _SIMULATIONS for package, kind in nodes):
+            raise error(_NO_SIMULATION)
+        if all(package == "gazebo_ros" and kind in _IDLE for package, kind in nodes):
+            _write(os.environ["ROS_LOG_DIR"], ALONE, "")
+
+    launch._load_config = load_and_look  # noqa: SLF001 - likewise
+
+
 def _note_sleeps() -> None:
     """Replace `time.sleep` by one that notes calls of the user's code after the start of the clock."""
     sleep: Any = time.sleep
@@ -277,6 +304,7 @@ _REPLACED = {
     "rospy.impl.tcpros_service": _replace_service_errors,
     "rosunit.xmlrunner": _replace_results,
     "rosmaster.threadpool": _replace_pool,
+    "roslaunch.parent": _replace_loading,
     "rostest.runner": _replace_limits,
 }
 

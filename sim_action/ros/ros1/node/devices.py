@@ -7,21 +7,32 @@ from collections.abc import Iterable
 from typing import Final
 
 from geometry_msgs.msg import Twist as TwistMessage
+from pydantic import ValidationError
+from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan
 from sensor_msgs.msg import Imu as ImuMessage
-from sensor_msgs.msg import JointState, LaserScan
 
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
 from sim_action.ros.robot_topics import diagonal, in_frame_of
 from sim_action.ros.ros1.gazebo_plugins import Plugin
 from sim_action.ros.ros1.node.internal_parts import states_in
-from sim_action.ros.ros1.node.messages import header, imu_message, joint_states_message, scan_message, twist_of
+from sim_action.ros.ros1.node.messages import (
+    camera_info_message,
+    header,
+    image_message,
+    imu_message,
+    joint_states_message,
+    scan_message,
+    twist_of,
+)
 from sim_action.ros.ros1.node.plugins import TICKS, Device, Wiring, schedule_of
 from sim_action.ros.ros1.node.topics import OdometryPublisher, Subscription
 from sim_action.sensors import MountedSensor
+from sim_action.sensors.camera import Camera
 from sim_action.sensors.imu import Imu
 from sim_action.sensors.lidar import Lidar
 from sim_action.state.observation import Observation
-from sim_action.state.readings import ImuReading, LidarScan
+from sim_action.state.readings import CameraImage, ImuReading, LidarScan
+from sim_action.world.world_files.world_shapes import said
 
 _UNKNOWN: Final = 1e12
 
@@ -131,6 +142,46 @@ def _lidar(plugin: Plugin) -> Lidar:
         min_range=sensor.number("ray/range/min", default=0.0),
         range=sensor.number("ray/range/max", default=10.0),
         noise=sensor.number("ray/noise/stddev", default=plugin.own.number("gaussianNoise", default=0.0)),
+    )
+
+
+def open_camera(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
+    """Open gazebo_ros_camera. The frame of its messages is the optical one that the plugin names."""
+    own, sensor = plugin.own, plugin.sensor
+    space = f"{plugin.space}/{own.text('cameraName').strip('/')}".rstrip("/")
+    image = own.text("imageTopicName", default="image_raw")
+    info = own.text("cameraInfoTopicName", default="camera_info")
+    topics = [name if name.startswith("/") else f"{space}/{name}" for name in (image, info)]
+    name, frame = f"camera {topics[0]}", own.text("frameName", default=plugin.link)
+    try:
+        camera = _camera(plugin)
+    except ValidationError as error:
+        wiring.lose(f"the {name} takes no pictures: {said(error)}")
+        return
+    publisher, infos = wiring.publisher(topics[0], Image), wiring.publisher(topics[1], CameraInfo)
+    schedule = schedule_of(own.number("updateRate", default=0.0) or sensor.number("update_rate", default=0.0))
+
+    def publish(seconds: float, seen: Observation) -> None:
+        picture, head = seen.sensors[name], header(seconds, frame)
+        if isinstance(picture, CameraImage):
+            publisher.send(image_message(picture, head))
+        infos.send(camera_info_message(camera, head))
+
+    on_schedule = wiring.on_schedule(camera, publisher, schedule)
+    rate = schedule.rate if schedule.is_even else TICKS
+    mounted = MountedSensor(on_schedule, name, plugin.link, _pose(plugin), rate, trace=False)
+    yield Device(schedule, (publisher, infos), publish, mounted)
+
+
+def _camera(plugin: Plugin) -> Camera:
+    """Return the camera of a plugin, with Gazebo's defaults. Raises ValidationError."""
+    sensor = plugin.sensor
+    return Camera(
+        width=round(sensor.number("camera/image/width", default=320)),
+        height=round(sensor.number("camera/image/height", default=240)),
+        field_of_view=sensor.number("camera/horizontal_fov", default=1.047),
+        near=sensor.number("camera/clip/near", default=0.1),
+        far=sensor.number("camera/clip/far", default=100.0),
     )
 
 

@@ -24,7 +24,7 @@ from sim_action.core.errors import (
 from sim_action.results.outcome import Failure
 from sim_action.ros.ros1.gazebo_plugins import DRIVE_PLUGINS
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, find_world, model_folders, read_world
-from sim_action.ros.ros1.launch.ros_patches import TEST_LIMIT
+from sim_action.ros.ros1.launch.ros_patches import ALONE, TEST_LIMIT
 from sim_action.ros.ros1.launch_request import PROGRESS_FILE, TITLE, End, SimulationRequest, SimulationResult
 from sim_action.ros.ros1.lockstep import Lockstep, TestFinished
 from sim_action.ros.ros1.master import Master
@@ -51,7 +51,18 @@ _POLL_S: Final = 0.01
 # Wall time for nodes that have left to end, before the launch is judged.
 _MAX_LEAVING_S: Final = 5.0
 
+# Wall time in which nodes that are up may call the services that spawn a robot.
+_MAX_SPAWN_WAIT_S: Final = 10.0
+_SPAWN_ADVICE: Final = (
+    "add a spawn_model node, or launch the file that has it together with this one, as in: sim-action roslaunch "
+    "MY_ROBOT world.launch MY_ROBOT spawn.launch"
+)
+
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+
+
+class _NoRobot(Exception):
+    """Nothing spawns a robot."""
 
 
 class _Incomplete(Exception):
@@ -114,7 +125,7 @@ class _Server:
             failure, self._missing_world = _failure_of(error), str(error.path)
         except _Incomplete:
             failure = Failure(kind="invalid", title=TITLE, message="parts of the world or of the robot are missing")
-        except (RunError, ModelError, BadWorld, OSError) as error:
+        except (RunError, ModelError, BadWorld, OSError, _NoRobot) as error:
             failure = _failure_of(error)
         self._record.store(self._folder)
         return self._result(end, failure)
@@ -163,11 +174,21 @@ class _Server:
         return None if limit is None else max(limit - self._current.time, 1 / self._request.physics_rate)
 
     def _await_robot(self) -> None:
-        """Wait for a robot. Raises ControllersFinished if all nodes leave before."""
+        """Wait for a robot. Raises ControllersFinished if all nodes leave before, _NoRobot if nothing spawns one."""
+        began = time.monotonic()
+        # A test may need no robot.
+        is_test = Path(os.environ["ROS_LOG_DIR"], TEST_LIMIT).exists()
         while self._current.world_models.robot is None:
             if rospy.is_shutdown():
                 raise ControllersFinished("the nodes ended before a robot was spawned")
             self._current.world_models, _ = self._changes.apply(self._current.world_models)
+            if Path(os.environ["ROS_LOG_DIR"], ALONE).exists():
+                raise _NoRobot(f"no node of the launch spawns a robot, and the world has none: {_SPAWN_ADVICE}")
+            if not is_test and time.monotonic() > began + _MAX_SPAWN_WAIT_S:
+                if not self._lockstep.may_start_nodes(b"spawn_model\0"):
+                    within = f"within {_MAX_SPAWN_WAIT_S:g} s of wall time, and all other nodes are up"
+                    raise _NoRobot(f"no node has spawned a robot {within}: {_SPAWN_ADVICE}")
+                began = time.monotonic()
             time.sleep(_POLL_S)
 
     def _make_changes(self) -> None:
@@ -232,6 +253,8 @@ def _failure_of(error: Exception) -> Failure:
         return Failure(kind="unstable", title="simulation unstable", message=str(error))
     if isinstance(error, MissingWorld):
         return Failure(kind="invalid", title="no such world", message=str(error))
+    if isinstance(error, _NoRobot):
+        return Failure(kind="invalid", title="no robot", message=str(error))
     if isinstance(error, MissedContact):
         return Failure(kind="missed contact", title="missed contact", message=str(error))
     if isinstance(error, ModelError | BadStart | BadWorld):

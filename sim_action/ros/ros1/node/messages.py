@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
 from rospy import Time
-from sensor_msgs.msg import Image, Imu, JointState, LaserScan
+from sensor_msgs.msg import CameraInfo, Image, Imu, JointState, LaserScan
 from std_msgs.msg import Header
 
 from sim_action.core import geometry
-from sim_action.ros.robot_topics import diagonal, seconds_and_nanoseconds
+from sim_action.ros.robot_topics import diagonal, pinhole_of, seconds_and_nanoseconds
+from sim_action.sensors.camera import Camera
 from sim_action.state.observation import Observation
 from sim_action.state.readings import CameraImage, ImuReading, LidarScan
 
@@ -81,6 +82,21 @@ def image_message(reading: CameraImage, head: Header) -> Image:
     height, width, colours = reading.rgb.shape
     data = reading.rgb.tobytes()
     return Image(header=head, height=height, width=width, encoding="rgb8", step=width * colours, data=data)
+
+
+def camera_info_message(camera: Camera, head: Header) -> CameraInfo:
+    """Return the message on a camera without distortion."""
+    focal, cx, cy = pinhole_of(camera.width, camera.height, camera.field_of_view)
+    return CameraInfo(
+        header=head,
+        height=camera.height,
+        width=camera.width,
+        distortion_model="plumb_bob",
+        D=[0.0] * 5,
+        K=[focal, 0.0, cx, 0.0, focal, cy, 0.0, 0.0, 1.0],
+        R=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        P=[focal, 0.0, cx, 0.0, 0.0, focal, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+    )
 
 
 def joint_states_message(seen: Observation, seconds: float, names: Sequence[str]) -> JointState:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import xml.parsers.expat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path, PurePath
 from typing import Final
@@ -41,15 +41,16 @@ class LaunchTag:
 
 @dataclass(frozen=True, slots=True)
 class LaunchTags:
-    """The tags of a launch file and of the files that it includes; `file`: the launch file, as reports show it."""
+    """The tags of launch files and of the files that they include; `file`: the first one, as reports show it."""
 
     file: str
     tags: tuple[LaunchTag, ...] = ()
 
     @classmethod
-    def read(cls, path: Path, packages: Mapping[str, Path]) -> LaunchTags:
-        """Read a launch file; `packages`: name -> folder of all packages."""
-        return cls(shown_path(path.resolve()), tuple(_tags(path, packages, set())))
+    def read(cls, paths: Sequence[Path], packages: Mapping[str, Path]) -> LaunchTags:
+        """Read launch files; `packages`: name -> folder of all packages."""
+        seen = set[Path]()
+        return cls(shown_path(paths[0].resolve()), tuple(tag for path in paths for tag in _tags(path, packages, seen)))
 
     def node(self, package: str, program: str) -> LaunchTag | None:
         """Return the first tag of a node."""

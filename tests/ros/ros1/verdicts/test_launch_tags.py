@@ -44,7 +44,7 @@ def tags(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LaunchTags:
     monkeypatch.chdir(tmp_path)
     path = written(tmp_path / "pkg/a.launch", LAUNCH)
     written(tmp_path / "other/launch/inner.launch", INNER)
-    return LaunchTags.read(path, {"pkg": tmp_path / "pkg", "other": tmp_path / "other"})
+    return LaunchTags.read([path], {"pkg": tmp_path / "pkg", "other": tmp_path / "other"})
 
 
 def test_a_node_is_found_also_in_an_included_file(tags: LaunchTags) -> None:
@@ -65,8 +65,8 @@ def test_a_world_is_found_where_it_is_named(tags: LaunchTags) -> None:
 
 def test_a_broken_file_has_the_tags_before_the_error(tmp_path: Path) -> None:
     path = written(tmp_path / "a.launch", '<launch><node pkg="p" type="t"/></lunch>')
-    assert LaunchTags.read(path, {}).node("p", "t") is not None
-    assert LaunchTags.read(tmp_path / "none.launch", {}).tags == ()
+    assert LaunchTags.read([path], {}).node("p", "t") is not None
+    assert LaunchTags.read([tmp_path / "none.launch"], {}).tags == ()
 
 
 def tags_of_tests(folder: Path, text: str) -> tuple[launch_tags.TestTag, ...]:

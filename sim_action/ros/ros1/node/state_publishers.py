@@ -1,0 +1,102 @@
+"""The programs `robot_state_publisher` and `joint_state_publisher`, for installations of ROS 1 that lack them."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import rospy
+from geometry_msgs.msg import Transform, TransformStamped, Vector3
+from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
+
+from sim_action.core.workspace import Workspace
+from sim_action.robot.model.robot_model import Joint, RobotModel
+from sim_action.robot.reading.loading import load_model
+from sim_action.ros.robot_topics import LinkFrames, PlacedFrame
+from sim_action.ros.ros1.node.messages import header, pose_message
+from sim_action.scenario.model import DrivenRobot
+
+_DESCRIPTION: Final = "robot_description"
+
+
+def _model() -> RobotModel:
+    """Return the model that the parameter `robot_description` describes. Raises ModelError, KeyError."""
+    text = str(rospy.get_param(rospy.search_param(_DESCRIPTION) or _DESCRIPTION))
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "robot.urdf").write_text(text, encoding="utf-8")
+        return load_model(DrivenRobot(model="robot.urdf"), Workspace(Path(folder), Path(folder), allow_outside=True))
+
+
+def _transform(seconds: float, placed: PlacedFrame) -> TransformStamped:
+    parent, child, pose = placed
+    turned = pose_message(pose).orientation
+    return TransformStamped(header(seconds, parent), child, Transform(Vector3(*pose.position_xyz), turned))
+
+
+def robot_state_publisher() -> int:
+    """Publish the frames of links for each message of joint states, until the node is asked to leave."""
+    rospy.init_node("robot_state_publisher")
+    frames = LinkFrames.of(_model())
+    interval = 1 / float(rospy.get_param("~publish_frequency", 50.0))
+    static = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
+    moving = rospy.Publisher("/tf", TFMessage, queue_size=None)
+    static.publish(TFMessage([_transform(0.0, placed) for placed in frames.fixed]))
+    last = -interval
+
+    def publish(message: Any) -> None:
+        nonlocal last
+        seconds = message.header.stamp.to_sec()
+        found = list(frames.at(dict(zip(message.name, message.position, strict=False))))
+        # A time that goes back is that of a simulation that starts again.
+        if found and (seconds >= last + interval or seconds < last):
+            last = seconds
+            moving.publish(TFMessage([_transform(seconds, placed) for placed in found]))
+
+    rospy.Subscriber("joint_states", JointState, publish)
+    rospy.spin()
+    return 0
+
+
+def joint_state_publisher() -> int:
+    """Publish positions at a fixed rate: those of `source_list`, else those of `zeros`, until asked to leave."""
+    rospy.init_node("joint_state_publisher")
+    joints = _model().moving_joints
+    zeros = rospy.get_param("~zeros", {})
+    positions = {joint.name: float(zeros.get(joint.name, _middle(joint))) for joint in joints}
+
+    def hear(message: Any) -> None:
+        heard = dict(zip(message.name, message.position, strict=False))
+        positions.update({name: value for name, value in heard.items() if name in positions})
+
+    for topic in rospy.get_param("~source_list", []):
+        rospy.Subscriber(topic, JointState, hear)
+    publisher = rospy.Publisher("joint_states", JointState, queue_size=5)
+    rate = rospy.Rate(float(rospy.get_param("~rate", 10)))
+    while not rospy.is_shutdown():
+        for joint in joints:
+            if joint.mimic is not None and joint.mimic.joint in positions:
+                positions[joint.name] = joint.mimic.multiplier * positions[joint.mimic.joint] + joint.mimic.offset
+        now = header(rospy.get_time(), "")
+        publisher.publish(JointState(header=now, name=list(positions), position=list(positions.values())))
+        try:
+            rate.sleep()
+        except rospy.ROSInterruptException:
+            break
+    return 0
+
+
+def _middle(joint: Joint) -> float:
+    """Return 0, or the middle of the limits if they exclude it."""
+    lower, upper = joint.lower, joint.upper
+    is_outside = (lower is not None and lower > 0) or (upper is not None and upper < 0)
+    return ((lower or 0.0) + (upper or 0.0)) / 2 if is_outside else 0.0
+
+
+PROGRAMS: Final[Mapping[str, Callable[[], int]]] = {
+    "robot_state_publisher": robot_state_publisher,
+    "joint_state_publisher": joint_state_publisher,
+}
+"""Program name -> function that runs it and returns the exit code."""
