@@ -49,10 +49,13 @@ bytecode: $(VENV)/.dev ## compile the package and its tests once, before many pr
 	@# pytest compiles tests in a way of its own. What it cannot collect is an error of `make test`.
 	@$(BIN)/python -m pytest -q -n 0 --collect-only >/dev/null 2>&1 || true
 
-soak: $(VENV)/.dev for-tests viewer ## long repetitions: marked tests, property tests with many more examples, then fuzz
+# Arguments: SCENES, drawn scenes for each engine; ROBOTS, drawn URDFs; both of SEED.
+soak: $(VENV)/.dev for-tests viewer ## a night: marked tests, property tests with many more examples, fuzz, drawn scenes and robots
 	@$(BIN)/python -m compileall -q sim_action
 	$(BIN)/python -m pytest --soak
 	@$(MAKE) --no-print-directory fuzz
+	$(BIN)/python -m tests.drawn_scenes --count $(or $(SCENES),10000) --seed $(or $(SEED),1)
+	$(BIN)/python -m tests.readers --count $(or $(ROBOTS),1000) --seed $(or $(SEED),1)
 
 coverage: $(VENV)/.dev for-tests viewer ## all tests, and which lines none of them reaches
 	$(BIN)/python -m pytest --cov --cov-report=term:skip-covered
