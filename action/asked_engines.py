@@ -23,6 +23,8 @@ _SCENARIO: Final = (".sim.yml", ".sim.yaml")
 _READ: Final = (".yml", ".yaml", "pyproject.toml")
 # A name of the engine, a robot that only it can read, a comparison of engines, or text with escapes.
 _ASKS_MUJOCO: Final = re.compile(rb"mujoco|\bagreement\b|\.xml\b|\.mjcf\b|\bbackend\W+all\b|\\[xu\n\r]")
+# A part of scenarios, such as a base that they extend; a workflow has no such key at its top.
+_PART: Final = re.compile(rb"^\W{0,3}(?:backend|robot|agreement|variations|extends)\b", re.MULTILINE)
 _ONLY_MUJOCO: Final = re.compile(rb"^backend[ \t]*:[ \t]*[\"']?mujoco\b", re.MULTILINE)
 
 
@@ -47,8 +49,10 @@ def _asked_by(texts: Iterator[tuple[str, bytes]]) -> frozenset[str]:
     asked = False
     scenarios = only_mujoco = 0
     for name, text in texts:
-        asked = asked or bool(_ASKS_MUJOCO.search(text))
-        if name.endswith(_SCENARIO):
+        is_scenario = name.endswith(_SCENARIO)
+        decides = is_scenario or name == "pyproject.toml" or _PART.search(text)
+        asked = asked or bool(decides and _ASKS_MUJOCO.search(text))
+        if is_scenario:
             scenarios += 1
             only_mujoco += bool(_ONLY_MUJOCO.search(text))
         if asked and only_mujoco < scenarios:

@@ -105,6 +105,18 @@ def look(packages: Sequence[Entry], temp: Path, variables: Mapping[str, str]) ->
     }
 
 
+def folder_problem(name: str) -> str | None:
+    """Return the problem with the working directory, as data of a workflow command; None if it is a folder."""
+    try:
+        if not name.strip() or Path(name.strip()).is_dir():
+            return None
+    except (OSError, ValueError):
+        pass
+    # Text of a workflow: GitHub also obeys `##[command]` inside a line.
+    shown = ascii(name.strip()).replace("%", "%25").replace("##[", "# #[")
+    return f"the input working-directory: there is no folder {shown}; name one that is checked out, from its top"
+
+
 def key(packages: Sequence[Entry], variables: Mapping[str, str]) -> str:
     """Return the cache key: everything that the wheels depend on, and where they lie as seen from the workspace.
 
@@ -282,6 +294,10 @@ def main() -> None:
         chosen = locks.chosen_locks(Path(os.environ["LOCK"]), os.environ.get("INPUT_EXTRAS", ""))
         packages = locks.entries_here(chosen)
         if sys.argv[1] == "look":
+            # Before a download, and before a cache is saved.
+            if problem := folder_problem(os.environ.get("INPUT_WORKING_DIRECTORY", "")):
+                print(f"{_TITLE}{problem}")
+                sys.exit(2)
             say(look(packages, temp, os.environ))
         else:
             say(install(packages, Plan.parse(os.environ["PLAN"]), temp))

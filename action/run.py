@@ -16,15 +16,19 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 from sim_action.cli.main import call, leave
-from sim_action.core.errors import ExitCode
+from sim_action.cli.options import DEFAULT_OUTPUT_DIR
+from sim_action.cli.pyproject import default_map
+from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.files import similar_path
 from sim_action.core.wording import escaped_line, shown, system_reason
 from sim_action.reports.github.annotations import complaint
+from sim_action.results.written_files import JUNIT_FILE
 
 TRUE_OR_FALSE: Final = ("true", "false")
 ROSTEST_ACTION: Final = (
@@ -245,8 +249,40 @@ def set_up_time(instants: str) -> str:
     if len(of_ros) == 2:
         parts["ROS 2"] = of_ros[1] - of_ros[0]
     total = time.time() - start
-    parts["cache"] = max(0.0, total - sum(parts.values()))
+    parts["other steps"] = max(0.0, total - sum(parts.values()))
     return f"Set-up took {total:.0f} s: {', '.join(f'{name} {seconds:.0f} s' for name, seconds in parts.items())}"
+
+
+def of_this_use(name: str, inputs: Mapping[str, str]) -> Mapping[str, str]:
+    """Return the inputs with an output folder that no earlier use in this job has written to. Raises UsageError.
+
+    A folder that the workflow states is kept, and so is that of a use that continues an earlier run.
+    """
+    temp = os.environ.get("RUNNER_TEMP")
+    if name not in ("run", "rostest") or not temp:
+        return inputs
+    noted = Path(temp, "sim-action-output-folders")
+    written = noted.read_text(encoding="utf-8").splitlines() if noted.is_file() else []
+    project = default_map(name, Path.cwd()).get(name, {})
+    stated = inputs["output-directory"].strip()
+    first = stated or os.environ.get("SIM_ACTION_OUTPUT_DIR") or project.get("output_dir", DEFAULT_OUTPUT_DIR)
+    folder = first
+    if not stated and inputs.get("resume", "").strip() != "true":
+        number = 1
+        while os.path.realpath(folder) in written:
+            number += 1
+            folder = f"{first}-{number}"
+    with noted.open("a", encoding="utf-8") as file:
+        file.write(f"{os.path.realpath(folder)}\n")
+    if folder == first:
+        return inputs
+    print(
+        f"sim-action: {shown(first)} has the results of an earlier use in this job, so those of this one go to "
+        f"{shown(folder)}; the output output-directory says where they are, and the input output-directory states it",
+        file=sys.stderr,
+    )
+    # A path of the project is that of the first use.
+    return {**inputs, "output-directory": folder, "junit-path": inputs["junit-path"] or f"{folder}/{JUNIT_FILE}"}
 
 
 def run(name: str, inputs: Mapping[str, str]) -> int:
@@ -255,6 +291,9 @@ def run(name: str, inputs: Mapping[str, str]) -> int:
     refuse_empty("working-directory", inputs)
     enter(inputs["working-directory"].strip())
     subcommand = SUBCOMMANDS[name]
+    # An invalid table of the project is told by the call.
+    with suppress(UsageError):
+        inputs = of_this_use(name, inputs)
     code = call([name, *subcommand.command_line(inputs)], subcommand.names)
     return ExitCode.PASSED if forgiving and code == ExitCode.FAILED else code
 

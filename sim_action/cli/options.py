@@ -57,6 +57,8 @@ class Bounded(click.ParamType):  # type: ignore[type-arg] # generic in new versi
 
 Command = Callable[..., ExitCode]
 
+DEFAULT_OUTPUT_DIR: Final = "sim-results"
+
 PATHS: Final = click.argument("paths", nargs=-1, metavar="[PATHS]...")
 ALLOW_OUTSIDE: Final = click.option(
     "--allow-outside",
@@ -268,7 +270,7 @@ def output_dir(purpose: str) -> Callable[[Callable[..., Any]], Callable[..., Any
     return click.option(
         "--output-dir",
         envvar="SIM_ACTION_OUTPUT_DIR",
-        default="sim-results",
+        default=DEFAULT_OUTPUT_DIR,
         callback=not_empty,
         show_default=True,
         metavar="FOLDER",

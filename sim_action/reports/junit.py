@@ -155,10 +155,12 @@ class _Document:
 
     def _expectation(self, group: ScenarioGroup, outcome: Outcome, expected: ExpectationOutcome) -> ET.Element:
         case = self._case(group, outcome, expected.name, expected.location)
-        message = expected.verdict.message
+        message = outcome.message_of(expected)
         if not self._options.junit_strict:
             add_properties(case, _case_properties(expected))
-        if kind := STATUS_DISPLAYS[expected.status].junit:
+        if expected.verdict.cut_off:
+            add_child(case, "skipped", "", {"message": message})
+        elif kind := STATUS_DISPLAYS[expected.status].junit:
             body = self._body(message, expected.name, expected.location)
             add_child(case, kind, body, {"type": _problem_type(expected), "message": message})
         self._attach_trace(case, outcome)

@@ -147,8 +147,8 @@ class _Printer:
             self._line("  ", (" ".join(outcome.notes), "dim"))
             return
         for expected in outcome.causes_first:
-            if self._verbosity != "quiet" or expected.prevents_pass:
-                self._expectation(expected)
+            if self._verbosity != "quiet" or expected in outcome.causes:
+                self._expectation(outcome, expected)
         for measured in outcome.measurements:
             if self._verbosity != "quiet":
                 self._line("  ", self._mark(INFORMATION), (measured.name, ""), (f": {measured.message}", ""))
@@ -196,9 +196,10 @@ class _Printer:
             for name, path in _files(results, self._options):
                 self._line("", (f"{name:<10} {path}", "dim"))
 
-    def _expectation(self, expected: ExpectationOutcome) -> None:
+    def _expectation(self, outcome: Outcome, expected: ExpectationOutcome) -> None:
         verdict, verbose = expected.verdict, self._verbosity == "verbose"
-        self._line("  ", self._symbol(expected.status), (expected.name, ""), (f": {verdict.message}", ""))
+        message = outcome.message_of(expected)
+        self._line("  ", self._symbol(expected.display_status), (expected.name, ""), (f": {message}", ""))
         # The message of a gate has its numbers; its margin is that of a bound, not of the measured rate.
         measured = "" if expected.assertion == GATE else measurements(verdict)
         if measured and (expected.status != "passed" or verbose):

@@ -223,6 +223,11 @@ class ExpectationOutcome(FrozenModel):
         return "warned" if is_soft else status
 
     @property
+    def display_status(self) -> DisplayStatus:
+        """The status in reports: another failure is the reason where the expectation was cut off."""
+        return "skipped" if self.verdict.cut_off else self.status
+
+    @property
     def message(self) -> str:
         """The sentence of the verdict."""
         return self.verdict.message
@@ -386,8 +391,15 @@ class Outcome(FrozenModel):
 
     @property
     def causes(self) -> tuple[ExpectationOutcome, ...]:
-        """The expectations that prevent a pass, in the order of `not_passed`."""
-        return tuple(expected for expected in self.not_passed if expected.prevents_pass)
+        """The expectations that prevent a pass, in the order of `not_passed`, without those that these cut off."""
+        bad = (expected for expected in self.not_passed if expected.prevents_pass)
+        return tuple(expected for expected in bad if not expected.verdict.cut_off)
+
+    def message_of(self, expected: ExpectationOutcome) -> str:
+        """Return the message of an expectation, with the one that cut it off, if any."""
+        message = expected.verdict.message
+        cause = next(iter(self.causes), None)
+        return f"cut off by {cause.name}: {message}" if cause and expected.verdict.cut_off else message
 
     @property
     def failing_warnings(self) -> tuple[AuditWarning, ...]:

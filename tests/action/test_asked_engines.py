@@ -30,6 +30,10 @@ def test_scenarios_without_an_engine_get_the_default(workspace: Path) -> None:
     assert asked(workspace) == PYBULLET
     (workspace / "package.xml").write_text("<package><mujoco/></package>")
     (workspace / "controller.py").write_text("backend = 'mujoco'")
+    (workspace / ".github").mkdir()
+    steps = "    - with:\n        backend: mujoco\n    - run: pytest --junitxml=a.xml\n"
+    (workspace / ".github/test.yml").write_text(f"on: push\njobs:\n  a:\n    steps:\n{steps}")
+    (workspace / "launch.yaml").write_text("urdf: robot.xml\nbackends: [mujoco]\n")
     assert asked(workspace) == PYBULLET
 
 
@@ -53,6 +57,8 @@ def test_scenarios_without_an_engine_get_the_default(workspace: Path) -> None:
         ("a.sim.yml", 'backend: "muj\\\n  oco"\n'),
         ("common.base.yml", "backend: mujoco\n"),
         ("any name.yml", "backend: mujoco\n"),
+        ("base.yml", "\ufeffrobot:\n  model: arm.xml\n"),
+        ("base.yml", "# a base\n---\n'robot': {model: arm.xml}\n"),
         ("pyproject.toml", '[tool.sim-action]\nbackend = "mujoco"\n'),
         ("pyproject.toml", '[tool.sim-action]\nbackend = "all"\n'),
     ],

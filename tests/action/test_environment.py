@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from action import environment, wheels
-from action.environment import Plan, add, install, key, look
+from action.environment import Plan, add, folder_problem, install, key, look
 from action.lock import Entry, LockError, text_of
 from action.wheels import InstallError
 from tests.action.conftest import MakeWheel
@@ -181,6 +181,16 @@ def test_when_wheels_are_kept(wanted: str, event: str, cached: bool, packages: l
     done = install(packages, Plan.parse(str(found["plan"])), job.temp)
     assert done["fetched"] is cached
     assert job.home.exists() is cached
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"), [("robto", "'robto'"), ("a\n::error::b", "'a\\n::error::b'"), ("##[x]%0A", "'# #[x]%250A'")]
+)
+def test_a_missing_working_directory_is_named_before_anything_is_downloaded(name: str, shown: str) -> None:
+    assert folder_problem(name) == (
+        f"the input working-directory: there is no folder {shown}; name one that is checked out, from its top"
+    )
+    assert folder_problem(" . ") is folder_problem("") is None
 
 
 def test_cache_is_true_or_false(packages: list[Entry], temp: Path, variables: dict[str, str]) -> None:

@@ -171,6 +171,32 @@ def test_defaults_are_those_of_the_project(tmp_path: Path, monkeypatch: pytest.M
     assert (tmp_path / "other/report.html").is_file()
 
 
+@pytest.mark.parametrize("of_project", ["", "out"])
+def test_each_use_of_a_job_has_a_folder_of_its_own(
+    of_project: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("RUNNER_TEMP", str(tmp_path))
+    (tmp_path / "a.sim.yml").write_text("name: a\nexpect: []\n", encoding="utf-8")
+    if of_project:
+        table = f'[tool.sim-action]\noutput-dir = "{of_project}"\njunit = "{of_project}/tests.xml"\n'
+        (tmp_path / "pyproject.toml").write_text(table, encoding="utf-8")
+    first = of_project or "sim-results"
+    empty = {**INPUTS, "scenario": "", "output-directory": "", "shard": "", "record": ""}
+    for folder in (first, f"{first}-2", f"{first}-3"):
+        assert run("run", empty) == 2
+        assert (tmp_path / folder / "results.json").is_file()
+    assert (tmp_path / f"{first}-2/junit.xml").is_file()
+    told = capsys.readouterr().err
+    assert f"sim-action: '{first}' has the results of an earlier use in this job, so those of this one go to" in told
+    # On purpose.
+    for stated in ({"output-directory": first}, {"resume": "true"}):
+        before = (tmp_path / first / "results.json").stat().st_mtime_ns
+        assert run("run", {**empty, **stated}) == 2
+        assert (tmp_path / first / "results.json").stat().st_mtime_ns > before
+    assert not (tmp_path / f"{first}-4").exists()
+
+
 def test_what_is_selected_is_an_option_for_each_line() -> None:
     inputs = {**INPUTS, "only": "push[a=1, b=2]\n--x\n", "exclude": "a*", "tags": "x\ny", "exclude-tags": "z"}
     line = list(SUBCOMMANDS["run"].command_line({**inputs, "fail-fast": "true"}))
@@ -308,9 +334,9 @@ def test_lines_end_as_lines_of_yaml_do() -> None:
 def test_set_up_time_is_split() -> None:
     now = time.time()
     text = set_up_time(f"{now - 30} {now - 27} {now - 20} {now - 6}")
-    assert text == "Set-up took 30 s: Python 3 s, install 14 s, cache 13 s"
+    assert text == "Set-up took 30 s: Python 3 s, install 14 s, other steps 13 s"
     text = set_up_time(f"{now - 30} {now - 27} {now - 20} {now - 10} {now - 9} {now - 3}")
-    assert text == "Set-up took 30 s: Python 3 s, install 10 s, ROS 2 6 s, cache 11 s"
+    assert text == "Set-up took 30 s: Python 3 s, install 10 s, ROS 2 6 s, other steps 11 s"
 
 
 @pytest.mark.process

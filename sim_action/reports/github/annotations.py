@@ -121,7 +121,7 @@ def _annotations(name: str, outcome: Outcome, options: ReportOptions) -> Iterato
         message = failure.message + _replayed(outcome, options, failure.time)
         yield Annotation("error", f"{name}: {failure.title}", message, where), 0.0
     for expected in outcome.causes_first:
-        level = STATUS_DISPLAYS[expected.status].level
+        level = STATUS_DISPLAYS[expected.display_status].level
         if level is None:
             continue
         message = expected.verdict.message + _replayed(outcome, options, expected.verdict.time)

@@ -41,6 +41,7 @@ from sim_action.reports.github.markdown import (
     size_of,
     source_link,
     table,
+    unwrapped,
 )
 from sim_action.reports.github.mermaid_chart import chart, load_replay, signal_of_verdict
 from sim_action.reports.links import reason_time, replay_link, rerun_command
@@ -161,7 +162,7 @@ def _overview_row(group: ScenarioGroup, options: ReportOptions) -> str:
     file = source_link(options, group.location)
     name = f"**{markdown_text(group.name)}**" + (f"<br><sub>{file}</sub>" if file else "")
     speed = "" if group.varies else speed_text(group.worst.real_time_factor).removesuffix(" real time")
-    return row(group.display.icon, name, _group_gist(group), moment(_total_sim_time(group)), speed)
+    return row(group.display.icon, name, _group_gist(group), unwrapped(moment(_total_sim_time(group))), speed)
 
 
 def _unshown_scenarios(count: int) -> str:
@@ -220,7 +221,7 @@ def _varied(group: ScenarioGroup, options: ReportOptions, *, drawn: bool) -> str
             STATUS_DISPLAYS[outcome.display_status].icon,
             markdown_text(group.values(outcome)),
             _gist(outcome),
-            moment(outcome.sim_time),
+            unwrapped(moment(outcome.sim_time)),
         )
         for outcome in ordered[: max(len(unhappy), _MAX_ROWS)]
     ]
@@ -352,12 +353,12 @@ def _table(outcome: Outcome, expectations: Sequence[ExpectationOutcome], options
 
 def _row(outcome: Outcome, expected: ExpectationOutcome, options: ReportOptions) -> str:
     verdict = expected.verdict
-    icon = STATUS_DISPLAYS[expected.status].icon
-    what = f"**{markdown_text(expected.name)}**<br>{message_text(verdict.message)}"
+    icon = STATUS_DISPLAYS[expected.display_status].icon
+    what = f"**{markdown_text(expected.name)}**<br>{message_text(outcome.message_of(expected))}"
     if expected.status != "passed":
         what += f"<br>{source_link(options, expected.location)}{_replay_note(outcome, options, verdict.time)}"
     numbers = (quantity(value, verdict.unit) for value in (verdict.measured, verdict.limit, verdict.margin))
-    return row(icon, what, *(markdown_text(number) for number in numbers), moment(verdict.time))
+    return row(icon, what, *map(unwrapped, numbers), unwrapped(moment(verdict.time)))
 
 
 def _run_details(outcome: Outcome) -> str:
@@ -454,7 +455,7 @@ def _gate_chances(group: ScenarioGroup) -> str:
 
 def _gate_run_row(group: ScenarioGroup, run: Outcome, options: ReportOptions) -> str:
     seen = _replay_note(run, options, reason_time(run))
-    return row(markdown_text(group.values(run)), f"{message_text(run.ending)}{seen}", moment(run.sim_time))
+    return row(markdown_text(group.values(run)), f"{message_text(run.ending)}{seen}", unwrapped(moment(run.sim_time)))
 
 
 def _gate_warnings(group: ScenarioGroup, options: ReportOptions) -> Iterator[str]:

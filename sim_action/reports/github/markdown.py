@@ -36,6 +36,11 @@ def row(*markdown_cells: str) -> str:
     return f"| {' | '.join(markdown_cells)} |"
 
 
+def unwrapped(text: str) -> str:
+    """Return text of a cell that stays on one line, such as a value with its unit."""
+    return markdown_text(text).replace(" ", "&nbsp;")
+
+
 def folded(title: str, markdown: str) -> str:
     """Return a section that is folded until its title is clicked."""
     return f"<details><summary>{markdown_text(title)}</summary>\n\n{markdown}\n\n</details>"

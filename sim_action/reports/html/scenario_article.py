@@ -122,7 +122,7 @@ def run_reasons(outcome: Outcome, options: ReportOptions, seen: Mapping[str, Sig
     `seen`: name of a body -> its first sighting.
     """
     sections = failure_sections(outcome, options)
-    sections += [_missed_section(expected, seen.get(expected.verdict.body)) for expected in outcome.not_passed]
+    sections += [_missed_section(outcome, expected, seen.get(expected.verdict.body)) for expected in outcome.not_passed]
     sections += [_warning_section(warning, outcome, options) for warning in outcome.warnings[:_MAX_WARNINGS]]
     return reasons(sections)
 
@@ -174,16 +174,13 @@ def _failure_section(failure: Failure, options: ReportOptions) -> Html:
     )
 
 
-def _missed_section(expected: ExpectationOutcome, seen: SightingData | None) -> Html:
+def _missed_section(outcome: Outcome, expected: ExpectationOutcome, seen: SightingData | None) -> Html:
     verdict = expected.verdict
-    word = STATUS_DISPLAYS[expected.status].word
-    cut = f"It counts as {word}: another expectation ended the run before this one was decided."
     return reason(
         "cut" if verdict.cut_off else expected.status,
         element("h3", expected.name, element("small", " · a warning") if expected.warned else ""),
-        verdict.message or "It did not hold.",
+        outcome.message_of(expected) or "It did not hold.",
         _figures(verdict),
-        faint(cut if verdict.cut_off else ""),
         faint("" if seen is None else first_seen_words(seen)),
     )
 

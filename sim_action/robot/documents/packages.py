@@ -200,7 +200,8 @@ class Packages:
             named = {*self._inside.packages.get(stated.name, ()), *self._inside.folders.get(stated.name, ())}
             places = sorted(named)[:_MAX_SAME]
             others = [self._shown(place) for place in places if self._is_there(place / stated.path)]
-            hint = f"; the file is in {listed(others)}, which robot.packages or --package can name" if others else ""
+            advice = "which robot.packages, --package or the input packages can name"
+            hint = f"; the file is in {listed(others)}, {advice}" if others else ""
             raise PackageError(error.rule, f"{error}{hint}") from None
 
     def locate(self, reference: str, referrer: Path) -> Found:
@@ -455,13 +456,15 @@ class Packages:
         )
         places = ("robot.packages", f"{root} ({extent})", *self._environment_folders.described(variables))
         where = here.relative_to(root) if here.is_relative_to(root) else here
+        # A key of a scenario names it as if a file beside the scenario did.
+        what = f"{where} refers to the {kind} '{name}', which" if here.is_file() else f"the {kind} '{name}'"
         # The workspace may start below the package.
         outside = next((folder for folder in here.parents if folder.name == name), "FOLDER")
         return PackageError(
             "missing-package",
-            f"{where} refers to the {kind} '{name}', which was not found{hint} (searched: {', '.join(places)}); "
+            f"{what} was not found{hint} (searched: {', '.join(places)}); "
             f"add it to the repository, or set its folder: robot.packages: {{{name}: path/to/{name}}}, or "
-            f"name a folder outside the repository: --package {name}={outside}",
+            f"name a folder outside the repository: --package {name}={outside} (in the action: the input packages)",
         )
 
 

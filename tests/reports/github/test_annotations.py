@@ -81,7 +81,7 @@ def test_a_complaint_is_one_line_and_on_github_an_annotation() -> None:
 
 def test_it_says_where_in_the_report_that_is(options: ReportOptions) -> None:
     outcome = like(SAMPLES["cut"].outcomes[0], replay="replays/a.json.gz")
-    cause, _ = lines(results_of(outcome), options)
+    (cause,) = lines(results_of(outcome), options)
     assert cause.endswith("with 4.1 N (replay at 3.20 s: report.html#scenario=burger%2520hits%2520the%2520wall&t=3.2)")
 
 
