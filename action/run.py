@@ -254,15 +254,17 @@ def set_up_time(instants: str) -> str:
 
 
 def of_this_use(name: str, inputs: Mapping[str, str]) -> Mapping[str, str]:
-    """Return the inputs with an output folder that no earlier use in this job has written to. Raises UsageError.
+    """Return the inputs with an output folder that no earlier use in this job has written to.
 
-    A folder that the workflow states is kept, and so is that of a use that continues an earlier run.
+    Raises UsageError for an invalid table of the project, OSError.
+
+    A folder that the workflow states is kept, and so is the default of a use that continues an earlier run.
     """
     temp = os.environ.get("RUNNER_TEMP")
     if name not in ("run", "rostest") or not temp:
         return inputs
     noted = Path(temp, "sim-action-output-folders")
-    written = noted.read_text(encoding="utf-8").splitlines() if noted.is_file() else []
+    written = noted.read_text(encoding="utf-8", errors="replace").splitlines() if noted.is_file() else []
     project = default_map(name, Path.cwd()).get(name, {})
     stated = inputs["output-directory"].strip()
     first = stated or os.environ.get("SIM_ACTION_OUTPUT_DIR") or project.get("output_dir", DEFAULT_OUTPUT_DIR)
@@ -281,7 +283,7 @@ def of_this_use(name: str, inputs: Mapping[str, str]) -> Mapping[str, str]:
         f"{shown(folder)}; the output output-directory says where they are, and the input output-directory states it",
         file=sys.stderr,
     )
-    # A path of the project is that of the first use.
+    # The project may state one, which the first use has written to.
     return {**inputs, "output-directory": folder, "junit-path": inputs["junit-path"] or f"{folder}/{JUNIT_FILE}"}
 
 
@@ -291,8 +293,8 @@ def run(name: str, inputs: Mapping[str, str]) -> int:
     refuse_empty("working-directory", inputs)
     enter(inputs["working-directory"].strip())
     subcommand = SUBCOMMANDS[name]
-    # An invalid table of the project is told by the call.
-    with suppress(UsageError):
+    # The call reports an invalid table of the project.
+    with suppress(UsageError, OSError):
         inputs = of_this_use(name, inputs)
     code = call([name, *subcommand.command_line(inputs)], subcommand.names)
     return ExitCode.PASSED if forgiving and code == ExitCode.FAILED else code
