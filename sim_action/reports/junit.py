@@ -89,7 +89,10 @@ class _Document:
                 measured.add(encoded(property_lines(_measured(group, outcome, run))))
         file = relative_path(self._options.workspace, group.location.file) if group.location else None
         time = sum(outcome.wall_time for outcome in group.outcomes)
-        suite = element("testsuite", {"name": _name(group.name), **totals, "time": _seconds(time), "file": file})
+        started = self._results.started_at
+        timestamp = None if started is None else started.isoformat(timespec="seconds")
+        times = {"time": _seconds(time), "timestamp": timestamp}
+        suite = element("testsuite", {"name": _name(group.name), **totals, **times, "file": file})
         inner = INDENT * 2
         suites.add(encoded(f"{INDENT}{start_tag(suite)}>\n{inner}<properties>\n"))
         suites.add(encoded(property_lines(self._suite_properties(group))))

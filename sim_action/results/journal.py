@@ -16,12 +16,13 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields
+from datetime import UTC, datetime
 from functools import cache, partial
 from itertools import islice
 from pathlib import Path
 from typing import Annotated, BinaryIO, ClassVar, Final, Literal, Self
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import AwareDatetime, ConfigDict, Field, TypeAdapter, ValidationError
 
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.field_types import FrozenModel
@@ -73,7 +74,7 @@ class Header(FrozenModel):
 
     Attributes:
         journal: the version of the format.
-        shard, selected: as in `Results`.
+        started_at, shard, selected: as in `Results`.
         files: the files that the call may write, relative to the journal; the next call removes them.
         gates: the gates of the planned outcomes.
         planned: the planned outcomes, in the order of the results.
@@ -83,6 +84,7 @@ class Header(FrozenModel):
     sim_action: str
     python: str
     platform: str
+    started_at: AwareDatetime | None = None
     shard: Shard | None = None
     selected: bool = False
     files: tuple[str, ...] = ()
@@ -105,6 +107,7 @@ class Header(FrozenModel):
             sim_action=__version__,
             python=platform.python_version(),
             platform=platform_name(),
+            started_at=datetime.now(UTC).replace(microsecond=0),
             shard=shard,
             selected=selected,
             files=tuple(files),
@@ -205,6 +208,7 @@ class Recorded:
             sim_action=header.sim_action,
             python=header.python,
             platform=header.platform,
+            started_at=header.started_at,
             wall_time=max((record.at for record in self.records), default=0.0),
             shard=header.shard,
             selected=header.selected,

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, NoReturn, Self, TypeVar
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import AwareDatetime, Field, ValidationError, model_validator
 from pydantic_core import PydanticSerializationError
 
 from sim_action.core.discovery import paths_of, unique
@@ -120,6 +120,7 @@ class Results(FrozenModel):
             before. Version 3 added the status "not_exercised" and `judged` of a verdict.
             Version 1 also named some values of `end` and the key `selected` differently.
         sim_action: the version of sim-action; after `merge`, every version that the shards used.
+        started_at: the time at which the call started; after `merge`, that of the first shard; null in older results.
         wall_time: the wall time in s of the call; after `merge`, that of the slowest shard.
         shard: the part of the list of scenarios that these results cover; null if they cover the whole list.
         selected: true if the call selected scenarios inside files by number; no scenario may be left then.
@@ -131,6 +132,7 @@ class Results(FrozenModel):
     sim_action: str
     python: str
     platform: str
+    started_at: AwareDatetime | None = None
     wall_time: NotNegative
     shard: Shard | None = None
     selected: bool = False

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import xml.etree.ElementTree as ET
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,8 @@ from sim_action.results.results_json import Results
 from sim_action.results.shard_results import Listing
 from tests.outcomes import as_former_version, outcome, results, source, stored, unjudged
 from tests.work import work_of
+
+START = datetime(2026, 11, 6, 8, 30, tzinfo=UTC)
 
 
 @pytest.fixture(autouse=True)
@@ -40,7 +43,9 @@ def read(folder: str = "joined") -> Results:
 
 
 def shard(index: int, *outcomes: Outcome, total: int = 3) -> Path:
-    return stored(Path("shards", str(index)), results(*outcomes, shard=(index, 2, total), wall_time=float(index)))
+    part = results(*outcomes, shard=(index, 2, total), wall_time=float(index))
+    started = START + timedelta(hours=index - 1)
+    return stored(Path("shards", str(index)), part.model_copy(update={"started_at": started}))
 
 
 def test_traces_come_along_under_names_of_their_own() -> None:
@@ -129,6 +134,7 @@ def test_what_people_waited_for_is_the_longest_shard() -> None:
     shard(2, outcome("b"))
     merge_results(request())
     assert (read().wall_time, read().shard) == (2.0, None)
+    assert read().started_at == START
 
 
 def test_shards_that_were_not_alike_are_not_called_so(capsys: pytest.CaptureFixture[str]) -> None:

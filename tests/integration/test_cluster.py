@@ -88,7 +88,7 @@ def outcomes(folder: Path) -> list[dict[str, Any]]:
 def timeless(value: Any) -> Any:
     """Results without times, and without what depends on the machine."""
     if isinstance(value, dict):
-        left_out = {"wall_time", "real_time_factor", "provenance"}
+        left_out = {"started_at", "wall_time", "real_time_factor", "provenance"}
         return {key: timeless(each) for key, each in value.items() if key not in left_out}
     return [timeless(each) for each in value] if isinstance(value, list) else value
 

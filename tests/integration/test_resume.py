@@ -102,7 +102,11 @@ def taken_over(folder: Path) -> list[str]:
 
 def without_times(data: Any) -> Any:
     if isinstance(data, dict):
-        return {key: without_times(each) for key, each in data.items() if key not in ("wall_time", "real_time_factor")}
+        return {
+            key: without_times(each)
+            for key, each in data.items()
+            if key not in ("started_at", "wall_time", "real_time_factor")
+        }
     return [without_times(each) for each in data] if isinstance(data, list) else data
 
 

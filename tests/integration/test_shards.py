@@ -46,6 +46,7 @@ def junit(folder: Path) -> str:
     root = ET.parse(folder / "junit.xml").getroot()
     for element in root.iter():
         element.attrib.pop("time", None)
+        element.attrib.pop("timestamp", None)
         for child in [child for child in element if child.get("name") == "real_time_factor"]:
             element.remove(child)
     return ET.tostring(root, encoding="unicode")

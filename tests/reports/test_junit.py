@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -133,6 +134,14 @@ def test_strict_mode_keeps_the_schema(kind: str, options: ReportOptions) -> None
         assert set(element.attrib) >= REQUIRED.get(element.tag, set())
         assert {child.tag for child in element} <= CHILDREN.get(element.tag, set())
         assert SUREFIRE_TIME.fullmatch(element.get("time", ""))
+
+
+def test_a_suite_says_when_the_call_started(options: ReportOptions) -> None:
+    started = datetime(2026, 11, 6, 8, 30, tzinfo=UTC)
+    for strict in (False, True):
+        results = SAMPLES["failed"].model_copy(update={"started_at": started})
+        suites = written(results, replace(options, junit_strict=strict)).findall("testsuite")
+        assert {suite.get("timestamp") for suite in suites} == {"2026-11-06T08:30:00+00:00"}
 
 
 def test_strict_mode_drops_nothing_else(kind: str, options: ReportOptions) -> None:
