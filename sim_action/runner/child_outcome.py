@@ -42,6 +42,12 @@ _MAX_LAST_WORDS_LINES: Final = 20
 
 Limit = Literal["wall limit", "output limit"]
 
+TOO_SLOW: Final = "too slow"
+"""The title of a failure at the wall limit of a run whose sim time was still moving on."""
+
+# The last part of the wall limit, in which sim time must have moved on.
+_MOVING_PART: Final = 0.2
+
 Ending = int | Limit
 """The exit status of a child process (see `ChildProcess.poll`), or the limit at which it was ended."""
 
@@ -244,12 +250,20 @@ def _left_behind(child: ChildProcess) -> tuple[str, ...]:
 
 
 def _failure(child: ChildProcess, ending: Ending, output: str) -> Failure:
-    place = _stuck_at(child) if ending == "wall limit" else _exit_call(child, ending)
+    is_stuck = ending == "wall limit" and not _is_moving(child)
+    place = _stuck_at(child) if is_stuck else _exit_call(child, ending)
     kind, title, cause = _cause(child, ending, output, place)
     message = "; ".join((cause, f"its last report was at {child.sim_time:.2f} s of sim time", *_left_behind(child)))
     if place is None and ending == "wall limit":
         place = _limiting_key(child.job.loaded.document)
     return Failure(kind=kind, title=title, message=message, location=place, details=_last_words(output))
+
+
+def _is_moving(child: ChildProcess) -> bool:
+    """Return True if sim time still moved on shortly before the wall limit."""
+    begun = child.started if child.judged is None else child.judged
+    limit = child.job.loaded.scenario.wall_seconds
+    return child.moved is not None and child.moved > begun + (1 - _MOVING_PART) * limit
 
 
 def _stuck_at(child: ChildProcess) -> Location | None:
@@ -289,6 +303,9 @@ def _cause(child: ChildProcess, ending: Ending, output: str, place: Location | N
     scenario = child.job.loaded.scenario
     if ending == "wall limit":
         limit = f"no verdict after {scenario.wall_seconds:g} s of wall time (wall_limit)"
+        if _is_moving(child):
+            advice = "raise wall_limit, or run fewer scenarios at the same time (--jobs)"
+            return "wall limit", TOO_SLOW, f"{limit}, and sim time was still moving on: {advice}"
         return "wall limit", "wall limit", f"{limit}: {' or '.join((*_stuck(child, place), 'a limit that is too low'))}"
     if ending == "output limit":
         printed = f"more than {units.display(scenario.output_bytes, 'B')} were printed"

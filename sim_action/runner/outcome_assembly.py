@@ -18,7 +18,7 @@ from sim_action.results.artifacts import stored_file
 from sim_action.results.events import Event, Finished, Listener, RunEnded
 from sim_action.results.journal import Planned, Record
 from sim_action.results.outcome import Failure, Outcome, Repeats
-from sim_action.runner.child_outcome import unjudged
+from sim_action.runner.child_outcome import TOO_SLOW, unjudged
 from sim_action.runner.run_plan import Plan
 from sim_action.runner.runs import motion_file
 from sim_action.scenario.model import LoadedScenario
@@ -213,6 +213,10 @@ def merge_repeats(loaded: LoadedScenario, outcomes: Sequence[Outcome], folder: P
         return outcomes[0]
     # An interruption or an internal error says nothing about the repeatability of the scenario.
     ours = next((one for one in outcomes if one.exit_code in (ExitCode.INTERRUPTED, ExitCode.INTERNAL)), None)
+    # Nor does the wall limit, if the runs that came to their end agree.
+    slow = [one for one in outcomes if any(failure.title == TOO_SLOW for failure in one.failures)]
+    if slow and len({_Run(0, one).key for one in outcomes if one not in slow}) <= 1:
+        ours = ours or slow[0]
     runs = [_Run(number, one) for number, one in enumerate(outcomes, start=1) if one.status != "skipped"]
     if ours is not None or not runs:
         told, kept = ours or outcomes[0], [ours or outcomes[0]]

@@ -101,6 +101,19 @@ def test_a_wall_limit_names_what_may_be_stuck_and_the_key_to_change(
     assert failure.location.line == line
 
 
+@pytest.mark.parametrize(("share", "title"), [(0.5, "wall limit"), (0.9, "too slow")])
+def test_a_run_whose_sim_time_moves_on_is_too_slow_and_blames_no_code(tmp_path: Path, share: float, title: str) -> None:
+    slow = child(tmp_path, f"wall_limit: 7 s\n{BY_SCRIPT}")
+    slow.report = ChildReport(stack_dump=f'Stack:\n  File "{tmp_path}/ctl.py", line 2 in stand\n'.encode())
+    slow.sim_time, slow.moved = 0.3, slow.started + share * 7
+    (failure,) = outcome_of(slow, "wall limit").failures
+    assert (failure.kind, failure.title) == ("wall limit", title)
+    assert ("ctl.py:2 did not return" in failure.message) == (title == "wall limit")
+    assert ("sim time was still moving on: raise wall_limit" in failure.message) == (title == "too slow")
+    assert failure.location is not None
+    assert failure.location.line == (2 if title == "wall limit" else 1)
+
+
 @pytest.mark.parametrize("deleted", [False, True])
 def test_a_line_that_did_not_return_is_named(tmp_path: Path, deleted: bool) -> None:
     stuck = child(tmp_path, BY_SCRIPT)

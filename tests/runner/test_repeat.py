@@ -9,7 +9,7 @@ import pytest
 
 from sim_action.core.errors import InternalError
 from sim_action.results.outcome import Failure, Outcome, Repeats
-from sim_action.runner.child_outcome import interrupted, skipped
+from sim_action.runner.child_outcome import TOO_SLOW, interrupted, skipped
 from sim_action.runner.outcome_assembly import merge_repeats
 from sim_action.scenario.model import LoadedScenario
 from sim_action.state.trace_storage import save_trace
@@ -82,6 +82,15 @@ def test_errors_are_the_same_whatever_time_they_tell(kind: str, loaded: LoadedSc
     told = merge_repeats(loaded, [failed(kind), failed(kind, "at 0.6 s, in <object at 0x7f>")], tmp_path)
     assert told.repeats
     assert (told.status, told.repeats.agreed, told.repeats.digests) == ("error", 2, 0)
+
+
+def test_a_run_that_is_too_slow_is_not_flaky_unless_the_others_differ(loaded: LoadedScenario, tmp_path: Path) -> None:
+    slow = failed("wall limit")
+    slow = slow.model_copy(update={"failures": (slow.failures[0].model_copy(update={"title": TOO_SLOW}),)})
+    assert merge_repeats(loaded, [ran(), slow, ran()], tmp_path) == slow
+    assert merge_repeats(loaded, [slow, slow], tmp_path).status == "error"
+    assert merge_repeats(loaded, [ran(), slow, ran("b")], tmp_path).status == "flaky"
+    assert merge_repeats(loaded, [ran(), failed("wall limit")], tmp_path).status == "flaky"
 
 
 def test_an_error_among_passes_is_flaky_and_told(loaded: LoadedScenario, tmp_path: Path) -> None:

@@ -41,6 +41,7 @@ class ChildProcess(ABC):
         tasks: the processes and threads that a child process without user code's own takes, at most.
         progress: readable for `select` if there is progress, or if the child process has ended.
         sim_time: the last reported sim time, in s.
+        moved: `time.monotonic()` when it first reported that sim time; None: not yet.
         left: after `close`, the number of processes that it left behind and that were ended, as far as known.
         peak_memory: after `close`, the largest resident memory of one of its processes in bytes; 0 if not known.
         silent: True if there will be no more progress.
@@ -66,6 +67,7 @@ class ChildProcess(ABC):
         self.job = job
         self.progress = progress
         self.sim_time = 0.0
+        self.moved: float | None = None
         self.left = 0
         self.peak_memory = 0
         self.silent = False
@@ -132,7 +134,9 @@ class ChildProcess(ABC):
         elif (call := _EXIT_CALL.fullmatch(line)) is not None:
             self.exit_call = Location(os.fsdecode(call["file"]), int(call["line"]))
         else:
-            self.sim_time = float(line)
+            before, self.sim_time = self.sim_time, float(line)
+            if self.sim_time > before:
+                self.moved = time.monotonic()
 
     @abstractmethod
     def _heard(self) -> bytes:
