@@ -20,9 +20,10 @@ _MAX_DETAILS_CHARS: Final = 4_000
 _FRAME: Final = re.compile(r'^ *File "([^"]+)", line ([0-9]{1,9})(?:, in .*)?\n(?: {4,}(\S.*))?', re.MULTILINE)
 
 
-# The exception is the first line without indentation, and it may have more lines.
+# The exception is the first line without indentation, and it may have more lines. A prompt of input() may come before
+# the first line.
 _TRACEBACK: Final = re.compile(
-    r"^Traceback \(most recent call last\):\n(?P<frames>(?:[ ].*\n|\n)*)(?P<said>\S.*)", re.MULTILINE
+    r"^.*?Traceback \(most recent call last\):\n(?P<frames>(?:[ ].*\n|\n)*)(?P<said>\S.*)", re.MULTILINE
 )
 # Python prints no traceback for a syntax error in the program itself.
 _SYNTAX: Final = re.compile(
@@ -59,6 +60,8 @@ def traceback_location(text: str, workspace: Path) -> Location | None:
     """Return the innermost place of a traceback that is in the workspace."""
     root = workspace.resolve()
     for file, line, _ in reversed(_FRAME.findall(text)):
+        if file.startswith("<"):  # such as <frozen os>, which is no file
+            continue
         try:
             path = Path(file).resolve()
         except (OSError, ValueError, RuntimeError):  # too long, with a NUL, or links in a circle

@@ -124,3 +124,12 @@ def test_a_lack_of_memory_names_the_limit(tmp_path: Path) -> None:
 
 def test_a_text_that_is_no_traceback_takes_no_time(tmp_path: Path) -> None:
     assert ending_of("Traceback (most recent call last):\n" + "  a\n" * 20_000, tmp_path) == Ending()
+
+
+def test_a_traceback_after_a_prompt_is_read_and_frozen_modules_are_no_place(tmp_path: Path) -> None:
+    text = (
+        f'Enter x: Traceback (most recent call last):\n  File "{tmp_path}/a.py", line 3, in f\n    environ["X"]\n'
+        "  File \"<frozen os>\", line 679, in __getitem__\nKeyError: 'X'\n"
+    )
+    assert ending_of(text, tmp_path) == Ending(": KeyError: 'X'", Location(f"{tmp_path}/a.py", 3))
+    assert ending_of(text, Path.cwd()).location is None

@@ -21,6 +21,7 @@ from sim_action.results.events import Finished
 from sim_action.results.journal import Header, Journal, Planned
 from sim_action.results.masking import Mask
 from sim_action.results.outcome import Outcome
+from sim_action.ros import node_start
 from sim_action.ros.ros1.catkin_packages import find_launch_file
 from sim_action.ros.ros1.installation import Ros, find_ros
 from sim_action.ros.ros1.launch.launch_process import Launch, Watch, free_port
@@ -82,7 +83,11 @@ class LaunchCall:
         tags = test_tags(files[0])
         asked = self._asked(tags)
         (self.folder / REQUEST_FILE).write_text(asked.model_dump_json(), encoding="utf-8")
-        more = {"ROS_TEST_RESULTS_DIR": str(self.folder / RESULTS), "ROS_LOG_DIR": str(self.folder / LOGS)}
+        more = {
+            "ROS_TEST_RESULTS_DIR": str(self.folder / RESULTS),
+            "ROS_LOG_DIR": str(self.folder / LOGS),
+            **node_start.variables(asked.seed),
+        }
         launch = Launch.start(self._words(files), self.overlay, self.folder, more)
         try:
             meanwhile()

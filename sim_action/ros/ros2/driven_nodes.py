@@ -15,6 +15,7 @@ from sim_action.commands import ClosedLoop
 from sim_action.core.errors import Location, ScriptError, SourceProblem, UsageError
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line, shortened
+from sim_action.ros import node_start
 from sim_action.ros.program_failures import ending_of, exit_text, shown_path
 from sim_action.ros.ros2.bridge_link import Bridge, BridgeEnded, Endpoint
 from sim_action.ros.ros2.graph import Qos, TopicEnd, large_message_problem, order_notes, subscriber_problems, unheard
@@ -126,7 +127,8 @@ def open_nodes(spec: Ros2Nodes, rate: float, scene: Scene) -> ClosedLoop:
     except UsageError as error:
         raise SourceProblem(str(error), _KEY) from None
     with ExitStack() as undo:
-        session = Session.open(spec, ros, scene.workspace, os.environ, undo)
+        inherited = {**os.environ, **node_start.variables(scene.seed)}
+        session = Session.open(spec, ros, scene.workspace, inherited, undo)
         group = _started(spec, rate, scene, session)
         undo.callback(group.close)
         nodes = DrivenNodes(spec, rate, scene, session, group)

@@ -94,21 +94,24 @@ class ProcessFolder:
         self._forwarded: list[NodeProcess] = []
 
     def start(
-        self, label: str, words: Sequence[str], *, kept: Sequence[int] = (), forwards: bool = True
+        self, label: str, words: Sequence[str], *, kept: Sequence[int] = (), forwards: bool = True, stdin: str = ""
     ) -> NodeProcess:
         """Start a program. Raise ScriptError.
 
         :param kept: descriptors that it inherits.
         :param forwards: True if its output is for the user.
+        :param stdin: the text on its standard input.
         """
         output = self.path / f"output-{len(self._started)}.txt"
-        with output.open("ab") as file:
+        given = self.path / f"input-{len(self._started)}.txt"
+        given.write_text(stdin, encoding="utf-8")
+        with output.open("ab") as file, given.open("rb") as source:
             try:
                 process = subprocess.Popen(  # noqa: S603 - what the user asks for; no shell is used
                     words,
                     cwd=self._working_directory,
                     env=self.environment,
-                    stdin=subprocess.DEVNULL,
+                    stdin=source,
                     stdout=file,
                     stderr=subprocess.STDOUT,
                     pass_fds=kept,

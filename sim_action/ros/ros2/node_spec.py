@@ -140,6 +140,7 @@ class Ros2NodeSpec(FrozenModel):
     remap: Annotated[
         dict[OldName, GraphName], Field(description="name that the node uses -> name that replaces it")
     ] = Field(default_factory=dict)
+    stdin: Annotated[str, Field(description="text that the program can read, as from a keyboard")] = ""
     required: Annotated[bool, Field(description="if true, the run fails when this node ends")] = False
 
     @model_validator(mode="before")

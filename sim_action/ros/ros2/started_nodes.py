@@ -17,6 +17,7 @@ import yaml
 from sim_action.core.errors import ScriptError, SourceProblem
 from sim_action.core.records import dataclass
 from sim_action.core.workspace import PathError
+from sim_action.ros import node_start
 from sim_action.ros.program_failures import Ending, ending_of, error_with_output, exit_text
 from sim_action.ros.ros2.installation import RMW, Ros2
 from sim_action.ros.ros2.lockstep import CLOCK, clock_of
@@ -126,6 +127,11 @@ def set_up_packages(spec: Ros2Nodes, ros: Ros2, workspace: Workspace, folder: Pr
     common = dict(folder.environment)
     folder.environment |= packages.set_up(folder.path)
     folder.environment |= {name: common[name] for name in ("RMW_IMPLEMENTATION", "ROS_DOMAIN_ID")}
+    start = folder.path / "start"
+    start.mkdir()
+    (start / "sitecustomize.py").symlink_to(node_start.__file__)
+    paths = (str(start), folder.environment.get("PYTHONPATH", ""))
+    folder.environment["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
     return packages
 
 
@@ -191,7 +197,7 @@ def _start_node(
         path = folder.path / f"parameters-{number}.yaml"
         path.write_text(parameter_file(node.parameters), encoding="utf-8")
         words += ["--params-file", str(path)]
-    return folder.start(node.called, [*words, "-p", "use_sim_time:=true"])
+    return folder.start(node.called, [*words, "-p", "use_sim_time:=true"], stdin=node.stdin)
 
 
 def node_error(process: NodeProcess, code: int, directory: Path) -> ScriptError:

@@ -10,7 +10,7 @@ import pytest
 
 from sim_action.core.errors import ScriptError
 from sim_action.ros.ros2.node_processes import ProcessFolder
-from tests.patience import wait_until
+from tests.patience import PATIENCE, wait_until
 
 pytestmark = [
     pytest.mark.process,
@@ -69,4 +69,13 @@ def test_a_program_that_cannot_be_started(tmp_path: Path) -> None:
     script.chmod(0o700)
     with pytest.raises(ScriptError, match="its first line names a missing interpreter, '#!/no/such/python'"):
         folder.start("script", [str(script)])
+    folder.close()
+
+
+@pytest.mark.parametrize(("stdin", "said"), [("1.5\nyes\n", "1.5 yes"), ("", "EOFError")])
+def test_a_program_reads_the_given_text(stdin: str, said: str, tmp_path: Path) -> None:
+    folder = ProcessFolder(tmp_path, os.environ)
+    asks = folder.start("asks", [sys.executable, "-c", "print(input(), input())"], stdin=stdin)
+    asks.await_end(PATIENCE)
+    assert said in asks.text()
     folder.close()

@@ -42,7 +42,7 @@ def open_nodes(spec: RosNodes, rate: float, scene: Scene) -> ClosedLoop:
     workspace = workspace_of(spec.workspace, scene.workspace)
     arguments = spec.launch[2:] if spec.launch else ()
     file = _file_of(spec, workspace)
-    launching = LaunchSpec(ros, workspace, file, arguments, port, scene.model.urdf, spec.allow_losses)
+    launching = LaunchSpec(ros, workspace, file, arguments, port, scene.model.urdf, spec.allow_losses, scene.seed)
     try:
         nodes = LaunchedNodes(launching)
     except UsageError as error:

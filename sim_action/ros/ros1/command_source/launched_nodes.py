@@ -24,6 +24,7 @@ from sim_action.core.errors import ScriptError, SourceProblem
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
+from sim_action.ros import node_start
 from sim_action.ros.launches import EventFile, lost_models, lost_worlds
 from sim_action.ros.processes import children
 from sim_action.ros.program_failures import error_with_output, signal_name, traceback_location
@@ -81,6 +82,7 @@ class LaunchSpec:
         port: of the master.
         description: the robot's URDF.
         allows_losses: True if parts of the launch file that are not simulated are warnings instead of errors.
+        seed: of the run.
     """
 
     ros: Ros
@@ -90,6 +92,7 @@ class LaunchSpec:
     port: int
     description: str
     allows_losses: bool = False
+    seed: int = 0
 
 
 class LaunchedNodes:
@@ -133,7 +136,11 @@ class LaunchedNodes:
         (self.folder / "task.json").write_text(json.dumps(task), encoding="utf-8")
         words = [str(asked.ros.python), "-c", _LAUNCHER.read_text(encoding="utf-8"), str(self.folder / "task.json")]
         call = _made(self.folder / "call")
-        more = {"ROS_LOG_DIR": str(self._logs), "ROS_MASTER_URI": f"http://localhost:{asked.port}"}
+        more = {
+            "ROS_LOG_DIR": str(self._logs),
+            "ROS_MASTER_URI": f"http://localhost:{asked.port}",
+            **node_start.variables(asked.seed),
+        }
         return Launch.start(words, self.overlay, call, more, captures_output=True)
 
     def await_start(self) -> None:

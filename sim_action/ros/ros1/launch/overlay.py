@@ -22,10 +22,11 @@ from typing import Final
 
 from sim_action.core.errors import UsageError
 from sim_action.core.records import dataclass
+from sim_action.ros import node_start
 from sim_action.ros.ros1.catkin_packages import exported_models, packages_below, packages_of, sources
 from sim_action.ros.ros1.installation import Ros
 
-_SITECUSTOMIZE: Final = Path(__file__).with_name("ros_patches.py")
+_PATCHES: Final = Path(__file__).with_name("ros_patches.py")
 _PACKAGES: Final = Path(__file__).parent / "packages"
 PACKAGE_ROOT: Final = str(Path(__file__).resolve().parents[4])
 """The folder from which sim_action is imported."""
@@ -108,7 +109,8 @@ def build_overlay(folder: Path, ros: Ros, workspace: Path, environment: Mapping[
         else:
             (share / name).symlink_to(path)
     generate_messages({**users, **stand_ins}, packages, modules, ros)
-    (modules / "sitecustomize.py").symlink_to(_SITECUSTOMIZE)
+    (modules / "sitecustomize.py").symlink_to(node_start.__file__)
+    (modules / f"{node_start.PATCHES}.py").symlink_to(_PATCHES)
     for name in ("python", "python3"):
         _write_program(programs / name, f'exec {ros.python} "$@"')
     for package, name in _NODES:

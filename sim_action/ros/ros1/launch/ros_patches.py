@@ -23,20 +23,15 @@ simulation, the patch leaves the limit in a file for it: the simulation ends aft
 roslaunch starts a file without a simulation, which then waits for nothing. The patch refuses it, and leaves a file for
 a simulation that is the only node: nothing can spawn a robot in it.
 
-Python imports this file as `sitecustomize` at start, in every process of a launch. It imports nothing of this package.
+`sim_action.ros.node_start` installs them at the start of every process. They import nothing of this package.
 """
 
 from __future__ import annotations
 
-import importlib.abc
-import importlib.util
 import os
 import sys
 import threading
 import time
-from collections.abc import Sequence
-from importlib.machinery import ModuleSpec, PathFinder
-from types import ModuleType
 from typing import Any
 
 SLEEPERS = "wall_clock"  # folder of files of nodes that sleep, in that of the logs
@@ -279,21 +274,21 @@ def _folder_of(module: Any, levels: int = 1) -> str:
     """Return the folder of a module, or one above it."""
     path = str(module.__file__)
     for _ in range(levels):
-        path = os.path.dirname(path)  # noqa: PTH120 - see _read_next
+        path = os.path.dirname(path)  # noqa: PTH120 - to import pathlib takes 10 ms of each start
     return path
 
 
 def _leave_note(text: str) -> None:
-    _write(os.path.join(os.environ["ROS_LOG_DIR"], SLEEPERS), str(os.getpid()), text)  # noqa: PTH118 - see _read_next
+    _write(os.path.join(os.environ["ROS_LOG_DIR"], SLEEPERS), str(os.getpid()), text)  # noqa: PTH118 - to import pathlib takes 10 ms of each start
 
 
 def _write(folder: str, name: str, text: str) -> None:
     """Write a file in one step: a reader finds all of it or no file."""
-    path = os.path.join(folder, name)  # noqa: PTH118 - see _read_next
-    os.makedirs(folder, exist_ok=True)  # noqa: PTH103 - see _read_next
-    with open(path + ".part", "w", encoding="utf-8") as file:  # noqa: PTH123 - see _read_next
+    path = os.path.join(folder, name)  # noqa: PTH118 - to import pathlib takes 10 ms of each start
+    os.makedirs(folder, exist_ok=True)  # noqa: PTH103 - to import pathlib takes 10 ms of each start
+    with open(path + ".part", "w", encoding="utf-8") as file:  # noqa: PTH123 - to import pathlib takes 10 ms of each start
         file.write(text)
-    os.replace(path + ".part", path)  # noqa: PTH105 - see _read_next
+    os.replace(path + ".part", path)  # noqa: PTH105 - to import pathlib takes 10 ms of each start
 
 
 # Module of ROS -> function that patches its namespace.
@@ -309,36 +304,8 @@ _REPLACED = {
 }
 
 
-class _Finder(importlib.abc.MetaPathFinder):
-    """Finds the modules of ROS, and patches them after they are loaded."""
-
-    def find_spec(
-        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
-    ) -> ModuleSpec | None:
-        if fullname not in _REPLACED:
-            return None
-        spec = PathFinder.find_spec(fullname, path, target)
-        if spec is not None and spec.loader is not None:
-            read = spec.loader.exec_module
-
-            def read_and_replace(module: ModuleType) -> None:
-                read(module)
-                _REPLACED[fullname](vars(module))
-
-            vars(spec.loader)["exec_module"] = read_and_replace
-        return spec
-
-
-def _read_next() -> None:
-    """Run the `sitecustomize` that this one hides, if there is one."""
-    here = os.path.dirname(__file__)  # noqa: PTH120 - to import pathlib takes 10 ms of each start
-    spec = PathFinder.find_spec("sitecustomize", [path for path in sys.path if path != here])
-    if spec is not None and spec.loader is not None:
-        spec.loader.exec_module(importlib.util.module_from_spec(spec))
-
-
-if __name__ == "sitecustomize":
-    sys.meta_path.insert(0, _Finder())
+def install() -> dict[str, Any]:
+    """Patch Python, and return module of ROS -> function that patches its namespace."""
     _note_sleeps()
     _log_errors_of_threads()
-    _read_next()
+    return _REPLACED

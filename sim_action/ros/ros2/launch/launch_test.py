@@ -31,6 +31,7 @@ from sim_action.results.events import Finished
 from sim_action.results.journal import Header, Journal, Planned
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, status_of
 from sim_action.robot.reading.loading import load_model
+from sim_action.ros import node_start
 from sim_action.ros.launches import OpenCommands
 from sim_action.ros.program_failures import shown_path, traceback_location
 from sim_action.ros.result_files import Case, read_suite
@@ -247,7 +248,8 @@ class _LaunchTest:
         workspace = Workspace(self._root, self._root, allow_outside=True)
         ros = self._packages.ros
         assert ros is not None
-        session = Session.open(asked, ros, workspace, environment(request.pass_env), undo)
+        inherited = {**environment(request.pass_env), **node_start.variables(request.seed)}
+        session = Session.open(asked, ros, workspace, inherited, undo)
         self._results = session.folder.path / "results.xml"
         nothing = RobotTopics(frozenset(), frozenset())
         spec = LaunchSpec(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from sim_action.ros import node_start
 from sim_action.ros.ros1.launch import ros_patches
 from sim_action.ros.ros1.launch_request import LaunchRequest
 from tests.ros.ros1.launches import launched, needs_ros, package
@@ -21,7 +22,8 @@ def test_a_sitecustomize_that_was_there_is_read_after_ours(tmp_path: Path) -> No
     ours, theirs = tmp_path / "ours", tmp_path / "theirs"
     ours.mkdir()
     theirs.mkdir()
-    (ours / "sitecustomize.py").symlink_to(ros_patches.__file__)
+    (ours / "sitecustomize.py").symlink_to(node_start.__file__)
+    (ours / f"{node_start.PATCHES}.py").symlink_to(ros_patches.__file__)
     (theirs / "sitecustomize.py").write_text("import sys\nsys.hooked = True\n")
     rospy = theirs / "rospy"
     rospy.mkdir()
@@ -33,7 +35,7 @@ def test_a_sitecustomize_that_was_there_is_read_after_ours(tmp_path: Path) -> No
 
     said = subprocess.run([sys.executable, "-c", code], env=variables, capture_output=True, text=True, check=True)
 
-    assert said.stdout.split() == ["True", "sitecustomize", "rospy.client"]
+    assert said.stdout.split() == ["True", node_start.PATCHES, "rospy.client"]
 
 
 # Begins to drive, and to listen, amid the run and again and again: when it is heard, and hears, must be the same.

@@ -1,0 +1,115 @@
+"""Code that Python runs at the start of each process of a launch, to make nodes reproducible.
+
+The generators of `random` and of numpy start from the seed of the run and the name of the node, and so do those of
+`numpy.random.default_rng()`. A timeout of an executor of rclpy, as in `spin_once(timeout_sec=0.1)`, is sim time where
+the node has `use_sim_time`.
+
+Python imports this file as `sitecustomize`. It imports nothing of this package; the patches of ROS 1 lie next to it.
+"""
+
+from __future__ import annotations
+
+import importlib.abc
+import importlib.util
+import os
+import sys
+import zlib
+from collections.abc import Callable, Sequence
+from importlib.machinery import ModuleSpec, PathFinder
+from types import ModuleType
+from typing import Any
+
+SEED = "SIM_ACTION_NODE_SEED"  # environment variable with the seed of the run
+PATCHES = "sim_action_ros_patches"  # module next to this one, in launches of ROS 1
+
+# What a node is called, in the arguments of either ROS.
+_NAMES = ("__name:=", "__node:=", "__ns:=")
+
+
+def variables(seed: int) -> dict[str, str]:
+    """Return the environment variables of processes that start with this code."""
+    return {SEED: str(seed), "PYTHONHASHSEED": str(seed % 2**32)}
+
+
+Patch = Callable[[dict[str, Any]], None]
+
+
+def _seed() -> int:
+    """Return the seed of this process: nodes with the same program draw different numbers."""
+    words = sys.orig_argv
+    names = [word for word in words if word.startswith(_NAMES)]
+    programs = [os.path.basename(word) for word in words[1:2]]  # noqa: PTH119 - to import pathlib takes 10 ms
+    return zlib.crc32("\0".join((os.environ.get(SEED, "0"), *programs, *names)).encode())
+
+
+def _seed_random(module: dict[str, Any]) -> None:
+    module["seed"](_seed())
+
+
+def _seed_numpy(module: dict[str, Any]) -> None:
+    module["seed"](_seed())
+    make, made = module["default_rng"], 0
+
+    def default_rng(seed: Any = None) -> Any:
+        nonlocal made
+        made += seed is None
+        return make((_seed(), made) if seed is None else seed)
+
+    module["default_rng"] = default_rng
+
+
+def _replace_timeouts(executors: dict[str, Any]) -> None:
+    executor = executors["Executor"]
+    add = executor.add_node
+
+    def add_node(self: Any, node: Any) -> Any:
+        if node.has_parameter("use_sim_time") and node.get_parameter("use_sim_time").value:
+            self._clock = node.get_clock()
+        return add(self, node)
+
+    executor.add_node = add_node
+
+
+_REPLACED: dict[str, Patch] = {
+    "random": _seed_random,
+    "numpy.random": _seed_numpy,
+    "rclpy.executors": _replace_timeouts,
+}
+"""Module -> function that patches its namespace."""
+
+
+class _Finder(importlib.abc.MetaPathFinder):
+    """Finds the modules in the table, and patches them after they are loaded."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        if fullname not in _REPLACED:
+            return None
+        spec = PathFinder.find_spec(fullname, path, target)
+        if spec is not None and spec.loader is not None:
+            read = spec.loader.exec_module
+
+            def read_and_replace(module: ModuleType) -> None:
+                read(module)
+                _REPLACED[fullname](vars(module))
+
+            vars(spec.loader)["exec_module"] = read_and_replace
+        return spec
+
+
+def _read_next() -> None:
+    """Run the `sitecustomize` that this one hides, if there is one."""
+    here = os.path.dirname(__file__)  # noqa: PTH120 - as above
+    spec = PathFinder.find_spec("sitecustomize", [path for path in sys.path if path != here])
+    if spec is not None and spec.loader is not None:
+        spec.loader.exec_module(importlib.util.module_from_spec(spec))
+
+
+if __name__ == "sitecustomize":
+    sys.meta_path.insert(0, _Finder())
+    if importlib.util.find_spec(PATCHES) is not None:
+        _REPLACED.update(importlib.import_module(PATCHES).install())
+    for name in _REPLACED.keys() & sys.modules.keys():
+        _REPLACED[name](vars(sys.modules[name]))
+    _read_next()
