@@ -28,7 +28,7 @@ HAS_NODE = $(WITH_NODE) node -e 'process.exit(parseInt(process.versions.node) < 
 # A shell that forbids bytecode would have each of the thousands of processes of a test run compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: viewer screenshots demo demo-pictures check check-tests test for-tests bytecode soak coverage lint house lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots accuracy picture bench findings fuzz mutants workflow lock clean
+.PHONY: viewer screenshots demo demo-pictures check check-tests test for-tests bytecode soak coverage lint house lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots accuracy picture bench findings engines fuzz mutants workflow lock clean
 
 demo: $(VENV)/.installed ## run the scenario at the top of README.md
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
@@ -143,6 +143,13 @@ findings: ## run the scripts of findings/, or those that ONLY names; each instal
 	@failed=; for name in $(or $(ONLY),$(basename $(notdir $(wildcard findings/*.sh)))); do \
 	  echo "$$name"; PYTHON=$(PYTHON) bash findings/$$name.sh || failed="$$failed $$name"; \
 	done; [ -z "$$failed" ] || { echo "failed:$$failed"; exit 1; }
+
+engines: $(VENV)/.dev ## the newest mujoco-core: what moved in the zoo, and the tests of engines
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade --no-deps --target $(VENV)/engines mujoco-core
+	@PYTHONPATH=$(VENV)/engines $(BIN)/python -c 'import mujoco; print("mujoco-core", mujoco.__version__)'
+	@failed=; PYTHONPATH=$(VENV)/engines $(BIN)/python -m tests.physics.measure --engine mujoco --all --moved || failed=1; \
+	PYTHONPATH=$(VENV)/engines $(BIN)/python -m pytest -q tests/engines tests/physics tests/robot/reading/mjcf $(wildcard tests/integration/test_native_*.py) || failed=1; \
+	[ -z "$$failed" ]
 
 fuzz: $(VENV)/.dev ## a quarter of an hour of scenarios, models and other files that nobody has written
 	$(BIN)/python -m tests.fuzz

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
@@ -12,6 +12,9 @@ from sim_action.core.records import dataclass
 from sim_action.robot.model.kinematics import link_of_frame
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import WORLD_FRAME, BasePush, LinkWrench
+
+MAX_ATTRACTION_M: Final = 0.001
+"""Shapes that are farther apart do not attract each other."""
 
 
 class Target(NamedTuple):
@@ -38,6 +41,9 @@ class BodyControl(Protocol):
 
         `point_xyz`: where the force acts, in m, in the frame of the target; None: its centre of mass.
         """
+
+    def attract(self, target: Target, force: float) -> None:
+        """Pull a target and each thing that touches it together for the next step, with a force in N per pair."""
 
     def clear_forces(self) -> None:
         """Remove all forces and torques; called after a step."""

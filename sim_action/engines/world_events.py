@@ -38,8 +38,11 @@ class WorldEvents:
         self.after_step(-1)
 
     @classmethod
-    def of(cls, scene: Scene, control: BodyControl) -> Self | None:
-        """Return the events of a scene, or None if it has none. All bodies must be at their initial poses."""
+    def of(cls, scene: Scene, control: BodyControl, *, drives_surfaces: bool = False) -> Self | None:
+        """Return the events of a scene, or None if it has none. All bodies must be at their initial poses.
+
+        `drives_surfaces`: True for an engine without surface velocities of its own.
+        """
         rate, objects = scene.physics.rate, scene.world.objects
         travels = [_Travel(control, body, rate) for body in objects if body.path]
         absent = [body for body in objects if body.appears is not None]
@@ -48,6 +51,8 @@ class WorldEvents:
             *(_Absence(control, body, rate, number) for number, body in enumerate(absent, start=1)),
             *(_Payload(control, load, scene) for load in scene.world.disturbances if load.payload is not None),
         ]
+        belts = [body for body in objects if body.surface_velocity is not None and drives_surfaces]
+        movers += [_Belt(control, body, rate) for body in belts]
         movers += [
             _Ice(control, index, patch, scene)
             for index, patch in enumerate(scene.world.patches)
@@ -97,6 +102,26 @@ class _Travel(_Mover):
             return
         self._rests = here == ahead
         self._control.set_pose(self._name, here, geometry.twist_between(here, ahead, 1 / self._rate))
+
+
+class _Belt(_Mover):
+    """A body that stands still and carries what touches it, from 0 s on.
+
+    A round one turns indeed: PyBullet keeps contacts of cylinders over several steps, at their places on the body.
+    """
+
+    def __init__(self, control: BodyControl, body: Body, rate: float) -> None:
+        assert body.surface_velocity is not None
+        self._control, self._name, self._pose = control, body.name, control.pose(body.name)
+        own, turn = body.surface_velocity.twist, self._pose.orientation_xyzw
+        self._twist = Twist(geometry.rotate(turn, own.linear_xyz), geometry.rotate(turn, own.angular_xyz))
+        self._turn = body.surface_velocity.angular / rate if body.shape in ("cylinder", "sphere") else 0.0
+
+    @override
+    def reach(self, step: int) -> None:
+        turned = Pose(geometry.ZERO, geometry.quaternion_from_rpy(0.0, 0.0, self._turn * max(step, 0)))
+        at = geometry.compose(self._pose, turned)
+        self._control.set_pose(self._name, at, self._twist if step >= 0 else _AT_REST)
 
 
 class _Absence(_Mover):
@@ -159,7 +184,9 @@ class _Acting:
         self._target = Target(name, is_link=disturbance.body is None)
         pushes = disturbance.velocity is not None
         self.first = first_step(disturbance.at, self._rate) if pushes else int(disturbance.at * self._rate)
-        self.last = self.first + 1 if pushes else first_step(disturbance.end, self._rate)
+        self.last = self.first + 1 if pushes else math.inf
+        if math.isfinite(disturbance.end) and not pushes:
+            self.last = first_step(disturbance.end, self._rate)
 
     def act(self, step: int, control: BodyControl) -> None:
         """Apply the disturbance from this step to the next."""
@@ -168,6 +195,9 @@ class _Acting:
             control.add_velocity(self._target, disturbance.velocity)
             return
         share = self._share(step)
+        if disturbance.adhesion is not None:
+            control.attract(self._target, disturbance.adhesion * share)
+            return
         force, torque = (
             geometry.scale(vector or geometry.ZERO, share) for vector in (disturbance.force, disturbance.torque)
         )

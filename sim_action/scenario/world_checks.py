@@ -13,6 +13,7 @@ from sim_action.core.field_types import Placement
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.model.joint_selection import links_with_shapes
 from sim_action.scenario.model import Scenario
 from sim_action.world import GROUND, Body, Disturbance, Physics, World, placed
 from sim_action.world.body_path import placements
@@ -210,7 +211,10 @@ def _target_problems(disturbance: Disturbance, scene: Scene) -> SpecProblems:
     where = ("link",) if disturbance.link else ()
     if link not in scene.model.links_by_name and link in {body.name for body in scene.world.objects}:
         yield where, f"the robot has no link '{link}'; say body: {link}"
-    elif (problem := scene.why_not_moved(link)) is not None:
+    elif disturbance.adhesion is not None and link not in (shaped := links_with_shapes(scene.model)):
+        hint = did_you_mean(link, shaped)
+        yield where, f"the robot has no link '{link}' with a collision shape, so nothing touches it{hint}"
+    elif disturbance.adhesion is None and (problem := scene.why_not_moved(link)) is not None:
         yield where, problem
     elif disturbance.payload is not None:
         yield from _payload_problems(disturbance, link, scene)
@@ -241,7 +245,7 @@ def _body_problems(disturbance: Disturbance, name: str, scene: Scene) -> SpecPro
     if body is None:
         hint = f"; say link: {name}" if name in scene.model.links_by_name else did_you_mean(name, bodies)
         yield ("body",), f"there is no body '{name}'{hint}"
-    elif body.mass is None:
+    elif body.mass is None and disturbance.adhesion is None:
         why = "goes its way" if body.path else "is fixed"
         yield ("body",), f"body '{name}' {why} whatever acts on it; only one with a 'mass' can be disturbed"
     elif body.appears is not None and disturbance.at < body.appears:

@@ -235,7 +235,11 @@ def _nothing_drives(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterat
         message = f"{who} gave no command other than zero in the whole run; {reason}"
         yield ClaimFinding("silent-controller", ("commands",), message)
     world = scenario.world
-    is_alone = not world.disturbances and not facts.bodies_moved and not any(body.path for body in world.objects)
+    is_alone = (
+        not world.disturbances
+        and not facts.bodies_moved
+        and not any(body.path or body.surface_velocity for body in world.objects)
+    )
     moved = facts.motion.base or facts.motion.joints
     if not controllers and is_alone and not moved and not any(leaf.judges_rest(scene) for leaf in leaves):
         message = "nothing acted on the robot, and nothing moved: no command was other than zero"

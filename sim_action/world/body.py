@@ -8,21 +8,24 @@ from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
+from sim_action.core import geometry
 from sim_action.core.field_types import (
     FrozenModel,
     KilogramSquareMetres,
     Metres,
+    MetresPerSecond,
     Name,
     NonNegativeKilogramSquareMetres,
     Placement,
     PositiveKilograms,
     PositiveSeconds,
+    RadiansPerSecond,
     RelativePose,
 )
-from sim_action.core.geometry import Pose, symmetric_eigenvalues
+from sim_action.core.geometry import Pose, Twist, symmetric_eigenvalues
 from sim_action.world.body_path import PathPoint, PosePath, placements
 from sim_action.world.ground import Friction
-from sim_action.world.physics import MAX_MASS
+from sim_action.world.physics import MAX_MASS, MAX_SPEED
 from sim_action.world.shapes import (
     MAX_LENGTH_M,
     Cylinder,
@@ -137,6 +140,31 @@ class Inertia(FrozenModel):
         return (self.ixx, self.ixy, self.ixz), (self.ixy, self.iyy, self.iyz), (self.ixz, self.iyz, self.izz)
 
 
+SurfaceSpeed = Annotated[MetresPerSecond, Field(ge=-MAX_SPEED, le=MAX_SPEED)]
+
+
+class SurfaceVelocity(FrozenModel):
+    """The motion of the surface of an object that stands still itself: a belt, a roller or a turntable."""
+
+    linear: Annotated[
+        tuple[SurfaceSpeed, SurfaceSpeed, SurfaceSpeed], Field(description="along the x, y and z axes of the object")
+    ] = geometry.ZERO
+    angular: Annotated[
+        RadiansPerSecond, Field(ge=-MAX_SPEED, le=MAX_SPEED, description="about the z axis of the object")
+    ] = 0.0
+
+    @model_validator(mode="after")
+    def _moves(self) -> Self:
+        if not (any(self.linear) or self.angular):
+            raise ValueError("a surface that does not move needs no 'surface_velocity': give 'linear' or 'angular'")
+        return self
+
+    @property
+    def twist(self) -> Twist:
+        """The twist in the frame of the object."""
+        return Twist(self.linear, (0.0, 0.0, self.angular))
+
+
 SHAPES: Final = ("box", "cylinder", "sphere", "ramp", "stairs", "mesh", "heightfield", "map", "shapes")
 
 _MAY_MOVE: Final = ("box", "cylinder", "sphere", "mesh", "shapes")
@@ -201,6 +229,10 @@ class Body(FrozenModel):
         Field(description="poses over time, joined by straight lines; it pushes what it meets and is never stopped"),
     ] = ()
     loop: Annotated[bool, Field(description="repeat the path from its end")] = False
+    surface_velocity: Annotated[
+        SurfaceVelocity | None,
+        Field(description="motion of the surface of a fixed object from 0 s on, which carries what touches it"),
+    ] = None
     appears: Annotated[
         PositiveSeconds | None,
         Field(description="sim time at which the object appears; with a mass, it falls from then on"),
@@ -270,6 +302,10 @@ def path_of(body: Body, parts: Sequence[Part]) -> PosePath:
 
 def _refuse_impossible_path(body: Body) -> None:
     """Raise ValueError if the keys on the motion of a body contradict each other."""
+    if body.surface_velocity is not None:
+        others = {"mass": body.mass is not None, "path": body.path, "appears": body.appears is not None}
+        if stated := [name for name, is_stated in others.items() if is_stated]:
+            raise ValueError(f"'surface_velocity' is of an object that is fixed from the start; remove '{stated[0]}'")
     if body.loop and not body.path:
         raise ValueError("'loop' needs a 'path'")
     if not body.path:

@@ -69,6 +69,9 @@ class Physics(FrozenModel):
             description="depth of the base below ground from which the run is unstable; default: its extent plus 1 m"
         ),
     ] = None
+    speculative: Annotated[
+        bool, Field(description="stop most of what would pass through something within a step; MuJoCo only")
+    ] = False
 
 
 GRAVITY: Final = 9.80665
@@ -125,14 +128,14 @@ PushMetresPerSecond = Annotated[MetresPerSecond, Field(ge=-MAX_SPEED, le=MAX_SPE
 
 
 class Disturbance(FrozenModel):
-    """A force and a torque on a link or a body for some time, a push that changes its velocity at once, or a load."""
+    """A force and a torque on a link or a body for some time, a push that changes its velocity, a load, or adhesion."""
 
     at: Annotated[NonNegativeSeconds, Field(description="sim time at which it starts")]
     duration: Annotated[
         PositiveSeconds | None,
         Field(
             alias="for",
-            description="duration; needed by a force or a torque; a push has none; default of a payload: on",
+            description="duration; needed by a force or a torque; a push has none; default of a payload, adhesion: on",
         ),
     ] = None
     link: Annotated[Name | None, Field(description="link of the robot; default without 'body': its base link")] = None
@@ -157,21 +160,27 @@ class Disturbance(FrozenModel):
         Field(description="mass added to a link at its centre of mass; a negative one is taken from it"),
     ] = None
 
+    adhesion: Annotated[
+        Annotated[float, Field(ge=0, le=MAX_FORCE), Quantity((units.FORCE,))] | None,
+        Field(description="holds what touches the link or body with up to this force, as a suction cup or a magnet"),
+    ] = None
+
     def is_felt(self, mass: float) -> bool:
         """Return True if it is more than a hundredth of the weight of a mass in kg, or of 1 m/s."""
         force, torque, velocity = (math.hypot(*(v or (0.0,))) for v in (self.force, self.torque, self.velocity))
-        pressing = max(force, torque, abs(self.payload or 0.0) * GRAVITY)
+        pressing = max(force, torque, abs(self.payload or 0.0) * GRAVITY, self.adhesion or 0.0)
         return velocity > FELT_SHARE or pressing > FELT_SHARE * mass * GRAVITY
 
     def claims(self) -> Iterator[str]:
         """Yield why it has no effect."""
-        if not any((*(self.force or ()), *(self.torque or ()), *(self.velocity or ()), self.payload)):
-            yield "the force, torque, velocity or payload of this disturbance is zero; change it, or remove it"
+        if not any((*(self.force or ()), *(self.torque or ()), *(self.velocity or ()), self.payload, self.adhesion)):
+            yield "the force, torque, velocity, payload or adhesion of this disturbance is zero; change or remove it"
 
     @property
     def end(self) -> float:
-        """The end in s of sim time; infinite for a payload without a duration."""
-        return math.inf if self.payload is not None and self.duration is None else self.at + (self.duration or 0.0)
+        """The end in s of sim time; infinite for a payload or adhesion without a duration."""
+        lasts = self.payload is not None or self.adhesion is not None
+        return math.inf if lasts and self.duration is None else self.at + (self.duration or 0.0)
 
     @property
     def title(self) -> str:
@@ -183,6 +192,7 @@ class Disturbance(FrozenModel):
             (self.torque and math.hypot(*self.torque), "torque", "N m"),
             (self.velocity and math.hypot(*self.velocity), "push", "m/s"),
             (self.payload, "payload", "kg"),
+            (self.adhesion, "adhesion", "N"),
         )
         what = " and ".join(
             f"{word} of {units.display(size, unit)}" for size, word, unit in amounts if size is not None
@@ -199,8 +209,10 @@ class Disturbance(FrozenModel):
         pushes, presses = self.velocity is not None, self.force is not None or self.torque is not None
         if self.link is not None and self.body is not None:
             raise ValueError("give 'link' or 'body', not both; use two disturbances")
-        if pushes + presses + (self.payload is not None) != 1:
-            raise ValueError("a disturbance needs 'force' and 'torque' (one or both), or 'velocity', or 'payload'")
+        if pushes + presses + (self.payload is not None) + (self.adhesion is not None) != 1:
+            raise ValueError(
+                "a disturbance needs 'force' and 'torque' (one or both), or 'velocity', or 'payload', or 'adhesion'"
+            )
         if self.payload is not None and self.body is not None:
             raise ValueError("a 'payload' loads a link of the robot, not a 'body'")
         if presses and self.duration is None:

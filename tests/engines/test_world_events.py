@@ -33,6 +33,7 @@ class WrittenDown:
     puts: list[tuple[str, Pose, Twist]] = field(default_factory=list)
     forces: list[tuple[Target, Vector3, Vector3, Vector3 | None]] = field(default_factory=list)
     pushes: list[tuple[Target, Vector3]] = field(default_factory=list)
+    pulls: list[tuple[Target, float]] = field(default_factory=list)
     loads: list[tuple[str, float]] = field(default_factory=list)
     frictions: list[tuple[int, float]] = field(default_factory=list)
     releases: int = 0
@@ -45,6 +46,9 @@ class WrittenDown:
 
     def apply_force(self, target: Target, force_xyz: Vector3, torque_xyz: Vector3, point_xyz: Vector3 | None) -> None:
         self.forces.append((target, force_xyz, torque_xyz, point_xyz))
+
+    def attract(self, target: Target, force: float) -> None:
+        self.pulls.append((target, force))
 
     def clear_forces(self) -> None:
         self.releases += 1
@@ -142,3 +146,12 @@ def test_a_payload_is_put_on_and_taken_off_once() -> None:
     go(events, 10, 40)
     assert control.loads == [("base_link", 2.0), (MODEL.root, -0.5), ("base_link", -2.0)]
     assert not control.forces
+
+
+def test_adhesion_acts_for_its_time_and_its_share_of_a_step() -> None:
+    control, events = opened(10, disturbances=({"adhesion": 4.0, "at": 0.1, "for": 0.15},))
+    go(events, 0, 5)
+    assert control.pulls == [(Target("base_footprint", is_link=True), pytest.approx(force)) for force in (4.0, 2.0)]
+    control, events = opened(10, disturbances=({"adhesion": 4.0, "at": 0.3},))
+    go(events, 0, 5)
+    assert [force for _, force in control.pulls] == pytest.approx([4.0, 4.0])

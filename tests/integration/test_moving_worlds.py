@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from sim_action.core.errors import RunError
 from sim_action.core.field_types import Placement
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.scenario.loading import build_scene
 from sim_action.simulation.loop import simulate
+from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
 from sim_action.world import GRAVITY, World
 from sim_action.world.scene import Scene
@@ -393,3 +395,113 @@ def test_a_body_that_appears_in_another_leaves_the_run_without_a_verdict(engine:
             simulate(loaded.scenario, build_scene(loaded), lambda _: None)
     loaded = load(tmp_path, text.replace("MASS", "mass: 1 kg, ").replace("98 cm", "1.2 m"))
     assert simulate(loaded.scenario, build_scene(loaded), lambda _: None).verdicts[0].passed
+
+
+@on_every_engine
+@pytest.mark.parametrize("yaw", [0.0, 90.0])
+@pytest.mark.parametrize("rate", [240, 1000])
+def test_a_belt_carries_at_its_speed_from_the_beginning(engine: str, yaw: float, rate: int, tmp_path: Path) -> None:
+    """Friction accelerates the block to the speed of the belt; until then it lags by v^2 / (2 mu g)."""
+    speed, friction = 0.5, 0.8
+    belt = {"name": "belt", "box": (6, 6, 0.1), "friction": 1.0, "pose": {"yaw": math.radians(yaw)}}
+    surroundings = world(objects=({**belt, "surface_velocity": {"linear": (speed, 0, 0)}},))
+    scene = scene_of(tmp_path, BLOCK.format(friction=friction), at(z=0.151), surroundings, rate=rate)
+    with running(engine, scene) as backend:
+        before = advance(backend, -rate, rate)
+        trace = advance(backend, 0, 2 * rate)
+        assert any("push like moving walls" in note for note in backend.notes) == (engine == "pybullet")
+    assert np.abs(before.base_position_xyz[-1, :2]).max() < 1e-3
+    way = 2 * speed - speed**2 / (2 * friction * GRAVITY)
+    along = (way, 0) if yaw == 0 else (0, way)
+    assert trace.base_position_xyz[-1, :2] == pytest.approx(along, abs=0.01 * way)
+    assert trace.base_position_xyz[-1, 2] == pytest.approx(0.15, abs=1e-3)
+
+
+@on_every_engine
+@pytest.mark.parametrize(
+    "shape", [{"box": (4, 4, 0.1)}, {"cylinder": {"radius": 2, "height": 0.1}}], ids=["box", "cylinder"]
+)
+def test_a_turntable_takes_a_block_around(engine: str, shape: dict[str, Any], tmp_path: Path) -> None:
+    table = {"name": "table", **shape, "friction": 1.0, "surface_velocity": {"angular": 0.5}}
+    trace = run(engine, block(tmp_path, world(objects=(table,)), x=1.0, z=0.151), 4)
+    place, velocity = trace.base_position_xyz[-1, :2], trace.base_linear_xyz[-1, :2]
+    assert math.hypot(*place) == pytest.approx(1.0, abs=0.01)
+    assert math.atan2(place[1], place[0]) == pytest.approx(0.5 * 4, abs=0.06)
+    assert velocity == pytest.approx((-0.5 * place[1], 0.5 * place[0]), abs=0.02)
+    assert trace.base_angular_xyz[-1, 2] == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("more", "problem"),
+    [
+        ({"mass": 1.0}, "'surface_velocity' is of an object that is fixed from the start; remove 'mass'"),
+        ({"appears": 1.0}, "remove 'appears'"),
+        ({"path": ({"at": 0.0, "x": 0.0}, {"at": 1.0, "x": 1.0})}, "remove 'path'"),
+        ({"surface_velocity": {}}, "a surface that does not move needs no 'surface_velocity'"),
+        ({"surface_velocity": {"linear": (1e9, 0, 0)}}, "less than or equal to"),
+        ({"surface_velocity": {"linear": (math.nan, 0, 0)}}, "linear"),
+    ],
+)
+def test_a_belt_that_cannot_be_is_refused(more: dict[str, Any], problem: str) -> None:
+    with pytest.raises(ValidationError, match=problem):
+        world(objects=({"name": "belt", "box": (1, 1, 1), "surface_velocity": {"angular": 1.0}, **more},))
+
+
+CUP = """<robot name="gripper"><link name="world"/>
+  <link name="cup"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
+  <joint name="lift" type="prismatic"><parent link="world"/><child link="cup"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" effort="1000" velocity="5"/></joint></robot>"""
+
+
+def held(
+    engine: str, folder: Path, force: float, *, up: float = 0.0, seconds: float = 1.0, until: float = 9.0
+) -> float:
+    """The height by which a box of 2 kg has moved that begins below a cup, which rises with an acceleration `up`."""
+    box = {"name": "box", "box": (0.2, 0.2, 0.1), "mass": 2.0, "pose": {"z": 0.9}}
+    suction = {"adhesion": force, "link": "cup", "at": 0.0, "for": until}
+    robot = Robot.model_validate({"model": "robot.urdf", "joints": {"lift": 0.9999}})
+    surroundings = world(objects=(box,), disturbances=(suction,))
+    with running(engine, scene_of(folder, CUP, robot, surroundings)) as backend:
+        steps = round(seconds * RATE)
+        rising = [JointTargets(velocity={"lift": up * (step + 1) / RATE}) for step in range(steps)]
+        advance(backend, 0, steps, *rising)
+        return backend.body_pose("box").position_xyz[2] - 0.9
+
+
+@on_every_engine
+def test_a_suction_cup_holds_up_to_its_force(engine: str, tmp_path: Path) -> None:
+    weight = 2.0 * GRAVITY
+    assert held(engine, tmp_path, 1.1 * weight) == pytest.approx(0.0, abs=2e-3)
+    # Rising with 2 m/s^2, the box weighs a fifth more.
+    assert held(engine, tmp_path, 1.5 * weight, up=2.0, seconds=0.5) == pytest.approx(2.0 * 0.5**2 / 2, abs=5e-3)
+    assert held(engine, tmp_path, 1.1 * weight, up=2.0, seconds=0.5) < 0
+    # Less than the weight: it falls onto the ground, at g less what the cup takes as long as both touch.
+    assert held(engine, tmp_path, 0.9 * weight) == pytest.approx(-0.85, abs=0.01)
+    # Switched off after half a second, it has fallen for as long.
+    fallen = held(engine, tmp_path, 1.5 * weight, until=0.5, seconds=0.75)
+    assert fallen == pytest.approx(-GRAVITY * 0.25**2 / 2, abs=0.015)
+
+
+@on_every_engine
+def test_a_fixed_magnet_holds_a_block_against_a_wall(engine: str, tmp_path: Path) -> None:
+    """Its force presses, so that friction carries the weight and the block does not tip; a quarter is too little."""
+    wall = {"name": "wall", "box": (0.1, 1, 2), "friction": 1.0, "pose": {"x": 0.2, "z": 1.0}}
+    for force, least, most in ((2.0, 0.99, 1.01), (0.5, 0.0, 0.9)):
+        magnet = {"adhesion": force * MASS * GRAVITY / 0.8, "body": "wall", "at": 0.0}
+        surroundings = world(objects=(wall,), disturbances=(magnet,))
+        trace = run(engine, block(tmp_path, surroundings, x=0.0001, z=1.0), 1)
+        assert least < trace.base_position_xyz[-1, 2] < most
+
+
+@pytest.mark.parametrize(
+    ("keys", "problem"),
+    [
+        ({"adhesion": -1.0}, "greater than or equal to 0"),
+        ({"adhesion": 1.0, "payload": 1.0}, "or 'payload', or 'adhesion'"),
+        ({"adhesion": 1.0, "force": (1, 0, 0), "for": 1.0}, "or 'payload', or 'adhesion'"),
+    ],
+)
+def test_adhesion_that_cannot_be_is_refused(keys: dict[str, Any], problem: str) -> None:
+    with pytest.raises(ValidationError, match=problem):
+        world(disturbances=({"at": 0.0, **keys},))

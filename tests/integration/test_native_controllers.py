@@ -58,6 +58,7 @@ COMMANDED: dict[str, tuple[dict[str, float], dict[int, float]]] = {
         {0: 1.0},
     ),
     '<intvelocity joint="arm" kp="30" kv="1" actrange="-2 2" gear="2"/>': ({"velocity": 0.7}, {0: 1.4}),
+    '<position joint="arm" kp="30" kv="2" delay="0.25" nsample="100"/>': ({"position": 1.0}, {0: 1.0}),
 }
 
 
@@ -84,6 +85,19 @@ def test_the_controller_of_the_model_moves_as_in_mujoco_alone(actuator: str, bef
         angles.append([data.joint(name).qpos[0] for name in ("first", "arm", "last")])
     assert np.abs(positions(trace)[:, :3] - angles).max() < LIMIT_RAD
     assert abs(angles[-1][1]) > 0.02, "it moved"
+
+
+@pytest.mark.parametrize("joint", ['stiffness="20" springyield="0.1"', 'damping="0.1 0.3 0.2"', 'stiffness="1 5 20"'])
+def test_plastic_springs_and_polynomials_act_as_in_mujoco_alone(joint: str, tmp_path: Path) -> None:
+    text = arm('<motor joint="arm"/>').replace('name="arm" range', f'name="arm" {joint} range')
+    assert text != arm('<motor joint="arm"/>')
+    with running("mujoco", scene(tmp_path, text)) as engine:
+        angles = positions(advance(engine, 0, 480, JointTargets(effort={"arm": 4.0})))[:, 1]
+    for alone, limit in ((text, (0.0, LIMIT_RAD)), (arm('<motor joint="arm"/>'), (0.01, np.inf))):
+        data = mujoco.MjData(model := mujoco.MjModel.from_xml_string(alone))
+        data.ctrl[0] = 4.0
+        expected = [mujoco.mj_step(model, data) or data.joint("arm").qpos[0] for _ in range(480)]
+        assert limit[0] <= np.abs(angles - expected).max() < limit[1]
 
 
 @pytest.mark.parametrize(

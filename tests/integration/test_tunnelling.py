@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.errors import MissedContact, RunError, SimulationUnstable
+from sim_action.core.errors import BadStart, MissedContact, RunError, SimulationUnstable
 from sim_action.core.geometry import quaternion_from_rpy, rotate
 from sim_action.simulation.guards import Tunnelling
 from sim_action.simulation.loop import SimulationRun
@@ -76,7 +76,7 @@ def run(folder: Path, engine: str, **keys: Any) -> SimulationRun:
     return simulated(folder, scenario)
 
 
-def robot_shot(folder: Path, engine: str, shot: Shot, **wall: Any) -> SimulationRun:
+def robot_shot(folder: Path, engine: str, shot: Shot, *, speculative: bool = False, **wall: Any) -> SimulationRun:
     """Shoots the robot itself."""
     (folder / "ball.urdf").write_text(BALL.format(radius=shot.radius))
     return run(
@@ -84,7 +84,13 @@ def robot_shot(folder: Path, engine: str, shot: Shot, **wall: Any) -> Simulation
         engine,
         robot={"model": "ball.urdf", "pose": {"x": shot.start, "y": shot.aside, "z": HEIGHT}},
         world=shot.world(shot.wall(**wall)),
-        physics={"rate": shot.rate, "settle": 0, "max_speed": 10_000, "max_turn_rate": 10_000},
+        physics={
+            "rate": shot.rate,
+            "settle": 0,
+            "max_speed": 10_000,
+            "max_turn_rate": 10_000,
+            "speculative": speculative,
+        },
         duration=round(shot.seconds * shot.rate) / shot.rate,
         trace={"rate": shot.rate},
     )
@@ -316,3 +322,23 @@ def test_a_ball_falls_through_no_terrain_unseen(engine: str, tmp_path: Path) -> 
 
 def _hovering(z: float) -> dict[str, Any]:
     return {"model": "ball.urdf", "pose": {"x": 0.3, "y": 0.2, "z": z}}
+
+
+@on_every_engine
+def test_speculative_contacts_stop_what_would_pass_through(engine: str, tmp_path: Path) -> None:
+    shot = Shot(start=-0.55)
+    with pytest.raises(MissedContact):
+        robot_shot(tmp_path, engine, shot)
+    if engine == "pybullet":
+        with pytest.raises(BadStart) as caught:
+            robot_shot(tmp_path, engine, shot, speculative=True)
+        ((path, message),) = caught.value.by_keys
+        assert path == ("physics", "speculative")
+        assert "use backend: mujoco" in message
+        return
+    found = robot_shot(tmp_path, engine, shot, speculative=True)
+    (verdict,) = found.verdicts
+    assert not verdict.passed
+    assert "wall" in verdict.message
+    # It ends at the front of the wall, within a hundredth of its step.
+    assert found.trace.base_position_xyz[:, 0].max() < -shot.thickness / 2 - shot.radius + 0.01 * shot.speed / shot.rate

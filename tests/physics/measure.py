@@ -2,20 +2,21 @@
 
 The table has the cases that engines may be tuned on. `--held-out` shows the others instead, `--all` both. `--write`
 writes the figures of all cases on all engines to `measured.json`, for the documents. A line begins with ok, FAIL, KNOW
-(fails, and is in `known.KNOWN`) or GOOD (is in KNOWN, and to be removed from there).
+(fails, and is in `known.KNOWN`) or GOOD (is in KNOWN, and to be removed from there). `--moved` lists the figures that
+differ from `measured.json` by more than a hundredth of their tolerance, and fails if one has left its tolerance.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 from sim_action.engines import installed
 from tests.physics.case import BETWEEN, FINE_RATE, RATE, Case
 from tests.physics.known import KNOWN
-from tests.physics.record import FILE, write
+from tests.physics.record import FILE, RECORDED, write
 from tests.physics.zoo import ZOO
 
 
@@ -80,6 +81,22 @@ def _line(row: Figure) -> str:
     return f"{good if row.passes else bad} {row.engine:8} {numbers} {case.name}{held_out}"
 
 
+_MOVED_SHARE = 0.01
+# The record has six digits.
+_ROUNDING = 1e-5
+
+
+def moved(rows: Iterable[Figure], recorded: Mapping[str, Mapping[str, float]] = RECORDED) -> Iterator[str]:
+    """Yield a line for each figure that differs from the record."""
+    for row in rows:
+        before = recorded[row.engine].get(row.case.name)
+        limit = _MOVED_SHARE * row.case.tolerance + _ROUNDING * abs(row.measured)
+        if before is None:
+            yield f"{row.engine}: {row.case.name}: not recorded"
+        elif not abs(row.measured - before) <= limit:
+            yield f"{row.engine}: {row.case.name}: {before:.6g} is now {row.measured:.6g} {row.case.unit}"
+
+
 def print_steps(cases: Iterable[Case], engines: tuple[str, ...]) -> None:
     """Print the quantity of cases at three rates, and the limit of their verdict."""
     for case in cases:
@@ -100,6 +117,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="only the cases of make test")
     parser.add_argument("--steps", action="store_true", help="measure at 240, 960 and 1920 Hz instead")
     parser.add_argument("--write", action="store_true", help=f"measure all cases and write {FILE.name}")
+    parser.add_argument("--moved", action="store_true", help=f"compare with {FILE.name}")
     parser.add_argument("--jobs", type=int, default=2)
     asked = parser.parse_args()
     engines = (asked.engine,) if asked.engine else (*installed(), BETWEEN)
@@ -126,6 +144,11 @@ def main() -> None:
     ):
         if keys:
             print(f"{title}:", *(f'    "{case}",  # {engine}' for engine, case in sorted(keys)), sep="\n")
+    if asked.moved:
+        moves = list(moved(known))
+        print(f"{len(moves)} of {len(known)} figures moved", *moves, sep="\n")
+        if problems or wrong - set(KNOWN):
+            raise SystemExit(1)
     if asked.write:
         if problems or not {"pybullet", "mujoco", BETWEEN} <= set(engines):
             raise SystemExit("not written: every case must have a figure on both engines")

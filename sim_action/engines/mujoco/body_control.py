@@ -17,7 +17,7 @@ from typing_extensions import override
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
-from sim_action.engines.body_control import BodyControl, RobotInertia, Target, base_wrench
+from sim_action.engines.body_control import MAX_ATTRACTION_M, BodyControl, RobotInertia, Target, base_wrench
 from sim_action.engines.mujoco.names import engine_name
 from sim_action.engines.mujoco.queries import Objects
 from sim_action.engines.mujoco.scene import CompiledScene
@@ -59,6 +59,24 @@ class MuJoCoBodyControl(BodyControl):
         # Other sources may act on the same body.
         self._data.xfrc_applied[body] += [*force_xyz, *turning]
         self._pressed.add(body)
+
+    @override
+    def attract(self, target: Target, force: float) -> None:
+        body, data, owners = self._number(target), self._data, self._model.geom_bodyid
+        touching: dict[int, list[Any]] = {}
+        for contact in data.contact:
+            one, other = owners[contact.geom].tolist()
+            is_of_world = not self._names.keys().isdisjoint(contact.geom.tolist())
+            if body in {one, other} and is_of_world and contact.dist < MAX_ATTRACTION_M:
+                touching.setdefault(other if one == body else one, []).append(contact)
+        for contacts in touching.values():
+            for contact in contacts:
+                # The normal points from the first geom to the second.
+                pull = contact.frame[:3] * force / len(contacts)
+                for number, pulled in zip(owners[contact.geom].tolist(), (pull, -pull), strict=True):
+                    data.xfrc_applied[number, :3] += pulled
+                    data.xfrc_applied[number, 3:] += np.cross(contact.pos - data.xipos[number], pulled)
+                    self._pressed.add(number)
 
     @override
     def clear_forces(self) -> None:

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core import geometry
-from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.records import dataclass, field, replace
+from sim_action.engines.body_control import MAX_ATTRACTION_M
 from sim_action.engines.mujoco.contact_pairs import FRICTION_RATIO, Collider, add_pairs, soften
 from sim_action.engines.mujoco.geoms import add_collision, add_ground, add_object, lowest_geom, wxyz
 from sim_action.engines.mujoco.names import engine_name, object_name
@@ -91,6 +92,8 @@ class CompiledScene:
         # A base without a mass is fixed, as in Bullet.
         fixed = scene.bolted or scene.model.links_by_name[root].mass == 0
         spec = _empty(rate, scene.world.gravity_xyz)
+        if scene.physics.speculative:
+            spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SPECULATIVE
         robot = _add_robot(spec, scene, fixed=fixed)
         for name, inertia in scene.rotors.items():
             spec.joint(engine_name(name)).armature += inertia
@@ -104,6 +107,13 @@ class CompiledScene:
             # A single tree is one island at most. To look for islands takes a twelfth of a step.
             model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
         soften(model, rate, soft)
+        for acts in scene.world.disturbances:
+            if acts.adhesion is not None:
+                name = object_name(acts.body) if acts.body else engine_name(acts.link or root)
+                _reach_out(model, model.body(name).id)
+        for body in scene.world.objects:
+            if body.surface_velocity is not None:
+                _drive_surface(model, object_name(body.name), body.surface_velocity.twist)
         others = sum(body.mass is not None for body in scene.world.objects)
         joints = scene.model.moving_joints
         numbers = [model.joint(engine_name(joint.ball or joint.name)).id for joint in joints]
@@ -183,7 +193,8 @@ class _Last:
 
 
 def _all_but_state(scene: Scene) -> str:
-    return repr((scene.world, scene.physics.rate, scene.bolted, dict(scene.rotors), scene.robot.self_collision))
+    physics = scene.physics.rate, scene.physics.speculative
+    return repr((scene.world, physics, scene.bolted, dict(scene.rotors), scene.robot.self_collision))
 
 
 def _empty(rate: float, gravity_xyz: Vector3) -> Any:
@@ -214,6 +225,24 @@ def _empty(rate: float, gravity_xyz: Vector3) -> Any:
 def solver_parameters(rate: float) -> dict[str, list[float]]:
     """Return the parameters of motors, limits and gears."""
     return {"solref": [STEPS_TO_CONVERGE / rate, 1.0], "solimp": [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0]}
+
+
+def _reach_out(model: Any, body: int) -> None:
+    """Let contacts of a body be known, without a force, as far as adhesion attracts."""
+    owners = model.geom_bodyid
+    model.pair_gap[(owners[model.pair_geom1] == body) | (owners[model.pair_geom2] == body)] = MAX_ATTRACTION_M
+
+
+def _drive_surface(model: Any, body: str, twist: Twist) -> None:
+    """Let the surfaces of the geoms of a body move; `twist`: in the frame of the body."""
+    first, count = model.body(body).geomadr[0], model.body(body).geomnum[0]
+    for geom in range(first, first + count):
+        w, x, y, z = model.geom_quat[geom].tolist()
+        around = geometry.cross(twist.angular_xyz, tuple(model.geom_pos[geom].tolist()))
+        linear = tuple(np.add(twist.linear_xyz, around).tolist())
+        turn = geometry.conjugate((x, y, z, w))
+        model.geom_surfacevel[geom] = *geometry.rotate(turn, linear), *geometry.rotate(turn, twist.angular_xyz)
+    model.flg_surfacevel = True
 
 
 def _own_pairs(spec: Any, scene: Scene, robot: Sequence[Collider]) -> list[tuple[Collider, Collider]]:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pybullet
 from typing_extensions import override
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
-from sim_action.engines.body_control import BodyControl, RobotInertia, Target, base_wrench
+from sim_action.engines.body_control import MAX_ATTRACTION_M, BodyControl, RobotInertia, Target, base_wrench
 from sim_action.engines.pybullet.queries import link_pose
 from sim_action.engines.pybullet.scene import BASE
 from sim_action.state.command import BasePush
+from sim_action.world import GROUND
 
 if TYPE_CHECKING:
     from sim_action.engines.pybullet.sliding import SlidingWheels
@@ -64,6 +65,27 @@ class PyBulletBodyControl(BodyControl):
         world = pybullet.WORLD_FRAME
         pybullet.applyExternalForce(body, link, force_xyz, at.position_xyz, world, self._client)
         pybullet.applyExternalTorque(body, link, torque_xyz, world, self._client)
+
+    @override
+    def attract(self, target: Target, force: float) -> None:
+        pieces = [(self._robot, self._links[target.name])] if target.is_link else []
+        pieces = pieces or [(number, BASE) for number, _ in self._objects[target.name]]
+        names = {number: name for name, several in self._objects.items() for number, _ in several}
+        touching: dict[int | str, list[Any]] = {}
+        for body, link in pieces:
+            for point in pybullet.getContactPoints(body, linkIndexA=link, physicsClientId=self._client):
+                if point[2] != body and point[8] < MAX_ATTRACTION_M:
+                    thing = point[4] if point[2] == self._robot else names.get(point[2], GROUND)
+                    touching.setdefault(thing, []).append(point)
+        for points in touching.values():
+            for point in points:
+                # The normal points from the second body to the first.
+                pull = geometry.scale(point[7], force / len(points))
+                for body, link, pulled in (
+                    (point[1], point[3], geometry.scale(pull, -1.0)),
+                    (point[2], point[4], pull),
+                ):
+                    pybullet.applyExternalForce(body, link, pulled, point[5], pybullet.WORLD_FRAME, self._client)
 
     @override
     def clear_forces(self) -> None:

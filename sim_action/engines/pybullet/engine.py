@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from typing_extensions import override
 
 from sim_action.core import geometry
-from sim_action.core.errors import EngineError
+from sim_action.core.errors import BadStart, EngineError
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.records import replace
 from sim_action.core.wording import system_reason
@@ -47,6 +47,7 @@ from sim_action.engines.pybullet.scene import (
     BASE,
     add_object,
     add_rotor,
+    belt_notes,
     configure,
     load_robot,
     pave,
@@ -70,6 +71,14 @@ if TYPE_CHECKING:
     from sim_action.robot.model.robot_model import Mimic, RobotModel
 
 
+def _connected_for(scene: Scene) -> tuple[int, int]:
+    """Return a connection, and the number of its ground. Raises BadStart for what PyBullet does not have."""
+    if scene.physics.speculative:
+        only = "PyBullet has no speculative contacts: use backend: mujoco, or remove it and raise physics.rate"
+        raise BadStart([(("physics", "speculative"), only)])
+    return connected()
+
+
 class PyBulletEngine(Engine):
     """A DIRECT connection to PyBullet that holds one scene."""
 
@@ -78,7 +87,7 @@ class PyBulletEngine(Engine):
     warm_up = staticmethod(connect_ahead)
 
     def __init__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> None:
-        self._client, self._ground = connected()
+        self._client, self._ground = _connected_for(scene)
         self._lazy_contacts = LazyContacts()
         try:
             configure(self._client, scene.physics.rate, scene.world.gravity_xyz, exact=bool(scene.scrubbing))
@@ -102,7 +111,7 @@ class PyBulletEngine(Engine):
         self._watches_ground = channels.ground
         self._watches_contacts = channels.contacts and (channels.ground or bool(self._objects))
         self._read_joints(scene)
-        self.notes = self._calm(scene)
+        self.notes = (*self._calm(scene), *belt_notes(scene.world))
         self._self_collision = self._collision_of_links(scene, channels)
         self._place_robot(scene)
         self._sliding = self._sliding_wheels(scene) if scene.scrubbing else None
@@ -110,7 +119,7 @@ class PyBulletEngine(Engine):
             self._client, self._robot, self._links, self._objects, tiles=tiles, sliding=self._sliding
         )
         self._wrenches = HeldWrenches(control, self.link_pose, scene.model)
-        self._events = WorldEvents.of(scene, control)
+        self._events = WorldEvents.of(scene, control, drives_surfaces=True)
         distances = Distances(self._client, self._robot, self._link_names, self._body_names)
         shaped = [link.name for link in scene.model.links if link.collisions]
         self._path_contacts = path_contacts(scene, shaped, distances.nearest)
@@ -331,7 +340,8 @@ class PyBulletEngine(Engine):
         from sim_action.engines.pybullet.sliding import SlidingWheels
 
         scrubbing = [self._links[name] for name in scene.scrubbing]
-        moving = [body.name for body in scene.world.objects if body.mass is not None or body.path]
+        objects = scene.world.objects
+        moving = [body.name for body in objects if body.mass is not None or body.path or body.surface_velocity]
         movers = [number for name in moving for number, _ in self._objects[name]]
         return SlidingWheels(self._client, self._robot, scrubbing, movers)
 

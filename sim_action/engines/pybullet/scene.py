@@ -89,7 +89,7 @@ def pave(client: int, plane: int, world: World) -> list[int]:
 
 def add_object(client: int, body: Body, parts: Sequence[Part]) -> list[tuple[int, Pose]]:
     """Add a body at its initial pose; return the number of each of its pieces, with its pose in the body."""
-    pose, moves = placed(body, parts), bool(body.path)
+    pose, moves = placed(body, parts), bool(body.path or body.surface_velocity)
     if body.has_own_inertia:
         from sim_action.engines.pybullet.rigid_bodies import add_rigid_body
 
@@ -99,6 +99,14 @@ def add_object(client: int, body: Body, parts: Sequence[Part]) -> list[tuple[int
         pybullet.resetBasePositionAndOrientation(number, at.position_xyz, at.orientation_xyzw, client)
         return [(number, inertial)]
     return add_pieces(client, parts, pose, body.friction, body.mass or 0.0, moves=moves)
+
+
+def belt_notes(world: World) -> Iterator[str]:
+    """Yield a note on each body with a face that its surface velocity crosses."""
+    for body in world.objects:
+        if body.surface_velocity is not None and any(body.surface_velocity.linear):
+            push = f"in PyBullet, faces of '{body.name}' that its surface_velocity crosses push like moving walls"
+            yield f"{push}; with backend: mujoco, only what lies along a face is carried"
 
 
 def add_pieces(
