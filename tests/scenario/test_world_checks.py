@@ -34,6 +34,8 @@ def test_what_can_be_is_let_through(tmp_path: Path) -> None:
         "at: 0, velocity: [1, 0, 0], link: base_footprint",
         "at: 3 s, velocity: [1, 0, 0], body: stone",
         "at: 3 s, velocity: [200, 0, 0], body: stone",
+        "at: 3 s, adhesion: 5 N, link: wheel_left_link",
+        "at: 0, adhesion: 5 N, body: wall, for: 2 s",
     ):
         assert load(tmp_path, disturbed(keys)).scenario.world.disturbances
 
@@ -86,6 +88,21 @@ def test_motions_that_cannot_be(points: str, problem: str, tmp_path: Path) -> No
     assert found.startswith("7:")
 
 
+@pytest.mark.parametrize(
+    ("keys", "problem"),
+    [
+        ("surface_velocity: {linear: 0.5}", "surface_velocity.linear: expected"),
+        ("surface_velocity: {angular: 1 m/s}", "'m/s' is not a unit of angular speed"),
+        ("surface_velocity: {speed: 1}", "surface_velocity.speed: unknown key"),
+        ("surface_velocity: {angular: 1}, mass: 1", "'surface_velocity' is of an object that is fixed"),
+    ],
+)
+def test_belts_that_cannot_be(keys: str, problem: str, tmp_path: Path) -> None:
+    (found,) = told(tmp_path, f"{HEAD}  objects:\n    - {{name: belt, box: [1, 1, 1], {keys}}}\n")
+    assert problem in found
+    assert found.startswith("7:")
+
+
 def test_a_body_appears_before_the_end(tmp_path: Path) -> None:
     text = f"{HEAD}  objects:\n    - {{name: gate, box: [1, 1, 1], appears: 10 s}}\n"
     (found,) = told(tmp_path, text)
@@ -118,6 +135,12 @@ def test_a_body_appears_before_the_end(tmp_path: Path) -> None:
             "at: 1, for: 1, body: stone, force: [1, 0, 0]",
             "at: body 'stone' is not there before it appears, at 3 s",
         ),
+        (
+            "at: 1, adhesion: 5 N, link: imu_link",
+            "link: the robot has no link 'imu_link' with a collision shape, so nothing touches it",
+        ),
+        ("at: 1, adhesion: 5 kg, link: base_link", "adhesion: 'kg' is not a unit of force"),
+        ("at: 1, adhesion: 5 N, body: stone", "at: body 'stone' is not there before it appears, at 3 s"),
         ("at: 1, velocity: [80, 80, 0]", "velocity: a push of 113.1 m/s is more than physics.max_speed, 100 m/s"),
         ("at: 1, velocity: [0, 0, 1e5]", "velocity.2: must be at most 10,000 m/s, found 100000.0"),
         ("at: 1, for: 1, force: [-1e11, 0, 0]", "force.0: must be at least -10,000,000,000 N, found -100000000000.0"),
