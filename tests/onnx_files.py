@@ -6,16 +6,38 @@ write the invalid files that tests need.
 
 from __future__ import annotations
 
+import json
+import math
 import struct
 from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Final
+
+import pytest
+
+from sim_action.commands import network_check
 
 FLOAT: Final = 1
 DOUBLE: Final = 11
+UINT8: Final = 2
+INT32: Final = 6
 INT64: Final = 7
+TEXT: Final = 8
+BOOL: Final = 9
+HALF: Final = 10
 
-Shape = Sequence[int | str]
-"""Dimensions; a text is the name of a free one."""
+Shape = Sequence[int | str] | None
+"""Dimensions; a text is the name of a free one. None: the file declares no shape."""
+
+
+def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let this process check networks: without limits, and sooner than one of their own."""
+    monkeypatch.setattr(network_check, "_allow", lambda *_: None)
+    answer = network_check.answer_of
+    monkeypatch.setattr(network_check, "_answer", lambda question, _: json.dumps(answer(*json.loads(question))))
+
+
+_PACKED: Final = {FLOAT: "f", DOUBLE: "d", HALF: "e", INT64: "q", INT32: "i", BOOL: "?"}
 
 
 def varint(value: int) -> bytes:
@@ -40,14 +62,27 @@ def part(field: int, value: bytes | str) -> bytes:
 
 def value_info(name: str, shape: Shape, kind: int = FLOAT) -> bytes:
     """Return an input or output."""
-    dimensions = b"".join(part(1, number(1, each) if isinstance(each, int) else part(2, each)) for each in shape)
-    return part(1, name) + part(2, part(1, number(1, kind) + part(2, dimensions)))
+    sizes = [part(1, number(1, each) if isinstance(each, int) else part(2, each)) for each in shape or ()]
+    declared = b"" if shape is None else part(2, b"".join(sizes))
+    return part(1, name) + part(2, part(1, number(1, kind) + declared))
+
+
+def external(name: str, shape: Sequence[int], location: str) -> bytes:
+    """Return weights of float32 that are in another file."""
+    pairs = {"location": location, "offset": "0", "length": str(4 * math.prod(shape))}
+    entries = b"".join(part(13, part(1, key) + part(2, value)) for key, value in pairs.items())
+    return b"".join(number(1, each) for each in shape) + number(2, FLOAT) + part(8, name) + entries + number(14, 1)
+
+
+def integer(name: str, value: int) -> bytes:
+    """Return an attribute of an operation."""
+    return part(5, part(1, name) + number(3, value) + number(20, 2))
 
 
 def tensor(name: str, shape: Sequence[int], values: Iterable[float], kind: int = FLOAT) -> bytes:
     """Return weights."""
     flat = list(values)
-    data = struct.pack(f"<{len(flat)}{'f' if kind == FLOAT else 'd'}", *flat)
+    data = struct.pack(f"<{len(flat)}{_PACKED[kind]}", *flat)
     return b"".join(number(1, each) for each in shape) + number(2, kind) + part(8, name) + part(9, data)
 
 
@@ -67,12 +102,19 @@ def model(
     outputs: Mapping[str, Shape],
     weights: Sequence[bytes] = (),
     kind: int = FLOAT,
+    *,
+    kinds: Mapping[str, int] = MappingProxyType({}),
+    metadata: Mapping[str, str] = MappingProxyType({}),
+    more_outputs: Sequence[bytes] = (),
+    rest: bytes = b"",
 ) -> bytes:
-    """Return a whole file."""
+    """Return a whole file; `kinds`: of inputs and outputs that have another one; `rest`: more fields."""
     graph = b"".join(part(1, each) for each in nodes) + part(2, "network") + b"".join(part(5, each) for each in weights)
-    graph += b"".join(part(11, value_info(name, shape, kind)) for name, shape in inputs.items())
-    graph += b"".join(part(12, value_info(name, shape, kind)) for name, shape in outputs.items())
-    return number(1, 8) + part(7, graph) + part(8, number(2, 17))
+    graph += b"".join(part(11, value_info(name, shape, kinds.get(name, kind))) for name, shape in inputs.items())
+    graph += b"".join(part(12, value_info(name, shape, kinds.get(name, kind))) for name, shape in outputs.items())
+    graph += b"".join(part(12, each) for each in more_outputs)
+    texts = b"".join(part(14, part(1, key) + part(2, value)) for key, value in metadata.items())
+    return number(1, 8) + part(7, graph) + part(8, number(2, 17)) + texts + rest
 
 
 def linear(weights: Sequence[Sequence[float]], bias: Sequence[float], kind: int = FLOAT) -> bytes:

@@ -23,7 +23,7 @@ GATED: Final = {
     "assertions/follow_path.py": "Workspace.file",
     "commands/logs/csv_table.py": "Workspace.file_or_folder",
     "commands/logs/rosbag.py": "Workspace.file_or_folder, and Workspace.file for each file in the folder",
-    "commands/onnx_network.py": "Workspace.file",
+    "commands/onnx_network.py": "Workspace.file, also for its files with weights",
     "core/user_scripts.py": "Workspace.file",
     "meshes/__init__.py": "Packages.file, or Workspace.file for meshes of the world",
     "meshes/collada.py": "beside a mesh that was let through: only a name without folders, and no link",
@@ -46,6 +46,7 @@ GATED: Final = {
 OWN: Final = frozenset(
     {
         "app/library_results.py",
+        "commands/network_check.py",  # its own size in /proc
         "cli/pyproject.py",  # only if it lies in the workspace, with links resolved
         "core/content_cache.py",
         "core/files.py",

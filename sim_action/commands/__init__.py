@@ -95,6 +95,9 @@ class CommandSource(Transmission):
     is_written: ClassVar[bool] = False
     """True if its commands are written in the scenario; else a controller gives them."""
 
+    package: ClassVar[str | None] = None
+    """The package that computes its commands; its version is part of the result."""
+
     map_key: ClassVar[str | None] = None
     """The name of its own key in a map of all keys: `script: {file: a.py, class: A}` is `script: a.py` with `class`."""
 
@@ -124,6 +127,10 @@ class CommandSource(Transmission):
 
     def among(self, sources: Sequence[CommandSource]) -> Self:
         """Return this source as one of all sources of a scenario."""
+        return self
+
+    def completed(self, workspace: Workspace) -> Self:
+        """Return this source with keys that its files state and the scenario does not. No code of the user is run."""
         return self
 
     @property

@@ -1,23 +1,24 @@
-"""ONNX networks: their inputs and outputs, read from the file, and a session of onnxruntime that runs them.
+"""ONNX networks in onnxruntime: their inputs and outputs, and sessions that run them.
 
-The file is read here, as protocol buffers, so that sizes are checked without onnxruntime, and no other file is opened:
-weights in files of their own are refused. Only the process of the scenario imports onnxruntime.
+onnxruntime opens the network alone. Weights in other files are read here, each after the check of the workspace.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
-from pathlib import Path
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, Final
 
-from sim_action.core.files import read_at_most
-from sim_action.core.records import dataclass, replace
-from sim_action.core.wording import escaped_line
+from sim_action.core.files import open_regular
+from sim_action.core.records import dataclass, field, replace
+from sim_action.core.wording import escaped_line, shown
+from sim_action.core.workspace import PathError, Workspace
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
 PACKAGE: Final = "onnxruntime"
@@ -25,27 +26,43 @@ INSTALL_HINT: Final = (
     "policies need the package onnxruntime, which is not installed: pip install 'sim-action[policy]', or in a workflow "
     "set the input 'extras: policy'"
 )
-MAX_NETWORK_BYTES: Final = 100_000_000
-MAX_FIELDS: Final = 500_000
-"""The greatest number of fields of a file, such as names of nodes; each array of weights is one."""
+MAX_NETWORK_BYTES: Final = 1_000_000_000
+"""The greatest size of a network with all its files."""
 
-# In onnx.proto: TensorProto.DataType and the numbers of fields.
-_FLOATS: Final = {1: "float32", 11: "float64"}
-_TYPES: Final = {**_FLOATS, 6: "int32", 7: "int64", 9: "bool", 10: "float16", 16: "bfloat16"}
-_EXTERNAL: Final = 1
-_MAX_NESTING: Final = 16
-MAX_DIMENSIONS: Final = 16
-MAX_TENSORS: Final = 1000
-"""The greatest number of inputs, and of outputs."""
+_TYPE_NAMES: Final = {"float": "float32", "double": "float64", "string": "object"}
+FLOATS: Final = frozenset({"float16", "float32", "float64"})
+_WHOLE: Final = frozenset({"bool", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))})
+NUMERIC: Final = FLOATS | _WHOLE
+"""Types of inputs and outputs that policies can have; a constant may also be of "object", which is text."""
 
+# A field of a tensor whose values are in another file: its key "location", and the name of that file.
+_LOCATION: Final = re.compile(rb"\x0a\x08location\x12([\x80-\xff]?)([\x00-\x7f])")
+# The path of the network is no part of a message.
+_PATH: Final = re.compile(r"Load model from .*? failed: ?")
+TOO_MUCH_MEMORY: Final = "needs more memory than a network of its size may use"
+_MAX_DATA_FILES: Final = 1000
 _MAX_MESSAGE_CHARS: Final = 300
-_MAX_VARINT_BYTES: Final = 10
-_MAX_FIELD_NUMBER: Final = (1 << 29) - 1
-_ENUM_MASK: Final = 0xFFFF_FFFF
 
 
 class NetworkProblem(ValueError):
     """The reason why a file cannot be used as a network; it follows the name of the file in messages."""
+
+
+@dataclass(frozen=True, slots=True)
+class Feed:
+    """The values that an input is given: a constant, values of a known shape, or a number of values.
+
+    Attributes:
+        size: the number of values; None if it is not known.
+        frames: the number of observations among them.
+        shape: of a picture.
+        value: of a constant.
+    """
+
+    size: int | None = None
+    frames: int = 1
+    shape: tuple[int, ...] | None = None
+    value: Any = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,217 +71,92 @@ class Tensor:
 
     Attributes:
         type: the type of its numbers, such as "float32".
-        shape: its dimensions; None is one that the caller chooses.
+        shape: its dimensions as the file declares them; None is one that the caller chooses. Empty: a single number,
+            or no declared shape.
     """
 
     name: str
     type: str
     shape: tuple[int | None, ...]
 
-    @property
-    def size(self) -> int | None:
-        """The number of values of one sample; None if a dimension other than that of the samples is free."""
-        inner = self.shape[1:] if len(self.shape) > 1 else self.shape
-        return None if None in inner else math.prod(size or 1 for size in self.shape)
-
-    def shape_for(self, size: int) -> tuple[int, ...]:
-        """Return the shape of one sample with `size` values."""
-        if self.size is None or self.size != size:
-            return (*([1] * (len(self.shape) - 1)), size)
-        return tuple(1 if each is None else each for each in self.shape)
+    def shapes(self, feed: Feed) -> list[tuple[int, ...]]:
+        """Return the shapes in which it may be given the values of a feed; none if no shape fits, or none is known."""
+        known = tuple(each or 1 for each in self.shape)
+        if feed.shape is not None:
+            return [feed.shape]
+        if feed.value is not None and not isinstance(feed.value, tuple):
+            return [known] if self.shape else [(), (1,), (1, 1)]
+        size = len(feed.value) if feed.value is not None else feed.size
+        if size is None:
+            return [known] if self.shape and None not in self.shape[1:] else []
+        if not self.shape:
+            return [(1, size), (size,), *([()] if size == 1 else [])]
+        filled = _filled(self.shape, size, feed.frames)
+        return [] if filled is None else [filled]
 
     def __str__(self) -> str:
-        return " x ".join("any" if each is None else str(each) for each in self.shape) or "a single number"
+        return " x ".join("any" if each is None else str(each) for each in self.shape) or "any shape"
+
+
+def _filled(shape: tuple[int | None, ...], size: int, frames: int) -> tuple[int, ...] | None:
+    """Return the shape of one sample of `size` values; a first dimension from the training repeats the sample."""
+    filled = [each or 1 for each in shape]
+    rest, remainder = divmod(size, math.prod(filled))
+    # The first of several is that of the samples.
+    free = [index for index, each in enumerate(shape) if each is None and (index or len(shape) == 1)]
+    if remainder == 0 and (rest == 1 or free):
+        if len(free) > 1 and rest % frames == 0:
+            filled[free[0]], rest = frames, rest // frames
+        for index in free[-1:]:
+            filled[index] *= rest
+        return tuple(filled)
+    row = _filled((1, *shape[1:]), size, frames) if len(shape) > 1 and filled[0] > 1 else None
+    return None if row is None else (filled[0], *row[1:])
 
 
 @dataclass(frozen=True, slots=True)
 class Network:
-    """The inputs and outputs of a network by name, and the content of its file."""
+    """The inputs and outputs of a network by name.
+
+    Attributes:
+        metadata: the texts that its exporter added.
+        results: name of an output -> number of values that a run returned for one sample; None if it was not run.
+    """
 
     inputs: Mapping[str, Tensor]
     outputs: Mapping[str, Tensor]
-    content: bytes
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    results: Mapping[str, int] | None = None
 
 
-def read_network(path: Path) -> Network:
-    """Read a file without running it. Raise OSError, NetworkProblem."""
-    if (content := read_at_most(path, MAX_NETWORK_BYTES)) is None:
-        raise NetworkProblem(f"is larger than {MAX_NETWORK_BYTES // 1_000_000} MB, the maximum")
-    try:
-        return _network(content)
-    except _Malformed:
-        raise NetworkProblem("is not an ONNX file") from None
-
-
-def network_signature(path: Path) -> Network:
-    """Return the inputs and outputs of a file, without its content. Raise OSError, NetworkProblem.
-
-    The file is read again only if it has changed.
-    """
-    status = path.stat()
-    found = _signature(path, status.st_mtime_ns, status.st_size)
-    if isinstance(found, str):
-        raise NetworkProblem(found)
-    return found
-
-
-@lru_cache(maxsize=64)
-def _signature(path: Path, changed_ns: int, size: int) -> Network | str:  # noqa: ARG001 - they name the version
-    try:
-        return replace(read_network(path), content=b"")
-    except NetworkProblem as error:
-        return str(error)
-
-
-class _Malformed(Exception):
-    """Bytes that are not a message."""
-
-
-_Value = int | memoryview
-
-
-def _network(content: bytes) -> Network:
-    _check(memoryview(content), _MODEL, 0, iter(range(MAX_FIELDS)))
-    graphs = [value for number, value in _fields(memoryview(content)) if number == 7]
-    if len(graphs) != 1:
-        raise _Malformed
-    graph = _part(graphs[0])
-    weights = {_text(value, 8) for number, value in _fields(graph) if number == 5}
-    inputs, outputs = (
-        [_tensor(_part(value)) for number, value in _fields(graph) if number == which] for which in (11, 12)
-    )
-    if not outputs:
-        raise _Malformed
-    # Older files also list all weights as inputs.
-    needed = {each.name: each for each in inputs if each.name not in weights}
-    given = {each.name: each for each in outputs}
-    for found, what in ((needed, "inputs"), (given, "outputs")):
-        if len(found) > MAX_TENSORS:
-            raise NetworkProblem(f"has {len(found):,} {what}; at most {MAX_TENSORS:,} are read")
-    return Network(needed, given, content)
-
-
-_MODEL, _GRAPH, _NODE, _ATTRIBUTE, _TENSOR, _SPARSE, _FUNCTION, _VALUE, _TYPE, _TENSOR_TYPE, _SHAPE, _SIZE = range(12)
-_PARTS: Final[Mapping[int, Mapping[int, int]]] = {
-    _MODEL: {7: _GRAPH, 25: _FUNCTION},
-    _FUNCTION: {7: _NODE, 11: _ATTRIBUTE},
-    _GRAPH: {1: _NODE, 5: _TENSOR, 11: _VALUE, 12: _VALUE, 15: _SPARSE},
-    _NODE: {5: _ATTRIBUTE},
-    _ATTRIBUTE: {5: _TENSOR, 6: _GRAPH, 10: _TENSOR, 11: _GRAPH, 22: _SPARSE, 23: _SPARSE},
-    _SPARSE: {1: _TENSOR, 2: _TENSOR},
-    _VALUE: {2: _TYPE},
-    _TYPE: {1: _TENSOR_TYPE},
-    _TENSOR_TYPE: {2: _SHAPE},
-    _SHAPE: {1: _SIZE},
-}
-"""Kind of message -> field -> kind of the message in it, for all that can hold a tensor, and all that is read here."""
-
-
-def _check(message: memoryview, kind: int, depth: int, budget: Iterator[int]) -> None:
-    """Raise NetworkProblem for a tensor whose values are in another file, and for too many fields.
-
-    :param budget: has one item for each field that may still be read.
-    """
-    if depth > _MAX_NESTING:
-        raise NetworkProblem("has too many graphs inside each other")
-    parts, is_external = _PARTS.get(kind, {}), False
-    for number, value in _fields(message):
-        if next(budget, None) is None:
-            raise NetworkProblem(f"has more than {MAX_FIELDS:,} fields, the maximum")
-        if kind == _TENSOR:
-            # An enum has 32 bits.
-            is_external |= number == 13 or (number == 14 and _number(value) & _ENUM_MASK == _EXTERNAL)
-        elif number in parts:
-            _check(_part(value), parts[number], depth + 1, budget)
-    if is_external:
-        raise NetworkProblem(
-            f"has weights in another file (tensor '{escaped_line(_text(message, 8))}'); save it with all weights "
-            "inside: onnx.save(model, path, save_as_external_data=False)"
-        )
-
-
-def _tensor(message: memoryview) -> Tensor:
-    name, of_type = _text(message, 1), _last(message, 2)
-    tensor = None if of_type is None else _last(of_type, 1)
-    if tensor is None:
-        raise NetworkProblem(f"has '{escaped_line(name)}', which is not a tensor")
-    number = next((value for key, value in _fields(tensor) if key == 1), 0)
-    shape = _last(tensor, 2)
-    dimensions = [] if shape is None else [_part(value) for key, value in _fields(shape) if key == 1]
-    if len(dimensions) > MAX_DIMENSIONS:
-        count = f"{len(dimensions):,} dimensions; at most {MAX_DIMENSIONS} are read"
-        raise NetworkProblem(f"has '{escaped_line(name[:_MAX_MESSAGE_CHARS])}' with {count}")
-    return Tensor(name, _TYPES.get(_number(number), "another type"), tuple(map(_dimension, dimensions)))
-
-
-def _dimension(message: memoryview) -> int | None:
-    found = [_number(value) for key, value in _fields(message) if key == 1]
-    return found[-1] if found and 0 < found[-1] <= MAX_NETWORK_BYTES else None
-
-
-def _last(message: memoryview, wanted: int) -> memoryview | None:
-    found = [_part(value) for key, value in _fields(message) if key == wanted]
-    return found[-1] if found else None
-
-
-def _text(message: _Value, wanted: int) -> str:
-    found = _last(_part(message), wanted)
-    return "" if found is None else bytes(found).decode("utf-8", errors="replace")
-
-
-def _part(value: _Value) -> memoryview:
-    if isinstance(value, int):
-        raise _Malformed
-    return value
-
-
-def _number(value: _Value) -> int:
-    if not isinstance(value, int):
-        raise _Malformed
-    return value
-
-
-def _fields(message: memoryview) -> Iterator[tuple[int, _Value]]:
-    """Yield each field of a message with its number. Raise _Malformed."""
-    at, end = 0, len(message)
-    while at < end:
-        key, at = _varint(message, at)
-        number, wire = key >> 3, key & 7
-        if number > _MAX_FIELD_NUMBER:
-            raise _Malformed
-        if wire == 0:
-            value, at = _varint(message, at)
-            yield number, value
-            continue
-        if wire == 2:
-            size, at = _varint(message, at)
-        else:
-            size = {1: 8, 5: 4}.get(wire, end)
-        if number == 0 or size > end - at:
-            raise _Malformed
-        yield number, message[at : at + size]
-        at += size
-
-
-def _varint(message: memoryview, at: int) -> tuple[int, int]:
-    value = 0
-    for place in range(_MAX_VARINT_BYTES):
-        if at + place >= len(message):
-            raise _Malformed
-        byte = message[at + place]
-        value |= (byte & 0x7F) << (7 * place)
-        if byte < 0x80:
-            return value, at + place + 1
-    raise _Malformed
+def is_installed() -> bool:
+    """Return True if onnxruntime is installed; it is not imported."""
+    return find_spec(PACKAGE) is not None
 
 
 class Session:
-    """A network that is ready to run: on the processor, in one thread, and silent."""
+    """A network that is ready to run: on the processor, in one thread, and silent.
 
-    def __init__(self, network: Network) -> None:
-        """Load the network. Raise ImportError without onnxruntime, NetworkProblem."""
+    Attributes:
+        shapes: name of an input -> the shape in which it is given its values; known after `fit`.
+        batch: the number of equal samples in a run: more than 1 if the file declares the number of the training.
+    """
+
+    def __init__(self, workspace: Workspace, file: str, limit: Callable[[int], None] = lambda _: None) -> None:
+        """Open a network. Raise ImportError without onnxruntime, NetworkProblem, PathError, OSError.
+
+        :param limit: is called with a size in bytes before as many are loaded.
+        """
         import onnxruntime
 
+        path = workspace.file(file)
+        content = _content(path, 0, limit)
+        # onnxruntime may read these weights until it is closed.
+        self._data = _data_files(content, Path(file).parent, workspace, limit)
+        self.size = len(content) + sum(map(len, self._data.values()))
+        del content
+        # A network that draws random numbers draws the same in each run.
+        onnxruntime.set_seed(0)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
@@ -273,29 +165,128 @@ class Session:
         options.use_deterministic_compute = True
         options.enable_cpu_mem_arena = False
         options.log_severity_level = 4
+        # With a table of files, even one without any of them, onnxruntime opens none by itself.
+        data = self._data or {"": b"\0"}
+        options.add_external_initializers_from_files_in_memory([*data], [*data.values()], [*map(len, data.values())])
         try:
-            self._session = onnxruntime.InferenceSession(network.content, options, providers=["CPUExecutionProvider"])
+            self._session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
         except Exception as error:  # noqa: BLE001 - its errors have no common class
             raise NetworkProblem(_reason(error)) from None
+        self.network = Network(
+            {each.name: _tensor(each) for each in self._session.get_inputs()},
+            {each.name: _tensor(each) for each in self._session.get_outputs()},
+            dict(self._session.get_modelmeta().custom_metadata_map),
+        )
+        self.shapes: Mapping[str, tuple[int, ...]] = {}
+        self.batch = 1
 
-    def run(self, values: Mapping[str, NDArray[Any]], outputs: Sequence[str]) -> list[NDArray[np.float64]]:
-        """Return outputs by name as float64. Raise NetworkProblem."""
+    def fit(self, feeds: Mapping[str, Feed]) -> Network:
+        """Run it once with zeros, and constants, in shapes that fit its inputs. Raise NetworkProblem.
+
+        It is not run if the shape of an input is not known.
+        """
+        inputs = self.network.inputs
+        given = {name: feeds.get(name, Feed()) for name in inputs}
+        choices = {name: tensor.shapes(given[name]) for name, tensor in inputs.items()}
+        names = [name for name, tensor in self.network.outputs.items() if tensor.type in NUMERIC]
+        if (
+            not names
+            or not all(choices.values())
+            or any(tensor.type not in {*NUMERIC, "object"} for tensor in inputs.values())
+        ):
+            return self.network
+        problem = None
+        for place in range(max(map(len, choices.values()), default=1)):
+            self.shapes = {name: shapes[min(place, len(shapes) - 1)] for name, shapes in choices.items()}
+            try:
+                zeros = {name: self.constant(name, each.value or 0) for name, each in given.items()}
+                results = self.run(zeros, names)
+            except NetworkProblem as error:
+                problem = problem or error
+                continue
+            values = {name: math.prod(self.shapes[name]) for name in inputs}
+            self.batch = max((values[name] // each.size for name, each in given.items() if each.size), default=1)
+            rows = [self.batch if each.shape[:1] == (self.batch,) else 1 for each in results]
+            sizes = {name: each.size // count for name, each, count in zip(names, results, rows, strict=True)}
+            return replace(self.network, results=sizes)
+        raise problem or NetworkProblem("has no outputs")
+
+    def constant(self, name: str, value: Any) -> NDArray[Any]:
+        """Return a value in all places of an input, or a list of values. Raise NetworkProblem."""
         import numpy as np
 
+        kind, shape = self.network.inputs[name].type, self.shapes[name]
         try:
-            found = self._session.run(list(outputs), dict(values))
+            plain = np.array(str(value or "") if kind == "object" and value == 0 else value)
+            array = plain.astype(kind)
+            exact = np.isfinite(array).all() if kind in FLOATS else (array == plain).all()
+        except (ValueError, TypeError, OverflowError):
+            exact = False
+        if not exact:
+            raise NetworkProblem(f"has the input '{name}' of {kind}, which cannot be {shown(value)}")
+        return np.broadcast_to(array.reshape(shape) if isinstance(value, tuple) else array, shape).copy()
+
+    def run(self, values: Mapping[str, NDArray[Any]], outputs: Sequence[str]) -> list[NDArray[Any]]:
+        """Return outputs by name. Raise NetworkProblem."""
+        try:
+            return list(self._session.run(list(outputs), dict(values)))
         except Exception as error:  # noqa: BLE001 - its errors have no common class
             raise NetworkProblem(_reason(error)) from None
-        return [np.asarray(each, dtype=np.float64) for each in found]
+
+
+def _tensor(argument: Any) -> Tensor:
+    """Return an argument of a session; a type such as "seq(tensor(float))" is kept as it is."""
+    kind = (
+        argument.type.removeprefix("tensor(").removesuffix(")")
+        if argument.type.startswith("tensor(")
+        else argument.type
+    )
+    shape = tuple(each if isinstance(each, int) and each > 0 else None for each in argument.shape or ())
+    return Tensor(argument.name, _TYPE_NAMES.get(kind, kind), shape)
+
+
+def _content(path: Path, used: int, limit: Callable[[int], None]) -> bytes:
+    """Return the content of a file. Raise OSError, NetworkProblem.
+
+    :param used: the bytes of the files before it.
+    """
+    with open_regular(path, follow_link=True) as file:
+        size = os.fstat(file.fileno()).st_size
+        if used + size > MAX_NETWORK_BYTES:
+            raise NetworkProblem(f"has more than {MAX_NETWORK_BYTES // 1_000_000:,} MB with its weights, the maximum")
+        limit(used + size)
+        return file.read(size)
+
+
+def _data_files(content: bytes, folder: Path, workspace: Workspace, limit: Callable[[int], None]) -> dict[str, bytes]:
+    """Return name -> content of the files with weights. Raise NetworkProblem."""
+    names, files = list(dict.fromkeys(_locations(content))), dict[str, bytes]()
+    if len(names) > _MAX_DATA_FILES:
+        raise NetworkProblem(f"has weights in {len(names):,} files; at most {_MAX_DATA_FILES:,} are read")
+    used = len(content)
+    for name in names:
+        try:
+            path = workspace.file(str(PurePath(folder, name)))
+            files[name] = _content(path, used, limit)
+        except PathError as error:
+            raise NetworkProblem(f"has weights in another file, but {error}") from None
+        except OSError as error:
+            reason = f"cannot be read: {error.strerror}"
+            raise NetworkProblem(f"has weights in '{escaped_line(name)}', which {reason}") from None
+        used += len(files[name])
+    return files
+
+
+def _locations(content: bytes) -> Iterator[str]:
+    """Yield the names of the files with weights. onnxruntime refuses any that is not among them."""
+    for match in _LOCATION.finditer(content):
+        low, high = match.groups()
+        size = (low[0] & 0x7F) + (high[0] << 7) if low else high[0]
+        yield content[match.end() : match.end() + size].decode("utf-8", errors="replace")
 
 
 def _reason(error: Exception) -> str:
-    text = " ".join(str(error).split())
-    return f"onnxruntime refuses it: {escaped_line(text[:_MAX_MESSAGE_CHARS])}"
-
-
-def float_problem(tensor: Tensor, what: str) -> str | None:
-    """Return the problem of an input or output that is not of floats; else None."""
-    if tensor.type in _FLOATS.values():
-        return None
-    return f"{what} '{escaped_line(tensor.name)}' is of {tensor.type}; policies have float32 or float64"
+    text = _PATH.sub("", " ".join(str(error).split()))
+    if "bad_alloc" in text:
+        return TOO_MUCH_MEMORY
+    return f"is refused by onnxruntime: {escaped_line(text[:_MAX_MESSAGE_CHARS])}"

@@ -10,12 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, Field
 
-from sim_action.commands.onnx_network import NetworkProblem, Session, Tensor
-from sim_action.commands.policy_terms import Layout, Offset, PerJoint, Reader, Term, values_of
+from sim_action.commands.onnx_network import FLOATS, NetworkProblem, Session, Tensor
+from sim_action.commands.policy_pictures import PictureInput
+from sim_action.commands.policy_terms import Layout, Offset, PerJoint, Reader, Term, per_joint_problems, values_of
 from sim_action.commands.twist import TwistSegment
 from sim_action.core.errors import ScriptError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.records import dataclass, field
+from sim_action.core.wording import counted
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import JointTargets
 
 if TYPE_CHECKING:
@@ -64,6 +67,74 @@ class PolicyAction(FrozenModel):
         AfterValidator(_not_negative),
         Field(description="N m s/rad (N s/m); with `stiffness`, or for a target velocity"),
     ] = None
+    choices: Annotated[
+        tuple[float | tuple[float, ...], ...] | None,
+        Field(
+            min_length=2,
+            description="discrete actions: the values of each, one for each joint; the output is a score for each, of "
+            "which the highest counts, or the index of one",
+        ),
+    ] = None
+    execute: Annotated[
+        int | None,
+        Field(ge=1, description="for an output of several actions, one for each tick: number that is executed of them"),
+    ] = None
+    ensemble: Annotated[
+        float | None,
+        Field(
+            ge=0,
+            description="for an output of several actions: the network runs at each tick, and all actions for that "
+            "tick are averaged with the weights `exp(-ensemble * i)`; `i` is 0 for the oldest",
+        ),
+    ] = None
+
+    @property
+    def is_soft(self) -> bool:
+        """True if a spring or a damper computes the efforts."""
+        return (self.stiffness, self.damping) != (None, None)
+
+    def problems(self, *, is_perfect: bool) -> SpecProblems:
+        """Yield keys that do not fit together; `is_perfect`: without latency, jitter and dropouts."""
+        if self.joints == "position" and (self.stiffness is None) != (self.damping is None):
+            yield ("action",), "a target position needs both of 'stiffness' and 'damping', or none of them"
+        if self.joints == "velocity" and self.stiffness is not None:
+            yield ("action", "stiffness"), "a target velocity has 'damping' alone"
+        if self.joints == "effort" and self.is_soft:
+            yield ("action",), "an effort is applied directly; remove 'stiffness' and 'damping'"
+        elif self.is_soft and not is_perfect:
+            yield ("action",), "'stiffness' and 'damping' cannot be combined with latency, jitter or dropouts"
+        if [self.choices, self.execute, self.ensemble].count(None) < 2:
+            yield ("action",), "'choices', 'execute' and 'ensemble' cannot be combined"
+
+    def joint_problems(self, joints: Sequence[str]) -> SpecProblems:
+        """Yield values that do not fit the joints."""
+        for key in ("scale", "offset", "stiffness", "damping"):
+            yield from per_joint_problems(key, getattr(self, key), joints)
+        for index, row in enumerate(self.choices or ()):
+            if (size := len(row) if isinstance(row, tuple) else 1) != len(joints):
+                numbers = counted(size, "number")
+                yield ("choices", index), f"has {numbers} for {counted(len(joints), 'joint')} ({', '.join(joints[:3])})"
+
+    def output_problems(self, output: Tensor, size: int, joints: Sequence[str]) -> SpecProblems:
+        """Yield the problem of an output whose size or type does not fit; `size`: its number of values."""
+        what, count = f"the network's output '{output.name}'", len(joints)
+        has = f"{what} has {counted(size, 'number')}"
+        if self.choices is not None:
+            if size not in (1, len(self.choices)):
+                yield ("action", "choices"), f"{has}, for {len(self.choices)} choices: give a row for each number"
+        elif output.type not in FLOATS:
+            yield ("action",), f"{what} is of {output.type}; list what its numbers mean in 'choices'"
+        elif self.execute is not None or self.ensemble is not None:
+            if size % count or size // count < (self.execute or 1):
+                needed = f"a multiple of {count} (joints)" + (
+                    f", at least {self.execute} times" if self.execute else ""
+                )
+                yield ("action", "execute" if self.execute else "ensemble"), f"{has}, and not {needed}"
+        elif size != count:
+            chunk = f", or add 'execute' for {size // count} actions in turn" if size and size % count == 0 else ""
+            names = ", ".join(joints[:20])
+            needed = f"{counted(count, 'joint')}: {names}"
+            yield ("action",), f"{has}, for {needed}; name those of the network in 'order'{chunk}"
 
 
 class PolicyHistory(FrozenModel):
@@ -102,50 +173,72 @@ class Schedule:
 class Input:
     """The value of an input, made of the terms of the observation."""
 
-    def __init__(
-        self, tensor: Tensor, terms: Sequence[Term], layout: Layout, wanted: Schedule, history: PolicyHistory | None
+    def __init__(  # noqa: PLR0917 - an input is all of these
+        self,
+        session: Session,
+        name: str,
+        terms: Sequence[Term],
+        layout: Layout,
+        wanted: Schedule,
+        history: PolicyHistory | None,
     ) -> None:
-        self.tensor = tensor
+        self._name, self._type = name, session.network.inputs[name].type
+        self._shape, self._batch = session.shapes[name], session.batch
         self._terms = terms
         self._scales = [_scale(term, layout) for term in terms]
         self._readers: list[Reader | None] = [
             None if term.term == "last_action" else _reader(term, layout, wanted) for term in terms
         ]
         self._history = history
-        self._past: deque[list[Vector]] = deque(maxlen=history.frames if history else 1)
+        self._frames = [term.frames or (history.frames if history else 1) for term in terms]
+        self._by_term = any(term.frames for term in terms) or (history is not None and history.order == "term")
+        self._past: deque[list[Vector]] = deque(maxlen=max(self._frames))
 
     def value(self, now: Observation, last_action: Vector) -> NDArray[Any]:
         """Return the value for this tick. Raises ScriptError."""
         import numpy as np
 
         frame = [self._part(index, now, last_action) for index in range(len(self._terms))]
-        if self._history is not None and not self._past:
-            first = frame if self._history.start == "repeat" else [np.zeros_like(part) for part in frame]
-            self._past.extend([first] * (self._history.frames - 1))
+        if not self._past:
+            starts_empty = self._history is not None and self._history.start == "zeros"
+            first = [np.zeros_like(part) for part in frame] if starts_empty else frame
+            self._past.extend([first] * (max(self._frames) - 1))
         self._past.append(frame)
         frames = list(self._past)
-        if self._history is not None and self._history.order == "term":
-            parts = [each[index] for index in range(len(frame)) for each in frames]
+        if self._by_term:
+            parts = [(index, each[index]) for index, most in enumerate(self._frames) for each in frames[-most:]]
         else:
-            parts = [part for each in frames for part in each]
-        flat = np.concatenate(parts)
-        size = self.tensor.size
-        if size is not None and flat.size != size:
+            parts = [(index, part) for each in frames for index, part in enumerate(each)]
+        flat = np.concatenate([part for _, part in parts])
+        size = math.prod(self._shape)
+        if flat.size not in (size, size // self._batch):
             sizes = ", ".join(f"{term.term} {part.size}" for term, part in zip(self._terms, frame, strict=True))
-            found = f"'{self.tensor.name}' has {size} numbers, the observation gives {flat.size}: {sizes}"
+            found = f"'{self._name}' takes {size} numbers, and the observation gives {flat.size}: {sizes}"
             raise ScriptError(f"the network's input {found}")
-        with np.errstate(over="ignore"):
-            value = flat.reshape(self.tensor.shape_for(flat.size)).astype(self.tensor.type)
-        if not np.isfinite(value).all():
-            # Each part is finite as float64.
-            ends, place = np.cumsum([part.size for part in parts]), int(np.flatnonzero(~np.isfinite(value.ravel()))[0])
-            part = parts[int(np.searchsorted(ends, place, side="right"))]
-            index = next(number for each in frames for number, one in enumerate(each) if one is part)
+        with np.errstate(over="ignore", invalid="ignore"):
+            typed = flat.astype(self._type)
+        if self._type not in FLOATS and not (typed == flat).all():
+            index = self._index(parts, ~(typed == flat))
             raise ScriptError(
-                f"the term '{self._terms[index].term}' of the observation has the value {flat[place]:.4g}, which is "
-                f"too large for {self.tensor.type}, the type of the network's input '{self.tensor.name}'; add 'clip'"
+                f"the term '{self._terms[index].term}' has no whole numbers for '{self._name}', an input "
+                f"of {self._type}"
             )
-        return value
+        if self._type in FLOATS and not np.isfinite(typed).all():
+            # Each part is finite as float64.
+            index = self._index(parts, ~np.isfinite(typed))
+            value = float(flat[int(np.flatnonzero(~np.isfinite(typed))[0])])
+            raise ScriptError(
+                f"the term '{self._terms[index].term}' of the observation has the value {value:.4g}, which is "
+                f"too large for {self._type}, the type of the network's input '{self._name}'; add 'clip'"
+            )
+        return np.ascontiguousarray(np.broadcast_to(typed, (size // flat.size, flat.size))).reshape(self._shape)
+
+    @staticmethod
+    def _index(parts: Sequence[tuple[int, Vector]], wrong: NDArray[np.bool_]) -> int:
+        """Return the number of the term with the first wrong value."""
+        ends = accumulate(part.size for _, part in parts)
+        place = int(wrong.argmax())
+        return next(index for (index, _), end in zip(parts, ends, strict=True) if place < end)
 
     def _part(self, index: int, now: Observation, last_action: Vector) -> Vector:
         import numpy as np
@@ -174,71 +267,85 @@ def _reader(term: Term, layout: Layout, wanted: Schedule) -> Reader:
 
 
 @dataclass(slots=True)
-class Memory:
-    """The values that a recurrent network carries from one tick to the next.
+class NetworkController:
+    """A network with its inputs, the values it carries from one tick to the next, and its last action.
 
     Attributes:
-        sources: name of each input -> output that sets it.
+        fixed: name of an input -> its value, until `memory` changes it.
+        memory: name of an input of a recurrent network -> output that sets it.
+        action: the action of this tick, after `clip`; 0 before the first.
     """
-
-    sources: Mapping[str, str]
-    values: dict[str, NDArray[Any]]
-
-    @classmethod
-    def of(cls, tensors: Mapping[Tensor, str]) -> Memory:
-        """Return the memory of inputs with the outputs that set them; all values are 0."""
-        import numpy as np
-
-        zeros = {
-            each.name: np.zeros([1 if size is None else size for size in each.shape], each.type) for each in tensors
-        }
-        return cls({each.name: source for each, source in tensors.items()}, zeros)
-
-
-@dataclass(slots=True)
-class NetworkController:
-    """A network with its inputs, and its last action."""
 
     name: str
     session: Session
-    inputs: Sequence[Input]
-    memory: Memory
+    inputs: Mapping[str, Input | PictureInput]
+    fixed: dict[str, NDArray[Any]]
+    memory: Mapping[str, str]
     output: str
-    layout: Layout
-    clip: float | None
+    spec: PolicyAction
+    joints: Sequence[str]
     action: Any = field(init=False)
+    _chunks: deque[Any] = field(init=False)
 
     def __post_init__(self) -> None:
         import numpy as np
 
-        self.action = np.zeros(self.layout.actions)
+        self.action, self._chunks = np.zeros(len(self.joints)), deque()
 
     def run(self, now: Observation) -> None:
         """Compute the next action. Raises ScriptError."""
         import numpy as np
 
-        values = {each.tensor.name: each.value(now, self.action) for each in self.inputs}
-        names = list(self.memory.sources)
-        outputs = [self.output, *(self.memory.sources[name] for name in names)]
+        if self.spec.ensemble is not None:
+            self._chunks = deque(chunk[1:] for chunk in self._chunks if len(chunk) > 1)
+            self._chunks.append(self._asked(now))
+            weights = np.exp(-self.spec.ensemble * np.arange(len(self._chunks)))
+            action = weights @ np.array([chunk[0] for chunk in self._chunks]) / weights.sum()
+        else:
+            if not self._chunks:
+                self._chunks.extend(self._asked(now)[: self.spec.execute])
+            action = self._chunks.popleft()
+        clip = self.spec.clip
+        self.action = action if clip is None else np.clip(action, -clip, clip)
+
+    def _asked(self, now: Observation) -> Vector:
+        """Run the network and return its actions, one in each row."""
+        import numpy as np
+
+        given = {name: each.value(now, self.action) for name, each in self.inputs.items()}
         try:
-            found, *kept = self.session.run({**values, **self.memory.values}, outputs)
+            result, *kept = self.session.run({**self.fixed, **given}, [self.output, *self.memory.values()])
         except NetworkProblem as error:
             raise ScriptError(f"{self.name}: {error}") from None
-        action = found.ravel()
-        if action.size != self.layout.actions:
+        for name, value in zip(self.memory.values(), kept, strict=True):
+            self._require_finite(value, given, [f"the state '{name}'"])
+        self.fixed.update(zip(self.memory, kept, strict=True))
+        batch = self.session.batch
+        row = result[0] if batch > 1 and result.shape[:1] == (batch,) else result
+        values = np.asarray(row, dtype=np.float64).ravel()
+        if self.spec.choices is None:
+            self._require_finite(values, given, [f"joint '{joint}'" for joint in self.joints])
+            return values.reshape(-1, len(self.joints))
+        self._require_finite(values, given, [f"choice {place}" for place in range(values.size)])
+        index = int(values.argmax()) if values.size > 1 else values[0]
+        most = len(self.spec.choices) - 1
+        if index != int(index) or not 0 <= index <= most:
+            raise ScriptError(f"the network returned {index:g} as a choice; 'choices' has 0 to {most}")
+        return np.array(self.spec.choices[int(index)], dtype=np.float64).reshape(1, -1)
+
+    @staticmethod
+    def _require_finite(values: NDArray[Any], given: Mapping[str, NDArray[Any]], names: Sequence[str]) -> None:
+        """Raise ScriptError for a result that is not finite; `names`: of its values, one after the other."""
+        import numpy as np
+
+        wrong = ~np.isfinite(values.ravel())
+        if wrong.any():
+            largest = max((float(np.abs(each).max(initial=0.0)) for each in given.values()), default=0.0)
+            place = int(wrong.argmax())
             raise ScriptError(
-                f"the network's output '{self.output}' has {action.size} numbers, for {self.layout.actions} joints"
-            )
-        if not np.isfinite(action).all():
-            joint = self.layout.joints[int(np.flatnonzero(~np.isfinite(action))[0])]
-            largest = max(float(np.abs(value).max(initial=0.0)) for value in values.values())
-            raise ScriptError(
-                f"the network returned {action[~np.isfinite(action)][0]} for joint '{joint}'; its inputs are finite, "
+                f"the network returned {values.ravel()[place]} for {names[place % len(names)]}; its inputs are finite, "
                 f"at most {largest:.4g}"
             )
-        for name, value in zip(names, kept, strict=True):
-            self.memory.values[name] = value.astype(self.memory.values[name].dtype)
-        self.action = action if self.clip is None else np.clip(action, -self.clip, self.clip)
 
 
 _TARGETS: Final[Mapping[str, Callable[[dict[str, float]], JointTargets]]] = {
@@ -272,10 +379,9 @@ class Motors:
         def numbers(value: Any) -> Vector:
             return np.asarray(values_of(0.0 if value is None else value, layout.joints, layout.home))
 
-        soft = action.stiffness is not None or action.damping is not None
         return cls(
             *(action.joints, layout.joints, numbers(action.scale), numbers(action.offset)),
-            *(soft, numbers(action.stiffness), numbers(action.damping)),
+            *(action.is_soft, numbers(action.stiffness), numbers(action.damping)),
         )
 
     def targets(self, action: Vector, now: Observation) -> JointTargets:

@@ -101,6 +101,10 @@ class Term(FrozenModel):
     ] = None
     period: Annotated[PositiveSeconds | None, Field(description="period of `phase.sin` and `phase.cos`")] = None
     shift: Annotated[float, Field(description="share of the period that is added to the phase")] = 0.0
+    frames: Annotated[
+        int | None,
+        Field(ge=1, le=1000, description="number of its values over time, oldest first; default: that of `history`"),
+    ] = None
 
     @model_validator(mode="before")
     @classmethod

@@ -32,6 +32,7 @@ class Provenance(FrozenModel):
 
     Attributes:
         cpu: the model of the processor.
+        packages: names and versions of other packages that computed commands.
         engine_build: the version of the engine's package, the platform of its wheel, and a digest of its libraries.
     """
 
@@ -41,6 +42,7 @@ class Provenance(FrozenModel):
     python: str
     numpy: str | None = None
     platform: str
+    packages: tuple[str, ...] = ()
 
 
 @cache

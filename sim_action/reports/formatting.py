@@ -94,7 +94,8 @@ def provenance_rows(provenance: Provenance | None) -> dict[str, str]:
     if provenance is None:
         return {}
     numpy = f", numpy {provenance.numpy}" if provenance.numpy else ""
-    versions = f"sim-action {provenance.sim_action}, Python {provenance.python}{numpy}"
+    packages = "".join(f", {package}" for package in provenance.packages)
+    versions = f"sim-action {provenance.sim_action}, Python {provenance.python}{numpy}{packages}"
     build = {"build": provenance.engine_build} if provenance.engine_build else {}
     return {**build, "cpu": provenance.cpu, "versions": versions, "system": provenance.platform}
 

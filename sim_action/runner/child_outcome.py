@@ -20,7 +20,7 @@ from pydantic import ValidationError
 from sim_action.core import units
 from sim_action.core.errors import Location, is_refusal
 from sim_action.core.process import Interruption
-from sim_action.core.provenance import Provenance, provenance
+from sim_action.core.provenance import Provenance, installed_version, provenance
 from sim_action.core.records import replace
 from sim_action.core.version import __version__
 from sim_action.core.wording import MAX_MESSAGE_CHARS, escaped_line, shortened
@@ -124,7 +124,9 @@ def _engine(loaded: LoadedScenario) -> str:
 
 def _provenance(loaded: LoadedScenario) -> Provenance | None:
     with suppress(OSError, ImportError):
-        return engine_provenance(loaded.scenario.backend)
+        used = dict.fromkeys(source.package for source in loaded.scenario.commands if source.package)
+        packages = tuple(f"{name} {installed_version(name) or ''}".rstrip() for name in used)
+        return engine_provenance(loaded.scenario.backend).model_copy(update={"packages": packages})
     return None
 
 

@@ -252,7 +252,10 @@ def test_results_are_as_their_schema_says() -> None:
         ({"policy": {"file": "a.onnx", "action": {"joints": "effort"}, "rate": 50, "inputs": {"x": ["time"]}}}, True),
         ({"policy": "a.onnx", "action": {"joints": "effort", "scale": {"*": 2}, "offset": "home"}, "rate": 50}, True),
         ({"policy": "a.onnx", "action": {"joints": "effort"}}, False),
-        ({"policy": {"file": "a.onnx", "rate": 50}}, False),
+        ({"policy": {"file": "a.onnx", "rate": 50}}, True),  # the network may state the action
+        ({"policy": {"file": "a.onnx", "rate": 50, "constants": {"is_training": False, "n": [1, 2]}}}, True),
+        ({"policy": {"file": "a.onnx", "rate": 50, "pictures": {"x": {"camera": "front", "mean": [0, 0, 0]}}}}, True),
+        ({"policy": {"file": "a.onnx", "rate": 50, "pictures": {"x": {"mean": [0, 0, 0]}}}}, False),
         ({"policy": "a.onnx", "action": {"joints": "effort"}, "rate": 50, "observation": [{"scale": 2}]}, False),
         ({"policy": "a.onnx", "action": {"joints": "effort", "offset": "hom"}, "rate": 50}, False),
     ],

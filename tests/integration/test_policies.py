@@ -90,12 +90,21 @@ def test_a_network_outside_of_the_workspace_is_refused(file: str, folder: Path) 
     assert "outside the workspace" in ran.stdout + ran.stderr
 
 
-def test_validate_imports_no_onnxruntime(folder: Path) -> None:
-    # A module that ends the process takes the place of onnxruntime.
+def test_validate_without_onnxruntime_says_that_the_network_was_not_opened(folder: Path) -> None:
+    (folder / "fake").mkdir()
+    (folder / "fake/sitecustomize.py").write_text("import sys\nsys.modules['onnxruntime'] = None\n")
+    ran = fresh_sim_action(folder, "validate", "policy.sim.yml", PYTHONPATH=f"{folder / 'fake'}:{ROOT}")
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert "not checked: policy pd.onnx: the network was not opened: policies need" in ran.stdout + ran.stderr
+
+
+def test_validate_opens_the_network_in_a_process_of_its_own(folder: Path) -> None:
+    # A module that ends its process takes the place of onnxruntime.
     (folder / "fake/onnxruntime").mkdir(parents=True)
     (folder / "fake/onnxruntime/__init__.py").write_text("import os\nos._exit(77)\n")
     ran = fresh_sim_action(folder, "validate", "policy.sim.yml", PYTHONPATH=f"{folder / 'fake'}:{ROOT}")
-    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert ran.returncode == 2
+    assert "pd.onnx made onnxruntime crash (status 77)" in ran.stdout + ran.stderr
 
 
 def test_a_network_that_returns_nan_is_an_error_that_names_the_joint(folder: Path) -> None:
