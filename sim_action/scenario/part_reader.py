@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from itertools import count
 from typing import TYPE_CHECKING, Any, Final, TypeGuard, TypeVar
@@ -21,6 +21,7 @@ from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.core.yaml_errors import ProblemList, SpecProblems
 from sim_action.drives import DRIVES, Drive
+from sim_action.robot.built_in import STANDARD_SENSORS
 from sim_action.scenario.model import Expectation, ExpectationOptions
 from sim_action.sensors import SENSORS, MountedSensor, Mounting
 from sim_action.world.claims import allowed_rules
@@ -39,6 +40,12 @@ _MAX_SOURCES: Final = 50
 _MAX_SENSORS: Final = 100
 _MAX_ASSERTIONS: Final = 1_000
 _MAX_FILES: Final = 50
+
+
+def _standard_sensors(robot: Any) -> Iterable[Any]:
+    """Return the entries of the sensors that a robot is sold with, if it asks for them."""
+    is_asked = isinstance(robot, dict) and robot.get("sensors") == "standard"
+    return STANDARD_SENSORS.get(str(robot["model"]), ()) if is_asked and "model" in robot else ()
 
 
 class PartReader:
@@ -85,8 +92,9 @@ class PartReader:
         parts = dict(data)
         if "commands" in data:
             parts["commands"] = self._commands(data["commands"])
-        if isinstance(data.get("sensors"), tuple):
-            parts["sensors"] = self._sensors(data["sensors"])
+        sensors, standard = data.get("sensors", ()), tuple(_standard_sensors(data.get("robot")))
+        if isinstance(sensors, tuple) and (standard or "sensors" in data):
+            parts["sensors"] = self._sensors(sensors, standard)
         if isinstance(data.get("expect"), tuple):
             parts["expect"] = self._expectations(data["expect"])
         robot = data.get("robot")
@@ -129,9 +137,11 @@ class PartReader:
         self.expect_paths = [path for path, expectation in found if expectation is not None]
         return _with_unique_names(tuple(expectation for _, expectation in found if expectation is not None))
 
-    def _sensors(self, data: tuple[Any, ...]) -> tuple[MountedSensor, ...]:
+    def _sensors(self, data: tuple[Any, ...], standard: tuple[Any, ...]) -> tuple[MountedSensor, ...]:
         few = self._few("sensors", data, _MAX_SENSORS, "sensors")
-        found = [(("sensors", index), self._sensor(entry, ("sensors", index))) for index, entry in enumerate(few)]
+        entries: list[tuple[KeyPath, Any]] = [(("sensors", index), entry) for index, entry in enumerate(few)]
+        entries += [(("robot", "sensors"), entry) for entry in standard]
+        found = [(path, self._sensor(entry, path)) for path, entry in entries]
         self.sensor_paths = [path for path, sensor in found if sensor is not None]
         return tuple(sensor for _, sensor in found if sensor is not None)
 

@@ -16,10 +16,12 @@ from sim_action.commands.external_program import ProcessCommands
 from sim_action.commands.script import ScriptCommands
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.permissions import Permissions
+from sim_action.robot.built_in import STANDARD_SENSORS
 from sim_action.scenario.files import read_file
 from sim_action.scenario.loading import load_all, load_scenario
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.scenario.source import Refused
+from sim_action.sensors.lidar import Lidar
 from sim_action.state.trace_channels import Channels
 from tests.scenarios import LEAST, load, told
 
@@ -339,3 +341,43 @@ def test_a_map_is_a_script_for_the_gate(folder: Path) -> None:
     (problem,) = raised.value.problems
     assert problem.message == "commands.script.file: no scripts here"
     assert (problem.location.line, problem.location.column) == (5, 12)
+
+
+@pytest.mark.parametrize("model", STANDARD_SENSORS)
+@pytest.mark.parametrize("more", ["", "sensors: [{lidar: {rays: 3}, name: own}]\n"])
+def test_standard_sensors_follow_those_of_the_scenario(model: str, more: str, tmp_path: Path) -> None:
+    text = f"{more}{LEAST}".replace("turtlebot3_burger", model).replace(
+        f"model: {model}", f"model: {model}\n  sensors: standard"
+    )
+    found = load(tmp_path, text).scenario.sensors
+    names = [str(entry["name"]) for entry in STANDARD_SENSORS[model]]
+    assert [sensor.name for sensor in found] == [*(["own"] if more else []), *names]
+    laser = next(sensor for sensor in found if sensor.name == "scan")
+    assert isinstance(laser.sensor, Lidar)
+    assert (laser.sensor.rays, laser.sensor.angle_min, laser.sensor.min_range, laser.sensor.range) == (
+        360,
+        0,
+        0.12,
+        3.5,
+    )
+    assert (laser.link, laser.rate) == ("base_scan", 5)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "model: turtlebot3_burger",
+            "model: husky_a200\n  sensors: standard",
+            "standard ones are known of turtlebot3_burger",
+        ),
+        (
+            "model: turtlebot3_burger",
+            "model: turtlebot3_burger\n  sensors: standard\nsensors: [{lidar: {}, name: scan}]",
+            "a second sensor named 'scan'",
+        ),
+    ],
+)
+def test_standard_sensors_that_do_not_fit_are_refused(old: str, new: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(InvalidScenario, match=message):
+        load(tmp_path, LEAST.replace(old, new))

@@ -18,3 +18,19 @@ BUILT_IN: Final = MappingProxyType(
     }
 )
 """Name of each model that comes with sim-action -> its description."""
+
+STANDARD_SENSORS: Final = MappingProxyType(
+    {
+        "turtlebot3_burger": (
+            {
+                "lidar": {"rays": 360, "angle_min": "0 deg", "min_range": "12 cm", "range": "3.5 m"},
+                "name": "scan",
+                "link": "base_scan",
+                "rate": "5 Hz",
+            },
+            {"imu": {}, "name": "imu", "rate": "40 Hz"},
+            {"odometry": {}, "name": "odom", "rate": "40 Hz"},
+        )
+    }
+)
+"""Name of a built-in model -> the sensors that the robot is sold with, as a scenario has them (emanual.robotis.com)."""

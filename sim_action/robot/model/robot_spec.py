@@ -7,7 +7,7 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import Field, model_validator
 
 from sim_action.core.field_types import FrozenModel, JointPosition, NamesFile, Placement
-from sim_action.robot.built_in import BUILT_IN
+from sim_action.robot.built_in import BUILT_IN, STANDARD_SENSORS
 
 IN_WORLD: Final = "#"
 """Between a world file and the name of a model in it."""
@@ -71,6 +71,20 @@ class Robot(FrozenModel):
             "or MJCF excludes, and pairs that touch at the model's own position; false: they pass through each other"
         ),
     ] = False
+    sensors: Annotated[
+        Literal["standard"] | None,
+        Field(
+            description="`standard`: the robot has the sensors that it is sold with, besides those in `sensors` of the "
+            f"scenario; of {', '.join(STANDARD_SENSORS)}"
+        ),
+    ] = None
+
+    @model_validator(mode="after")
+    def _has_standard_sensors(self) -> Self:
+        if self.sensors is not None and self.model not in STANDARD_SENSORS:
+            known = ", ".join(STANDARD_SENSORS)
+            raise ValueError(f"sensors: standard ones are known of {known}; remove 'sensors', and list them below it")
+        return self
 
     @model_validator(mode="after")
     def _keyframe_is_read(self) -> Self:
