@@ -24,7 +24,7 @@ from sim_action.core.files import whole_file
 from sim_action.core.permissions import Permissions
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass, field
-from sim_action.core.wording import counted, escaped_line
+from sim_action.core.wording import counted, escaped_line, note, system_reason
 from sim_action.engines import chosen
 from sim_action.results.events import Listener, Progressed
 from sim_action.results.outcome import Failure, Outcome
@@ -297,18 +297,23 @@ class ClusterRuns(Scheduler):
     def _placed(self, index: int, result: Result) -> Outcome:
         """Write the files of a run, and return its outcome with their names."""
         job = self._runs.job(index)
+        outcome = Outcome.model_validate_json(result.outcome)
+        notes = list(outcome.notes)
         for number, content in result.files:
             path = job.evidence[number]
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with whole_file(path) as file:
-                file.write(content)
-        outcome = Outcome.model_validate_json(result.outcome)
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                with whole_file(path) as file:
+                    file.write(content)
+            except OSError as error:
+                notes.append(escaped_line(f"{job.named(path)}: {system_reason(error)}"))
         endings = {Path(name).suffix for name in outcome.recordings}
         return outcome.model_copy(
             update={
                 "trace": job.trace_name if outcome.trace else None,
                 "replay": job.named(job.replay) if job.replay and outcome.replay else None,
                 "recordings": tuple(job.named(path) for path in job.recordings if path.suffix in endings),
+                "notes": tuple(notes),
             }
         )
 
@@ -478,6 +483,10 @@ class DaskExecutor:
         refused = [f"the worker {worker} {reason}" for worker, reason in _refusals(found, self._needed)]
         if refused:
             raise UsageError("\n".join(escaped_line(f"--cluster: {line}") for line in refused))
+        roundings = Counter("; ".join(there.roundings(self._needed)) for there in found.values())
+        for difference, workers in roundings.items():
+            if difference:
+                note(f"--cluster: {counted(workers, 'worker')}: {difference}; {_OTHER_ROUNDING}")
         for archive in self._archives.values():
             self._send(archive)
 
@@ -519,6 +528,12 @@ class DaskExecutor:
 
 def _kind(loaded: LoadedScenario) -> Path | None:
     return None if loaded.scenario.runs_user_code else loaded.workspace.root
+
+
+_OTHER_ROUNDING: Final = (
+    "numbers may differ in their last digits, and with them digests, golden trajectories and verdicts at a limit; "
+    "results.json names the machine of each run (provenance)"
+)
 
 
 def _refusals(found: Mapping[str, Software | BaseException], needed: Software) -> Iterator[tuple[str, str]]:

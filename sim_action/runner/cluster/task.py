@@ -16,7 +16,7 @@ from typing import Any, Final, Self
 from sim_action.core.files import open_regular
 from sim_action.core.permissions import Permissions
 from sim_action.core.process import Interruption
-from sim_action.core.provenance import installed_version
+from sim_action.core.provenance import cpu_model, installed_version
 from sim_action.core.records import dataclass, replace
 from sim_action.core.version import PACKAGE_FOLDER, __version__
 from sim_action.engines import ENGINES
@@ -37,17 +37,20 @@ _DIGITS: Final = 12
 
 @dataclass(frozen=True, slots=True)
 class Software:
-    """The versions that must be equal on the caller's machine and on all workers.
+    """The versions that must be equal on the caller's machine and on all workers, and those that should be.
 
     Attributes:
         source: a digest of sim-action's own files.
         engines: each engine that is needed, and the version of its package; None: it is not installed.
+        numpy, processor: they change the last digits of numbers.
     """
 
     sim_action: str
     source: str
     python: str
     engines: tuple[tuple[str, str | None], ...]
+    numpy: str
+    processor: str
 
     def differences(self, here: Software) -> Iterator[str]:
         """Yield what a worker with this software has in another version than `here`, the caller's machine."""
@@ -60,6 +63,13 @@ class Software:
         if self.sim_action == here.sim_action and self.source != here.source:
             yield f"the files of sim-action have the digest {self.source}, here {here.source}"
 
+    def roundings(self, here: Software) -> Iterator[str]:
+        """Yield what may let a worker with this software round otherwise than `here`, the caller's machine."""
+        pairs = [("numpy", self.numpy, here.numpy), ("the processor", self.processor, here.processor)]
+        for name, there, wanted in pairs:
+            if there != wanted:
+                yield f"{name} is {there}, here {wanted}"
+
 
 @cache
 def software(engines: tuple[str, ...]) -> Software:
@@ -69,6 +79,8 @@ def software(engines: tuple[str, ...]) -> Software:
         source_digest(PACKAGE_FOLDER)[:_DIGITS],
         ".".join(map(str, sys.version_info[:2])),
         tuple((engine, installed_version(ENGINES[engine].distribution)) for engine in engines),
+        installed_version("numpy") or "missing",
+        cpu_model(),
     )
 
 
