@@ -182,7 +182,9 @@ class _Call:
             assembly = OutcomeAssembly(self._plans, request.repeat, options.folder, motions, partial(_emit, listeners))
             if request.resume:
                 self._resume(header, assembly)
-            journal = Journal(options.folder, header, warn, self._started, self.taken.records)
+            options.room.reserve(max(len(header.planned), len(self._every) * request.repeat))
+            taken = self.taken.records
+            journal = Journal(options.folder, header, warn, self._started, taken, make_room=options.room.make)
             runs = len(self._every) * request.repeat - self.taken.runs(request.repeat)
             if request.repeat == 1:
                 self._early_stop = EarlyStop(self._every, assembly.places)

@@ -96,6 +96,7 @@ def merge_results(request: MergeRequest) -> ExitCode:
     evidence = [stored_files_of(entry.outcome, entry.origin.parent if entry.origin else None) for entry in entries]
     _refuse_to_overwrite([*(file.path for file in files), *lost], evidence, request.reports)
     with open_reports(request.reports) as options:
+        options.room.reserve(len(entries))
         gates = gates_of(files, request.listing)
         outcomes = over_variations(list(_with_evidence(entries, evidence, options.folder)), gates)
         results = _results([file.results for file in files], outcomes, gates)

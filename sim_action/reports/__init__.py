@@ -17,6 +17,7 @@ from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass
 from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.journal import JOURNAL_FILE
+from sim_action.results.output_folder import Room
 from sim_action.results.results_json import RESULTS_FILE
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ Verbosity = Literal["quiet", "normal", "verbose"]
 """
 
 _NO_PERMISSIONS: Final = Permissions()
+_NO_ROOM: Final = Room()
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +49,7 @@ class ReportOptions:
         taken_over: the number of outcomes of an earlier call, see `run --resume`; None: it was not asked for.
         permissions: what the caller permits; the command that runs a scenario again permits the same.
         against: the earlier run that `report.html` compares with; None: there is none.
+        room: the space for required reports.
     """
 
     folder: Path
@@ -59,6 +62,7 @@ class ReportOptions:
     taken_over: int | None = None
     permissions: Permissions = _NO_PERMISSIONS
     against: EarlierRun | None = None
+    room: Room = _NO_ROOM
 
     @property
     def files(self) -> tuple[str, ...]:

@@ -6,7 +6,6 @@ Every module that a message needs is imported before the run: at the end there m
 from __future__ import annotations
 
 import os
-import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
@@ -18,16 +17,15 @@ from typing import TYPE_CHECKING, Final, Protocol, TextIO
 from sim_action.core.errors import ExitCode, InternalError, UsageError
 from sim_action.core.records import replace
 from sim_action.core.registry import Table
-from sim_action.core.wording import escaped_line, log_line, system_reason, warn
+from sim_action.core.wording import escaped_line, log_line, system_reason
 from sim_action.reports import ReportOptions, ReportRequest, workspace_of
 from sim_action.reports.escaping import log_text, one_line
 from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.reports.statuses import STATUS_DISPLAYS
-from sim_action.results.artifacts import REPORT_FILE, RUN_FILE_FOLDERS, stored_file, with_existing_files
+from sim_action.results.artifacts import REPORT_FILE, RUN_FILE_FOLDERS, with_existing_files
 from sim_action.results.journal import JOURNAL_FILE, manifest
 from sim_action.results.outcome import Outcome
 from sim_action.results.output_folder import (
-    DISK_FULL,
     create_folder,
     locked,
     remove_earlier_files,
@@ -71,8 +69,6 @@ _VARIABLES: Final = MappingProxyType(
 
 _SCENARIO_SUFFIXES: Final = frozenset({".yml", ".yaml"})
 _RESULTS: Final = "results"
-# Above this, a lack of space has another cause, such as a quota of inodes, and files of runs would be lost for nothing.
-_LEAST_FREE_BYTES: Final = 64_000_000
 _PRINTED: Final = frozenset({"terminal", "annotations"})
 
 
@@ -87,7 +83,7 @@ def open_reports(request: ReportRequest, *, keeps_earlier: bool = False) -> Iter
     # Before anything is removed or run: the results of the earlier run may not be there.
     against = None if request.against is None else _earlier_run(request.against, request.folder)
     folder = _created_folder(request.folder)
-    with locked(folder):
+    with locked(folder) as room:
         if not keeps_earlier:
             remove_earlier(request)
         yield ReportOptions(
@@ -99,6 +95,7 @@ def open_reports(request: ReportRequest, *, keeps_earlier: bool = False) -> Iter
             verbosity=request.verbosity,
             silenced=request.silenced,
             against=against,
+            room=room,
         )
 
 
@@ -176,8 +173,9 @@ def write_reports(results: Results, options: ReportOptions, annotated: Results |
     with suppress(OSError):
         # A script may have removed it.
         create_folder(options.folder)
-    results = _with_existing_files(results, options.folder)
-    annotated = results if annotated is None else _with_existing_files(annotated, options.folder)
+    results = _with_existing_files(results, options)
+    annotated = results if annotated is None else _with_existing_files(annotated, options)
+    options.room.release()
     unwritten = {}
     for name in (_RESULTS, *_enabled_reports(options)):
         try:
@@ -194,10 +192,10 @@ def write_reports(results: Results, options: ReportOptions, annotated: Results |
     return ExitCode.of_command((results.exit_code, complain_about(unwritten, results, options)))
 
 
-def _with_existing_files(results: Results, folder: Path) -> Results:
-    return results.model_copy(
-        update={"outcomes": tuple(with_existing_files(outcome, folder) for outcome in results.outcomes)}
-    )
+def _with_existing_files(results: Results, options: ReportOptions) -> Results:
+    folder, removed = options.folder, options.room.removed
+    outcomes = tuple(with_existing_files(outcome, folder, removed) for outcome in results.outcomes)
+    return results.model_copy(update={"outcomes": outcomes})
 
 
 def _with_room(name: str, written: Results, options: ReportOptions, results: Results) -> Results:
@@ -209,9 +207,9 @@ def _with_room(name: str, written: Results, options: ReportOptions, results: Res
         try:
             _write(name, written, options)
         except OSError as error:
-            if name not in _REQUIRED or error.errno not in DISK_FULL or not _dropped_largest(results, options.folder):
+            if name not in _REQUIRED or not options.room.make(error, _files_of_runs(results)):
                 raise
-            results = written = _with_existing_files(results, options.folder)
+            results = written = _with_existing_files(results, options)
             if name != _RESULTS:
                 # It names no file that was removed.
                 with suppress(OSError):
@@ -220,21 +218,9 @@ def _with_room(name: str, written: Results, options: ReportOptions, results: Res
             return results
 
 
-def _dropped_largest(results: Results, folder: Path) -> bool:
-    """Remove the largest trace, replay or recording; return False if the disk has room, or if none is left."""
-    with suppress(OSError):
-        if shutil.disk_usage(folder).free > _LEAST_FREE_BYTES:
-            return False
-    named = {
-        file for outcome in results.outcomes for file in (outcome.trace, outcome.replay, *outcome.recordings) if file
-    }
-    sizes = {name: path.stat().st_size for name in named if (path := stored_file(folder, name)) is not None}
-    if not sizes:
-        return False
-    name = max(sizes, key=lambda name: sizes[name])
-    (folder / name).unlink()
-    warn(f"the disk is full: {name} was removed to make room for the verdicts")
-    return True
+def _files_of_runs(results: Results) -> Iterator[str]:
+    for outcome in results.outcomes:
+        yield from filter(None, (outcome.trace, outcome.replay, *outcome.recordings))
 
 
 def _write(name: str, results: Results, options: ReportOptions) -> None:

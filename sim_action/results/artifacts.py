@@ -6,7 +6,7 @@ import os
 import re
 import shutil
 import stat
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any, Final, Literal, Self
 
@@ -128,14 +128,19 @@ def copy_or_reason(source: Path, target: Path) -> str:
     return ""
 
 
-def with_existing_files(outcome: Outcome, folder: Path) -> Outcome:
+def with_existing_files(outcome: Outcome, folder: Path, removed: Collection[str] = ()) -> Outcome:
     """Return the outcome without names of files that do not exist in `folder`; each one is a note instead.
 
-    User code may remove or replace files of earlier runs.
+    User code may remove or replace files of earlier runs; those in `removed` made room on a full disk.
     """
     named = [("trace", outcome.trace), ("replay", outcome.replay)]
     named += [(f"{_file_format(name)} recording", name) for name in outcome.recordings]
-    lost = {name: f"{kind}: it was removed after the run" for kind, name in named if name and not _exists(folder, name)}
+    cause = dict.fromkeys(removed, "to make room on the full disk")
+    lost = {
+        name: f"{kind}: it was removed {cause.get(name, 'after the run')}"
+        for kind, name in named
+        if name and not _exists(folder, name)
+    }
     if not lost:
         return outcome
     return outcome.model_copy(

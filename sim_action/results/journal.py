@@ -249,6 +249,8 @@ class Journal:
         warn: Callable[[str], None],
         started: float,
         taken_over: Iterable[Record] = (),
+        *,
+        make_room: Callable[[OSError, Iterable[str]], bool] = lambda *_: False,
     ) -> None:
         """Begin the journal in a folder.
 
@@ -258,9 +260,10 @@ class Journal:
             warn: receives the reason if the journal cannot be written.
             started: the start of the call on `time.monotonic()`.
             taken_over: records of outcomes of an earlier call, with their places in this one.
+            make_room: makes room on a full disk; see `Room.make`.
         """
         self._path = folder.absolute() / JOURNAL_FILE
-        self._warn = warn
+        self._warn, self._make_room = warn, make_room
         self._has_warned = False
         self._started = started
         self._synced = float("-inf")
@@ -320,7 +323,9 @@ class Journal:
             step()
         except OSError as error:
             self._leave()
-            if not self._has_warned:
+            if self._make_room(error, self._recorded.header.files):
+                self._attempt(self._write_whole)
+            elif not self._has_warned:
                 self._has_warned = True
                 reason = system_reason(error)
                 self._warn(f"the journal {self._path.name} cannot be written: {reason}; verdicts are kept in memory")

@@ -1,13 +1,15 @@
 """The output folder of a call: making it, locking it for one call at a time, and removing files of the earlier call.
 
 The lock is a record lock of POSIX on a file that holds the process id. A forked child does not inherit it, and the
-system releases it when the process ends in any way, so a lock is never stale.
+system releases it when the process ends in any way, so a lock is never stale. On Linux, the file also takes up the
+space that the results will need, so that traces and other files of runs leave it free.
 """
 
 from __future__ import annotations
 
 import errno
 import os
+import shutil
 import stat
 import sys
 import time
@@ -19,7 +21,7 @@ from typing import Final
 from sim_action.core.errors import UsageError
 from sim_action.core.files import UNFINISHED_FILE, whole_file
 from sim_action.core.wording import escaped_line, system_reason, warn
-from sim_action.results.artifacts import REPORT_FILE
+from sim_action.results.artifacts import REPORT_FILE, stored_file
 from sim_action.results.journal import JOURNAL_FILE
 from sim_action.results.results_json import RESULTS_FILE
 from sim_action.results.written_files import JUNIT_FILE, SUFFIXES
@@ -28,7 +30,8 @@ LOCK_FILE: Final = ".sim-action.lock"
 """The locked file; a name of our own, because the output folder may hold files of the user."""
 
 _REPORT_FILES: Final = frozenset({JOURNAL_FILE, RESULTS_FILE, JUNIT_FILE, REPORT_FILE})
-DISK_FULL: Final = frozenset({errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)})
+_OVER_QUOTA: Final = getattr(errno, "EDQUOT", errno.ENOSPC)
+_DISK_FULL: Final = frozenset({errno.ENOSPC, _OVER_QUOTA})
 _IN_USE: Final = frozenset({errno.EACCES, errno.EAGAIN, errno.EDEADLK})
 # A network file system may have no locks.
 _WITHOUT_LOCKS: Final = frozenset({errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL})
@@ -39,6 +42,14 @@ _PID_POLL_S: Final = 0.01
 _MAX_PID_BYTES: Final = 20
 # Windows locks bytes against reading, so the locked byte is far behind the process id.
 _LOCKED_BYTE: Final = 1 << 30
+
+# A scenario with ten assertions needs 4 to 10 kB in each of `results.json`, the JUnit XML and the journal.
+_BYTES_OF_OUTCOME: Final = 24_000
+_BYTES_OF_CALL: Final = 64_000
+# The journal gets this part of the reserve whenever it lacks space.
+_PARTS_OF_RESERVE: Final = 16
+# Above this, a lack of space has another cause, such as too many files, and files of runs would be lost for nothing.
+_LEAST_FREE_BYTES: Final = 64_000_000
 
 # A process may lock a file that it has locked already, so the folders that this process has locked are known here.
 _locked: Final[set[str]] = set()
@@ -60,8 +71,71 @@ def create_folder(folder: Path) -> None:
         file.write(b"*\n")
 
 
+class Room:
+    """Disk space for the required files of a call: a reserve, and then the space of files of runs.
+
+    Attributes:
+        removed: the names of the files that made room.
+    """
+
+    def __init__(self, folder: Path | None = None, lock: int | None = None) -> None:
+        """`lock`: the descriptor of the locked file, which takes up the reserve. None: there is none."""
+        self._folder, self._lock = folder, lock
+        self._reserved = self._part = 0
+        self.removed: set[str] = set()
+
+    def reserve(self, outcomes: int) -> None:
+        """Reserve space for so many outcomes, or warn that there is none."""
+        size = _BYTES_OF_CALL + outcomes * _BYTES_OF_OUTCOME
+        # Other systems have no such call; there, files of runs make room.
+        if sys.platform == "linux" and self._lock is not None:
+            try:
+                os.posix_fallocate(self._lock, 0, size)
+            except OSError as error:
+                self.release()
+                if error.errno in _DISK_FULL:
+                    warn(f"{self._folder} may lack space for results: {size / 1e6:.1f} MB are needed; free some space")
+            else:
+                self._reserved, self._part = size, size // _PARTS_OF_RESERVE
+
+    def release(self) -> None:
+        """Give back the reserve."""
+        self._shrink(0)
+
+    def make(self, error: OSError, names: Iterable[str]) -> bool:
+        """Make room after an error of the system, and return False if another attempt would not help.
+
+        A part of the reserve is given back. Without one, the largest file is removed of those `names` that belong to
+        the folders of traces, replays and recordings.
+        """
+        if self._folder is None or error.errno not in _DISK_FULL:
+            return False
+        if self._reserved:
+            return self._shrink(max(0, self._reserved - self._part))
+        with suppress(OSError):
+            if error.errno != _OVER_QUOTA and shutil.disk_usage(self._folder).free > _LEAST_FREE_BYTES:
+                return False
+        evidence = {name for name in names if _is_ours(name)} - _REPORT_FILES
+        paths = ((name, stored_file(self._folder, name)) for name in evidence)
+        sizes = {name: path.stat().st_size for name, path in paths if path is not None}
+        if not sizes:
+            return False
+        name = max(sizes, key=lambda name: sizes[name])
+        (self._folder / name).unlink()
+        self.removed.add(name)
+        warn(f"the disk is full: {name} was removed to make room for the verdicts")
+        return True
+
+    def _shrink(self, size: int) -> bool:
+        if self._lock is not None:
+            with suppress(OSError):
+                os.ftruncate(self._lock, max(size, len(f"{os.getpid()}\n")))
+        self._reserved = size
+        return True
+
+
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
+def locked(folder: Path) -> Iterator[Room]:
     """Lock an existing folder for this call. Raises UsageError if another call has locked it.
 
     Where the disk is full or the file system has no locks, the call goes on without a lock, with a warning.
@@ -72,7 +146,7 @@ def locked(folder: Path) -> Iterator[None]:
     try:
         descriptor = _open_locked(folder)
     except OSError as error:
-        if error.errno not in DISK_FULL | _WITHOUT_LOCKS:
+        if error.errno not in _DISK_FULL | _WITHOUT_LOCKS:
             raise UsageError(
                 escaped_line(f"cannot write to the output folder {folder}: {system_reason(error)}")
             ) from None
@@ -80,7 +154,7 @@ def locked(folder: Path) -> Iterator[None]:
         descriptor = None
     _locked.add(place)
     try:
-        yield
+        yield Room(folder, descriptor)
     finally:
         _locked.discard(place)
         if descriptor is not None:
@@ -146,9 +220,9 @@ def _pid_in(descriptor: int) -> str:
     patience = time.monotonic() + _PID_TIMEOUT_S
     while True:
         os.lseek(descriptor, 0, os.SEEK_SET)
-        content = os.read(descriptor, _MAX_PID_BYTES)
-        if content.endswith(b"\n") and content[:-1].isdigit():
-            return content[:-1].decode()
+        pid, end, _ = os.read(descriptor, _MAX_PID_BYTES).partition(b"\n")
+        if end and pid.isdigit():
+            return pid.decode()
         if time.monotonic() >= patience:
             return ""
         time.sleep(_PID_POLL_S)

@@ -19,6 +19,7 @@ from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.reports.writing import REPORTS, make_ready, write_reports
+from sim_action.results.output_folder import Room
 from sim_action.results.results_json import Results
 from tests.outcomes import like
 from tests.reports.samples import SAMPLES
@@ -333,9 +334,11 @@ def test_files_of_runs_make_room_for_the_verdicts_the_largest_first(
 
     monkeypatch.setattr(Results, "write", write)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: shutil._ntuple_diskusage(free, 0, free))
-    code = write_reports(like(SAMPLES["passed"], outcomes=outcomes), opened)
+    code = write_reports(like(SAMPLES["passed"], outcomes=outcomes), replace(opened, room=Room(opened.folder)))
     assert {path.name for path in traces.iterdir()} == left
     assert code is (ExitCode.FAILED if free else ExitCode.PASSED)
     if not free:
         assert "the disk is full: traces/a.npz was removed" in capsys.readouterr().err
-        assert [made.trace for made in Results.read(opened.folder / "results.json").outcomes] == [None, "traces/b.npz"]
+        stored = Results.read(opened.folder / "results.json").outcomes
+        assert [made.trace for made in stored] == [None, "traces/b.npz"]
+        assert stored[0].notes[-1] == "trace: it was removed to make room on the full disk"

@@ -9,15 +9,19 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.errors import UsageError
+from sim_action.core.errors import ExitCode, UsageError
+from sim_action.reports.writing import write_reports
 from sim_action.results import output_folder
+from sim_action.results.events import Finished
+from sim_action.results.journal import Header, Journal, Planned, read_journal
 from sim_action.results.output_folder import (
     LOCK_FILE,
     create_folder,
@@ -25,6 +29,8 @@ from sim_action.results.output_folder import (
     remove_earlier_files,
     remove_unfinished_files,
 )
+from sim_action.results.results_json import Results
+from tests.outcomes import outcome, report_options
 
 # It holds the lock until its standard input ends, and says first whether it has it.
 HOLDER = """
@@ -212,26 +218,101 @@ def test_a_folder_without_permission_is_an_error_of_the_call(tmp_path: Path, mon
         pass
 
 
-@pytest.mark.process
-@pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="only root mounts a file system")
-def test_a_full_file_system_is_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    small = tmp_path / "small"
-    small.mkdir()
-    mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=64k,nr_inodes=4", "tmpfs", str(small)], capture_output=True, check=False
-    )
-    if mounted.returncode:
+@contextmanager
+def mounted(place: Path, options: str) -> Iterator[Path]:
+    """Mount a small file system, and yield a new output folder in it."""
+    place.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(place)]
+    if subprocess.run(command, capture_output=True, check=False).returncode:
         pytest.skip("no file system can be mounted here")
     try:
-        create_folder(small / "out")
+        create_folder(place / "out")
+        yield place / "out"
+    finally:
+        subprocess.run(["umount", "--lazy", str(place)], check=True)
+
+
+mounts = pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="only root mounts a file system")
+
+
+@pytest.mark.process
+@mounts
+def test_a_full_file_system_is_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with mounted(tmp_path / "small", "size=64k,nr_inodes=4") as folder:
         with suppress(OSError):
             for number in range(9):
-                (small / str(number)).touch()
-        with locked(small / "out"):
+                (folder.parent / str(number)).touch()
+        with locked(folder):
             pass
-        assert "is not locked against other runs: no space left on device" in capsys.readouterr().err
-    finally:
-        subprocess.run(["umount", str(small)], check=True)
+    assert "is not locked against other runs: no space left on device" in capsys.readouterr().err
+
+
+def fill_disk(path: Path) -> int:
+    """Write to a file until the disk is full, and return its size."""
+    path.parent.mkdir(exist_ok=True)
+    with suppress(OSError), path.open("wb", buffering=0) as file:
+        while True:
+            file.write(bytes(4096))
+    return path.stat().st_size
+
+
+@pytest.mark.process
+@mounts
+def test_files_of_runs_leave_the_space_of_the_verdicts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The journal and the reports fit on a disk that a trace and a file of the user have filled."""
+    ended = [outcome(f"{number}.sim.yml") for number in range(20)]
+    header = Header.of_call(map(Planned.of, ended), ["traces/a.npz"])
+    with mounted(tmp_path / "small", "size=1500k") as folder, locked(folder) as room:
+        room.reserve(len(ended))
+        assert fill_disk(folder / "traces/a.npz") > 800_000
+        journal = Journal(folder, header, print, 0.0, make_room=room.make)
+        for place, each in enumerate(ended):
+            journal(Finished(place, each))
+        fill_disk(folder.parent / "of the user")
+        results = journal.close()
+        assert write_reports(results, replace(report_options(folder), room=room)) is ExitCode.PASSED
+        assert read_journal(folder).results() == results
+        assert (folder / "traces/a.npz").exists()
+        assert Results.read(folder / "results.json").total == len(ended)
+        assert (folder / "junit.xml").stat().st_size > 0
+    assert "removed" not in capsys.readouterr().err
+
+
+@pytest.mark.process
+@mounts
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT])
+def test_a_disk_without_a_reserve_loses_the_largest_files_of_runs(
+    number: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sizes = {"traces/a.npz": 20_000, "replays/b.json.gz": 40_000, "recordings/c.mcap": 60_000, "own.bin": 80_000}
+    error = OSError(number, os.strerror(number))
+    with mounted(tmp_path / "small", "size=300k") as folder, locked(folder) as room:
+        for name, size in sizes.items():
+            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).write_bytes(bytes(size))
+        room.reserve(20)
+        while room.make(error, [*sizes, "traces/../own.bin", "../own.bin", "traces/none.npz"]):
+            pass
+        assert [name for name in sizes if (folder / name).exists()] == ["own.bin"]
+        assert not room.make(OSError(errno.EIO, "EIO"), sizes)
+    lines = capsys.readouterr().err.splitlines()
+    assert "may lack space for results: 0.5 MB are needed" in lines[0]
+    assert [line.split(": ")[3].split(" ")[0] for line in lines[1:]] == [*reversed(sizes)][1:]
+
+
+@pytest.mark.process
+@pytest.mark.skipif(sys.platform != "linux", reason="the reserve needs posix_fallocate")
+def test_the_process_of_a_lock_with_a_reserve_is_named(tmp_path: Path) -> None:
+    with locked(tmp_path) as room:
+        room.reserve(10)
+        assert (tmp_path / LOCK_FILE).stat().st_size > 240_000
+        process = started(tmp_path)
+        begin(process)
+        assert f"(process {os.getpid()})" in answer(process)
+        process.communicate()
+        room.release()
+        assert (tmp_path / LOCK_FILE).read_text() == f"{os.getpid()}\n"
+    assert not (tmp_path / LOCK_FILE).exists()
 
 
 OURS = (
