@@ -60,7 +60,7 @@ def test_a_file_that_is_no_strict_yaml(text: str | bytes, problem: str, tmp_path
 def test_an_alias_bomb(tmp_path: Path) -> None:
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 20)]
-    assert only(tmp_path, "\n".join(lines)) == "5:10: more than 20000 values; each alias counts as a copy of its anchor"
+    assert only(tmp_path, "\n".join(lines)).startswith("5:10: a4.0: more than 20000 values in this file; ")
 
 
 @pytest.mark.parametrize(

@@ -187,7 +187,7 @@ class _Reader:
         if len(path) > MAX_DEPTH:
             raise self._refuse(event, f"more than {MAX_DEPTH} nested maps and lists")
         if isinstance(event, yaml.AliasEvent):
-            built = self._alias(event)
+            built = self._alias(event, path)
         else:
             built = self._node(event, path)
             if anchor := getattr(event, "anchor", None):
@@ -198,7 +198,7 @@ class _Reader:
         if (tag := getattr(event, "tag", None)) is not None:
             written = tag.replace("tag:yaml.org,2002:", "!!")
             raise self._refuse(event, f"the tag '{written}' is not supported; remove it")
-        self._count(event, 1)
+        self._count(event, 1, path)
         if isinstance(event, yaml.MappingStartEvent):
             return self._map(path)
         if isinstance(event, yaml.SequenceStartEvent):
@@ -206,11 +206,11 @@ class _Reader:
         assert isinstance(event, yaml.ScalarEvent)
         return self._scalar(event), 1
 
-    def _alias(self, event: yaml.AliasEvent) -> tuple[object, int]:
+    def _alias(self, event: yaml.AliasEvent, path: KeyPath) -> tuple[object, int]:
         if event.anchor not in self._anchors:
             raise self._refuse(event, f"the alias '*{event.anchor}' has no anchor before it")
         value, size = self._anchors[event.anchor]
-        self._count(event, size)
+        self._count(event, size, path)
         return value, size
 
     def _map(self, path: KeyPath) -> tuple[object, int]:
@@ -253,10 +253,13 @@ class _Reader:
         except ValueError as error:
             raise self._refuse(event, str(error)) from None
 
-    def _count(self, event: yaml.Event, values: int) -> None:
+    def _count(self, event: yaml.Event, values: int, path: KeyPath) -> None:
         self._values += values
         if self._values > MAX_VALUES:
-            raise self._refuse(event, f"more than {MAX_VALUES} values; each alias counts as a copy of its anchor")
+            place, limit = ".".join(map(str, path)), f"more than {MAX_VALUES} values in this file"
+            raise self._refuse(
+                event, f"{place}: {limit}; maps and lists count, too, and each alias as a copy of its anchor"
+            )
 
     def _at(self, mark: _Mark | None) -> Location:
         return Location(self._file, mark.line + 1, mark.column + 1) if mark else Location(self._file, 1, 1)

@@ -15,7 +15,7 @@ from array import array
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sim_action.core.content_cache import Entry
 from sim_action.core.files import read_at_most
@@ -36,6 +36,10 @@ from sim_action.meshes.mesh import (
     refuse_more_points,
     refuse_more_triangles,
 )
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 __all__ = [
     "MAX_BYTES",
@@ -146,11 +150,29 @@ def _read_binary(data: bytes, count: int) -> Mesh:
     import numpy as np
 
     refuse_more_triangles(count, MAX_BINARY_TRIANGLES)
-    # The corners as one item of 36 bytes, which are copied at once.
-    layout = np.dtype([("normal", "V12"), ("corners", "V36"), ("attributes", "V2")])
-    corners = np.frombuffer(data, layout, count, _HEADER_BYTES)["corners"].copy().view("<f4").reshape(-1, 3)
+    corners = _corners(data, count, 1).reshape(-1, 3)
     with np.errstate(invalid="ignore"):  # a signalling NaN
         return mesh_of(corners, [slice(0, count)])
+
+
+def _corners(data: bytes, count: int, step: int) -> NDArray[np.float32]:
+    """Return the corners (N, 3, 3) of every `step`-th triangle of a binary file."""
+    import numpy as np
+
+    # The corners as one item of 36 bytes, which are copied at once.
+    layout = np.dtype([("normal", "V12"), ("corners", "V36"), ("attributes", "V2")])
+    return np.frombuffer(data, layout, count, _HEADER_BYTES)["corners"][::step].copy().view("<f4").reshape(-1, 3, 3)
+
+
+def sampled_triangles(data: bytes, most: int) -> tuple[int, NDArray[np.float32]] | None:
+    """Return the number of triangles of a binary STL file, and the corners (N, 3, 3) of about `most` of them.
+
+    None: it is no such file.
+    """
+    count = int.from_bytes(data[_HEADER_BYTES - 4 : _HEADER_BYTES], "little")
+    if len(data) != _HEADER_BYTES + count * _TRIANGLE_BYTES or not count:
+        return None
+    return count, _corners(data, count, max(1, count // most))
 
 
 def _read_ascii(data: bytes) -> Mesh:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from sim_action.core.geometry import Vector3
 from sim_action.core.records import dataclass
@@ -168,6 +168,17 @@ def is_convex(points_xyz: NDArray[np.float64], triangles: NDArray[np.int64], sha
     step = max(1, len(rows) * len(points) * sharers // _MAX_PRODUCTS)
     # The sample first, because the solid angles of all triangles take longer.
     return _all_behind(points, points[rows[::step]]) and _is_closed(points, rows)
+
+
+def are_concave(corners: NDArray[np.floating[Any]]) -> bool:
+    """Return True if a mesh with these triangles (T, 3, 3) among others cannot be convex."""
+    import numpy as np
+
+    points = corners.reshape(-1, 3).astype(np.float64)
+    with np.errstate(invalid="ignore", divide="ignore"):  # triangles without an area
+        points -= points.mean(axis=0)
+        points /= np.abs(points).max()
+        return not _all_behind(points, points.reshape(-1, 3, 3))
 
 
 def _all_behind(points: NDArray[np.float64], corners: NDArray[np.float64]) -> bool:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.workspace import Workspace
-from sim_action.meshes import MeshError, parsed_mesh
-from sim_action.meshes.collision_hulls import facts_of, hulls_of
+from sim_action.meshes import MeshError, mesh_bytes, parsed_mesh, sampled_triangles
+from sim_action.meshes.collision_hulls import are_concave, facts_of, hulls_of
 from sim_action.meshes.mesh import Mesh
 from sim_action.world import MeshFile
 from sim_action.world.parts import HullPart, SurfacePart
@@ -20,6 +20,8 @@ from sim_action.world.shapes import MAX_LENGTH_M, MIN_LENGTH_M
 
 MAX_TRIANGLES: Final = 40_000
 """Limit for a body that is not convex: that of PyBullet."""
+
+_SAMPLED: Final = 1000
 
 
 def mesh_parts(mesh_file: MeshFile, workspace: Workspace, *, moves: bool) -> Iterator[HullPart | SurfacePart]:
@@ -31,7 +33,13 @@ def read_mesh_parts(path: Path, mesh_file: MeshFile, *, moves: bool) -> Iterator
     """Yield the parts of a mesh in m; `path` is the file, which may be read. Raises ShapeError."""
     name = mesh_file.file
     try:
-        mesh = parsed_mesh(path)
+        data = mesh_bytes(path)
+        if not moves and path.suffix.lower() == ".stl" and (sample := sampled_triangles(data, _SAMPLED)) is not None:
+            # Before the points are welded, which takes several times the memory of the file.
+            count, corners = sample
+            if count > MAX_TRIANGLES and are_concave(corners):
+                raise _too_many(name, count)
+        mesh = parsed_mesh(path, data)
     except MeshError as error:
         raise ShapeError(f"'{name}' {error}") from None
     scale = mesh_file.scale_xyz
@@ -45,9 +53,13 @@ def read_mesh_parts(path: Path, mesh_file: MeshFile, *, moves: bool) -> Iterator
         return
     triangles = whole.parts[0]
     if len(triangles) > MAX_TRIANGLES:
-        found = f"'{name}' is not convex and has {len(triangles):,} triangles; at most {MAX_TRIANGLES:,} are simulated"
-        raise ShapeError(f"{found}: simplify it")
+        raise _too_many(name, len(triangles))
     yield SurfacePart(mesh.points_xyz * np.array(scale), triangles)
+
+
+def _too_many(name: str, count: int) -> ShapeError:
+    message = f"'{name}' is not convex and has {count:,} triangles; at most {MAX_TRIANGLES:,} are simulated"
+    return ShapeError(f"{message}: simplify it")
 
 
 def _hull(points: NDArray[np.float64]) -> HullPart:

@@ -135,6 +135,27 @@ def test_images_that_are_no_ground_are_told(tmp_path: Path) -> None:
     assert "outside the workspace" in found("../x.pgm")
 
 
+def test_a_large_mesh_that_cannot_be_convex_is_refused_before_its_points_are_welded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A terrain of 51,200 triangles, and a ball of as many, whose surface is convex."""
+    steps = np.linspace(0, np.pi, 161)
+    up, round_ = np.meshgrid(steps, 2 * steps, indexing="ij")
+    ball = np.stack([np.sin(up) * np.cos(round_), np.sin(up) * np.sin(round_), np.cos(up)], -1)
+    terrain = np.stack([up, round_, 0.1 * np.sin(4 * up)], -1)
+    for name, grid in (("ball", ball), ("terrain", terrain)):
+        a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
+        corners = np.concatenate([np.stack(some, -2).reshape(-1, 9) for some in ((a, b, c), (a, c, d))])
+        rows = np.zeros(len(corners), [("normal", "<f4", 3), ("corners", "<f4", 9), ("attributes", "<u2")])
+        rows["corners"] = corners
+        (tmp_path / f"{name}.stl").write_bytes(bytes(80) + len(rows).to_bytes(4, "little") + rows.tobytes())
+    assert read(tmp_path, mesh={"file": "ball.stl"})
+    assert read(tmp_path, mesh={"file": "terrain.stl"}, mass=1)
+    monkeypatch.setattr("sim_action.world.shape_files.mesh_file.parsed_mesh", None)
+    found = wrong(tmp_path, mesh={"file": "terrain.stl"})
+    assert "'terrain.stl' is not convex and has 51,200 triangles; at most 40,000 are simulated: simplify it" in found
+
+
 def test_meshes_that_cannot_be_had_are_told(tmp_path: Path) -> None:
     def found(name: str, **more: Any) -> str:
         return wrong(tmp_path, mesh={"file": name, **more}, **({"mass": 1} if name == "flat.obj" else {}))
