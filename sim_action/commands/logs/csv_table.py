@@ -27,7 +27,7 @@ from statistics import median
 from types import MappingProxyType
 from typing import Final
 
-from sim_action.commands.logs import KINDS, Content, JointColumn, Recorded, TimedRow
+from sim_action.commands.logs import KINDS, MAX_ROWS, Content, JointColumn, Recorded, TimedRow
 from sim_action.core import units
 from sim_action.core.errors import Location, RecordingError
 from sim_action.core.files import open_regular
@@ -36,7 +36,6 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean, escaped_line, shown
 
 MAX_BYTES: Final = 25_000_000
-MAX_ROWS: Final = 250_000
 MAX_COLUMNS: Final = 1_000
 # The count of digits is bounded, because long numbers are slow to convert.
 _DIGITS: Final = r"[-+]?(?:[0-9]{1,40}(?:\.[0-9]{0,40})?|\.[0-9]{1,40})(?:[eE][-+]?[0-9]{1,3})?"

@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
-from sim_action.commands.logs import Recorded, TimedRow
+from sim_action.commands.logs import MAX_ROWS, Recorded, TimedRow
 from sim_action.commands.logs.ros_messages import ARRAY, DEFINITIONS, TYPES, MessageError, Wanted
 from sim_action.core.errors import RecordingError, RunError
 from sim_action.core.files import open_regular, read_at_most
@@ -340,6 +340,10 @@ def _recorded(storages: Sequence[_Storage], wanted: Wanted) -> Recorded:
     rows: list[TimedRow] = []
     read = 0
     for connection, receipt, data in (each for storage in storages for each in _messages(storage, connections)):
+        if read == MAX_ROWS:
+            raise RecordingError(
+                f"the log has more than {MAX_ROWS:,} messages of '{topic}': keep only the part to replay"
+            )
         read += 1
         try:
             message = decoded(connection, data)

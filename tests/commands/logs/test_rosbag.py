@@ -176,6 +176,16 @@ def test_a_log_without_a_message_is_an_error(log: str, tmp_path: Path) -> None:
     assert "monday: " in told(written(tmp_path, log, []))
 
 
+def test_a_topic_has_at_most_as_many_messages_as_a_table_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    others = drive([(0.05 * number, 9.0, 9.0) for number in range(9)], "/other")
+    path = written(tmp_path, "monday.bag", sorted([*drive(TWIST_MESSAGES), *others], key=lambda entry: entry[0]))
+    monkeypatch.setattr("sim_action.commands.logs.rosbag.MAX_ROWS", len(TWIST_MESSAGES))
+    assert len(read(path)) == len(TWIST_MESSAGES)
+    monkeypatch.setattr("sim_action.commands.logs.rosbag.MAX_ROWS", len(TWIST_MESSAGES) - 1)
+    limit = f"the log has more than {len(TWIST_MESSAGES) - 1} messages of '/cmd_vel': keep only the part to replay"
+    assert limit in told(path)
+
+
 @in_every_format
 def test_damaged_logs_are_logs_or_an_error_for_people(log: str, tmp_path: Path) -> None:
     whole = written(tmp_path, log, drive(TWIST_MESSAGES))
