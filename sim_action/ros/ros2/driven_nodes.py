@@ -133,7 +133,7 @@ def open_nodes(spec: Ros2Nodes, rate: float, scene: Scene) -> ClosedLoop:
         undo.callback(group.close)
         nodes = DrivenNodes(spec, rate, scene, session, group)
         nodes.closing = undo.pop_all()
-        nodes.notes += ros.notes
+        nodes.notes += [*ros.notes, *session.packages.notes]
     return controller_of(nodes)
 
 

@@ -10,7 +10,6 @@ import sys
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Final
 
 from sim_action.core.errors import UsageError
 from sim_action.core.wording import did_you_mean
@@ -20,9 +19,7 @@ from sim_action.robot.documents.package_search import PACKAGE_FILE
 from sim_action.ros.launches import argument_problem, source_problems, unchecked_notes
 from sim_action.ros.ros2.installation import Ros2, find_ros
 from sim_action.ros.ros2.node_spec import Ros2Nodes, Ros2NodeSpec
-from sim_action.ros.ros2.packages import INSTALL, UNREADABLE, Packages, is_python, workspace_of
-
-_BUILD: Final = "run colcon build"
+from sim_action.ros.ros2.packages import BUILD, INSTALL, UNREADABLE, Packages, is_python, workspace_of
 
 
 def unchecked(spec: Ros2Nodes) -> tuple[str, ...]:
@@ -58,7 +55,7 @@ def file_problems(spec: Ros2Nodes, workspace: Workspace) -> SpecProblems:
         return
     packages = Packages.around(folder, _installation()[0])
     if spec.workspace is not None and not packages.installed and not packages.sources:
-        yield ("workspace",), f"'{spec.workspace}' has no packages; {_BUILD} in the workspace, or name another folder"
+        yield ("workspace",), f"'{spec.workspace}' has no packages; {BUILD} in the workspace, or name another folder"
     elif spec.launch:
         yield from _launch_problems(spec.launch, packages)
     else:
@@ -71,7 +68,7 @@ def _build_hint(stated: str | None, workspace: Workspace) -> str:
     if path.name != INSTALL or not _exists(path.parent):
         return ""
     unneeded = "or leave out 'workspace' if all packages are of ament_python, which need no build"
-    return f"; the workspace is not built: {_BUILD} in {path.parent}, {unneeded}"
+    return f"; the workspace is not built: {BUILD} in {path.parent}, {unneeded}"
 
 
 def _launch_problems(launch: Sequence[str], packages: Packages) -> SpecProblems:
@@ -147,9 +144,9 @@ def package_problem(name: str, packages: Packages) -> str | None:
     if source is not None and source.build_type == UNREADABLE:
         return f"the package '{name}' cannot be read: {source.folder / PACKAGE_FILE} is not valid XML"
     if source is not None and not source.is_python:
-        kind = f"its build type is {source.build_type}, and only packages of ament_python run without a build"
+        kind = f"its build type is {source.build_type}, and only packages of Python programs run without a build"
         place = packages.workspace.parent if packages.workspace.name == INSTALL else packages.workspace
-        return f"the package '{name}' in {source.folder} is not built: {kind}; {_BUILD} in {place}"
+        return f"the package '{name}' in {source.folder} is not built: {kind}; {BUILD} in {place}"
     if source is not None or packages.prefix(name) is not None or packages.ros is None:
         return None
     near = did_you_mean(name, packages.names)
@@ -175,5 +172,5 @@ def executable_problem(package: str, name: str, packages: Packages) -> str | Non
         return f"{missing}{near}{fix if package in packages.installed else ''}"
     if source.unread:
         missing += f" that can be read from {source.folder / source.unread}, which computes its entry points"
-    fix = f"write them as constants, or {_BUILD}" if source.unread else "add it to console_scripts in setup.py"
+    fix = f"write them as constants, or {BUILD}" if source.unread else f"add it to {source.setup_file}"
     return f"{missing}{near}; {fix}"

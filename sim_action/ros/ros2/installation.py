@@ -33,7 +33,7 @@ _MAX_DEPTH: Final = 5
 PYTHON_VARIABLE: Final = "SIM_ACTION_ROS2_PYTHON"
 """The environment variable that names the Python of ROS 2, such as one with the wheels."""
 
-DISTRIBUTIONS: Final = ("jazzy", "kilted")
+DISTRIBUTIONS: Final = ("jazzy", "kilted", "lyrical", "humble")
 """The distributions that sim-action supports. The first of them counts if several are in /opt/ros."""
 
 RMW: Final = "rmw_fastrtps_cpp"
@@ -61,7 +61,7 @@ INSTALLING: Final = (
 _ROOT: Final = Path("/opt/ros")
 _PACKAGE_ROOT: Final = str(Path(__file__).resolve().parents[3])
 _RELEASES: Final = {"1": "foxy", "3": "humble", "4": "iron", "7": "jazzy", "9": "kilted"}
-"""Major version of rclpy -> distribution. Foxy and Galactic share one."""
+"""Major version of rclpy -> distribution. Foxy and Galactic share one; a newer one is known by its folder."""
 
 _MESSAGES: Final = ("geometry_msgs", "nav_msgs", "rosgraph_msgs", "sensor_msgs", "std_msgs", "trajectory_msgs")
 _VERSION: Final = re.compile(rb"<version>\s*(\d+)\.([\d.]+)\s*</version>")
@@ -301,7 +301,7 @@ def _checked(place: _Place, variables: Mapping[str, str]) -> Ros2:
     if distribution not in DISTRIBUTIONS:
         name = distribution or "of an unknown distribution"
         raise UsageError(
-            f"the ROS 2 in {found} is {name} (rclpy {version}), and sim-action supports {' and '.join(DISTRIBUTIONS)}; "
+            f"the ROS 2 in {found} is {name} (rclpy {version}), and sim-action supports {', '.join(DISTRIBUTIONS)}; "
             f"use one of them: {INSTALLING}"
         )
     python = place.python or _python(prefix, found)
@@ -319,7 +319,7 @@ def _check_parts(place: _Place, found: str, distribution: str) -> None:
     shares = [prefix / "share" for prefix in place.prefixes]
     missing = [name for name in (*_MESSAGES, RMW) if not any((share / name).is_dir() for share in shares)]
     if missing:
-        wheels = f"{prefix}/bin/python -m pip install {' '.join(WHEELS[distribution])}"
+        wheels = f"{prefix}/bin/python -m pip install {' '.join(WHEELS.get(distribution, ()))}"
         apt = f"sudo apt-get install {' '.join(f'ros-{distribution}-{name}' for name in missing).replace('_', '-')}"
         fix = wheels if _is_of_wheels(prefix) else apt
         raise UsageError(f"the ROS 2 {distribution} in {found} has no {', no '.join(missing)}; run {fix}")
@@ -344,7 +344,8 @@ def _distribution(prefix: Path) -> tuple[str | None, str]:
     if match is None:
         return None, "without a version"
     major, rest = match[1].decode(), match[2].decode()
-    return _RELEASES.get(major), f"{major}.{rest}"
+    named = prefix.name if prefix.name in DISTRIBUTIONS else None
+    return _RELEASES.get(major, named), f"{major}.{rest}"
 
 
 def _python(prefix: Path, found: str) -> Path:

@@ -1,7 +1,8 @@
 """The packages of a ROS 2 workspace, installed by colcon or as sources, and their executables.
 
 A package of build type ament_python needs no build: its entry points are read, and an overlay with a program for each
-stands for its installation. All other packages must be installed (`colcon build`).
+stands for its installation. Nor does one of ament_cmake that only installs programs in Python. All other packages must
+be installed (`colcon build`).
 No code of a package is run to read it.
 """
 
@@ -19,6 +20,7 @@ from xml.etree import ElementTree as ET
 
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
+from sim_action.core.wording import counted
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.robot.documents.package_search import PACKAGE_FILE, folders_below
 from sim_action.ros.launches import workspace_folder
@@ -30,11 +32,21 @@ UNREADABLE: Final = "unknown"
 _PYTHON: Final = "ament_python"
 _GROUP: Final = "console_scripts"
 _MAX_FILE_BYTES: Final = 1_000_000
+# What makes a build necessary, and the programs that an installation has.
+_BUILT: Final = re.compile(
+    r"\b(?:ament_auto_)?(?:add_(?:executable|library|subdirectory)|rosidl_generate_interfaces|pybind11_add_module"
+    r"|generate_parameter_library|configure_file)\s*\(",
+    re.IGNORECASE,
+)
+_INSTALLED: Final = re.compile(
+    r"\binstall\s*\(\s*(?:PROGRAMS|FILES|DIRECTORY)\s+([^()]*?)\s+DESTINATION\s+\"?lib/([^()]*)\)", re.IGNORECASE
+)
 _NAME: Final = re.compile(r"[\w.-]+")
 _ENTRY: Final = re.compile(r"[^\W\d]\w*(?:\.[^\W\d]\w*)*(?::[^\W\d]\w*(?:\.[^\W\d]\w*)*)?")
 
 
 INSTALL: Final = "install"
+BUILD: Final = "run colcon build"
 _SOURCES: Final = "src"
 _LAYOUT_FILE: Final = ".colcon_install_layout"
 _INDEX: Final = "share/ament_index/resource_index/packages"
@@ -53,6 +65,7 @@ class PythonPackage:
         scripts: programs that are installed as they are.
         modules: the folder of its Python modules.
         unread: the file whose entry points are computed by code, and could not be read; empty: all were read.
+        has_only_scripts: True if its build only installs programs in Python.
     """
 
     name: str
@@ -62,16 +75,24 @@ class PythonPackage:
     scripts: tuple[Path, ...]
     modules: Path
     unread: str = ""
+    has_only_scripts: bool = False
 
     @property
     def is_python(self) -> bool:
         """True if the package can be run without a build."""
-        return self.build_type == _PYTHON
+        return self.build_type == _PYTHON or self.has_only_scripts
+
+    @property
+    def setup_file(self) -> str:
+        """The file that names its programs, and how."""
+        return "install(PROGRAMS ...) in CMakeLists.txt" if self.has_only_scripts else "console_scripts in setup.py"
 
 
 def read_package(name: str, folder: Path) -> PythonPackage:
     """Return the package in a folder."""
     build_type = _build_type(folder)
+    if build_type == "ament_cmake":
+        return _cmake_package(name, folder)
     if build_type != _PYTHON:
         return PythonPackage(name, folder, build_type, {}, (), folder)
     setup = _Setup(_syntax(folder / "setup.py"))
@@ -82,6 +103,19 @@ def read_package(name: str, folder: Path) -> PythonPackage:
     return PythonPackage(
         name, folder, build_type, entries, own, folder / modules, "setup.py" if setup.is_computed else ""
     )
+
+
+def _cmake_package(name: str, folder: Path) -> PythonPackage:
+    """Return a package of ament_cmake. Its programs are known if nothing has to be built."""
+    text = re.sub(r"#.*", "", _content(folder / "CMakeLists.txt").decode(errors="replace"))
+    scripts, unread = list[Path](), ""
+    for words, more in _INSTALLED.findall(text.replace("${PROJECT_NAME}", name)):
+        for word in words.replace('"', " ").split():
+            files = _files(folder / word) if (folder / word).is_dir() else iter([folder / word])
+            scripts += [path for path in files if _is_in(path, folder) and path.is_file()]
+        unread = "CMakeLists.txt" if "$" in words or "RENAME" in more else unread
+    has_only_scripts = bool(scripts) and not _BUILT.search(text) and all(map(is_python, scripts))
+    return PythonPackage(name, folder, "ament_cmake", {}, tuple(scripts), folder, unread, has_only_scripts)
 
 
 def _build_type(folder: Path) -> str:
@@ -239,6 +273,7 @@ class Packages:
         workspace: the folder that was searched.
         installed: name -> install prefix of the packages that are built.
         sources: name -> the other packages.
+        outdated: Python files of packages that are built, and whose installed copies differ.
         ros: the installation; None: ROS 2 is not installed, and may have other packages.
         distributed: name -> prefix of the packages of the installation.
     """
@@ -248,6 +283,7 @@ class Packages:
     sources: Mapping[str, PythonPackage]
     ros: Ros2 | None
     distributed: Mapping[str, Path]
+    outdated: tuple[Path, ...] = ()
 
     @classmethod
     def around(cls, workspace: Path, ros: Ros2 | None) -> Packages:
@@ -256,7 +292,18 @@ class Packages:
         installed = _by_name(prefixes)
         folders = _source_folders(workspace)
         sources = {name: read_package(name, folder) for name, folder in folders.items() if name not in installed}
-        return cls(workspace, installed, sources, ros, _by_name(ros.prefixes) if ros else {})
+        both = (name for name in folders if name in installed)
+        outdated = tuple(path for name in both for path in _outdated(name, folders[name], installed[name]))
+        return cls(workspace, installed, sources, ros, _by_name(ros.prefixes) if ros else {}, outdated)
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes for the user: files that were changed after the build."""
+        if not self.outdated:
+            return []
+        first = ", ".join(str(path.name) for path in self.outdated[:3])
+        count = counted(len(self.outdated), "file")
+        return [f"not built again: {count} ({first}) differ from the copies in '{INSTALL}', which run; {BUILD}"]
 
     @property
     def names(self) -> set[str]:
@@ -374,6 +421,16 @@ def _by_name(prefixes: Sequence[Path]) -> dict[str, Path]:
         for name in packages_of_prefix(prefix):
             found.setdefault(name, prefix)
     return found
+
+
+def _outdated(name: str, folder: Path, prefix: Path) -> Iterator[Path]:
+    """Yield the Python files in the source of a package whose installed copies differ; links never do."""
+    places = (prefix / "lib" / name, prefix / "share" / name, *prefix.glob(f"lib/python3*/*-packages/{name}"))
+    copies = {path.name: path for place in places for path in place.rglob("*.py") if path.is_file()}
+    for path in sorted(folder.rglob("*.py")):
+        copy = copies.get(path.name)
+        if copy is not None and _is_in(path, folder) and _content(path) != (read_at_most(copy, _MAX_FILE_BYTES) or b""):
+            yield path
 
 
 def _install(package: PythonPackage, prefix: Path, python: Path) -> None:

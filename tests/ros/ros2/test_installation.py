@@ -122,11 +122,18 @@ def test_wheels_are_suggested_for_a_virtual_environment(tmp_path: Path) -> None:
 
 
 def test_other_distributions_are_refused(tmp_path: Path) -> None:
-    environment = {"AMENT_PREFIX_PATH": str(ros_prefix(tmp_path / "humble", HUMBLE))}
+    environment = {"AMENT_PREFIX_PATH": str(ros_prefix(tmp_path / "foxy", "1.0.5"))}
 
     message = problem(environment, ros_prefix(tmp_path / "root/jazzy").parent)
-    assert "humble (from the sourced environment) is humble (rclpy 3.3.16)" in message
-    assert "supports jazzy and kilted" in message
+    assert "foxy (from the sourced environment) is foxy (rclpy 1.0.5)" in message
+    assert "supports jazzy, kilted, lyrical, humble" in message
+
+
+@pytest.mark.parametrize(("name", "version"), [("humble", HUMBLE), ("lyrical", "11.0.1")])
+def test_distributions_are_known_by_rclpy_or_their_folder(name: str, version: str, tmp_path: Path) -> None:
+    prefix = ros_prefix(tmp_path / "root" / name, version)
+    for environment in ({}, {"AMENT_PREFIX_PATH": str(prefix)}):
+        assert find_ros(environment, prefix.parent).distribution == name
 
 
 @pytest.mark.parametrize(

@@ -296,3 +296,51 @@ def test_files_outside_of_the_package_are_not_read(tmp_path: Path) -> None:
     (folder / "setup.cfg").symlink_to(folder / "setup.cfg")
 
     assert read_package("p", folder).entry_points == {}
+
+
+CMAKE = """\
+find_package(ament_cmake REQUIRED)
+ament_python_install_package(${PROJECT_NAME})
+install(PROGRAMS scripts/mover.py "scripts/other.py" DESTINATION lib/${PROJECT_NAME})  # add_executable(
+install(DIRECTORY launch DESTINATION share/${PROJECT_NAME})
+ament_package()
+"""
+
+
+@pytest.mark.parametrize(
+    ("more", "runs"),
+    [
+        ("", True),
+        ("add_executable(talker src/talker.cpp)\n", False),
+        ('rosidl_generate_interfaces(${PROJECT_NAME} "msg/A.msg")\n', False),
+        ("install(PROGRAMS scripts/run.sh DESTINATION lib/${PROJECT_NAME})\n", False),
+    ],
+)
+def test_a_package_of_ament_cmake_runs_unbuilt_if_it_only_installs_python(
+    more: str, runs: bool, tmp_path: Path
+) -> None:
+    folder = tmp_path / "src/robot"
+    manifest(folder, "robot", "ament_cmake")
+    written(folder / "CMakeLists.txt", CMAKE + more)
+    for name in ("mover.py", "other.py", "run.sh"):
+        written(folder / "scripts" / name, "")
+    found = Packages.around(tmp_path, None).sources["robot"]
+    assert found.is_python == runs
+    if runs:
+        assert [path.name for path in found.scripts] == ["mover.py", "other.py"]
+
+
+@pytest.mark.parametrize("change", ["", "content", "link"])
+def test_sources_that_differ_from_their_installed_copies_are_named(change: str, tmp_path: Path) -> None:
+    (prefix,) = isolated(tmp_path, "robot")
+    manifest(tmp_path / "src/robot", "robot")
+    source = written(tmp_path / "src/robot/robot/mover.py", "a = 1\n")
+    copy = prefix / "lib/python3.12/site-packages/robot/mover.py"
+    if change == "link":
+        copy.parent.mkdir(parents=True)
+        copy.symlink_to(source)
+    else:
+        written(copy, "a = 2\n" if change else "a = 1\n")
+    notes = Packages.around(tmp_path, None).notes
+    expected = "not built again: 1 file (mover.py) differ from the copies in 'install', which run; run colcon build"
+    assert notes == ([expected] if change == "content" else [])

@@ -22,6 +22,9 @@ from sim_action.ros.launches import lost_models, lost_worlds
 _ENDS: Final = ("true",)
 _STAYS: Final = ("sleep", "infinity")
 
+FRAMES_PROGRAM: Final = "robot_state_publisher/robot_state_publisher"
+"""The program that publishes the frames of links. It runs where it is installed; otherwise the robot publishes them."""
+
 STAND_INS: Final[Mapping[str, Sequence[str]]] = {
     **dict.fromkeys(
         (
@@ -40,8 +43,9 @@ STAND_INS: Final[Mapping[str, Sequence[str]]] = {
         (
             *("ros_gz_sim", "ros_gz_bridge", "ros_gz_image", "ros_gz_point_cloud"),
             *("ros_ign_gazebo", "ros_ign_bridge", "ros_ign_image"),
-            *("gazebo_ros", "controller_manager", "rviz2", "joint_state_publisher_gui"),
+            *("gazebo_ros", "controller_manager", "rviz2", "joint_state_publisher_gui", "joint_state_publisher"),
             *("gz", "ign", "gazebo", "gzserver", "gzclient", "rviz2", "rqt"),
+            FRAMES_PROGRAM,
         ),
         _STAYS,
     ),

@@ -20,6 +20,7 @@ from sim_action.ros.launches import EventFile
 from sim_action.ros.processes import descendants
 from sim_action.ros.program_failures import ending_of, error_with_output, exit_text, shown_path
 from sim_action.ros.ros2.launch.gazebo_programs import (
+    FRAMES_PROGRAM,
     STAND_INS,
     LeftOutProgram,
     lost_parts,
@@ -143,13 +144,16 @@ class LaunchedNodes:
         self.losses: list[str] = []
 
     def _start(self, folder: ProcessFolder) -> NodeProcess:
+        known = folder.environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+        has_frames = any(Path(path, "lib", FRAMES_PROGRAM).exists() for path in known if path)
+        left_out = {key: list(command) for key, command in STAND_INS.items() if key != FRAMES_PROGRAM or not has_frames}
         task: dict[str, Any] = {
             "events": str(folder.path / "events"),
             "times": str(self._times),
             "file": str(self._spec.file),
             "arguments": list(self._spec.arguments),
             "clock": clock_of("{}"),
-            "stand_ins": {key: list(command) for key, command in STAND_INS.items()},
+            "stand_ins": left_out,
             "results": str(self._spec.results or ""),
             "package": self._spec.package,
         }
