@@ -75,8 +75,14 @@ def _put_in_place(unfinished: Path, path: Path) -> None:
 
 
 def append_whole(path: Path, data: bytes) -> None:
-    """Append to a file, which is made if it is missing; after an error it has its former size. Raise OSError."""
-    with path.open("ab", buffering=0) as file:
+    """Append to a file, which is made if it is missing; after an error it has its former size. Raise OSError.
+
+    A pipe that nothing reads from is an error.
+    """
+    flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
+    with os.fdopen(os.open(path, flags, 0o666), "ab", buffering=0) as file:
+        if sys.platform != "win32":
+            os.set_blocking(file.fileno(), True)
         status = os.fstat(file.fileno())
         rest = memoryview(data)
         try:

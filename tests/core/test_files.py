@@ -134,6 +134,17 @@ def test_an_append_that_fails_halfway_leaves_the_file_as_it_was(tmp_path: Path) 
     assert (tmp_path / "file").read_bytes() == b"before\n"
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no named pipes in folders")
+def test_an_append_to_a_pipe_waits_for_no_reader(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(OSError, match="No such device or address"):
+        append_whole(tmp_path / "pipe", b"x")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    append_whole(tmp_path / "pipe", b"x")
+    assert os.read(reader, 9) == b"x"
+    os.close(reader)
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
 def test_an_append_to_a_full_device_is_an_error() -> None:
     with pytest.raises(OSError, match="No space left on device"):

@@ -1,4 +1,4 @@
-"""Under each of eleven faults of the system, no finished verdict is lost. The faults are in `faults/sites.py`."""
+"""Under each fault of the system in a table, no finished verdict is lost. The faults are in `faults/sites.py`."""
 
 from __future__ import annotations
 

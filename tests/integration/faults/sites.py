@@ -25,11 +25,12 @@ _SHORT: Final[Mapping[signal.Signals, Sequence[tuple[int, ...]]]] = {
     signal.SIGTERM: ((2,), (), (13,)),
     signal.SIGHUP: ((), (9,), (17,)),
     signal.SIGKILL: ((), (9,), (15,)),
+    signal.SIGQUIT: ((), (), (9,)),
 }
 
 
 def _signals() -> Iterator[Fault]:
-    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGKILL):
+    for number in _SHORT:
         to_parent = partial(Fault, f"{number.name} of the command", signal=number, target="parent", most_lost=_ALL)
         starts, writes, reports = _SHORT[number]
         yield to_parent("children start", "fork", role="parent", short=starts)
@@ -40,6 +41,8 @@ def _signals() -> Iterator[Fault]:
 FAULTS: Final = (
     Fault("ENOSPC on output", "lasting", _DISK, _REPORTS, "parent", lasting=True, error=errno.ENOSPC, short=(1,)),
     Fault("ENOSPC on output", "once", _DISK, _REPORTS, "parent", error=errno.ENOSPC, short=(4,)),
+    Fault("EDQUOT on output", "lasting", _DISK, _REPORTS, "parent", lasting=True, error=errno.EDQUOT, short=()),
+    Fault("EDQUOT on output", "once", _DISK, _REPORTS, "parent", error=errno.EDQUOT, short=(9,)),
     Fault(
         "ENOSPC on trace",
         "lasting",
