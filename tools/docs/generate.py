@@ -20,7 +20,7 @@ from sim_action.scenario.model import ExpectationOptions
 from sim_action.sensors import Mounting
 from sim_action.state.transmission import Transmission
 from sim_action.world import Disturbance, PathPoint
-from tools.docs.generators import accuracy, actions, by_hand, command_line, lists, scenario
+from tools.docs.generators import accuracy, actions, by_hand, command_line, lists, scenario, surprises
 
 ROOT = Path(__file__).resolve().parents[2]
 SITE = ROOT / "docs/_site"
@@ -62,6 +62,8 @@ BLOCKS: dict[str, Callable[..., str]] = {
     "accuracy": accuracy.errors,
     "by-hand": by_hand.costs,
     "differences": accuracy.differences,
+    "surprises": surprises.rows,
+    "urdf-readers": surprises.readers,
 }
 
 
