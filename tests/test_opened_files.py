@@ -22,6 +22,7 @@ ENGINES: Final = frozenset(
 GATED: Final = {
     "assertions/follow_path.py": "Workspace.file",
     "commands/logs/csv_table.py": "Workspace.file_or_folder",
+    "commands/logs/damaged_logs.py": "as commands/logs/rosbag.py",
     "commands/logs/rosbag.py": "Workspace.file_or_folder, and Workspace.file for each file in the folder",
     "commands/onnx_network.py": "Workspace.file, also for its files with weights",
     "core/user_scripts.py": "Workspace.file",

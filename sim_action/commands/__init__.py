@@ -38,13 +38,13 @@ class OpenLoop:
     Attributes:
         command: sim time in s -> command.
         holding: targets that hold joints before t = 0, while the robot comes to rest; limited joints are held anyway.
-        notes: notes for the user after the run.
+        notes: the end of the run, as sim time in s -> notes for the user.
         due: the rising physics steps at which it is called, and no other; None: at every tick.
     """
 
     command: Callable[[float], Answer]
     holding: JointTargets = field(default_factory=JointTargets)
-    notes: Iterable[str] = ()
+    notes: Callable[[float], Iterable[str]] = lambda _: ()
     due: Sequence[int] | None = None
 
 

@@ -6,6 +6,7 @@ CSV is read when the scenario is validated, logs of ROS only in the scenario's o
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from itertools import pairwise
@@ -53,9 +54,6 @@ _TURN: Final = 1e-3
 MAX_GAP_S: Final = 1.0
 """Between two rows that are farther apart, a joint holds its position, and then steps."""
 
-_LOOK_S: Final = 0.1
-"""The longest time in s between two ticks of a log without a rate."""
-
 
 class ReplayCommands(CommandSource):
     """Repeats the commands of a recorded log at their original times.
@@ -80,8 +78,8 @@ class ReplayCommands(CommandSource):
     From ROS logs, `Twist`, `TwistStamped`, `AckermannDrive`, `AckermannDriveStamped`, `JointState`, `JointTrajectory`
     and `Float64MultiArray` (with `joints`) are replayed. If a joint has several of position, velocity and effort, the
     first of them is used; NaN means that a joint has none. Targets beyond the limits of the model are clipped, with a
-    note, also between two rows. An unfinished MCAP file is read up to its end, with a note. A topic has at most 250,000
-    messages, as many as a CSV has rows; the size of other topics does not matter.
+    note, also between two rows. The messages of an unfinished or damaged log are read up to the damage, with a note. A
+    topic has at most 250,000 messages, as many as a CSV has rows; the size of other topics does not matter.
 
     ROS logs need `pip install '.[rosbags]'` in a checkout of sim-action, and in a workflow the input `extras: rosbags`.
     """
@@ -232,7 +230,7 @@ class ReplayCommands(CommandSource):
             raise RecordingError(f"{self.replay}: {message}", key)
         playback = Playback(self, recorded, self._times(recorded, scene.workspace), scene)
         due = None if self.has_rate or not self.is_perfect else playback.due
-        return OpenLoop(playback.command, playback.holding, playback, due)
+        return OpenLoop(playback.command, playback.holding, playback.notes, due)
 
     def _csv_header(self, workspace: Workspace) -> Header | None:
         """Return the header of a CSV log; None for other logs, and if it cannot be read, which `problems` reports."""
@@ -339,10 +337,10 @@ def _ros_problems(spec: ReplayCommands, path: Path) -> SpecProblems:
 
 
 class Playback:
-    """The commands of a log at the ticks of a source. Iterating yields the notes on the run so far.
+    """The commands of a log at the ticks of a source.
 
     Attributes:
-        due: the physics steps at which it has a command, and some others; for a source without a rate.
+        due: the physics steps at which it has a command; for a source without a rate.
         holding: the targets before t = 0 of the joints that it moves: initial positions, velocities of 0.
     """
 
@@ -355,17 +353,17 @@ class Playback:
         rounding = recorded.resolution_s * (0.5 if recorded.rows[0][0] == 0 else 1.0)
         self._tolerance = min(0.5 / self._rate, max(self._step_s / 2, rounding))
         self._answers: dict[int, Command] = {}
-        self._unused = dict(recorded.unused)
+        # Time of each row that is not used, and the reason.
+        self._unused: list[tuple[float, str]] = []
         self._motors = Saturation(scene.model, spec.replay)
         self._misfits: list[str] = []
-        self._now = 0.0
         end = math.inf if spec.end is None else spec.end
         kept = [
             (time - spec.start + spec.offset, content)
             for time, (_, content) in zip(times, recorded.rows, strict=True)
             if time <= end
         ]
-        self._count("are after 'end'", len(times) - len(kept))
+        self._cut = len(times) - len(kept)
         self._moments = [time for time, _ in kept]
         self.holding = JointTargets()
         if isinstance(kept[0][1], Twist | Steering):
@@ -374,32 +372,28 @@ class Playback:
             self._add_trajectories(kept)
         else:
             self._add_rows(kept)
-        looks = range(0, 1 + self._tick(self._moments[-1]), max(1, int(self._rate * _LOOK_S)))
-        self.due = tuple(sorted({*self._answers, *looks}))
+        self.due = tuple(sorted(self._answers))
 
     def command(self, time: float) -> Answer:
         """Return the new command at a tick, at a sim time in s; None if there is none."""
-        self._now = time
         return self._motors.clip_answer(self._answers.get(round(time * self._rate)))
 
-    def __iter__(self) -> Iterator[str]:
+    def notes(self, end: float) -> Iterator[str]:
+        """Yield the notes on a run that ended at a sim time in s."""
         yield from self._recorded.notes
         yield from self._motors.notes
         if self._misfits:
             names = ", ".join(self._misfits)
             yield escaped_line(f"{self._spec.replay}: velocities that do not fit the positions were not used: {names}")
-        now = round(self._now * self._rate)
-        following = now + 1 if self._spec.has_rate else next((tick for tick in self.due if tick > now), math.inf)
-        late = sum(self._tick(time) >= following for time in self._moments)
-        unused = {**self._unused, f"after the last tick of the run, at {self._now:.3g} s": late}
+        last = end * self._rate - _ROUNDING
+        unused = Counter({**self._recorded.unused, "are after 'end'": self._cut})
+        unused.update(reason for time, reason in self._unused if self._tick(time) < last)
+        unused[f"after the end of the run, at {end:g} s"] = sum(self._tick(time) >= last for time in self._moments)
         reasons = [f"{count} {reason}" for reason, count in unused.items() if count]
         if reasons:
             of = f" of {self._spec.topic}" if self._spec.topic else ""
-            total = f"{sum(unused.values())} of {self._recorded.read} rows"
+            total = f"{unused.total()} of {self._recorded.read} rows"
             yield escaped_line(f"{self._spec.replay}{of}: {total} were not used: {', '.join(reasons)}")
-
-    def _count(self, reason: str, count: int) -> None:
-        self._unused[reason] = self._unused.get(reason, 0) + count
 
     def _tick(self, time: float) -> int:
         """Return the tick of a row at a sim time in s; that of a row before t = 0 is the first."""
@@ -411,7 +405,7 @@ class Playback:
             tick = self._tick(time)
             following = rows[index + 1][0] if index + 1 < len(rows) else math.inf
             if following < math.inf and self._tick(following) == tick:
-                self._count_replaced(following)
+                self._replaced(time, following)
                 continue
             self._answers[tick] = self._twist(content)
             if timeout is not None:
@@ -426,25 +420,20 @@ class Playback:
         assert isinstance(content, Twist)
         return content
 
-    def _count_replaced(self, by: float) -> None:
-        """Count a row at whose tick a later one acts, at a sim time in s."""
+    def _replaced(self, time: float, by: float) -> None:
+        """Keep that a later row acts at the tick of a row; both are sim times in s."""
         ticks = f"at a tick of {self._rate:g} Hz" if self._spec.has_rate else "in one physics step"
-        self._count("before t = 0" if by < self._tolerance else f"replaced by a later one {ticks}", 1)
+        self._unused.append((time, "before t = 0" if by < self._tolerance else f"replaced by a later one {ticks}"))
 
     def _add_rows(self, rows: Sequence[tuple[float, Content]]) -> None:
         """Schedule rows of joints: positions as motions, velocities and efforts as steps."""
         columns: dict[JointColumn, dict[float, float]] = {}
-        used = 0
         for time, content in rows:
             assert isinstance(content, Mapping)
             for column, value in content.items():
                 columns.setdefault(column, {})[time] = value
         usable = [column for column in columns if self._moves(column.joint)]
         kinds = {column.joint: column.kind for column in sorted(usable, key=lambda c: -KINDS.index(c.kind))}
-        for _, content in rows:
-            assert isinstance(content, Mapping)
-            used += any(kinds.get(column.joint) == column.kind for column in content)
-        self._count("have no target that is used", len(rows) - used)
         steps: dict[int, dict[JointColumn, float]] = {}
         for joint, kind in kinds.items():
             values = columns[JointColumn(kind, joint)]
@@ -462,10 +451,12 @@ class Playback:
             groups = {kind: {c.joint: value for c, value in targets.items() if c.kind == kind} for kind in KINDS}
             self._answers[tick] = JointTargets(velocity=groups["velocity"], effort=groups["effort"])
         spaced = set(self._spaced([time for time, _ in rows]))
-        for (time, _), (following, _) in pairwise(rows):
-            is_late = self._tick(time) == self._tick(following) if steps else time not in spaced
-            if is_late:
-                self._count_replaced(following)
+        for (time, content), (following, _) in pairwise([*rows, (math.inf, {})]):
+            assert isinstance(content, Mapping)
+            if not any(kinds.get(column.joint) == column.kind for column in content):
+                self._unused.append((time, "have no target that is used"))
+            elif following < math.inf and (self._tick(time) == self._tick(following) if steps else time not in spaced):
+                self._replaced(time, following)
         self._add_motion(curves, velocity=[joint for joint, kind in kinds.items() if kind == "velocity"])
 
     def _moves(self, joint: str) -> bool:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import sys
 from bisect import bisect_right
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from copy import deepcopy
 from functools import lru_cache
-from typing import Any, Final, NamedTuple
+from itertools import chain, repeat
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller, OpenLoop
 from sim_action.core import units
@@ -28,6 +29,9 @@ from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Transcript
 from sim_action.state.transmission import Line
 from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.state.trace import FloatArray
 
 Look = Callable[[int], Observation]
 """Returns the observation of the present step; called only if a controller needs it."""
@@ -55,6 +59,7 @@ class _Source:
         line: its commands that are on their way; None if all take effect at once.
         moved: the joints that it has commanded so far.
         wrenches: link -> the wrenches on it that are in effect.
+        due: the rising physics steps at which its controller is called; None: at every tick.
     """
 
     index: int
@@ -63,18 +68,14 @@ class _Source:
     line: Line[tuple[int, tuple[Twist | JointTargets, ...]]] | None = None
     moved: set[str] = field(default_factory=set)
     wrenches: dict[str, tuple[LinkWrench, ...]] = field(default_factory=dict)
+    due: Sequence[int] | None = None
 
-    def until_due(self, step: int) -> int:
-        """Return the number of physics steps until its controller is called next."""
-        due = self.controller.due if isinstance(self.controller, OpenLoop) else None
-        if due is None:
-            return self.period - step % self.period
-        following = bisect_right(due, step)
-        return due[following] - step if following < len(due) else sys.maxsize
 
-    def is_due(self, step: int) -> bool:
-        """Return True if its controller is called at a physics step."""
-        return self.until_due(step - 1) == 1
+def _until_due(source: _Source, step: int) -> int:
+    """Return the number of physics steps until the controller of a source is called next."""
+    due = source.due or ()
+    following = bisect_right(due, step)
+    return due[following] - step if following < len(due) else sys.maxsize
 
 
 class _Followed(NamedTuple):
@@ -90,6 +91,7 @@ class _Motions:
 
     Attributes:
         steps: joint -> the sim times in s at which its target changed in a step, and the kind of the target.
+        active: the motions that have not ended.
     """
 
     def __init__(self, beginnings: Mapping[str, float], rate: float, told: Told) -> None:
@@ -98,23 +100,23 @@ class _Motions:
         # Joint -> its last velocity target without a position.
         self._velocities: dict[str, float] = {}
         self._rate, self._told, self._told_stride = rate, told, max(1, round(rate / _TOLD_HZ))
-        self._active: list[_Followed] = []
+        self.active: list[_Followed] = []
         # Joint -> its last position target, the velocity of this target, and its physics step.
         self._last = {name: (position, 0.0, 0) for name, position in beginnings.items()}
 
     def take(self, command: JointTargets, step: int, *, sent: int, until: float) -> None:
         """Let joints follow the motions of a command, from a physics step on, and let its other joints leave theirs."""
-        if self._active:
-            active = [followed.motion for followed in self._active]
+        if self.active:
+            active = [followed.motion for followed in self.active]
             if until == math.inf and command.motions and all(map(active.__contains__, command.motions)):
                 return
             named = set(command.names())
-            self._active = [
+            self.active = [
                 followed._replace(motion=motion)
-                for followed in self._active
+                for followed in self.active
                 for motion in without_joints((followed.motion,), named)
             ]
-        self._active += [_Followed(motion, (step - sent) / self._rate, until) for motion in command.motions]
+        self.active += [_Followed(motion, (step - sent) / self._rate, until) for motion in command.motions]
         for name, position in command.position.items():
             self._note_step(name, position, command.velocity.get(name, 0.0), step)
         for name, velocity in command.velocity.items():
@@ -123,30 +125,30 @@ class _Motions:
                 self.steps.setdefault(name, []).append((step / self._rate, "velocity"))
 
     def rows(self, step: int, steps: int) -> list[JointTargets]:
-        """Return the targets of the following steps; nothing if all motions have ended, and their joints rest."""
-        if not self._active:
-            return []
+        """Return the targets of the following steps, along the active motions."""
         moments = np.arange(step, step + steps + 1) / self._rate
-        rows = [JointTargets() for _ in range(steps)]
-        for motion, delay, until in self._active:
-            times = np.minimum(moments, until) - delay
-            positions, velocities, stepped = motion.targets(times, 1 / self._rate)
-            targets, speeds = positions.tolist(), velocities.tolist()
-            for name, position, velocity in zip(motion.names, targets[0], speeds[0], strict=True):
-                self._note_step(name, position, velocity, step)
+        names: list[str] = []
+        tables: list[tuple[FloatArray, FloatArray]] = []
+        for motion, delay, until in self.active:
+            *table, stepped = motion.targets(np.minimum(moments, until) - delay, 1 / self._rate)
             for row, column in np.argwhere(stepped).tolist():
                 self.steps.setdefault(motion.names[column], []).append(((step + row) / self._rate, "position"))
-            for index, (position, velocity) in enumerate(zip(targets, speeds, strict=True)):
-                rows[index] = JointTargets(
-                    {**rows[index].position, **dict(zip(motion.names, position, strict=True))},
-                    {**rows[index].velocity, **dict(zip(motion.names, velocity, strict=True))},
-                )
-            for name, position, velocity in zip(motion.names, targets[-1], speeds[-1], strict=True):
-                self._last[name] = position, velocity, step + steps - 1
+            names += motion.names
+            tables.append((table[0], table[1]))
+        positions, velocities = (np.hstack(group).tolist() for group in zip(*tables, strict=True))
+        for name, position, velocity in zip(names, positions[0], velocities[0], strict=True):
+            self._note_step(name, position, velocity, step)
+        for name, position, velocity in zip(names, positions[-1], velocities[-1], strict=True):
+            self._last[name] = position, velocity, step + steps - 1
+        # Without calls for each joint: this is done at every physics step.
+        rows = [
+            JointTargets(dict(zip(names, position, strict=True)), dict(zip(names, velocity, strict=True)))
+            for position, velocity in zip(positions, velocities, strict=True)
+        ]
         for index in range(-step % self._told_stride, steps, self._told_stride):
             self._told((step + index) / self._rate, rows[index])
         start = step / self._rate
-        self._active = [each for each in self._active if start - each.delay_s < each.motion.end]
+        self.active = [each for each in self.active if start - each.delay_s < each.motion.end]
         return rows
 
     def _note_step(self, name: str, position: float, velocity: float, step: int) -> None:
@@ -221,12 +223,13 @@ class Controls:
                 targets = targets.updated_by(source.controller.holding)
         return self._seams.at_rest(targets)
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """The notes of the controllers for people, after the run."""
+    def notes(self, end: float) -> tuple[str, ...]:
+        """Return the notes of the controllers for people, after a run that ended at a sim time in s."""
         lossy = ((source.index, line) for source, line in self._late if line.lost)
         lost = (f"{line.lost} of {line.sent} commands of commands[{index}] were lost" for index, line in lossy)
-        return (*(note for source in self._sources for note in source.controller.notes), *lost)
+        controllers = [source.controller for source in self._sources]
+        own = (live.notes(end) if isinstance(live, OpenLoop) else live.notes for live in controllers)
+        return (*chain.from_iterable(own), *lost)
 
     def undelivered(self, end: float) -> dict[int, float]:
         """Return the index of each source whose commands all arrive after a sim time in s -> the first arrival.
@@ -279,11 +282,12 @@ class Controls:
         asked = self._ask(step, look)
         steps = end - step
         for source in self._sources:
-            steps = min(steps, source.until_due(step))
+            # Without a call, because this is done at every tick of every run.
+            steps = min(steps, source.period - step % source.period if source.due is None else _until_due(source, step))
         if self._late:
             steps = int(min([steps, *(line.next_step - step for _, line in self._late)]))
         planned = self._driven(steps)
-        if followed := self._motions.rows(step, steps):
+        if self._motions.active and (followed := self._motions.rows(step, steps)):
             pairs = zip(followed, planned, strict=False)
             planned = [*(row.updated_by(wheels) for row, wheels in pairs), *followed[len(planned) :]]
         if asked is not None:
@@ -307,10 +311,11 @@ class Controls:
         targets: JointTargets | None = None
         look_once = lru_cache(maxsize=1)(look) if self._look_together else look
         for source in self._sources:
-            if not source.is_due(step) and (source.line is None or source.line.next_step > step):
+            is_due = step % source.period == 0 if source.due is None else _until_due(source, step - 1) == 1
+            if not is_due and (source.line is None or source.line.next_step > step):
                 continue
             try:
-                for sent, command in self._commands(source, step, look_once):
+                for sent, command in self._commands(source, step, look_once, is_due=is_due):
                     targets = self._taken(source, command, targets, step=step, sent=sent)
                     told = command
                     if targets is not None and isinstance(command, JointTargets) and command.wrenches is not None:
@@ -348,11 +353,13 @@ class Controls:
             source.wrenches[link] = tuple(wrench for wrench in wrenches if wrench.link == link)
         return tuple(each for source in self._sources for held in source.wrenches.values() for each in held)
 
-    def _commands(self, source: _Source, step: int, look: Look) -> list[tuple[int, Twist | JointTargets]]:
+    def _commands(
+        self, source: _Source, step: int, look: Look, *, is_due: bool
+    ) -> Iterable[tuple[int, Twist | JointTargets]]:
         """Return the commands that take effect at this step, with the step at which the source sent them."""
-        asked = self._asked(source, step, look) if source.is_due(step) else ()
+        asked = self._asked(source, step, look) if is_due else ()
         if source.line is None:
-            return [(step, command) for command in asked]
+            return zip(repeat(step), asked)
         if asked:
             # A script may change its command later.
             source.line.send(step, (step, deepcopy(asked)))
@@ -425,7 +432,7 @@ def _seen_by(sources: Sequence[CommandSource], scene: Scene) -> list[Scene]:
 def _source(index: int, spec: CommandSource, controller: Controller, scenario: Scenario, scene: Scene) -> _Source:
     period = scenario.steps_between_ticks(spec.tick_rate(scenario.physics.rate))
     if spec.is_perfect:
-        return _Source(index, controller, period)
+        return _Source(index, controller, period, due=controller.due if isinstance(controller, OpenLoop) else None)
     if isinstance(controller, ClosedLoop) and controller.repeats:
         controller = replace(controller, command=_without_repeats(controller.command))
     elif isinstance(controller, OpenLoop):

@@ -201,7 +201,7 @@ class _Loop:
     def run(self, progress: Progress) -> SimulationRun:
         with self._opened:
             run = self._run(progress)
-        return replace(run, notes=(*self._all_notes(), *run.notes), model_notes=self._model_notes)
+        return replace(run, notes=(*self._all_notes(run.sim_time), *run.notes), model_notes=self._model_notes)
 
     def _run(self, progress: Progress) -> SimulationRun:
         footage = self._footage
@@ -311,9 +311,9 @@ class _Loop:
             for message in self._controls.logged_errors:
                 yield ClaimFinding(LOGGED_ERROR, ("commands",), message)
 
-    def _all_notes(self) -> tuple[str, ...]:
+    def _all_notes(self, end: float) -> tuple[str, ...]:
         of_drive = self._motion.notes if self._motion else ()
-        return (*self._notes, *self._seams.notes, *of_drive, *self._controls.notes, *self._sensing.notes)
+        return (*self._notes, *self._seams.notes, *of_drive, *self._controls.notes(end), *self._sensing.notes)
 
     def _settle(self) -> None:
         """Let the robot come to rest before t = 0, with braked wheels and held joints."""
@@ -341,13 +341,15 @@ class _Loop:
         """Return the moments of the next period in s, and the error that ended it early."""
         end, rate = min(self._last_step, self._step + max(1, self._scenario.steps(period))), self._scenario.physics.rate
         failure: RunError | None = None
+        has_faults = bool(self._scenario.faults)
         try:
             while self._step < end:
                 self._sensing.read(self._step)
                 until = self._arrivals.next(self._step, self._sensing.next_tick(self._step, end))
-                until = self._seams.until(self._step, until)
+                until = self._seams.until(self._step, until) if has_faults else until
                 planned = self._controls.plan(self._step, until, self._sensing.look)
-                planned = self._seams.targets(self._step, planned, self._sensing.look)
+                if has_faults:
+                    planned = self._seams.targets(self._step, planned, self._sensing.look)
                 self._backend.advance(self._step, planned)
                 self._step += len(planned)
                 self._arrivals.refuse_blocked(self._step, rate, self._backend)

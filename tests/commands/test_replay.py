@@ -184,7 +184,7 @@ ROS_PROBLEMS = [
     ({"replay": "a.bag"}, "needs a topic to replay, such as topic: /cmd_vel"),
     (
         {"replay": "notes.txt"},
-        "is not a log that can be replayed (allowed: .csv, .bag, .db3, .mcap, .db3.zstd, .mcap.zstd, the folder",
+        "is not a log that can be replayed (allowed: .csv, .bag, .bag.active, .db3, .mcap, .db3.zstd, .mcap.zstd",
     ),
     ({"replay": "folder", "topic": "/cmd_vel"}, "is a folder without metadata.yaml"),
     ({"replay": "a%2f.db3", "topic": "/cmd_vel"}, "rename it"),
@@ -357,16 +357,19 @@ def notes(folder: Path, **keys: Any) -> list[str]:
     rate = round(source.tick_rate(240.0))
     for n in range(1 + 3 * rate):
         controller.command(n / rate)
-    return list(controller.notes)
+    return list(controller.notes(3.0))
 
 
 @pytest.mark.parametrize(
     ("keys", "reason"),
     [
-        ({"rate": "10 Hz"}, "149 replaced by a later one at a tick of 10 Hz"),
+        (
+            {"rate": "10 Hz"},
+            "150 of 180 rows were not used: 145 replaced by a later one at a tick of 10 Hz, 5 after the end",
+        ),
         ({"start": "1 s"}, "60 before t = 0"),
         ({"end": "1 s"}, "119 are after 'end'"),
-        ({"offset": "2 s"}, "119 after the last tick of the run"),
+        ({"offset": "2 s"}, "120 after the end of the run, at 3 s"),
         ({}, ""),
     ],
 )
@@ -432,7 +435,7 @@ def test_what_a_joint_cannot_follow_is_noted_once_with_its_time(rows: str, expec
     assert isinstance(controller, OpenLoop)
     for n in range(960):
         controller.command(n / 240)
-    found = list(controller.notes)
+    found = list(controller.notes(math.inf))
     assert len(found) == len(expected)
     assert all(part in note for part, note in zip(expected, found, strict=True)), found
 
@@ -531,5 +534,6 @@ def test_any_rows_of_joints_give_finite_targets(
             states = [number for curve in curves for time in (0.0, 1.234, 5.0) for number in curve.at(time)]
             assert all(map(math.isfinite, [*answer.velocity.values(), *states]))
     assert all(
-        any(part in note for part in ("were not used", "its velocity limit", "wrap at")) for note in controller.notes
+        any(part in note for part in ("were not used", "its velocity limit", "wrap at"))
+        for note in controller.notes(math.inf)
     )

@@ -8,17 +8,15 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
-import struct
-import sys
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, Protocol, Self
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from sim_action.commands.logs import MAX_ROWS, Recorded, TimedRow
+from sim_action.commands.logs.damaged_logs import MAX_UNPACKED_BYTES, SCANNERS, ScannedLog, ScannedMcap, zstd
 from sim_action.commands.logs.ros_messages import ARRAY, DEFINITIONS, TYPES, MessageError, Wanted
 from sim_action.core.errors import RecordingError, RunError
 from sim_action.core.files import open_regular, read_at_most
@@ -34,21 +32,13 @@ if TYPE_CHECKING:
 PACKAGE: Final = "rosbags"
 METADATA: Final = "metadata.yaml"
 _MAX_METADATA_BYTES: Final = 10_000_000
-# The size of a compressed file after it is unpacked.
-_MAX_UNPACKED_BYTES: Final = 4_000_000_000
 _BLOCK_BYTES: Final = 1_000_000
 _CLOCK: Final = "/clock"
 _CLOCK_TYPE: Final = "rosgraph_msgs/msg/Clock"
+_ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
 # These characters have a special meaning in SQLite's paths.
 _NOT_IN_PATHS: Final = ("?", "#", "%")
-FILES: Final = (".bag", ".db3", ".mcap", ".db3.zstd", ".mcap.zstd")
-_REMEDIES: Final = MappingProxyType(
-    {
-        ".bag": "if its recorder was killed, run 'rosbag reindex'",
-        ".db3": "if its recorder was killed, run \"sqlite3 OLD.db3 '.recover' | sqlite3 NEW.db3\"",
-        ".mcap": "if its recorder was killed, run 'mcap recover'",
-    }
-)
+FILES: Final = (".bag", ".bag.active", ".db3", ".mcap", ".db3.zstd", ".mcap.zstd")
 INSTALL_HINT: Final = (
     "logs of ROS need the package rosbags, which is not installed: pip install '.[rosbags]', or in a workflow set "
     "the input 'extras: rosbags'"
@@ -58,9 +48,7 @@ INSTALL_HINT: Final = (
 def path_problem(path: Path) -> str | None:
     """Return the problem of a path that cannot be a log of ROS; None if it can."""
     if path.is_dir() and not (path / METADATA).is_file() and not _storages_in(path):
-        return f"is a folder without {METADATA} and without a file {' or '.join(FILES[1:])}, so it is not a rosbag2"
-    if path.name.endswith(".bag.active"):
-        return f"is an unfinished log: {_REMEDIES['.bag']}, and rename it to '{path.stem}'"
+        return f"is a folder without {METADATA} and without a file {' or '.join(FILES[2:])}, so it is not a rosbag2"
     if not path.is_dir() and not path.name.endswith(FILES):
         return f"is not a log that can be replayed (allowed: .csv, {', '.join(FILES)}, the folder of a rosbag2)"
     if any(sign in str(path) for sign in _NOT_IN_PATHS):
@@ -87,7 +75,7 @@ def read_log(path: Path, name: str, wanted: Wanted) -> Recorded:
             notes.append(f"{name} has no {METADATA}, so its recorder was killed: all its files are read")
         storages = [stack.enter_context(_opened(file, notes)) for file in files]
         recorded = _recorded(storages, wanted)
-        notes += [f"{storage.unfinished}" for storage in storages if isinstance(storage, ScannedMcap) and storage.cut]
+        notes += [storage.unfinished for storage in storages if isinstance(storage, ScannedLog) and storage.cut]
         return replace(recorded, notes=tuple(escaped_line(note) for note in notes))
 
 
@@ -110,7 +98,7 @@ def files_of(folder: Path, name: str) -> Iterator[str]:
 
 
 def _storages_in(folder: Path) -> list[str]:
-    return sorted(file.name for file in folder.iterdir() if file.name.endswith(FILES[1:]))
+    return sorted(file.name for file in folder.iterdir() if file.name.endswith(FILES[2:]))
 
 
 def _information(metadata: Path) -> dict[str, Any]:
@@ -142,7 +130,7 @@ def _opened(file: Path, notes: list[str]) -> Iterator[_Storage]:
     from rosbags.rosbag2 import Reader as Reader2
     from rosbags.rosbag2 import ReaderError
 
-    suffix = Path(file.name.removesuffix(".zstd")).suffix
+    suffix = Path(file.name.removesuffix(".zstd").removesuffix(".active")).suffix
     journals = [journal for end in ("-wal", "-journal") if (journal := file.with_name(file.name + end)).is_file()]
     try:
         with ExitStack() as stack:
@@ -160,15 +148,18 @@ def _opened(file: Path, notes: list[str]) -> Iterator[_Storage]:
                 if not is_indexed:
                     yield stack.enter_context(ScannedMcap(file))
                     return
-            reader = Reader1(file) if suffix == ".bag" else Reader2(file)
-            stack.enter_context(reader)
+            reader: Reader1 | Reader2 | ScannedLog
+            try:
+                reader = Reader1(file) if suffix == ".bag" else Reader2(file)
+                stack.enter_context(reader)
+            except Exception:  # noqa: BLE001 - readers raise many types for damaged logs
+                reader = stack.enter_context(SCANNERS[suffix](file))
             yield reader
     except (RecordingError, MemoryError):
         raise
-    except Exception as error:  # noqa: BLE001 - readers raise many types for damaged logs
+    except Exception as error:  # noqa: BLE001 - see above
         what = str(error) or "the log is damaged"
-        problem = f"the log cannot be read: {type(error).__name__}: {what}; {_REMEDIES[suffix]}"
-        raise RecordingError(problem) from None
+        raise RecordingError(f"the log cannot be read: {type(error).__name__}: {what}") from None
 
 
 def _unpacked(file: Path, folder: Path) -> Path:
@@ -176,13 +167,13 @@ def _unpacked(file: Path, folder: Path) -> Path:
     target, size = folder / file.stem, 0
     with (
         open_regular(file, follow_link=True) as packed,
-        _zstd().open(packed, "rb") as source,
+        zstd().open(packed, "rb") as source,
         target.open("wb") as copy,
     ):
         while block := source.read(_BLOCK_BYTES):
             size += len(block)
-            if size > _MAX_UNPACKED_BYTES:
-                raise RecordingError(f"{file.name} has more than {_MAX_UNPACKED_BYTES // 10**9} GB when it is unpacked")
+            if size > MAX_UNPACKED_BYTES:
+                raise RecordingError(f"{file.name} has more than {MAX_UNPACKED_BYTES // 10**9} GB when it is unpacked")
             copy.write(block)
     return target
 
@@ -196,126 +187,6 @@ def _finished(file: Path, journals: Sequence[Path], folder: Path) -> Path:
     database.execute("PRAGMA journal_mode=DELETE").fetchall()
     database.close()
     return folder / file.name
-
-
-# The magic bytes of MCAP, and the kind of its first record.
-_HEAD: Final = b"\x89MCAP0\r\n\x01"
-_ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
-_RECORD_HEAD: Final = struct.Struct("<BQ")
-# Times of the first and the last message, size and checksum of the records, length of the compression's name.
-_CHUNK_HEAD: Final = struct.Struct("<QQQII")
-_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F
-
-
-class ScannedMcap:
-    """A reader of an MCAP file from its beginning: without an index, unfinished, or with messages of ROS 1.
-
-    Attributes:
-        connections: of all channels.
-        cut: True if the file ends within its data.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self.cut = False
-        self.connections: list[Connection] = []
-
-    def __enter__(self) -> Self:
-        from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
-
-        formats = {"ros1msg": MessageDefinitionFormat.MSG, "ros2msg": MessageDefinitionFormat.MSG}
-        schemas: dict[int, tuple[str, MessageDefinition]] = {}
-        channels: dict[int, Connection] = {}
-        for kind, data in self._records():
-            if kind == _SCHEMA:
-                name, encoding, text = _texts(data[2:], 3)
-                of = MessageDefinition(formats.get(encoding, MessageDefinitionFormat.NONE), text)
-                schemas[struct.unpack_from("<H", data)[0]] = name, of
-            elif kind == _CHANNEL:
-                channel, schema = struct.unpack_from("<HH", data)
-                topic, encoding = _texts(data[4:], 2)
-                name, definition = schemas.get(schema, ("", MessageDefinition(MessageDefinitionFormat.NONE, "")))
-                type_name = name if "/msg/" in name else name.replace("/", "/msg/")
-                extra = ConnectionExtRosbag2(encoding, [])
-                channels[channel] = Connection(channel, topic, type_name, definition, "", 0, extra, self)
-        self.connections = list(channels.values())
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    @property
-    def unfinished(self) -> str:
-        """A note on a file that is cut off."""
-        return f"{self._path.name} is unfinished: the messages up to its end were read ('mcap recover' repairs it)"
-
-    def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
-        """See _Storage.messages; in the order of the file."""
-        by_id = {connection.id: connection for connection in connections}
-        for kind, data in self._records():
-            if kind == _MESSAGE:
-                channel, _, time_ns = struct.unpack_from("<HIQ", data)
-                if channel in by_id:
-                    yield by_id[channel], time_ns, data[22:]
-
-    def _records(self) -> Iterator[tuple[int, bytes]]:
-        """Yield kind and data of the records of the data section, also of those in chunks."""
-        with open_regular(self._path, follow_link=True) as file:
-            if file.read(len(_HEAD)) != _HEAD:
-                raise RecordingError("the log cannot be read: it does not begin as MCAP does")
-            file.seek(len(_HEAD) - 1)
-            while True:
-                head = file.read(_RECORD_HEAD.size)
-                kind, size = _RECORD_HEAD.unpack(head) if len(head) == _RECORD_HEAD.size else (_CHUNK, 1)
-                data = file.read(min(size, _MAX_UNPACKED_BYTES))
-                self.cut = len(data) < size
-                if kind == _CHUNK:
-                    yield from _records_in(_chunk(data))
-                elif not self.cut:
-                    yield kind, data
-                if self.cut or kind == _DATA_END:
-                    return
-
-
-def _chunk(data: bytes) -> bytes:
-    """Return the decompressed records of a chunk; the beginning of them if it is cut off."""
-    if len(data) < _CHUNK_HEAD.size:
-        return b""
-    length = _CHUNK_HEAD.unpack_from(data)[-1]
-    start = _CHUNK_HEAD.size + length
-    compression, packed = data[_CHUNK_HEAD.size : start].decode(), data[start + 8 :]
-    if compression == "lz4":
-        from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
-
-        return bytes(LZ4FrameDecompressor().decompress(packed))
-    return bytes(_zstd().ZstdDecompressor().decompress(packed)) if compression == "zstd" else packed
-
-
-def _records_in(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield kind and data of the whole records in a chunk."""
-    place = 0
-    while place + _RECORD_HEAD.size <= len(data):
-        kind, size = _RECORD_HEAD.unpack_from(data, place)
-        place += _RECORD_HEAD.size + size
-        if place <= len(data):
-            yield kind, data[place - size : place]
-
-
-def _texts(data: bytes, count: int) -> Iterator[str]:
-    """Yield texts that begin with their lengths."""
-    place = 0
-    for _ in range(count):
-        (size,) = struct.unpack_from("<I", data, place)
-        yield data[place + 4 : place + 4 + size].decode()
-        place += 4 + size
-
-
-def _zstd() -> Any:
-    if sys.version_info >= (3, 14):
-        from compression import zstd
-    else:
-        from backports import zstd
-    return zstd
 
 
 @contextmanager
@@ -370,7 +241,7 @@ def _connections(storages: Sequence[_Storage], wanted: Wanted) -> list[Connectio
     chosen = [connection for connection in there if connection.topic == topic]
     if not chosen:
         names = {connection.topic for connection in there}
-        cut = "; ".join(storage.unfinished for storage in storages if isinstance(storage, ScannedMcap) and storage.cut)
+        cut = "; ".join(storage.unfinished for storage in storages if isinstance(storage, ScannedLog) and storage.cut)
         if cut:
             raise RecordingError(f"the log has no readable topic '{topic}': {cut}")
         raise RecordingError(f"the log has no topic '{topic}'{did_you_mean(topic, names)}", "topic")
@@ -398,7 +269,7 @@ def _messages(storage: _Storage, wanted: Sequence[Connection]) -> Iterator[tuple
     """Yield the messages of some topics in a file, decompressed."""
     mine = [connection for connection in storage.connections if connection in wanted]
     for connection, receipt, data in storage.messages(mine) if mine else ():
-        yield connection, receipt, bytes(_zstd().decompress(data)) if data[:4] == _ZSTD_MAGIC else data
+        yield connection, receipt, bytes(zstd().decompress(data)) if data[:4] == _ZSTD_MAGIC else data
 
 
 _Decoded = Callable[["Connection", bytes], Any]

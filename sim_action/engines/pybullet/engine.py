@@ -273,6 +273,8 @@ class PyBulletEngine(Engine):
         self._friction = {name: by_name[name][7] for name in self._motor_names}
         self._max_effort = {name: by_name[name][10] or UNLIMITED_EFFORT for name in self._motor_names}
         self._max_velocity = {name: by_name[name][11] for name in self._motor_names}
+        # Per joint, the arguments of its servo that stay the same: few calls, because targets move at every step.
+        self._servos: dict[str, dict[str, float]] = {}
         self._springs = self._springs_of(scene.model)
         self._balls = self._ball_joints({name: by_name[name][0] for name in scene.model.balls})
         links = scene.model.links_by_name
@@ -354,6 +356,14 @@ class PyBulletEngine(Engine):
             # Switches the default motor off; only the joint's own friction remains.
             self._motor(name, pybullet.VELOCITY_CONTROL, force=self._friction[name])
         self._carriers = self._coupled(scene.model)
+        for name, fastest in self._max_velocity.items():
+            self._servos[name] = {
+                "bodyUniqueId": self._robot,
+                "jointIndex": self._index[name],
+                "controlMode": pybullet.POSITION_CONTROL,
+                "physicsClientId": self._client,
+                **({"maxVelocity": fastest} if fastest > 0 else {}),
+            }
         self._apply(JointTargets({name: positions[name] for name in self._motor_names if name in held}))
         place(self._client, self._robot, self._ground, scene.placement, self._states.com_in_link)
 
@@ -375,7 +385,10 @@ class PyBulletEngine(Engine):
             indices, forces = [self._index[name] for name in turned], [limits[name] for name in turned]
             self._motors(pybullet.VELOCITY_CONTROL, indices, targetVelocities=list(turned.values()), forces=forces)
         for name, position in targets.position.items():
-            self._servo(name, position, limits[name], targets.velocity.get(name, 0.0))
+            ahead = targets.velocity.get(name, 0.0)
+            pybullet.setJointMotorControl2(
+                targetPosition=position, targetVelocity=ahead, force=limits[name], **self._servos[name]
+            )
         for name, effort in targets.effort.items():
             self._motor(name, pybullet.VELOCITY_CONTROL, force=self._friction[name])
             self._held_efforts[self._index[name]] = effort
@@ -395,12 +408,6 @@ class PyBulletEngine(Engine):
             if leader in limits:
                 limits[gear.joint] = limits.pop(leader) / abs(gear.multiplier)
         return replace(targets, position=position, velocity=velocity, max_effort=limits)
-
-    def _servo(self, joint: str, position: float, max_effort: float, ahead: float = 0.0) -> None:
-        fastest = self._max_velocity[joint]
-        target = {"targetPosition": position, "targetVelocity": ahead, "force": max_effort}
-        limit = {"maxVelocity": fastest} if fastest > 0 else {}
-        self._motor(joint, pybullet.POSITION_CONTROL, **target, **limit)
 
     def _motor(self, joint: str, mode: int, **target: float) -> None:
         pybullet.setJointMotorControl2(self._robot, self._index[joint], mode, physicsClientId=self._client, **target)

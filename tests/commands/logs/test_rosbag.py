@@ -362,10 +362,13 @@ def test_messages_without_a_header_have_no_stamps(tmp_path: Path) -> None:
     assert "have no header; remove this key" in told(path, stamps="header")
 
 
+DAMAGED = "is unfinished or damaged: the messages before the damage were read"
+
+
 def test_an_unfinished_mcap_without_a_whole_message_is_an_error(tmp_path: Path) -> None:
     path = mcap_file(tmp_path / "a.mcap", drive(TWIST_MESSAGES), CompressionMode.STORAGE)
     path.write_bytes(path.read_bytes()[:200])
-    assert "no readable topic '/cmd_vel': a.mcap is unfinished" in told(path)
+    assert f"no readable topic '/cmd_vel': a.mcap {DAMAGED}" in told(path)
 
 
 def test_an_mcap_that_is_cut_off_is_read_up_to_its_end(tmp_path: Path) -> None:
@@ -376,7 +379,7 @@ def test_an_mcap_that_is_cut_off_is_read_up_to_its_end(tmp_path: Path) -> None:
     recorded = read_log(path, "monday", Wanted("/cmd_vel"))
     assert 10 < len(recorded.rows) < 250
     assert recorded.rows[5][1] == Twist.planar(0.05, 0.1)
-    assert recorded.notes == ("a.mcap is unfinished: the messages up to its end were read ('mcap recover' repairs it)",)
+    assert recorded.notes == (f"a.mcap {DAMAGED} ('mcap recover' repairs it)",)
 
 
 def test_a_log_without_metadata_is_read_with_a_note(tmp_path: Path) -> None:
@@ -406,14 +409,53 @@ def test_a_database_whose_recorder_was_killed_is_read_with_its_journal(tmp_path:
 
 
 @pytest.mark.parametrize(
-    ("log", "remedy"), [("a.bag", "rosbag reindex"), ("a.db3", ".recover"), ("monday.bag.active", "rosbag reindex")]
+    ("log", "share"),
+    [
+        *(("a.bag", share) for share in (0.3, 0.6, 0.95)),
+        ("lz4.bag", 0.3),
+        ("bz2.bag", 0.95),
+        ("monday.bag.active", 0.6),
+        *(("a.db3", share) for share in (0.3, 0.61, 0.95)),
+    ],
 )
-def test_what_repairs_an_unfinished_log_is_named(log: str, remedy: str, tmp_path: Path) -> None:
+def test_a_log_that_is_cut_off_is_read_before_the_damage(log: str, share: float, tmp_path: Path) -> None:
+    messages = [(n / 10, n / 10_000, 0.1) for n in range(2000)]
+    compression = log.removesuffix(".bag").upper() if log[:3] in {"bz2", "lz4"} else None
+    whole = tmp_path / f"whole{Path(log.removesuffix('.active')).suffix}"
+    path = (
+        db3_file(whole, drive(messages))
+        if log.endswith(".db3")
+        else ros1_bag(whole, drive(messages, "/cmd_vel"), compression)
+    )
+    data = path.read_bytes()
+    (tmp_path / log).write_bytes(data[: int(len(data) * share)])
+    recorded = read_log(tmp_path / log, "monday", Wanted("/cmd_vel"))
+    assert recorded.rows == read_log(path, "whole", Wanted("/cmd_vel")).rows[: len(recorded.rows)]
+    assert share - 0.2 < len(recorded.rows) / 2000
+    assert recorded.notes == (f"{log} {DAMAGED}",)
+
+
+def test_a_database_with_a_page_of_rubbish_is_read_before_it(tmp_path: Path) -> None:
+    path = db3_file(tmp_path / "a.db3", drive([(n / 10, 0.1, 0.1) for n in range(2000)]))
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2 : len(data) // 2 + 8192] = b"\xff" * 8192
+    path.write_bytes(data)
+    recorded = read_log(path, "monday", Wanted("/cmd_vel"))
+    assert 500 < len(recorded.rows) < 1500
+    assert recorded.notes == (f"a.db3 {DAMAGED}",)
+
+
+@pytest.mark.parametrize("log", ["a.bag", "a.db3"])
+def test_a_log_without_a_readable_message_is_an_error(log: str, tmp_path: Path) -> None:
     write = db3_file if log.endswith(".db3") else ros1_bag
-    whole = write(tmp_path / f"w{Path(log).suffix}", drive(TWIST_MESSAGES))
-    data = whole.read_bytes()
-    (tmp_path / log).write_bytes(data[: len(data) * 2 // 3])
-    assert remedy in told(tmp_path / log)
+    path = write(tmp_path / log, drive(TWIST_MESSAGES))
+    path.write_bytes(path.read_bytes()[:60])
+    assert f"no readable topic '/cmd_vel': {log} {DAMAGED}" in told(path)
+    # A length of 4 GB is not read.
+    path.write_bytes(path.read_bytes()[:13] + b"\xff" * 500)
+    assert "no readable topic" in told(path)
+    path.write_bytes(b"rubbish" * 100)
+    assert "no readable topic" in told(path) or "does not begin as a rosbag does" in told(path)
 
 
 VERSIONS = {"foxy": 4, "galactic": 4, "humble": 5, "iron": 7, "jazzy": 9, "kilted": 9}
