@@ -81,8 +81,8 @@ ARMS: Final = (
 )
 # Arm and interpolation -> deg, in PyBullet and in MuJoCo: anywhere, and away from corners.
 OFF: Final = {
-    ("kuka_iiwa", "minimum_jerk"): {"pybullet": (0.005, 0.005), "mujoco": (0.1, 0.1)},
-    ("kuka_iiwa", "linear"): {"pybullet": (0.01, 0.005), "mujoco": (0.5, 0.005)},
+    ("kuka_iiwa", "minimum_jerk"): {"pybullet": (0.005, 0.005), "mujoco": (0.005, 0.005)},
+    ("kuka_iiwa", "linear"): {"pybullet": (0.01, 0.005), "mujoco": (0.03, 0.005)},
     ("franka_panda", "minimum_jerk"): {"pybullet": (0.005, 0.005), "mujoco": (0.005, 0.005)},
     ("franka_panda", "linear"): {"pybullet": (4.5, 0.03), "mujoco": (4.5, 0.03)},
 }

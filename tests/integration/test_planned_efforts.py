@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import pybullet
@@ -12,6 +13,7 @@ from sim_action.state.trace import FloatArray, Trace
 from tests.integration.engines import inertia, on_every_engine
 from tests.integration.test_joint_trajectories import ARMS, KNOWN, TIMES, Arm, wanted
 from tests.simulated import simulated
+from tests.soak import soaked
 
 pytestmark = pytest.mark.pybullet
 
@@ -22,11 +24,32 @@ NEAR_A_CORNER = 0.1  # s
 RESIDUAL = 0.0025
 
 
+Moving = tuple[int, ...]
+"""The indices of the joints that move."""
+
+MOTIONS: Final[tuple[tuple[str, Moving], ...]] = (
+    ("minimum_jerk", (0,)),
+    ("minimum_jerk", (1, 3)),
+    ("minimum_jerk", (0, 4, 6)),
+    ("minimum_jerk", (2, 3, 4, 5, 6)),
+    ("minimum_jerk", tuple(range(7))),
+    ("linear", (6,)),
+    ("linear", (3, 5)),
+    ("linear", (0, 1, 2, 3)),
+    ("linear", (0, 1, 3, 4, 5, 6)),
+    ("linear", tuple(range(7))),
+)
+RATES: Final = ((200, 10), (250, 50), (300, 60), (500, 20), (1000, 200))
+"""In Hz: of the physics, and of the command."""
+FEW: Final = ((4, 0), (9, 0), (4, 4), (2, 1), (8, 3))
+"""The indices of motions and rates that `make test` tries."""
+
+
 def moved(  # noqa: PLR0917 - one for each parameter of the tests
-    folder: Path, arm: Arm, engine: str, interpolation: str, physics: float, rate: float, count: int
+    folder: Path, arm: Arm, engine: str, interpolation: str, physics: float, rate: float, moving: Moving
 ) -> Trace:
     points = [
-        {"at": time, "position": dict(list(zip(arm.joints, knot, strict=True))[:count])}
+        {"at": time, "position": {arm.joints[index]: knot[index] for index in moving}}
         for time, knot in zip(TIMES[1:], arm.knots[1:], strict=True)
     ]
     known = KNOWN[arm.name]
@@ -44,12 +67,13 @@ def moved(  # noqa: PLR0917 - one for each parameter of the tests
     return simulated(folder, scenario, outside=True).trace
 
 
-def inverse_dynamics(arm: Arm, interpolation: str, time: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+def inverse_dynamics(arm: Arm, interpolation: str, time: FloatArray, moving: Moving) -> tuple[FloatArray, FloatArray]:
     """Return velocities and efforts (T, 7) of the plan in rad/s and N m, with the damping of the model."""
 
     def plan(at: FloatArray) -> FloatArray:
         planned = wanted(arm, interpolation, at)
-        planned[:, count:] = np.array(arm.knots[0])[count:]
+        rest = [index for index in range(len(arm.joints)) if index not in moving]
+        planned[:, rest] = np.array(arm.knots[0])[rest]
         return planned
 
     before, here, after = plan(time - STEP), plan(time), plan(time + STEP)
@@ -72,26 +96,51 @@ def work(speeds: FloatArray, efforts: FloatArray, time: FloatArray) -> float:
     return float(np.trapezoid(np.clip(speeds * efforts, 0, None).sum(axis=1), time))
 
 
-@pytest.mark.parametrize(("physics", "rate"), [(200, 10), (250, 50), (1000, 200)])
-@pytest.mark.parametrize(("interpolation", "count"), [("minimum_jerk", 7), ("minimum_jerk", 1), ("linear", 7)])
+@pytest.mark.parametrize(
+    ("motion", "rates"),
+    soaked([(m, r) for m in range(len(MOTIONS)) for r in range(len(RATES))], FEW),
+)
 @on_every_engine
-def test_efforts_and_work_are_those_of_inverse_dynamics(  # noqa: PLR0917 - parameters of pytest
-    engine: str, interpolation: str, count: int, physics: int, rate: int, tmp_path: Path
-) -> None:
-    trace = moved(tmp_path, IIWA, engine, interpolation, physics, rate, count)
+def test_efforts_and_work_are_those_of_inverse_dynamics(engine: str, motion: int, rates: int, tmp_path: Path) -> None:
+    (interpolation, moving), (physics, rate) = MOTIONS[motion], RATES[rates]
+    trace = moved(tmp_path, IIWA, engine, interpolation, physics, rate, moving)
     columns = [trace.joint_names.index(joint) for joint in IIWA.joints]
     # The effort of a step acts from the moment before it on.
     time, efforts = trace.time[:-1], trace.joint_effort[1:, columns]
-    _, expected = inverse_dynamics(IIWA, interpolation, time, count)
+    _, expected = inverse_dynamics(IIWA, interpolation, time, moving)
     corners = np.abs(time[:, None] - np.array(TIMES)).min(axis=1)
     smooth = corners > NEAR_A_CORNER if interpolation == "linear" else corners >= 0
     largest = np.abs(expected[smooth]).max(axis=0)
-    assert np.abs(efforts[smooth]).max(axis=0)[:6] == pytest.approx(largest[:6], rel=0.03, abs=RESIDUAL * largest.max())
+    assert np.abs(efforts[smooth]).max(axis=0) == pytest.approx(largest, rel=0.03, abs=RESIDUAL * largest.max())
     fine = np.linspace(0.0, float(time[-1]), 5201)
     speeds = np.vstack((np.zeros(7), trace.joint_velocity[:, columns]))
     mean = (speeds[1:-1] + speeds[2:]) / 2
     done = float((np.clip(efforts * mean, 0, None).sum(axis=1) / physics).sum())
-    assert done == pytest.approx(work(*inverse_dynamics(IIWA, interpolation, fine, count), fine), rel=0.03)
+    needed = work(*inverse_dynamics(IIWA, interpolation, fine, moving), fine)
+    assert done == pytest.approx(needed, rel=0.03)
+
+
+@pytest.mark.parametrize("rate", [200, 1000])
+@on_every_engine
+def test_a_light_joint_with_much_damping_follows_its_motion(engine: str, rate: int, tmp_path: Path) -> None:
+    """The effort of minimum jerk is damping x speed, at most 1.875 way / time, and nearly no inertia."""
+    damped = TURRET.replace("<axis", '<dynamics damping="5"/><axis').replace('velocity="3"', 'velocity="9"')
+    (tmp_path / "turret.urdf").write_text(damped.replace(inertia(0.16), inertia(0.001)))
+    scenario = {
+        "name": "n",
+        "robot": {"model": "turret.urdf", "base": "fixed"},
+        "physics": {"rate": rate},
+        "commands": {"joints": [{"at": 1.0, "position": {"pan": 1.5}}], "interpolation": "minimum_jerk"},
+        "expect": [{"effort": {"at_most": 39}}],
+        "allow": ["fixed-base"],
+        "backend": engine,
+        "time_limit": 1.2,
+        "trace": {"rate": rate},
+    }
+    run = simulated(tmp_path, scenario)
+    s = np.clip(run.trace.time, 0, 1)
+    assert run.trace.joint_position[:, 0] == pytest.approx(1.5 * s**3 * (10 - 15 * s + 6 * s**2), abs=1e-4)
+    assert run.verdicts[0].measured == pytest.approx(5 * 1.875 * 1.5, rel=0.01)
 
 
 TURRET = f"""<robot name="turret"><link name="base"/>

@@ -234,6 +234,8 @@ def _followers() -> list[Case]:
         ("0.1 kg ten times as far", ((10.0, 0.1),), False),
         ("two of 5 and 20 kg", ((1.0, 5.0), (-2.0, 20.0)), False),
         ("2 kg that its leader carries", ((-1.0, 2.0),), True),
+        ("2 kg twice as far that its leader carries", ((2.0, 2.0),), True),
+        ("20 kg half as far that its leader carries", ((0.5, 20.0),), True),
     )
     for what, loads, in_series in rows:
         ratios = tuple(ratio for ratio, _ in loads)

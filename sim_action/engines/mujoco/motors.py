@@ -55,14 +55,19 @@ class Motors:
         self._upper = [math.inf if joint.upper is None else joint.upper for joint in joints]
         self._max_effort = [joint.max_effort or UNLIMITED_EFFORT for joint in joints]
         self._max_velocity = [joint.max_velocity or math.inf for joint in joints]
-        # A live view.
-        self._positions = memoryview(compiled.data.qpos)
+        # Live views.
+        self._positions, self._velocities = memoryview(compiled.data.qpos), memoryview(compiled.data.qvel)
+        self._masses = memoryview(compiled.data.M)
+        # Per joint, the inertia that its damping adds in the integrator, and the place of its own one in the matrix.
+        self._added = (self._model.dof_damping[self._dofs] / rate).tolist()
+        self._diagonal = (self._model.M_rowadr + self._model.M_rownnz - 1)[self._dofs].tolist()
         self._gain = _SERVO_SHARE * rate
         self._damping = 2 * rate / (STEPS_TO_CONVERGE * IMPEDANCE)
         # Per joint, its mode and the limit of its row, as last set.
         self._state: list[tuple[int, float]] = [(_FREE, math.nan)] * len(joints)
         self._is_native = model.mjcf is not None
         self._rows_are_others = True
+        self._speeds = self._dofs.tolist()
         # A copy of `qfrc_applied` of the joints, because reading it costs more.
         self._applied = np.zeros(len(joints))
         self._target, self._ahead = [0.0] * len(joints), [0.0] * len(joints)
@@ -144,9 +149,14 @@ class Motors:
             self._actuators.step()
         gain, damping, positions = self._gain, self._damping, self._positions
         # For few numbers a loop takes a fifth of the time of arrays.
-        for row, at, goal, ahead, fastest in self._holding:
+        for row, at, goal, ahead, fastest, _ in self._holding:
             speed = gain * (goal - positions[at]) + ahead
             references[row] += damping * (-fastest if speed < -fastest else min(speed, fastest))
+        # The solver does not know the inertia that the damping of a joint adds: a light joint would lag behind.
+        for row, at, goal, ahead, fastest, number in self._damped:
+            speed = max(-fastest, min(gain * (goal - positions[at]) + ahead, fastest))
+            share = self._added[number] / self._masses[self._diagonal[number]]
+            references[row] += damping * share * (speed - self._velocities[self._speeds[number]])
 
     def efforts(self) -> FloatArray:
         """Return the efforts (J,) of the last step in N m or N; the array is valid until the next step."""
@@ -218,20 +228,21 @@ class Motors:
         self._aim()
 
     def _aim(self) -> None:
-        """Find (row, bias) of velocity motors, and (row, index in qpos, goal, speed ahead, limit) of servos."""
+        """Find (row, bias) of velocity motors, and (row, index in qpos, goal, speed ahead, limit, joint) of servos."""
         target, damping = self._target, self._damping
         rows, turned = self._turned
         biases = [damping * target[number] for number in turned]
         # Adding 0 would change the sign of zeros.
         self._turning = list(zip(rows, biases, strict=True)) if self._held or any(biases) else []
         if not self._held:
-            self._holding = []
+            self._holding, self._damped = [], []
             return
         # Targets are clipped to the joint limits, because MuJoCo's limits are soft.
         self._holding = [
-            (row, at, min(max(target[n], self._lower[n]), self._upper[n]), self._ahead[n], self._max_velocity[n])
+            (row, at, min(max(target[n], self._lower[n]), self._upper[n]), self._ahead[n], self._max_velocity[n], n)
             for row, n, at in self._held
         ]
+        self._damped = [held for held in self._holding if self._added[held[-1]]]
 
 
 def _in_a_row(numbers: NDArray[np.intp]) -> _Numbers:

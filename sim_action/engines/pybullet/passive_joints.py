@@ -43,7 +43,7 @@ _GEAR_CORRECTION: Final = 0.8
 # For gears, and for those to a joint that carries the follower, which converge worse. By default PyBullet takes at most
 # 50 iterations; it stops as soon as nothing changes.
 _GEARED_ITERATIONS: Final = 500
-_SERIES_ITERATIONS: Final = 5000
+_SERIES_ITERATIONS: Final = 20000
 _STILL: Final = {"targetVelocity": (0, 0, 0), "positionGain": 0, "velocityGain": 0, "force": (0, 0, 0)}
 
 
