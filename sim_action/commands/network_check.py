@@ -96,7 +96,10 @@ def _allow(base: int, more: int, seconds: float) -> None:
     if sys.platform == "linux":
         import resource
 
-        resource.setrlimit(resource.RLIMIT_AS, (base + more, resource.RLIM_INFINITY))
+        # The process of a scenario may have a limit of its own.
+        _, most = resource.getrlimit(resource.RLIMIT_AS)
+        limit = base + more if most == resource.RLIM_INFINITY else min(base + more, most)
+        resource.setrlimit(resource.RLIMIT_AS, (limit, most))
 
 
 def answer_of(place: list[Any], file: str, given: Mapping[str, list[Any]]) -> dict[str, Any]:

@@ -223,8 +223,6 @@ class _Loader:
             written = len(scenario.world.objects)
             found = filled(scenario, self._workspace, self._libraries.worlds, self._problems, self._allowed)
             scenario, self.parts, self.warnings = found.scenario, found.parts, found.warnings
-            sources = tuple(source.completed(self._workspace) for source in scenario.commands)
-            scenario = scenario.model_copy(update={"commands": sources})
             self.places = found.places
             self._check(scenario, written, states_drive="drive" in data["robot"])
         if scenario is None or self._problems:

@@ -126,6 +126,7 @@ class PartReader:
         key, kind = found
         source = self.validated(kind, data, path)
         if source is not None:
+            source = source.completed(self._workspace)
             self._problems.note_all(path, source.problems(self._workspace))
             if source.runs_user_code and self._permissions.scripts_refused:
                 self._problems.note((*path, key), self._permissions.scripts_refused)

@@ -17,6 +17,7 @@ from sim_action.core.geometry import Pose, Twist
 from sim_action.core.workspace import Workspace
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
+from sim_action.scenario.loading import load_scenario
 from sim_action.sensors.camera import Camera
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import JointState, Observation
@@ -224,6 +225,16 @@ def test_the_texts_of_a_network_fill_the_keys(folder: Path) -> None:
     assert spec.tick_rate(240.0) == 240.0  # soft motors
     # A spring to 0.1 + 0.5 * (0.3 - 0.1) from 0.3, and to 0.2 + 0.25 * (0.2 - 0.2) from 0.2.
     assert commanded(folder, stating(), {}) == pytest.approx([20 * (0.2 - 0.3), 0], abs=1e-6)
+
+
+def test_a_scenario_need_not_repeat_what_the_network_states(folder: Path) -> None:
+    (folder / "a.onnx").write_bytes(stating())
+    text = "name: n\nrobot: {model: arm.urdf, base: fixed}\ncommands: {policy: {file: a.onnx}, rate: 60 Hz}\n"
+    file = folder / "s.sim.yml"
+    file.write_text(f"{text}expect: [{{joint: {{name: elbow, at_most: 1}}}}]\ntime_limit: 1 s\n")
+    (source,) = load_scenario(file).scenario.commands
+    assert isinstance(source, PolicyCommands)
+    assert source.order == ("elbow", "shoulder")
 
 
 def test_terms_have_the_scale_clip_and_history_that_the_network_states(folder: Path) -> None:

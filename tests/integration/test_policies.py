@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -65,6 +66,33 @@ def test_a_network_is_the_same_as_its_law_in_python_each_time(folder: Path) -> N
     assert all(outcome["status"] == "passed" for outcome in found), found
     digests = {(outcome["engine"], outcome["digest"]) for outcome in found}
     assert len(digests) == len(installed()), digests
+
+
+LEVER = """<mujoco><worldbody><body name="lever" pos="0 0 1"><joint name="hinge" axis="0 0 1"/>
+<geom type="capsule" size="0.02" fromto="0 0 0 0.3 0 0" mass="1"/></body></worldbody>
+<actuator><motor name="hinge" joint="hinge" ctrlrange="-50 50"/></actuator></mujoco>"""
+
+
+def test_a_chunked_network_follows_a_path_on_a_model_that_only_the_run_reads(folder: Path) -> None:
+    """The path is 0.8 rad/s; each chunk has its next 8 targets."""
+    (folder / "lever.xml").write_text(LEVER)
+    rows = [0.8] * 8
+    ramp = [0.02 * (step + 1) for step in range(8)]
+    (folder / "ramp.onnx").write_bytes(linear([rows], ramp))
+    policy = (
+        "policy: {file: ramp.onnx, observation: [time], rate: 40 Hz,\n"
+        "    action: {joints: position, execute: 8, stiffness: 20, damping: 1}}"
+    )
+    text = SCENARIO.format(name="chunks", commands=policy).replace("arm.urdf, base: fixed", "lever.xml, base: fixed")
+    text = text.replace("joints: {shoulder: 10 deg, elbow: -15 deg}", "joints: {hinge: 0}")
+    text = text.replace("duration: 0.5 s\ntime_limit: 0.5 s", "duration: 0.8 s\ntime_limit: 0.8 s\nbackend: mujoco")
+    # The last target is 0.64 rad, and the lever lags by damping / stiffness = 0.05 s.
+    expect = "expect: [{joint: {name: hinge, near: 0.6 rad, tolerance: 0.06 rad}, after: 0.79 s}]"
+    (folder / "chunks.sim.yml").write_text("\n".join(expect if "expect" in line else line for line in text.split("\n")))
+    ran = sim_action(folder, "run", "--no-report", "chunks.sim.yml")
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    (outcome,) = outcomes(folder)
+    assert outcome["provenance"]["packages"] == [f"onnxruntime {version('onnxruntime')}"]
 
 
 def test_the_network_of_the_example_is_made_here() -> None:
