@@ -11,7 +11,7 @@ import subprocess
 import sys
 import textwrap
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Final
 
@@ -56,7 +56,31 @@ def inspection_text(found: Inspection) -> str:
     """Return the description of a model as text: summary, tree of joints, findings of the audit, `robot:` block."""
     block = ["block for a scenario in this folder:", "", found.robot]
     found = on_lines(found)
-    parts = (_summary(found), _tree(found), _findings(found), block)
+    return _text(_summary(found), _tree(found), _findings(found), block)
+
+
+def losses_text(found: Inspection) -> str:
+    """Return the parts of a model that are not simulated as its files state them, as text, and the unread ones."""
+    found = on_lines(found)
+    lost = [note for note in found.findings if note.rule not in _UNKNOWN]
+    unknown = [note for note in found.findings if note.rule in _UNKNOWN]
+    return _text(
+        _listed("not simulated as the file states it; every report of a run warns of what changes the motion", lost),
+        _listed("unknown, so that it is not read; correct the name, or remove it if no program needs it", unknown),
+        _listed("not read, and harmless, because the motion is the same without it", found.harmless),
+    )
+
+
+_UNKNOWN: Final = ("unknown-part", "unknown-tag")
+
+
+def _listed(title: str, findings: Sequence[Finding]) -> Iterator[str]:
+    yield f"{title}: {'' if findings else 'nothing'}".rstrip()
+    for note in findings:
+        yield from _wrapped(f"{note.location}: {note.message} [{note.rule}]", "  ")
+
+
+def _text(*parts: Iterable[str]) -> str:
     return "\n\n".join("\n".join(map(log_line, "\n".join(part).split("\n"))) for part in parts)
 
 
@@ -286,6 +310,7 @@ class Inspection(FrozenModel):
         it; 0 if it is bolted to the world. wheels: links that look like wheels. drive: the recognised drive with its
         figures, if any; drive_source: the plugin, controller or tag that it was recognised from, or "geometry";
         drive_plugin: the plugin that turns its wheels as in Gazebo, or empty.
+        findings: of the audit. harmless: the parts that are not read and without which the motion is the same.
         drive_reasons: why no drive is recognised, most likely first; empty for a robot that cannot roll. needs: rules
         that `robot.allow` must name. robot: a `robot:` block to paste.
     """
@@ -305,6 +330,7 @@ class Inspection(FrozenModel):
     drive_plugin: str
     drive_reasons: tuple[str, ...]
     findings: tuple[Finding, ...]
+    harmless: tuple[Finding, ...]
     needs: tuple[str, ...]
     robot: str
 
@@ -341,6 +367,7 @@ def _inspection(robot: Robot, model: RobotModel, start: Mapping[str, float], nee
         drive_plugin=drive.plugin(model) if drive else "",
         drive_reasons=() if drive or not _may_roll(robot, model) else why_not_recognised(model),
         findings=model.findings,
+        harmless=model.harmless,
         needs=needs,
         robot=robot_block(robot, drive, *_remarks(model, robot, wheels, drive)),
     )

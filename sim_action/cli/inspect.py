@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from sim_action.app.inspect import inspect_apart, inspection_json, inspection_text
+from sim_action.app.inspect import inspect_apart, inspection_json, inspection_text, losses_text
 from sim_action.cli.options import asked_model, code_flags, model_flags
 from sim_action.core.errors import ExitCode
 from sim_action.results.masking import Mask
@@ -16,6 +16,11 @@ from sim_action.results.masking import Mask
 @click.command()
 @click.argument("model")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@click.option(
+    "--losses",
+    is_flag=True,
+    help="List the parts of the model that are not simulated as its files state them, with file, line and consequence.",
+)
 @model_flags
 @code_flags
 @click.option(
@@ -23,7 +28,7 @@ from sim_action.results.masking import Mask
     is_flag=True,
     help="Allow a model outside the workspace. The workspace is the git repository, else the current folder.",
 )
-def inspect(model: str, as_json: bool, **flags: Any) -> ExitCode:
+def inspect(model: str, as_json: bool, losses: bool, **flags: Any) -> ExitCode:
     """Show the links, joints and masses of a robot model, and the problems in it.
 
     MODEL is the name of a built-in robot, or a path relative to the current folder.
@@ -33,5 +38,6 @@ def inspect(model: str, as_json: bool, **flags: Any) -> ExitCode:
     """
     robot, workspace = asked_model(model, flags)
     found, mask = inspect_apart(robot, workspace), Mask.of(os.environ, workspace.pass_env)
-    click.echo(inspection_json(found, mask) if as_json else mask.text(inspection_text(found)))
+    described = losses_text if losses else inspection_text
+    click.echo(inspection_json(found, mask) if as_json else mask.text(described(found)))
     return ExitCode.PASSED

@@ -280,6 +280,8 @@ BAD_MODELS = [
     _bad("unknown-tag", 12, "</link>", "<colision><geometry/></colision></link>"),
     _bad("unknown-tag", 11, "</collision>", '<orgin xyz="0 0 1"/></collision>'),
     _bad("unknown-tag", 21, "</joint>", "<Limits/></joint>"),
+    _bad("unknown-part", 22, _END, f"<self_collide/>{_END}"),
+    _bad("unknown-part", 8, "<collision", "<colour/><collision"),
     _bad("second-inertial", 12, "</link>", f'<inertial><mass value="1"/>{_INERTIA}</inertial></link>'),
     _bad("odd-inertia", 6, _INERTIA, _scaled(1e9)),
     _bad("odd-inertia", 6, _INERTIA, _scaled(1e-4)),

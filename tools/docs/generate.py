@@ -52,6 +52,7 @@ BLOCKS: dict[str, Callable[..., str]] = {
     "models": lists.models,
     "claim-rules": lists.claim_rules,
     "rules": lists.rules,
+    "parts": lists.parts,
     "recordings": lists.recordings,
     "statuses": lists.statuses,
     "mutants": lists.mutants,

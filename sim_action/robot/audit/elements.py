@@ -1,13 +1,10 @@
-"""Check elements and attributes: missing, misspelled, repeated, and not numbers (wiki.ros.org/urdf/XML).
-
-Models contain elements of other tools and of dialects. Only a name that is close to one of URDF's is reported.
-"""
+"""Check elements and attributes: missing, repeated, and not numbers (wiki.ros.org/urdf/XML)."""
 
 from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Final
 from xml.etree.ElementTree import Element
 
@@ -74,38 +71,11 @@ _HINTS: Final = {
 }
 """Root element of another format -> the next step."""
 
-# The known elements of URDF, and of other tools.
-_KNOWN: Final = {
-    ".": ("link", "joint", "material", "transmission", "gazebo", "group", "sensor", "plugin", "ros2_control"),
-    "link": ("inertial", "collision", "visual", "contact", "material", "gravity", "sensor"),
-    "link/inertial": ("origin", "mass", "inertia"),
-    "link/collision": ("origin", "geometry", "material", "contact", "verbose"),
-    "joint": (
-        "parent",
-        "child",
-        "origin",
-        "axis",
-        "axis2",
-        "limit",
-        "limit2",
-        "dynamics",
-        "dynamics2",
-        "mimic",
-        "safety_controller",
-        "calibration",
-        "joint_properties",
-    ),
-}
-"""Path of the parent element -> known names of its children."""
-
 _OPTENV: Final = re.compile(r"\$\(optenv\s+\w+\s*([^()]*)\)")
 
 _LIKENESS: Final = 0.75
 
 _MAX_TAG_CHARS: Final = 30
-
-# Each one compares a name with all known names.
-_MAX_REPORTED: Final = 100
 
 
 def root(document: ModelDocument) -> Iterator[Finding]:
@@ -194,32 +164,10 @@ def _is_large(word: str) -> bool:
         return False
 
 
-def misspelled_tags(document: ModelDocument) -> Iterator[Finding]:
-    """Yield unknown elements whose name is close to a known one."""
-    yield from misspelled(document, _KNOWN)
-
-
-def misspelled(document: ModelDocument, tables: Mapping[str, tuple[str, ...]]) -> Iterator[Finding]:
-    """Yield unknown elements whose name is close to a known one.
-
-    :param tables: path of the parent element -> known names of its children.
-    """
-    near: dict[tuple[str, str], str | None] = {}
-    for path, known in tables.items():
-        for element in document.elements(path):
-            for child in element:
-                if child.tag in known or len(child.tag) > _MAX_TAG_CHARS or len(near) > _MAX_REPORTED:
-                    continue
-                if (path, child.tag) not in near:
-                    near[path, child.tag] = _nearest(child.tag, known)
-                meant = near[path, child.tag]
-                if meant is not None:
-                    message = f"unknown element <{child.tag}> in <{element.tag}> is ignored; did you mean <{meant}>?"
-                    yield document.finding("unknown-tag", child, message)
-
-
-def _nearest(tag: str, known: tuple[str, ...]) -> str | None:
+def nearest_tag(tag: str, known: tuple[str, ...]) -> str | None:
     """Return the closest name, of several equally close ones the first; None if none is close."""
+    if len(tag) > _MAX_TAG_CHARS or not known:
+        return None
     by_letters = {name.lower(): name for name in known}
     found = difflib.get_close_matches(tag.lower(), by_letters, n=len(known), cutoff=_LIKENESS)
     # The order of equally close matches is reversed.

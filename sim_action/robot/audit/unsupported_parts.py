@@ -1,55 +1,24 @@
-"""Report parts of SDF and of <gazebo> tags that would change the motion of a robot but are not simulated.
+"""Report parts of URDF and SDF that are not read, by the tables of `part_table`, and values that are not supported.
 
-Names and defaults are those of sdformat.org/spec. A part with its default value is not reported. Parameters of an
-engine's solver are not in the table. Gazebo copies unknown elements of a <gazebo> tag in URDF into its SDF, so the
-parts of SDF count there as well (classic.gazebosim.org, "URDF in Gazebo").
+Gazebo copies unknown elements of a <gazebo> tag in URDF into its SDF, so the parts of SDF count there as well
+(classic.gazebosim.org, "URDF in Gazebo").
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from types import MappingProxyType
+from collections.abc import Iterator
 from typing import Final, NamedTuple, Self
 from xml.etree.ElementTree import Element
 
-from sim_action.core.geometry import ZERO
 from sim_action.core.wording import FirstFew, did_you_mean
-from sim_action.robot.audit.elements import MAX_IGNORED_RESTITUTION, misspelled, no_bounce
-from sim_action.robot.documents.sdf_elements import Notes, SdfProblem, flag_of, needed, number_of, numbers_of, text_of
-from sim_action.robot.documents.urdf_elements import NUMBERS, SPRING, flag, is_expression, is_numbers, number_text
+from sim_action.robot.audit.elements import MAX_IGNORED_RESTITUTION, nearest_tag, no_bounce
+from sim_action.robot.documents.part_table import ALL, PartTable, Unread, part_table
+from sim_action.robot.documents.sdf_elements import Notes, SdfProblem, flag_of, number_of, text_of
+from sim_action.robot.documents.urdf_elements import NUMBERS, SPRING, is_expression, is_numbers, number_text
 from sim_action.robot.documents.xml_document import ModelDocument
 from sim_action.robot.model.findings import Finding
 
-Default = bool | float | tuple[float, ...] | None
-"""The value that has no effect; None: the presence of the part has an effect."""
-
-PARTS: Final[Mapping[str, Mapping[str, Default]]] = MappingProxyType(
-    {
-        "model": {"self_collide": False, "enable_wind": False, "gripper": None},
-        "link": {
-            "gravity": True,
-            "kinematic": False,
-            "self_collide": False,
-            "enable_wind": False,
-            "velocity_decay/linear": 0.0,
-            "velocity_decay/angular": 0.0,
-            "inertial/fluid_added_mass": None,
-        },
-        "collision": {
-            "surface/friction/torsional/coefficient": 0.0,
-            "surface/friction/ode/slip1": 0.0,
-            "surface/friction/ode/slip2": 0.0,
-            "surface/friction/ode/fdir1": ZERO,
-            "surface/friction/bullet/rolling_friction": 0.0,
-            "surface/soft_contact": None,
-        },
-        "axis": {
-            "limit/stiffness": 1e8,
-            "limit/dissipation": 1.0,
-        },
-    }
-)
 _FORCES: Final = re.compile(
     r"buoyan|hydrodynamic|lift_?drag|thruster|(motor|multicopter)_?(motor_?)?model|wind|surface_?(float|wave)|suction|"
     r"magnet|vacuum|ros_force\b|link_?wrench",
@@ -62,22 +31,36 @@ _BOUNCE: Final = "surface/bounce/restitution_coefficient"
 _CONTACT: Final = "surface/contact"
 _ALL_BITS: Final = 0xFFFF
 
+# Each unknown name is compared with all known ones.
+_MAX_COMPARED: Final = 100
 
-def note_parts(notes: Notes, holder: Element, owner: str) -> None:
-    """Add a finding for each unsupported part of a <model>, <link>, <collision>, <axis> or <axis2>. Raises SdfProblem.
+_APART: Final = frozenset({"model", "include", "link", "joint", "collision"})
+"""Elements of SDF that are noted with a name of their own."""
 
-    :param owner: the name of the element in messages.
+
+def note_parts(notes: Notes, holder: Element, owner: str, apart: frozenset[str] = frozenset()) -> None:
+    """Note each part of an element of SDF that is not read, without the links, joints, collisions and models in it.
+
+    :param owner: the name of the element in messages. apart: more elements that are left out.
     """
-    for path, default in PARTS[holder.tag.removesuffix("2")].items():
-        part = holder.find(path)
-        if part is not None and _has_effect(holder, path, default):
-            note_part(notes, f"{holder.tag}/{path}", part, (part.text or "").strip(), owner)
+    table = part_table("sdf")
+    for part in table.unread(holder, table.place("", holder.tag), _APART | apart):
+        _note_unread(notes, part, owner, table)
 
 
-def note_part(notes: Notes, kind: str, part: Element, text: str, owner: str) -> None:
-    """Note a part with this text that is not simulated; `kind`: see `Notes.leave_out`."""
-    stated = f"<{part.tag}>{text}</{part.tag}>" if text else f"<{part.tag}>"
-    notes.leave_out(kind, part, f"{stated} of {owner}")
+def _note_unread(notes: Notes, part: Unread, owner: str, table: PartTable) -> None:
+    """Note a part that is not read; an unknown element may be a misspelled one."""
+    kind = part.place, part.name
+    is_unknown = part.row is None and not part.name.startswith("@")
+    if is_unknown and kind not in notes.nearest and len(notes.nearest) < _MAX_COMPARED:
+        known = (name for name in table.places.get(part.place, ()) if name != ALL and not name.startswith("@"))
+        notes.nearest[kind] = nearest_tag(part.name, tuple(known))
+    meant = notes.nearest.get(kind)
+    if meant is None:
+        notes.leave_unread(part, owner)
+    else:
+        message = f"unknown element <{part.name}> in <{_parent(part)}> is ignored; did you mean <{meant}>?"
+        notes.add("unknown-tag", part.element, message)
 
 
 def note_sensors(notes: Notes, holder: Element, owner: str) -> None:
@@ -99,7 +82,7 @@ def note_contact(notes: Notes, collision: Element, owner: str) -> None:
     """Add a finding for each unsupported contact property of a <collision>. Raises SdfProblem."""
     bullet = collision.find(f"{_FRICTION}/bullet/friction")
     if bullet is not None and number_of(collision, f"{_FRICTION}/bullet/friction", 1.0) != _friction(collision):
-        note_part(notes, "bullet", bullet, (bullet.text or "").strip(), owner)
+        notes.leave_out("bullet", bullet, f"<{bullet.tag}>{(bullet.text or '').strip()}</{bullet.tag}> of {owner}")
     bounce = collision.find(_BOUNCE)
     if bounce is not None and (restitution := number_of(collision, _BOUNCE, 0.0)) > MAX_IGNORED_RESTITUTION:
         notes.add("restitution", bounce, no_bounce(f"<{bounce.tag}> of {owner} is {restitution:g}"))
@@ -116,16 +99,6 @@ def note_contact(notes: Notes, collision: Element, owner: str) -> None:
 
 def _friction(collision: Element) -> float:
     return number_of(collision, f"{_FRICTION}/ode/mu", 1.0)
-
-
-def _has_effect(holder: Element, path: str, default: Default) -> bool:
-    if default is None:
-        return True
-    if isinstance(default, bool):
-        return flag_of(holder, path) != default
-    if isinstance(default, float):
-        return number_of(holder, path, default) != default
-    return numbers_of(needed(holder, path), len(default)) != default
 
 
 class ContactBits(NamedTuple):
@@ -157,40 +130,6 @@ def _mask(contact: Element, tag: str, otherwise: int) -> int:
         return int(text, 16 if text.lower().startswith("0x") else 10)
     except ValueError:
         raise SdfProblem("bad-number", contact, f"<{tag}> is {text[:40]!r}: expected an integer") from None
-
-
-_UNSUPPORTED: Final[Mapping[str, Mapping[str, Default]]] = MappingProxyType(
-    {
-        "model": {**PARTS["model"], "link": None, "joint": None, "model": None, "include": None},
-        "link": {
-            **PARTS["link"],
-            "turnGravityOff": False,
-            "dampingFactor": 0.0,
-            "maxVel": 0.01,
-            "fdir1": (0.0, 0.0, 0.0),
-            "selfCollide": False,
-        },
-        "joint": {},
-    }
-)
-"""Owner of a <gazebo> tag -> path of a part -> the value that has no effect."""
-
-_OTHERS: Final = (
-    *("material", "visual", "collision", "surface", "laserRetro", "inertial", "pose", "light", "projector", "battery"),
-    *("sensor", "plugin", "static", "minDepth", "maxContacts", "stopCfm", "stopErp", "stopKp", "stopKd", "fudgeFactor"),
-    *("provideFeedback", "implicitSpringDamper", "cfmDamping", "disableFixedJointLumping", "preserveFixedJoint"),
-    *("velocity_decay", "particle_emitter", "audio_source", "audio_sink", "physics", "axis", "frame"),
-)
-"""Known parts with a meaning of their own, or none for the motion."""
-
-_KNOWN: Final = {
-    "gazebo": (
-        *NUMBERS,
-        *SPRING,
-        *dict.fromkeys(path for parts in _UNSUPPORTED.values() for path in parts if "/" not in path),
-        *_OTHERS,
-    )
-}
 
 
 def coefficients(document: ModelDocument) -> Iterator[Finding]:
@@ -234,38 +173,42 @@ def frictions(document: ModelDocument) -> Iterator[Finding]:
             yield document.finding("two-frictions", tag, message)
 
 
-def misspelled_parts(document: ModelDocument) -> Iterator[Finding]:
-    """Yield unknown elements in <gazebo> whose name is close to a known one."""
-    yield from misspelled(document, _KNOWN)
-
-
-def unsupported_tags(document: ModelDocument) -> Iterator[Finding]:
-    """Yield a note for each kind of parts that would change the motion but are not simulated."""
-    notes = Notes()
+def unread_parts(document: ModelDocument) -> Iterator[Finding]:
+    """Yield a note for each kind of parts that are not read: those that are lost, harmless or unknown."""
+    notes = Notes(places=dict(document.places))
+    for holder in (document.root, *document.elements("link", "joint")):
+        owner = "the model" if holder is document.root else f"{holder.tag} '{holder.get('name', '')}'"
+        apart = ("link", "joint", "gazebo", "sensor") if holder is document.root else ("sensor",)
+        for part in part_table("urdf").unread(holder, holder.tag, apart):
+            _note_unread(notes, part, owner, part_table("urdf"))
+        note_sensors(notes, holder, owner)
     joints = {joint.attrib["name"] for joint in document.elements("joint")}
     links = {link.attrib["name"] for link in document.elements("link")}
     for tag in document.elements("gazebo"):
         name = tag.get("reference")
-        if name is not None and name not in joints | links:
-            continue
-        kind = "model" if name is None else "link" if name in links else "joint"
-        owner = "the model" if name is None else f"{kind} '{name}'"
-        for path, default in _UNSUPPORTED[kind].items():
-            part = tag.find(path)
-            if part is not None and _tag_has_effect(text := number_text(tag, path) or "", default):
-                note_part(notes, f"{kind}/{path}", part, text, owner)
-        note_sensors(notes, tag, owner)
-        for plugin in tag.findall("plugin"):
-            note_plugin(notes, plugin)
-    notes.places = {part: document.places[part] for part in notes.left_out}
+        if name is None or name in joints | links:
+            _note_tag(notes, tag, "model" if name is None else "link" if name in links else "joint")
     notes.report_parts()
     yield from notes.findings
 
 
-def _tag_has_effect(text: str, default: Default) -> bool:
-    if default is None:
-        return True
-    if isinstance(default, bool):
-        return flag(text) != default
-    expected = default if isinstance(default, tuple) else (default,)
-    return not is_numbers(text, len(expected)) or tuple(map(float, text.split())) != expected
+def _note_tag(notes: Notes, tag: Element, kind: str) -> None:
+    """Note the parts of a <gazebo> tag that are not read; `kind`: what it is about."""
+    owner = "the model" if kind == "model" else f"{kind} '{tag.get('reference')}'"
+    urdf, sdf = part_table("urdf"), part_table("sdf")
+    for part in urdf.unread(tag, f"gazebo/{kind}", tuple(child.tag for child in tag)):
+        _note_unread(notes, part, owner, urdf)
+    for child in tag:
+        # The inside of other parts is not read, or is that of a plugin.
+        if child.tag in ("collision", "velocity_decay", "physics"):
+            for part in sdf.unread(child, sdf.place(kind, child.tag)):
+                _note_unread(notes, part, owner, sdf)
+    note_sensors(notes, tag, owner)
+    for plugin in tag.findall("plugin"):
+        note_plugin(notes, plugin)
+
+
+def _parent(part: Unread) -> str:
+    """Return the tag of the element around a part."""
+    parent, _, tag = part.place.rpartition("/")
+    return parent if parent == "gazebo" else tag

@@ -3,8 +3,7 @@
 - URDF 1.1: `quat_xyzw` of an <origin> (urdfdom).
 - ros2_control: the parameters `mimic`, `multiplier` and `offset` of a joint, and its start position in `initial_value`
   or, in old descriptions, `initial_position` (control.ros.org, "gz_ros2_control" and "Mock Components").
-- Drake: the friction in <drake:proximity_properties> (drake.mit.edu, "Parsing"); other parts of Drake that move or hold
-  links are notes.
+- Drake: the friction in <drake:proximity_properties> (drake.mit.edu, "Parsing").
 """
 
 from __future__ import annotations
@@ -24,10 +23,6 @@ from sim_action.robot.model.findings import Finding
 
 _DRAKE: Final = "drake:"
 _DRAKE_FRICTION: Final = ("mu_dynamic", "mu_static")
-_DRAKE_LOST: Final = frozenset(
-    {"rotor_inertia", "joint", "linear_bushing_rpy", "ball_constraint", "collision_filter_group"}
-    | {"hunt_crossley_dissipation", "rigid_hydroelastic", "compliant_hydroelastic"}
-)
 _MAX_SHOWN: Final = 40
 
 
@@ -115,13 +110,6 @@ def _drake(document: ModelDocument, added: dict[Element, Location]) -> Iterator[
         if len(values) > 1:
             message = f"the shapes of link '{link.get('name')}' have different frictions: {least} is used for all"
             yield document.finding("shared-friction", stated[0], message)
-    lost: dict[str, Element] = {}
-    for element in document.root.iter():
-        kind = element.tag.removeprefix(_DRAKE)
-        if kind != element.tag and kind in _DRAKE_LOST and element.get("value") not in {"0", "0.0"}:
-            lost.setdefault(kind, element)
-    for kind, element in lost.items():
-        yield document.finding("passed-over", element, f"<{_DRAKE}{kind}> is not simulated")
 
 
 def _drake_friction(collision: Element) -> Element | None:

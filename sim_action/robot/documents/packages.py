@@ -486,7 +486,7 @@ def _nearest(folders: tuple[Path, ...] | None, here: Path) -> Found | None:
 
 Version = tuple[int, int]
 
-NEWEST: Final[Version] = (1, 11)
+NEWEST: Final[Version] = (1, 12)
 """The newest version of SDF that is supported; a newer file is read as this version."""
 
 _MAX_FILES_READ: Final = 10_000

@@ -13,8 +13,9 @@ from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import shown
+from sim_action.robot.documents.part_table import Unread
 from sim_action.robot.documents.urdf_elements import UNLIMITED, is_numbers
-from sim_action.robot.model.findings import Finding, finding
+from sim_action.robot.model.findings import Finding, Places, finding
 
 Subject = TypeVar("Subject")
 Result = TypeVar("Result")
@@ -32,6 +33,14 @@ _HUGE: Final = re.compile(r"[+-]?[0-9]+(\.[0-9]*)?e\+?[0-9]{2,3}")
 _INFINITE: Final = frozenset({"inf", "+inf", "-inf", "infinity", "+infinity", "-infinity"})
 
 
+_IGNORED: Final = "is not simulated; it is ignored"
+_CONSEQUENCES: Final = {
+    "harmless-part": "does not change the motion",
+    "unknown-part": "is unknown and is not read",
+}
+"""Rule -> what a finding says about a part."""
+
+
 class SdfProblem(Exception):
     """An element breaks a rule of the audit, so that it cannot be converted."""
 
@@ -47,11 +56,13 @@ class Notes:
 
     Attributes:
         places: the file and line of each element, of all files.
+        nearest: place and name of an unknown element -> the known name that is close to it.
     """
 
     places: dict[Element, Location] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
-    _parts: dict[str, tuple[Element, str, str, int]] = field(default_factory=dict)
+    nearest: dict[tuple[str, str], str | None] = field(default_factory=dict)
+    _parts: dict[str, tuple[Element, str, str, str, list[Element]]] = field(default_factory=dict)
     _reported: set[SdfProblem] = field(default_factory=set)
 
     @property
@@ -59,28 +70,37 @@ class Notes:
         """Return True if there is a fatal finding."""
         return any(finding.level == "fatal" for finding in self.findings)
 
-    @property
-    def left_out(self) -> tuple[Element, ...]:
-        """The first part of each kind that is not simulated."""
-        return tuple(part for part, *_ in self._parts.values())
-
     def add(self, rule: str, element: Element, message: str) -> None:
         """Add a finding."""
         self.findings.append(finding(rule, message, self.places[element]))
 
-    def leave_out(self, kind: str, part: Element, text: str, rule: str = "passed-over") -> None:
+    def leave_out(self, kind: str, part: Element, text: str, rule: str = "passed-over", meaning: str = "") -> None:
         """Note a part that is not simulated; `kind`: parts of one kind become one finding.
 
         :param text: the part and its owner, such as "<gravity> of link 'a'".
+        :param meaning: what follows from it.
         """
-        first, shown_text, shown_rule, count = self._parts.get(kind, (part, text, rule, 0))
-        self._parts[kind] = first, shown_text, shown_rule, count + 1
+        *_, parts = self._parts.setdefault(kind, (part, text, rule, meaning, []))
+        parts.append(part)
+
+    def leave_unread(self, part: Unread, owner: str) -> None:
+        """Note a part that is not read: one that is lost, harmless or unknown; `owner`: its name in messages."""
+        row, kind, text = part.row, f"{part.place}/{part.name}", f"{part.stated} of {owner}"
+        if row is None:
+            self.leave_out(kind, part.element, text, "unknown-part")
+        elif row.effect == "harmless":
+            self.leave_out(kind, part.element, text, "harmless-part", row.text)
+        elif row.is_lost(part.name, part.value):
+            self.leave_out(kind, part.element, text, meaning=row.text)
 
     def report_parts(self) -> None:
         """Add a finding for each kind of parts that are not simulated."""
-        for part, text, rule, count in self._parts.values():
-            number = f" ({count} of them)" if count > 1 else ""
-            self.add(rule, part, f"{text} is not simulated; it is ignored{number}")
+        for part, text, rule, meaning, parts in self._parts.values():
+            places = Places(self.places[part])
+            for each in parts:
+                places.add(self.places[each])
+            because = f": {meaning}" if meaning else ""
+            self.add(rule, part, f"{text} {_CONSEQUENCES.get(rule, _IGNORED)}{because}{places}")
         self._parts.clear()
 
     def attempt(self, step: Callable[[Subject], Result], subject: Subject) -> Result | None:

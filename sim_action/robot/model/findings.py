@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import PurePath
 from types import MappingProxyType
 from typing import Final, Literal
 
@@ -20,8 +21,9 @@ _MAX_REPORTED: Final = 100
 _MAX_LINES: Final = 8
 
 
-Level = Literal["fatal", "error", "warning"]
-"""fatal: cannot be simulated; error: refused unless allowed, as it is probably not what was meant; warning: a note."""
+Level = Literal["fatal", "error", "warning", "harmless"]
+"""fatal: cannot be simulated; error: refused unless allowed, as it is probably not what was meant; warning: a note;
+harmless: the motion is the same, so that only `inspect --losses` lists it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +169,10 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "moving-surface": Rule("warning", "a geom of MJCF whose surface moves, such as a belt"),
         "open-mesh": Rule("warning", "a mesh of MJCF that gives a body its mass, with missing or doubled faces"),
         "passed-over": Rule("warning", "a part of the model that is not simulated: it is ignored"),
+        "unknown-part": Rule("warning", "an element or attribute that the format does not have: it is not read"),
+        "harmless-part": Rule(
+            "harmless", "a part of the model that is not read, and without which the motion is the same"
+        ),
         "shared-friction": Rule(
             "warning", "collisions of an SDF link with different frictions: the smallest counts for all"
         ),
@@ -228,10 +234,14 @@ _ANNOUNCED: Final = frozenset(
         "package-folder",
         "passed-over",
         "restitution",
+        "second-inertial",
         "several-packages",
         "shared-friction",
+        "turned-base",
         "two-frictions",
         "uneven-inertia",
+        "unknown-reference",
+        "unknown-tag",
         "unused-sensor",
         "zero-inertia",
     }
@@ -244,6 +254,10 @@ def announced(findings: Iterable[Finding]) -> tuple[str, ...]:
     return grouped_notes(note for note in findings if _is_announced(note))
 
 
+_COUNTED: Final = frozenset({"passed-over", "unused-sensor", "unknown-part"})
+"""Rules of which the readers report each kind of parts once, with the count and the lines."""
+
+
 def _is_announced(note: Finding) -> bool:
     return note.level == "warning" and note.rule in _ANNOUNCED
 
@@ -253,14 +267,41 @@ def unannounced(findings: Iterable[Finding]) -> tuple[str, ...]:
     return grouped_notes(note for note in findings if not _is_announced(note))
 
 
+def without_harmless(findings: Iterable[Finding]) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
+    """Return the findings without those on harmless parts, and those."""
+    kept = tuple(findings)
+    return tuple(note for note in kept if note.level != "harmless"), tuple(n for n in kept if n.level == "harmless")
+
+
+class Places:
+    """The places of one kind of parts, which becomes one finding."""
+
+    def __init__(self, first: Location) -> None:
+        self.first, self._lines, self._count = first, dict[str, None](), 0
+
+    def add(self, place: Location, count: int = 1) -> None:
+        """Add a place with a number of parts."""
+        self._count += count
+        if len(self._lines) <= _MAX_LINES:
+            line = str(place.line) if place.file == self.first.file else f"{PurePath(place.file).name}:{place.line}"
+            self._lines[line] = None
+
+    def __str__(self) -> str:
+        """The count and the lines; empty for one part."""
+        if self._count <= 1:
+            return ""
+        lines = ", ".join([*self._lines][:_MAX_LINES]) + (", ..." if len(self._lines) > _MAX_LINES else "")
+        return f" ({self._count} of them; line{'s' * (len(self._lines) > 1)} {lines})"
+
+
 def grouped_notes(findings: Iterable[Finding]) -> tuple[str, ...]:
     """Return the findings as text, one for each rule and file: the first one, and the lines of the others.
 
-    The readers report each kind of part that is not simulated once, so those are not grouped.
+    Those of `_COUNTED` are not grouped.
     """
     groups: dict[tuple[str, str, str], list[Finding]] = {}
     for note in findings:
-        kind = note.message if note.rule in ("passed-over", "unused-sensor") else ""
+        kind = note.message if note.rule in _COUNTED else ""
         groups.setdefault((note.rule, note.location.file, kind), []).append(note)
     return tuple(map(_note, groups.values()))
 

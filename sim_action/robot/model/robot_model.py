@@ -449,6 +449,7 @@ class RobotModel:
         source: the absolute path of its file.
         urdf: clean URDF text for the engine, which names meshes as in `hull_files`; empty for MJCF.
         findings: warnings of the audit, and errors that `robot.allow` accepted.
+        harmless: the parts that are not read and without which the motion is the same.
         plugins: the plugins that it asks Gazebo to load, and then the controllers in their parameter files.
         mjcf: the input of MuJoCo; None for other formats.
         commanded: the joints that <ros2_control> or a <transmission> drives.
@@ -467,6 +468,7 @@ class RobotModel:
     commanded: tuple[CommandedJoint, ...] = ()
     keyframes: Mapping[str, Keyframe] = field(default_factory=dict)
     srdf: Srdf | None = None
+    harmless: tuple[Finding, ...] = ()
 
     @cached_property
     def hull_files(self) -> dict[str, bytes]:

@@ -16,7 +16,7 @@ from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.robot.built_in import BUILT_IN, FOLDER
 from sim_action.robot.documents.packages import PackageError, Packages
 from sim_action.robot.documents.xml_document import ModelDocument, read_document
-from sim_action.robot.model.findings import Finding, limited_notes
+from sim_action.robot.model.findings import Finding, limited_notes, without_harmless
 from sim_action.robot.model.robot_model import RobotModel, Srdf
 from sim_action.robot.reading.urdf import model_of, read_urdf
 
@@ -151,8 +151,8 @@ def _model(document: ModelDocument, path: Path, packages: Packages, allow: Itera
     from sim_action.robot.reading.sdf.conversion import urdf_of_sdf
 
     urdf, findings = urdf_of_sdf(document, path, packages, allow, name)
-    model = model_of(urdf, path, packages, allow)
-    return replace(model, findings=(*model.findings, *findings))
+    model, (kept, harmless) = model_of(urdf, path, packages, allow), without_harmless(findings)
+    return replace(model, findings=(*model.findings, *kept), harmless=harmless)
 
 
 def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:

@@ -47,7 +47,7 @@ from sim_action.robot.documents.urdf_elements import (
     vector,
 )
 from sim_action.robot.documents.xml_document import ModelDocument, read_document
-from sim_action.robot.model.findings import Finding, refuse_errors
+from sim_action.robot.model.findings import Finding, refuse_errors, without_harmless
 from sim_action.robot.model.kinematics import joint_motion
 from sim_action.robot.model.robot_model import (
     MOVING_TYPES,
@@ -93,12 +93,10 @@ STAGES: Final[tuple[tuple[Check, ...], ...]] = (
         link_rules.inertials,
         unsupported_parts.references,
         unsupported_parts.frictions,
-        unsupported_parts.unsupported_tags,
+        unsupported_parts.unread_parts,
         elements.restitutions,
         link_rules.angles,
         joints.limit_units,
-        elements.misspelled_tags,
-        unsupported_parts.misspelled_parts,
         elements.repeated_inertials,
     ),
 )
@@ -157,7 +155,8 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     repair_inertia(document)
     name = document.root.get("name", path.stem)
     parts, text = (*links, *between), engine_text(document)
-    return RobotModel(name, str(path), parts, joints, text, tuple(findings), plugins, commanded=commanded)
+    kept, harmless = without_harmless(findings)
+    return RobotModel(name, str(path), parts, joints, text, kept, plugins, commanded=commanded, harmless=harmless)
 
 
 def _of_folder(folder: Path) -> Packages:

@@ -142,7 +142,10 @@ def test_parts_of_one_kind_are_one_note(tmp_path: Path) -> None:
     joints = (joint("i", "a", "b"), joint("j", "b", "c"))
     first, second = load(tmp_path, sdf(*light, *joints)).findings
     assert (first.location.line, second.location.line) == (3, 3)
-    assert first.message == "<gravity>false</gravity> of link 'a' is not simulated; it is ignored (3 of them)"
+    assert first.message == (
+        "<gravity>false</gravity> of link 'a' is not simulated; it is ignored: the link falls "
+        "(3 of them; lines 3, 4, 5)"
+    )
     assert second.message.startswith("<kinematic>")
 
 
@@ -152,7 +155,7 @@ def test_sensors_and_forces_of_plugins_are_noted(tmp_path: Path) -> None:
     drive = '<plugin filename="gz-sim-diff-drive-system" name="gz::sim::systems::DiffDrive"/>'
     lift, lidar = load(tmp_path, sdf(link("a", sensors), wing, drive, wing)).findings
     assert lidar.message.startswith("<sensor type=\"imu\"> 'i' of link 'a'")
-    assert lidar.message.endswith("(2 of them)")
+    assert lidar.message.endswith("(2 of them; line 3)")
     assert "the force of plugin 'gz::sim::systems::LiftDrag' is not simulated" in lift.message
 
 
@@ -206,8 +209,9 @@ def test_parts_of_one_kind_are_one_note_at_the_first_of_them(tmp_path: Path) -> 
     )
     (found,) = findings(tmp_path, tags)
     assert found.location.line == GOOD.count("\n") + 1
-    text = "<turnGravityOff>true</turnGravityOff> of link 'base' is not simulated; it is ignored (2 of them)"
-    assert found.message == text
+    text = "<turnGravityOff>true</turnGravityOff> of link 'base' is not simulated; it is ignored: the link falls"
+    lines = f"lines {GOOD.count(chr(10)) + 1}, {GOOD.count(chr(10)) + 2}"
+    assert found.message == f"{text} (2 of them; {lines})"
 
 
 def test_forces_of_plugins_and_parts_of_other_models_are_named(tmp_path: Path) -> None:

@@ -322,6 +322,7 @@ def test_links_that_collide_in_gazebo_name_the_key_of_the_scenario(stated: str, 
     (tmp_path / "a.urdf").write_text(f'<robot name="r">{link}<gazebo reference="a">{stated}</gazebo></robot>')
     here = Workspace(tmp_path, tmp_path)
     (found,) = [each for each in load_model(Robot(model="a.urdf"), here).findings if each.rule == "passed-over"]
-    assert found.message.endswith("is not simulated; it is ignored; robot.self_collision: true simulates it")
+    assert "is not simulated; it is ignored: links of a robot" in found.message
+    assert found.message.endswith("; robot.self_collision: true simulates it")
     left = load_model(Robot(model="a.urdf", self_collision=True), here).findings
     assert "passed-over" not in {each.rule for each in left}

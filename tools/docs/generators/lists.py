@@ -13,6 +13,7 @@ from sim_action.core.permissions import PRIVILEGED_BY_REASON
 from sim_action.recording.export import EXPORTS
 from sim_action.reports.statuses import STATUS_DISPLAYS, StatusDisplay
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Failure, FailureKind, Outcome, Status
+from sim_action.robot.documents.part_table import ALL, Format, part_table
 from sim_action.robot.model.findings import RULES
 from sim_action.runner.mutation.planning import TABLE as MUTANTS
 from sim_action.scenario.child_environment import PASSED
@@ -29,7 +30,12 @@ EXIT_CODES = {
     ExitCode.NO_SCENARIO: "no scenario found",
     ExitCode.INTERRUPTED: "interrupted",
 }
-LEVELS = {"fatal": "refused", "error": "refused, unless allowed", "warning": "a note"}
+LEVELS = {
+    "fatal": "refused",
+    "error": "refused, unless allowed",
+    "warning": "a note",
+    "harmless": "listed by `inspect --losses`",
+}
 
 
 def entries(family: Iterable[Entry], kind: str) -> str:
@@ -59,6 +65,22 @@ def rules() -> str:
     """Return the table of audit rules."""
     rows = ((f"`{name}`", rule.summary, LEVELS[rule.level]) for name, rule in RULES.items())
     return table(("rule", "finding", "effect"), rows)
+
+
+def parts(name: Format) -> str:
+    """Return the table of the elements and attributes of a format."""
+    places: dict[int, list[str]] = {}
+    for place, by_name in part_table(name).places.items():
+        places.setdefault(id(by_name), []).append(place)
+    rows = []
+    for at in places.values():
+        for row in dict.fromkeys(part_table(name).places[at[0]].values()):
+            text = f"by `{row.text}`" if row.effect == "read" else row.text.replace("{} of ", "")
+            names = ", ".join(f"`{part}`" for part in row.names)
+            rows.append(
+                (", ".join("everywhere" if place == ALL else f"`{place}`" for place in at), names, row.effect, text)
+            )
+    return table(("in", "parts", "effect", "how, or why"), rows)
 
 
 def claim_rules() -> str:

@@ -1,4 +1,4 @@
-"""The elements of MJCF that may name a file, those that are refused, and limits on numbers that demand memory.
+"""The elements of MJCF that may name a file, those that are removed, and limits on numbers that demand memory.
 
 A format that is read later gets a row in `FILES`. An attribute whose name looks like that of a file, and that has no
 row, is refused.
@@ -16,6 +16,7 @@ from xml.etree.ElementTree import Element
 from sim_action.core.errors import Location, Problem, RefusedModel
 from sim_action.core.records import dataclass
 from sim_action.core.wording import shown
+from sim_action.robot.documents.part_table import ALL, part_table
 from sim_action.robot.documents.xml_document import MAX_ELEMENTS
 
 Use = Literal["include", "model", "mesh", "unused"]
@@ -63,75 +64,11 @@ LIKE_A_FILE: Final = re.compile(r"file|path|dir$|^ur[il]$|librar|^content_type$"
 NO_FILES: Final = frozenset({("light", "dir")})
 """Attributes that match `LIKE_A_FILE`, but are directions."""
 
-REFUSED: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "plugin": "plugins are code outside of the model",
-        "flexcomp": "a robot consists of rigid bodies",
-        "flex": "a robot consists of rigid bodies",
-        "composite": "a robot consists of rigid bodies",
-    }
-)
-"""Elements that are not simulated -> the reason."""
-
-_SEEN: Final = "<light>, <camera> and <skin> are left out: they only affect pictures of MuJoCo's own renderer"
-
-LEFT_OUT: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "light": _SEEN,
-        "camera": _SEEN,
-        "skin": _SEEN,
-        "sensor": "<sensor> is left out: state 'sensors' in the scenario",
-        "texture": "",
-        "layer": "",
-        "visual": "",
-        "statistic": "",
-    }
-)
-"""Elements that are removed from the text for MuJoCo -> the note; empty: they have no effect on a simulation."""
+REMOVED: Final = frozenset({"light", "camera", "skin", "sensor", "texture", "layer", "visual", "statistic"})
+"""Elements that are removed from the text for MuJoCo, because they have no effect on a simulation."""
 
 SECTIONS: Final = frozenset({"sensor"})
-"""Elements of `LEFT_OUT` whose children count."""
-
-_CONTACTS: Final = (
-    "condim, solref, solimp, margin, gap and priority of <geom> are ignored: contacts are those of the engine, with "
-    "the first number of 'friction', 'adhesion', and the 'gap' of that"
-)
-_PAIRS: Final = (
-    "friction, condim, solref, solreffriction, solimp, margin, gap and adhesion of <pair> are ignored: a contact has "
-    "the first number of 'friction' of its <geom>, times the friction of the ground"
-)
-
-_SOLVER: Final = frozenset(
-    {"integrator", "cone", "impratio", "solver", "jacobian", "iterations", "tolerance", "sleep_tolerance"}
-    | {"ls_iterations", "ls_tolerance", "noslip_iterations", "noslip_tolerance", "ccd_iterations", "ccd_tolerance"}
-    | {"sdf_iterations", "sdf_initpoints"}
-)
-
-IGNORED: Final[Mapping[str, tuple[tuple[frozenset[str], str], ...]]] = MappingProxyType(
-    {
-        "option": (
-            (frozenset({"gravity"}), "{} of <option> is ignored: 'world.gravity' of the scenario states it"),
-            (frozenset({"wind", "density", "viscosity"}), "{} of <option> is ignored: air and water are not simulated"),
-            (_SOLVER, "{} of <option> is ignored: sim-action states the integrator and the solver of a scene"),
-            (frozenset({"magnetic"}), "{} of <option> is ignored: it has no effect on motion"),
-            (
-                frozenset({"o_margin", "o_solref", "o_solimp", "o_friction"}),
-                "{} of <option> is ignored: contacts are those of the engine",
-            ),
-        ),
-        "flag": ((frozenset(), "<flag> of <option> is ignored"),),
-        "geom": (
-            (frozenset({"condim", "solref", "solimp", "solmix", "margin", "gap", "priority", "fluidshape"}), _CONTACTS),
-        ),
-        "pair": (
-            (
-                frozenset({"friction", "condim", "solref", "solreffriction", "solimp", "margin", "gap", "adhesion"}),
-                _PAIRS,
-            ),
-        ),
-    }
-)
-"""Element -> groups of its attributes that are not simulated (empty: all), and the note; {} are those of the file."""
+"""Elements of `REMOVED` whose children count."""
 
 UNDRAWN: Final = frozenset({"texture", "texrepeat", "texuniform"})
 """Attributes of <material> that are removed from the text."""
@@ -181,8 +118,9 @@ def refusal(message: str, place: Location) -> RefusedModel:
 def check_element(element: Element, place: Location) -> None:
     """Raise RefusedModel if an element is not simulated, may not name a file, or demands too much memory."""
     tag = element.tag
-    if tag in REFUSED:
-        raise refusal(f"<{tag}> is not simulated, because {REFUSED[tag]}; remove it from the model", place)
+    row = part_table("mjcf").row(ALL, tag)
+    if row is not None and row.effect == "refused":
+        raise refusal(f"<{tag}> is not simulated, because {row.text}; remove it from the model", place)
     check_attributes(element, place)
     for name, text in element.attrib.items():
         most = LIMITS.get((tag, name))

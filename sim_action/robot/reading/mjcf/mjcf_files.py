@@ -19,16 +19,16 @@ from sim_action.core.errors import Location
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import shown
 from sim_action.robot.documents.packages import PackageError, Packages
+from sim_action.robot.documents.part_table import PartRow, part_table
 from sim_action.robot.documents.urdf_elements import is_numbers
 from sim_action.robot.documents.xml_document import MAX_BYTES, MAX_ELEMENTS, ModelDocument, read_document
-from sim_action.robot.model.findings import Finding, finding
+from sim_action.robot.model.findings import Finding, Places, finding
 from sim_action.robot.model.robot_model import FloorLook
 from sim_action.robot.reading.mjcf.mjcf_elements import (
     DROPPED,
     FILES,
-    IGNORED,
-    LEFT_OUT,
     NUMBERS_PER_ELEMENT,
+    REMOVED,
     SECTIONS,
     UNDRAWN,
     FileRow,
@@ -142,7 +142,7 @@ class MjcfFiles:
         models: name in the text -> text of each model to attach.
         meshes: name in the text -> the file of each mesh.
         places: the place of each line of the texts; lines count through all texts.
-        left_out: the elements that the text lacks: a message for each kind, its first place, and its count.
+        left_out: the parts that are not read: rule and message of each kind -> its places.
         findings: notes about files that are spelled otherwise.
         patterns: material -> its texture, if MuJoCo computes it; those of the text, which lacks textures.
     """
@@ -151,7 +151,7 @@ class MjcfFiles:
     models: Mapping[str, bytes] = field(repr=False)
     meshes: Mapping[str, MeshFile]
     places: tuple[Location, ...] = field(repr=False)
-    left_out: tuple[tuple[str, Location, int], ...] = ()
+    left_out: Mapping[tuple[str, str], Places] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     patterns: Mapping[str, Pattern] = field(default_factory=dict)
 
@@ -193,15 +193,14 @@ class _Collector:
         self._models: dict[str, bytes] = {}
         self._meshes: dict[str, MeshFile] = {}
         self._lines: list[Location] = []
-        self._left_out: dict[str, tuple[Location, int]] = {}
+        self._left_out: dict[tuple[str, str], Places] = {}
         self._patterns: dict[str, Pattern] = {}
         self._files = self._bytes = self._elements = self._named = 0
 
     def collected(self) -> MjcfFiles:
         text, _ = self._model(self._main, None, ())
-        left_out = tuple((kind, place, count) for kind, (place, count) in self._left_out.items())
         findings = tuple(self._findings.values())
-        return MjcfFiles(text, self._models, self._meshes, tuple(self._lines), left_out, findings, self._patterns)
+        return MjcfFiles(text, self._models, self._meshes, tuple(self._lines), self._left_out, findings, self._patterns)
 
     # --- files and includes ---
 
@@ -315,30 +314,41 @@ class _Collector:
             element.set(attribute, token)
             element.set("name", stated)
 
-    def _leave_out(self, element: Element, merged: _Merged) -> None:
-        """Remove the elements without an effect on the simulation, and note those that a user may miss."""
+    def _leave_out(self, element: Element, merged: _Merged, parent: str = "") -> None:
+        """Remove the elements without an effect on the simulation, and note the parts that are not read."""
         for name in UNDRAWN & element.attrib.keys() if element.tag == "material" else ():
             del element.attrib[name]
-        for attributes, message in IGNORED.get(element.tag, ()):
-            stated = [name for name in element.attrib if name in attributes]
-            if stated or not attributes:
-                self._note(message.format(", ".join(stated)), merged.places[element])
+        table, place = part_table("mjcf"), merged.places[element]
+        at = table.place(parent, element.tag)
+        rows: dict[PartRow, list[str]] = {}
+        for part in table.attributes(element, at):
+            if part.row is not None and (part.row.effect == "harmless" or part.row.is_lost(part.name, part.value)):
+                rows.setdefault(part.row, []).append(part.name[1:])
+        for stated, names in rows.items():
+            self._note_row(stated, f"{', '.join(names)} of <{element.tag}>", ", ".join(names), place)
         if element.tag == "option" and _NUMBER.fullmatch(element.get("timestep", "").strip()):
             rate = 1 / max(float(element.attrib["timestep"]), 1e-6)
             message = f"<option timestep> is ignored; for the same steps, state physics: {{rate: {rate:.0f} Hz}}"
-            self._note(message, merged.places[element])
+            self._note("passed-over", message, place)
         for child in list(element):
-            if child.tag not in LEFT_OUT:
-                self._leave_out(child, merged)
-                continue
-            count = len(child) if child.tag in SECTIONS else int(element.tag != "default")
-            if LEFT_OUT[child.tag] and count:
-                self._note(LEFT_OUT[child.tag], merged.places[child], count)
-            element.remove(child)
+            row = table.row(at, child.tag)
+            if row is not None and element.tag != "default":
+                count = len(child) if child.tag in SECTIONS else 1
+                self._note_row(row, f"<{child.tag}>", f"<{child.tag}>", merged.places[child], count)
+            if child.tag in REMOVED:
+                element.remove(child)
+            elif row is None:
+                self._leave_out(child, merged, at)
 
-    def _note(self, message: str, place: Location, count: int = 1) -> None:
-        first, known = self._left_out.get(message, (place, 0))
-        self._left_out[message] = first, known + count
+    def _note_row(self, row: PartRow, stated: str, names: str, place: Location, count: int = 1) -> None:
+        """Note parts of a row; `stated`, `names`: as messages on harmless and on lost parts show them."""
+        if row.effect == "harmless":
+            self._note("harmless-part", f"{stated} does not change the motion: {row.text}", place, count)
+        elif count:
+            self._note("passed-over", row.text.format(names), place, count)
+
+    def _note(self, rule: str, message: str, place: Location, count: int = 1) -> None:
+        self._left_out.setdefault((rule, message), Places(place)).add(place, count)
 
     def _token(self, suffix: str) -> str:
         self._named += 1

@@ -22,7 +22,7 @@ from sim_action.core.records import replace
 from sim_action.robot.audit.elements import no_bounce
 from sim_action.robot.documents.packages import Packages
 from sim_action.robot.documents.xml_document import shown_file
-from sim_action.robot.model.findings import Finding, finding, refuse_errors
+from sim_action.robot.model.findings import Finding, finding, refuse_errors, without_harmless
 from sim_action.robot.model.kinematics import joint_motion
 from sim_action.robot.model.robot_model import (
     MESH_OF_TEXT,
@@ -93,6 +93,7 @@ def _read(path: Path, files: MjcfFiles) -> RobotModel:
     model = compiled(built.spec)
     reader = _Reader(model, built)
     joints = reader.joints()
+    noted, harmless = without_harmless(built.notes.findings())
     return RobotModel(
         built.spec.modelname,
         str(path),
@@ -104,8 +105,9 @@ def _read(path: Path, files: MjcfFiles) -> RobotModel:
             *_belts(model, built),
             *_open_meshes(model, built),
             *files.findings,
-            *built.notes.findings(),
+            *noted,
         ),
+        harmless=harmless,
         mjcf=built.mjcf,
         keyframes=keyframes_of(built, joints, reader.free_joint()),
     )

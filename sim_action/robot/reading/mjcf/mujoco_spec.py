@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sim_action.core.errors import Location, ModelError
 from sim_action.core.records import dataclass
 from sim_action.meshes import READERS, MeshError, parsed_mesh
-from sim_action.robot.model.findings import Finding, finding
+from sim_action.robot.model.findings import Finding, Places, finding
 from sim_action.robot.model.robot_model import FloorLook, MeshBytes, Mjcf
 from sim_action.robot.reading.mjcf.mjcf_elements import refusal
 from sim_action.robot.reading.mjcf.mjcf_files import MeshFile, MjcfFiles, Pattern, floor_look
@@ -181,9 +181,7 @@ class Notes:
 
     def __init__(self, files: MjcfFiles | None, place: Location) -> None:
         self._files, self._place = files, place
-        self._kinds: dict[str, tuple[str, Location, int]] = {}
-        for text, where, count in () if files is None else files.left_out:
-            self._kinds[text] = "passed-over", where, count
+        self._kinds = {} if files is None else dict(files.left_out)
 
     def place(self, element: Any) -> Location:
         """Return the place of an element of MuJoCo's model in the user's files."""
@@ -197,15 +195,11 @@ class Notes:
 
     def add(self, rule: str, text: str, place: Location) -> None:
         """Note a problem of a rule at a place."""
-        _, where, count = self._kinds.get(text, (rule, place, 0))
-        self._kinds[text] = rule, where, count + 1
+        self._kinds.setdefault((rule, text), Places(place)).add(place)
 
     def findings(self) -> tuple[Finding, ...]:
         """Return one finding for each kind."""
-        return tuple(
-            finding(rule, f"{text}{f' ({count} of them)' if count > 1 else ''}", where)
-            for text, (rule, where, count) in self._kinds.items()
-        )
+        return tuple(finding(rule, f"{text}{places}", places.first) for (rule, text), places in self._kinds.items())
 
 
 # --- names and positions ---

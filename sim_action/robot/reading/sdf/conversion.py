@@ -1,4 +1,4 @@
-"""Convert SDF (sdformat.org/spec, versions 1.3 to 1.11) to a URDF document whose elements know their place in the SDF.
+"""Convert SDF (sdformat.org/spec, versions 1.3 to 1.12) to a URDF document whose elements know their place in the SDF.
 
 The base link's frame is the frame of the root link. The frame of a link is the same as in SDF, with one exception: if
 the axis of its joint does not go through its origin, its frame is at the joint (`links_and_joints.py`). A model that is
@@ -109,6 +109,9 @@ def urdf_of_sdf(
         notes.add("passed-over", document.root, message)
     allowed = set(allow)
     refuse_errors(notes.findings, allowed)
+    if document.root.tag == "sdf":
+        notes.places.setdefault(document.root, document.places[document.root])
+        note_parts(notes, document.root, "the file", frozenset({"world"}))
     urdf = convert(scope, notes, places_base=bool(name))
     refuse_errors(notes.findings, allowed)
     return urdf, tuple(notes.findings)
@@ -178,9 +181,12 @@ def _note_rotated_base(notes: Notes, kinematics: Kinematics) -> None:
 
 
 def _note_unsupported_parts(notes: Notes, scope: Scope) -> None:
+    """Note the parts of models and of <include> that are not read. Those of links and joints are noted elsewhere."""
     for inner in scope.scopes():
-        name = f"model '{inner.element.get('name', '')}'"
-        notes.attempt(lambda model: note_parts(notes, *model), (inner.element, name))
+        note_parts(notes, inner.element, f"model '{inner.element.get('name', '')}'")
+        for entry in inner.members:
+            if entry.element.tag == "include":
+                note_parts(notes, entry.element, "<include>")
 
 
 def _note_frames(notes: Notes, scope: Scope) -> None:

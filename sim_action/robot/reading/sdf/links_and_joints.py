@@ -337,6 +337,11 @@ _UNSUPPORTED: Final = {
     "<mimic>",
 }
 _TWO_AXES: Final = ("universal", "revolute2")
+# The parts of an axis that are not read of a joint with several.
+_NOT_OF_SEVERAL: Final = {
+    "ball": ("limit", "mimic", "dynamics/friction", "dynamics/spring_stiffness"),
+    **dict.fromkeys(_TWO_AXES, ("mimic",)),
+}
 # Poses in files are rounded.
 _AXIS_TOLERANCE_M: Final = 1e-9
 
@@ -468,7 +473,9 @@ class JointWriter:
             type=_URDF_TYPES.get(resolved.type, resolved.type),
         )
         writer.add_origin(joint, element, origin)
-        note_sensors(self._notes, element, f"joint '{resolved.entry.full_name}'")
+        owner = f"joint '{resolved.entry.full_name}'"
+        note_sensors(self._notes, element, owner)
+        note_parts(self._notes, element, owner, frozenset({"axis", "axis2"} if resolved.axis_xyz is None else ()))
         writer.add(joint, "parent", element, link=WORLD if resolved.parent is None else resolved.parent.full_name)
         writer.add(joint, "child", element, link=resolved.child.full_name)
         if resolved.axis_xyz is not None:
@@ -477,6 +484,10 @@ class JointWriter:
             self._write_axis(joint, axis, resolved.axis_xyz, kind)
             if resolved.axis2_xyz is None:
                 self._write_mimic(joint, axis, resolved.entry)
+        for tag in _NOT_OF_SEVERAL.get(resolved.type, ()):
+            for part in element.findall(f"axis/{tag}") + element.findall(f"axis2/{tag}"):
+                meaning = "it is read of a joint with one axis"
+                self._notes.leave_out(f"{resolved.type}/{tag}", part, f"<{part.tag}> of {owner}", meaning=meaning)
         damping = number_of(element, "axis/dynamics/damping", 0.0)
         if resolved.type == "ball" and damping:
             writer.add(joint, "dynamics", element, damping=numbers(damping))
@@ -489,7 +500,6 @@ class JointWriter:
         self._writer.add(joint, f"axis{number}", axis, xyz=numbers(*xyz))
         self._write_limits(joint, axis, kind, number)
         self._write_dynamics(joint, axis, number)
-        note_parts(self._notes, axis, f"joint '{joint.attrib['name']}'")
 
     def _write_limits(self, joint: Element, axis: Element, kind: str, number: str) -> None:
         limit = axis.find("limit")

@@ -60,7 +60,7 @@ def sdf_version(document: ModelDocument) -> Version:
         document.refuse("missing-part", document.root, "<sdf> has no attribute 'version'")
     version = parsed_version(stated)
     if version < _OLDEST_VERSION:
-        message = f"SDF {shown(stated)} is not supported; versions 1.3 to 1.11 are: convert it with 'gz sdf -p'"
+        message = f"SDF {shown(stated)} is not supported; versions 1.3 to 1.12 are: convert it with 'gz sdf -p'"
         document.refuse("not-a-robot", document.root, message)
     return version
 

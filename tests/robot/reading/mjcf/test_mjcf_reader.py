@@ -326,7 +326,7 @@ def test_each_kind_that_is_left_out_is_one_note_with_a_line(tmp_path: Path) -> N
         "a <geom> of <worldbody>",
     ]
     assert list(notes.values()) == [14, 20, 15]
-    assert [message.rpartition(" (")[2] for message in notes][:2] == ["3 of them)", "2 of them)"]
+    assert [message.rpartition(" (")[2] for message in notes][:2] == ["3 of them; line 14)", "2 of them; line 20)"]
 
 
 def test_the_robot_of_a_scene_is_found_among_other_bodies(tmp_path: Path) -> None:
@@ -390,7 +390,7 @@ def test_what_is_ignored_of_options_and_contacts_is_one_note_each(tmp_path: Path
     text = text.replace('<geom friction="0.8"/>', '<geom friction="0.8" condim="4" solref="0.02 1"/>')
     notes = {finding.message.split(" (")[0]: finding.location.line for finding in read(tmp_path, text).findings}
     ignored = {message: line for message, line in notes.items() if "ignored" in message}
-    assert [message.split()[0] for message in ignored] == ["density", "<option", "<flag>", "condim,"]
+    assert [message.split()[0] for message in ignored] == ["density", "<option", "contact", "condim,"]
     assert list(ignored.values()) == [3, 3, 3, 4]
     assert "<option timestep> is ignored; for the same steps, state physics: {rate: 100 Hz}" in ignored
 
