@@ -197,6 +197,7 @@ def differs(text: str, other: str) -> bool:
 def test_a_change_of_several_attributes_acts(name: str, tmp_path: Path) -> None:
     field = '<hfield name="h" nrow="2" ncol="2" size="1 1 1 1" elevation="0 1 1 0"/></asset>'
     text = re.sub(r"<keyframe>.*</keyframe>", "", robot()).replace("</asset>", field)
-    changed = text.replace(*CHANGES[name], 1)
+    old, new = CHANGES[name]
+    changed = text.replace(old, new, 1)
     assert differs(changed, text)
     assert simulated(tmp_path, changed)[0] != simulated(tmp_path, text)[0]
