@@ -32,6 +32,8 @@ _UNLIMITED: Final = frozenset(
         *("pty.spawn", "os.startfile", "socket.__new__"),
     }
 )
+# It reads the network of a policy, as the run itself does later.
+_OUR_CHECK: Final = [sys.executable, "-P", "-m", "sim_action.commands.network_check"]
 _READS: Final = os.O_RDONLY | os.O_WRONLY | os.O_RDWR
 _EMPTIES: Final = os.O_TRUNC | os.O_EXCL
 
@@ -72,7 +74,7 @@ class ObservedInputs:
         elif event == "ctypes.dlopen":
             if arguments[0] is not None:
                 self._open(arguments[0])
-        elif event in _UNLIMITED:
+        elif event in _UNLIMITED and arguments[1:2] != (_OUR_CHECK,):
             self.is_limited = False
 
     def _open(self, name: Any, _mode: object = None, flags: int = os.O_RDONLY) -> None:

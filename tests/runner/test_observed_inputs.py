@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim_action.commands.network_check import CHECK
 from sim_action.runner import observed_inputs as module
 from sim_action.runner.job import Job
 from sim_action.runner.observed_inputs import MAX_INPUTS, ObservedInputs, inputs_in, observed_inputs
@@ -100,6 +101,13 @@ def test_processes_and_sockets_may_read_anything(inputs: ObservedInputs, event: 
     inputs.take(event, ())
     assert inputs.files is None
     assert inputs_in(inputs.encoded()) is None
+
+
+def test_the_check_of_a_network_reads_no_other_file(inputs: ObservedInputs) -> None:
+    inputs.take("subprocess.Popen", (CHECK[0], list(CHECK), None, {}))
+    assert inputs.files == ()
+    inputs.take("subprocess.Popen", (CHECK[0], [*CHECK, "more"], None, {}))
+    assert inputs.files is None
 
 
 def test_each_file_is_noted_once_and_the_number_is_limited(inputs: ObservedInputs) -> None:
