@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.app import inspect as inspection
-from sim_action.app.inspect import Inspection, inspection_text, robot_block
+from sim_action.app.inspect import Inspection, inspection_text, losses_text, robot_block
 from sim_action.core.errors import RefusedModel
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import read_document
@@ -397,3 +397,16 @@ def test_motors_and_tendons_of_mjcf_are_listed(tmp_path: Path) -> None:
     found = inspection_text(inspection.inspect_model(Robot(model="r.xml"), Workspace(tmp_path, tmp_path)))
     assert "f1 [prismatic along y, position servo 'close' on tendon 'grip']" in found
     assert "f3 [prismatic along y, motor 'm']" in found
+
+
+def test_losses_have_their_lines_and_what_follows_from_them(tmp_path: Path) -> None:
+    lost = '<gazebo reference="upper"><turnGravityOff>true</turnGravityOff><provideFeedback/></gazebo>\n<zzz/></robot>'
+    found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace("</robot>", lost)))
+    text = " ".join(losses_text(found).split())
+    line = GOOD.count("\n")
+    assert f"robot.urdf:{line}: <turnGravityOff>true</turnGravityOff> of link 'upper' is not simulated" in text
+    assert f"robot.urdf:{line + 1}: <zzz> of the model is unknown and is not read [unknown-part]" in text
+    assert inspection_text(found).count("harmless-part") == 0
+    feedback = '<gazebo reference="shoulder"><provideFeedback>true</provideFeedback></gazebo></robot>'
+    harmless = losses_text(inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace("</robot>", feedback))))
+    assert "forces of joints are always known [harmless-part]" in " ".join(harmless.split())
