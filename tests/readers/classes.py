@@ -482,6 +482,22 @@ CLASSES: Final = (
         _we_say("bad-number"),
     ),
     Class(
+        ("mujoco",),
+        ("refused",),
+        "specification",
+        "A second `<axis>` of a joint: MuJoCo refuses it, the others take one. sim-action takes the first.",
+        "no clause: the specification does not say how many there may be",
+        _says("repeated element"),
+    ),
+    Class(
+        ("drake",),
+        ("refused",),
+        "specification",
+        "Joints of the type `spherical`, of Bullet and others: Drake refuses them. sim-action reads a ball joint.",
+        "no clause: not a type of URDF",
+        _says("has unrecognized type"),
+    ),
+    Class(
         ("drake",),
         ("joint",),
         "specification",
