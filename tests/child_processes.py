@@ -38,8 +38,12 @@ class _Watch:
     starts: list[str] | None = None
 
 
+# To load a scenario with a policy starts a short one.
+_CHECK_OF_NETWORKS: Final = [sys.executable, "-P", "-m", "sim_action.commands.network_check"]
+
+
 def _see(event: str, arguments: tuple[object, ...]) -> None:
-    if event in _STARTS and _Watch.starts is not None:
+    if event in _STARTS and _Watch.starts is not None and arguments[1:2] != (_CHECK_OF_NETWORKS,):
         _Watch.starts.append(f"{event} {arguments[0]!r}" if arguments else event)
 
 
