@@ -189,9 +189,11 @@ def _open(path: Path) -> int:
     if path.is_symlink():
         raise UsageError(escaped_line(f"'{path}' is a link, and results are not written through links; remove it"))
     descriptor = os.open(path, flags, 0o666)
-    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+    status = os.fstat(descriptor)
+    # Its content is replaced, which a hard link would share with another file.
+    if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
         os.close(descriptor)
-        raise OSError(errno.EEXIST, f"{LOCK_FILE} is not a regular file; remove it")
+        raise OSError(errno.EEXIST, f"{LOCK_FILE} is not a regular file of its own; remove it")
     return descriptor
 
 

@@ -46,6 +46,28 @@ def test_every_line_of_our_lock_files_is_an_entry_with_hashes(lock: Path) -> Non
     assert entries(text_of(found)) == found
 
 
+@pytest.mark.parametrize("name", ["build", "dev", "node"])
+def test_make_installs_what_the_action_installs_and_all_of_it_with_hashes(name: str) -> None:
+    text = (ROOT / f"tools/locks/{name}.lock").read_text(encoding="utf-8")
+    found = entries(text)
+    assert all(entry.hashes for entry in found)
+    assert len(found) == len(re.findall(r"^[a-z][\w-]*==", text, re.MULTILINE)) > 1
+    ours = entries((ROOT / "action/locks/requirements-dask.lock").read_text(encoding="utf-8"))
+    shared = {entry.name for entry in ours} & {entry.name for entry in found}
+    for system in SYSTEMS:
+        several = [
+            {each.name: each.version for each in lock if not each.marker or Marker(each.marker).evaluate(system)}
+            for lock in (ours, found)
+        ]
+        assert all(several[0].get(each) in (None, several[1].get(each)) for each in shared)
+
+
+def test_every_target_of_make_installs_from_a_lock() -> None:
+    installs = re.findall(r"pip install(.*)", (ROOT / "Makefile").read_text(encoding="utf-8"))
+    # `make engines` is there to try what no lock has yet.
+    assert [one for one in installs if "$(VENV)/engines" not in one] == [" --quiet --disable-pip-version-check"]
+
+
 @pytest.mark.parametrize("lock", LOCKS, ids=lambda lock: lock.name)
 def test_markers_mean_what_they_mean_to_pip(lock: Path) -> None:
     for entry in entries(lock.read_text(encoding="utf-8")):

@@ -187,6 +187,12 @@ def test_a_lock_file_that_is_no_file_is_not_written_to(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="not a regular file"), locked(tmp_path):
         pass
     lock.unlink()
+    (tmp_path / "of the user").write_text("kept")
+    lock.hardlink_to(tmp_path / "of the user")
+    with pytest.raises(UsageError, match="not a regular file of its own"), locked(tmp_path):
+        pass
+    assert (tmp_path / "of the user").read_text() == "kept"
+    lock.unlink()
     lock.mkdir()
     with pytest.raises(UsageError, match="cannot write to the output folder"), locked(tmp_path):
         pass
