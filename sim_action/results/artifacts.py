@@ -6,8 +6,9 @@ import os
 import re
 import shutil
 import stat
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
+from types import MappingProxyType
 from typing import Any, Final, Literal, Self
 
 from sim_action.core.files import open_regular, whole_file
@@ -128,16 +129,18 @@ def copy_or_reason(source: Path, target: Path) -> str:
     return ""
 
 
-def with_existing_files(outcome: Outcome, folder: Path, removed: Collection[str] = ()) -> Outcome:
+_NONE: Final[Mapping[str, str]] = MappingProxyType({})
+
+
+def with_existing_files(outcome: Outcome, folder: Path, removed: Mapping[str, str] = _NONE) -> Outcome:
     """Return the outcome without names of files that do not exist in `folder`; each one is a note instead.
 
     User code may remove or replace files of earlier runs; those in `removed` made room on a full disk.
     """
     named = [("trace", outcome.trace), ("replay", outcome.replay)]
     named += [(f"{_file_format(name)} recording", name) for name in outcome.recordings]
-    cause = dict.fromkeys(removed, "to make room on the full disk")
     lost = {
-        name: f"{kind}: it was removed {cause.get(name, 'after the run')}"
+        name: f"{kind}: it was removed {f'to make room: {removed[name]}' if name in removed else 'after the run'}"
         for kind, name in named
         if name and not _exists(folder, name)
     }

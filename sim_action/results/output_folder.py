@@ -75,14 +75,14 @@ class Room:
     """Disk space for the required files of a call: a reserve, and then the space of files of runs.
 
     Attributes:
-        removed: the names of the files that made room.
+        removed: the names of the files that made room, and the reason of the system.
     """
 
     def __init__(self, folder: Path | None = None, lock: int | None = None) -> None:
         """`lock`: the descriptor of the locked file, which takes up the reserve. None: there is none."""
         self._folder, self._lock = folder, lock
         self._reserved = self._part = 0
-        self.removed: set[str] = set()
+        self.removed: dict[str, str] = {}
 
     def reserve(self, outcomes: int) -> None:
         """Reserve space for so many outcomes, or warn that there is none."""
@@ -122,8 +122,8 @@ class Room:
             return False
         name = max(sizes, key=lambda name: sizes[name])
         (self._folder / name).unlink()
-        self.removed.add(name)
-        warn(f"the disk is full: {name} was removed to make room for the verdicts")
+        self.removed[name] = system_reason(error)
+        warn(f"{system_reason(error)}: {name} was removed to make room for the verdicts")
         return True
 
     def _shrink(self, size: int) -> bool:

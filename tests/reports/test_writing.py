@@ -338,7 +338,7 @@ def test_files_of_runs_make_room_for_the_verdicts_the_largest_first(
     assert {path.name for path in traces.iterdir()} == left
     assert code is (ExitCode.FAILED if free else ExitCode.PASSED)
     if not free:
-        assert "the disk is full: traces/a.npz was removed" in capsys.readouterr().err
+        assert f"{NO_SPACE}: traces/a.npz was removed" in capsys.readouterr().err
         stored = Results.read(opened.folder / "results.json").outcomes
         assert [made.trace for made in stored] == [None, "traces/b.npz"]
-        assert stored[0].notes[-1] == "trace: it was removed to make room on the full disk"
+        assert stored[0].notes[-1] == f"trace: it was removed to make room: {NO_SPACE}"
