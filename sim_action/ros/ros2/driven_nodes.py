@@ -335,7 +335,8 @@ class DrivenNodes:
         graph = self._bridge.graph(
             [ROSOUT, *(each.topic for each in found.publishers), *(each.topic for each in found.subscriptions)]
         )
-        subscriptions = [each.matched(graph.publishers[each.topic]) for each in found.subscriptions]
+        heard = [each for each in found.subscriptions if known.intersection(each.types)]
+        subscriptions = [each.matched(graph.publishers[each.topic]) for each in heard]
         for each in publishers:
             self._misfits += subscriber_problems(each.topic, each.type, each.qos, graph.subscriptions[each.topic])
         self.notes += self._misfits

@@ -63,7 +63,8 @@ _PACKAGE_ROOT: Final = str(Path(__file__).resolve().parents[3])
 _RELEASES: Final = {"1": "foxy", "3": "humble", "4": "iron", "7": "jazzy", "9": "kilted"}
 """Major version of rclpy -> distribution. Foxy and Galactic share one; a newer one is known by its folder."""
 
-_MESSAGES: Final = ("geometry_msgs", "nav_msgs", "rosgraph_msgs", "sensor_msgs", "std_msgs", "trajectory_msgs")
+# Topics of other packages of messages are left out where these are not installed.
+_MESSAGES: Final = ("geometry_msgs", "rosgraph_msgs", "std_msgs")
 _VERSION: Final = re.compile(rb"<version>\s*(\d+)\.([\d.]+)\s*</version>")
 _MAX_PACKAGE_BYTES: Final = 100_000
 # The bootstrap of the wheels starts each interpreter a second time, to extend LD_LIBRARY_PATH; this variable ends it.
