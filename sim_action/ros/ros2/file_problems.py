@@ -97,12 +97,21 @@ def _node_problems(nodes: Sequence[Ros2NodeSpec], packages: Packages, workspace:
             yield ("nodes", index), f"two nodes of one name: {same}; give each its own 'name' or 'namespace'"
         started.setdefault(key, node.program)
         if node.file is not None:
-            problem = _file_problem(node.file, workspace)
+            problem = _file_problem(node.file, workspace) or _module_problem(workspace.file(node.file), packages)
         else:
             problem = executable_problem(str(node.package), str(node.executable), packages)
             problem = f"{problem}{_file_hint(node, workspace)}" if problem else None
         if problem:
             yield ("nodes", index), problem
+
+
+def _module_problem(program: Path, packages: Packages) -> str | None:
+    """Return which modules a program in Python lacks, and the remedy; None if it lacks none, or cannot be checked."""
+    if packages.ros is None or not is_python(program) or not (missing := packages.missing_modules(program)):
+        return None
+    names = ", ".join(f"'{name}'" for name in missing)
+    fix = "install them for it; the wheels of PyPI lack many packages of ROS 2, which a container such as ros:jazzy has"
+    return f"'{program.name}' imports {names}, and {packages.ros.python} has no such module: {fix}"
 
 
 def _file_hint(node: Ros2NodeSpec, workspace: Workspace) -> str:

@@ -12,6 +12,7 @@ import ast
 import configparser
 import os
 import re
+import sys
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -360,6 +361,35 @@ class Packages:
         if not path.is_file():
             raise PathError(f"the executable '{package}/{executable}' does not exist any more")
         return command_of(path, self.ros.python)
+
+    def missing_modules(self, program: Path) -> list[str]:
+        """Return the modules that a Python program imports first of all, and that are in no place where it looks.
+
+        Imports inside of functions and `try` may be optional, and are not looked at. Needs an installation.
+        """
+        assert self.ros is not None
+        stated = [path for path in (self.ros.variables.get("PYTHONPATH") or "").split(os.pathsep) if path]
+        own = (self.ros.python.parent.parent, Path("/usr"), Path("/usr/local"), Path.home() / ".local")
+        folders = [program.parent, *map(Path, stated), *(package.modules for package in self.sources.values())]
+        for root in (*self.ros.prefixes, *self.installed.values(), *own):
+            folders += root.glob("lib/python3*/*-packages")
+        hooks = [_content(path) for folder in folders for path in folder.glob("*.pth")]
+        if any(hook.lstrip().startswith(b"/") for hook in hooks):
+            return []  # other folders, as editable installations have them
+        names = dict.fromkeys(name.partition(".")[0] for name in _imported(_syntax(program)))
+        return [name for name in names if name not in sys.stdlib_module_names and not _has_module(folders, name)]
+
+
+def _imported(module: ast.Module) -> Iterator[str]:
+    for node in module.body:
+        if isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module
+
+
+def _has_module(folders: Iterable[Path], name: str) -> bool:
+    return any((folder / name).is_dir() or any(folder.glob(f"{name}.*")) for folder in folders)
 
 
 def command_of(program: Path, python: Path) -> list[str]:

@@ -344,3 +344,16 @@ def test_sources_that_differ_from_their_installed_copies_are_named(change: str, 
     notes = Packages.around(tmp_path, None).notes
     expected = "not built again: 1 file (mover.py) differ from the copies in 'install', which run; run colcon build"
     assert notes == ([expected] if change == "content" else [])
+
+
+def test_missing_modules_of_a_program_are_named(tmp_path: Path) -> None:
+    written(tmp_path / "src/robot/setup.py", SETUP)
+    manifest(tmp_path / "src/robot", "robot")
+    written(tmp_path / "src/robot/robot/__init__.py", "")
+    written(tmp_path / "beside.py", "")
+    text = "import os.path\nimport beside, absent.part\nfrom robot import x\nfrom gone import y\nfrom . import z\n"
+    program = written(tmp_path / "node.py", f"{text}try:\n    import optional\nexcept ImportError:\n    pass\n")
+    packages = Packages.around(tmp_path, ros(tmp_path / "root"))
+    assert packages.missing_modules(program) == ["absent", "gone"]
+    written(tmp_path / "root/lib/python3.12/site-packages/gone/__init__.py", "")
+    assert packages.missing_modules(program) == ["absent"]
