@@ -34,12 +34,12 @@ def variables(seed: int) -> dict[str, str]:
 Patch = Callable[[dict[str, Any]], None]
 
 
-def _seed() -> int:
+def _seed(more: str = "") -> int:
     """Return the seed of this process: nodes with the same program draw different numbers."""
     words = sys.orig_argv
     names = [word for word in words if word.startswith(_NAMES)]
     programs = [os.path.basename(word) for word in words[1:2]]  # noqa: PTH119 - to import pathlib takes 10 ms
-    return zlib.crc32("\0".join((os.environ.get(SEED, "0"), *programs, *names)).encode())
+    return zlib.crc32("\0".join((os.environ.get(SEED, "0"), *programs, *names, more)).encode())
 
 
 def _seed_random(module: dict[str, Any]) -> None:
@@ -69,11 +69,43 @@ def _replace_timeouts(executors: dict[str, Any]) -> None:
 
     executor.add_node = add_node
 
+    library = executors["_rclpy"]
+    copy = ModuleType(library.__name__)
+    vars(copy).update(vars(library), WaitSet=_waiting(library.WaitSet))
+    executors["_rclpy"] = copy
+
+
+def _waiting(wait_set: type[Any]) -> type[Any]:
+    """Return a set that waits without a timeout: a timer in it stands for that, and need not be of the wall clock."""
+
+    class WaitSet(wait_set):  # type: ignore[misc]  # ROS has no types
+        def wait(self, nanoseconds: int) -> None:
+            super().wait(-1 if nanoseconds > 0 else nanoseconds)
+
+    return WaitSet
+
+
+def _seed_with_time(time_source: dict[str, Any]) -> None:
+    """Seed again at the first message of the clock: what a node drew before depends on how long it waited."""
+    source = time_source["TimeSource"]
+    hear, hears_first = source.clock_callback, True
+
+    def clock_callback(self: Any, message: Any) -> None:
+        nonlocal hears_first
+        for name in ("random", "numpy.random") if hears_first else ():
+            if name in sys.modules:
+                sys.modules[name].seed(_seed("clock"))
+        hears_first = False
+        hear(self, message)
+
+    source.clock_callback = clock_callback
+
 
 _REPLACED: dict[str, Patch] = {
     "random": _seed_random,
     "numpy.random": _seed_numpy,
     "rclpy.executors": _replace_timeouts,
+    "rclpy.time_source": _seed_with_time,
 }
 """Module -> function that patches its namespace."""
 

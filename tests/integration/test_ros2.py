@@ -73,6 +73,33 @@ BUSY = WALL_TIME.replace("rclpy.spin(node)", "while True:\n    rclpy.spin_once(n
 DEAF = MOVER.replace("rclpy.init()", "rclpy.init(args=[])")
 
 
+LOOP = """\
+import random
+import rclpy
+from geometry_msgs.msg import Twist
+
+rclpy.init()
+node = rclpy.create_node("loop")
+publisher = node.create_publisher(Twist, "cmd_vel", 10)
+gain = float(input())
+while rclpy.ok():
+    rclpy.spin_once(node, timeout_sec=0.02)
+    twist = Twist()
+    twist.linear.x = gain * random.uniform(0.1, 0.3)
+    publisher.publish(twist)
+"""
+
+
+def test_loops_of_spin_once_and_random_numbers_repeat(tmp_path: Path) -> None:
+    (tmp_path / "loop.py").write_text(LOOP)
+    for name in ("first", "second"):
+        scenario(tmp_path, name, "{nodes: [{file: ./loop.py, stdin: '1.5'}]}", seconds=0.5)
+    found = outcomes(tmp_path, ".")
+    assert {outcome["status"] for outcome in found.values()} == {"passed"}
+    assert len({outcome["digest"] for outcome in found.values()}) == 1
+    assert [warning for outcome in found.values() for warning in outcome["warnings"] if warning["rule"] == RULE] == []
+
+
 def test_nodes_that_lockstep_cannot_order_are_named(tmp_path: Path) -> None:
     nodes = {"wall": WALL_TIME, "threads": THREADS, "busy": BUSY, "deaf": DEAF, "paced": MOVER}
     for name, text in nodes.items():
