@@ -8,12 +8,13 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 from typing import Final, get_args
 
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.process import Interruption
-from sim_action.core.records import dataclass
+from sim_action.core.records import dataclass, replace
 from sim_action.core.version import __version__
 from sim_action.core.wording import counted, escaped_line, note, system_reason
 from sim_action.reports import ReportOptions, ReportRequest, workspace_of
@@ -31,15 +32,17 @@ from sim_action.runner.child_outcome import interrupted
 from sim_action.runner.mutation.judgement import (
     JudgedMutant,
     judged,
+    next_strengths,
     not_mutated,
     place_of,
     proven,
     reason_of,
     status_of,
     stored,
+    with_strengths,
     with_suggestion,
 )
-from sim_action.runner.mutation.mutant import Original
+from sim_action.runner.mutation.mutant import Mutant, Original
 from sim_action.runner.mutation.planning import (
     PlannedMutants,
     cost,
@@ -231,32 +234,54 @@ class _Call:
         if request.budget is not None:
             plans = within(plans, request.budget, request.jobs)
         self._announce(plans)
-        pairs = [(plan.original, mutant) for plan in plans for mutant in plan.chosen]
+        first = self._judged([(plan.original, plan.chosen) for plan in plans])
+        unfinished = [len(plan.chosen) - len(several) for plan, several in zip(plans, first, strict=True)]
+        results = self._with_suggestions(plans, self._with_strengths(plans, first))
+        return [self._shown(*triple) for triple in zip(plans, results, unfinished, strict=True)]
+
+    def _judged(
+        self, groups: Sequence[tuple[Original, Sequence[Mutant]]], name: str = _MUTANTS
+    ) -> list[list[JudgedMutant]]:
+        """Run the mutants of each original, and return those that have ended; `name`: of their folder."""
+        pairs = [(original, mutant) for original, mutants in groups for mutant in mutants]
         outcomes = iter(
             self._outcomes(
                 [mutant.loaded for _, mutant in pairs],
-                _MUTANTS,
+                name,
                 lambda ended: f"{status_of(pairs[ended.place][0], ended.outcome):<{_WIDTH}}",
             )
         )
-        results = [
+        return [
             [
-                judged(plan.original, mutant, outcome, self._folder / _MUTANTS)
-                for mutant, outcome in zip(plan.chosen, outcomes, strict=False)
+                replace(judged(original, mutant, outcome, self._folder / name), outcome=_below(outcome, name))
+                for mutant, outcome in zip(mutants, outcomes, strict=False)
                 if outcome.exit_code is not ExitCode.INTERRUPTED
             ]
-            for plan in plans
+            for original, mutants in groups
         ]
-        results = self._with_suggestions(plans, results)
-        return [self._shown(plan, several) for plan, several in zip(plans, results, strict=True)]
 
-    def _shown(self, plan: PlannedMutants, judged_ones: Sequence[JudgedMutant]) -> ShownScenario:
+    def _with_strengths(
+        self, plans: Sequence[PlannedMutants], results: Sequence[Sequence[JudgedMutant]]
+    ) -> list[list[JudgedMutant]]:
+        """Return the mutants after the runs of their other strengths; a budget has no time for these."""
+        judged_ones = [list(several) for several in results]
+        if self._request.budget is not None:
+            return judged_ones
+        originals = [plan.original for plan in plans]
+        for turn in count():
+            waiting = [next_strengths(*pair) for pair in zip(originals, judged_ones, strict=True)]
+            if not any(waiting) or self._interruption.happened:
+                return judged_ones
+            runs = self._judged(list(zip(originals, waiting, strict=True)), f"{_MUTANTS}-{turn}")
+            judged_ones = [with_strengths(*pair) for pair in zip(judged_ones, runs, strict=True)]
+        raise AssertionError
+
+    def _shown(self, plan: PlannedMutants, judged_ones: Sequence[JudgedMutant], unfinished: int) -> ShownScenario:
         """Return a scenario with its findings, the run without a mutant, and those of its survivors."""
-        unfinished = len(plan.chosen) - len(judged_ones)
         return ShownScenario(
             proven(plan.original, judged_ones, plan.left_out, unfinished),
             _below(plan.original.outcome, _ORIGINALS),
-            [_below(each.outcome, _MUTANTS) for each in judged_ones if _survived(each)],
+            [each.outcome for each in judged_ones if _survived(each)],
         )
 
     def _with_suggestions(
@@ -313,7 +338,7 @@ class _Call:
         self._runs += len(scenarios)
         request = self._request
         listener = ProgressListener(len(scenarios), request.reports.verbosity, word_of=word_of)
-        replays = request.has_report and name in (_ORIGINALS, _MUTANTS)
+        replays = request.has_report and name.startswith((_ORIGINALS, _MUTANTS))
         options = PoolOptions(request.jobs)
         outcomes = Pool(Runs(scenarios, folder, replays=replays), listener, self._interruption, options).outcomes()
         listener.close()

@@ -134,9 +134,9 @@ class Fault(FrozenModel):
     def offsets(self, kind: str) -> dict[str, float | tuple[float, ...]]:
         """Return the errors of a biased sensor of a kind by column, in SI units. Raise ValueError."""
         # Few scenarios bias a sensor, and it needs numpy.
-        from sim_action.state.readings import columns_of
+        from sim_action.state.readings import biased_columns
 
-        columns = {name: column for name, column in columns_of(kind).items() if column.may_be_biased}
+        columns = biased_columns(kind)
         written = self.biased
         if not columns or written is None:
             raise ValueError("the readings of this sensor are no measured values, so they cannot be biased")

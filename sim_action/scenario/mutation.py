@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from sim_action.core.records import dataclass
+
+SensorFault = Literal["frozen", "stale", "biased", "drifting"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,15 +19,22 @@ class Mutation:
     Attributes:
         silent: True if no command takes effect.
         speed: factor of all commanded speeds, efforts and forces, and of the way of joints from their start.
+        reversed: the part of commanded twists and wrenches that has the other sign; or empty.
         mirrored: True if left and right are swapped in commands.
+        crossed_wheels: True if left and right are swapped behind the drive.
         dead_joint: name of a joint whose motor is off; or empty.
-        frozen_sensor: name of a sensor that repeats its first reading; or empty.
+        reversed_joint: name of a joint whose motor turns the other way; or empty.
+        sensor: name of a sensor that has the fault `reading`; or empty.
         mass: factor of the masses of all links of the robot.
     """
 
     silent: bool = False
     speed: float = 1.0
+    reversed: Literal["", "linear", "angular"] = ""
     mirrored: bool = False
+    crossed_wheels: bool = False
     dead_joint: str = ""
-    frozen_sensor: str = ""
+    reversed_joint: str = ""
+    sensor: str = ""
+    reading: SensorFault = "frozen"
     mass: float = 1.0

@@ -1,9 +1,10 @@
-"""The mutations of a run at its seams: altered commands, motors that are off, frozen sensors, a heavier robot."""
+"""The mutations of a run at its seams: altered commands and motors, faulty sensors, a heavier robot."""
 
 from __future__ import annotations
 
 import math
 import re
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
 from xml.etree import ElementTree as ET
@@ -13,6 +14,7 @@ from typing_extensions import override
 from sim_action.commands import Controller
 from sim_action.core.geometry import Twist, Vector3, scale
 from sim_action.core.records import dataclass, field, replace
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.drives import DriveMotion
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.scenario.mutation import Mutation
@@ -20,7 +22,15 @@ from sim_action.sensors import Measure, Sight
 from sim_action.simulation.seams import Seams
 from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, commands_of, without_joints
 from sim_action.state.joint_motion import JointMotion
+from sim_action.state.readings import biased_columns, shifted
 from sim_action.world.scene import Scene
+
+STALE_S: Final = 0.5
+DRIFT_S: Final = 5.0
+"""The time in s after which the error of a sensor that drifts is that of a biased one."""
+
+BIASES: Final = {"m": 0.2, "m/s": 0.2, "rad/s": 0.2, "m/s^2": 1.0, "N": 10.0}
+"""The error of a biased sensor by the SI unit of its numbers; 1 in other units."""
 
 
 class MutantSeams(Seams):
@@ -32,6 +42,7 @@ class MutantSeams(Seams):
         """Prepare the mutation for a scene."""
         self._mutation = mutation
         self._robot = _Robot.of(scene)
+        self._kinds = {fitting.name: fitting.kind for fitting in scene.sensors}
 
     @override
     def scene(self, scene: Scene) -> Scene:
@@ -44,8 +55,11 @@ class MutantSeams(Seams):
 
     @override
     def motion(self, motion: DriveMotion | None) -> DriveMotion | None:
-        joint = self._mutation.dead_joint
-        return motion if motion is None or joint not in motion.joints else _WithoutMotor(motion, joint)
+        mutation = self._mutation
+        rewired = mutation.crossed_wheels or {mutation.dead_joint, mutation.reversed_joint}.intersection(
+            () if motion is None else motion.joints
+        )
+        return _Rewired(motion, self._behind_drive) if motion is not None and rewired else motion
 
     @override
     def at_rest(self, targets: JointTargets) -> JointTargets:
@@ -54,7 +68,14 @@ class MutantSeams(Seams):
 
     @override
     def measure(self, sensor: str, measure: Measure) -> Measure:
-        return _frozen(measure) if sensor == self._mutation.frozen_sensor else measure
+        if sensor != self._mutation.sensor:
+            return measure
+        match self._mutation.reading:
+            case "frozen":
+                return _frozen(measure)
+            case "stale":
+                return _stale(measure)
+        return _shifted(measure, self._kinds[sensor], grows=self._mutation.reading == "drifting")
 
     def _answer(self, answer: Answer) -> Answer:
         """Return the answer of a controller as it reaches the robot."""
@@ -67,9 +88,20 @@ class MutantSeams(Seams):
         mutation = self._mutation
         if mutation.speed != 1:
             command = self._robot.faster(command, mutation.speed)
+        if mutation.reversed and not isinstance(command, JointTargets):
+            command = _reversed(command, mutation.reversed)
         if mutation.mirrored:
             command = self._robot.mirrored(command)
-        return without_motor(command, mutation.dead_joint) if isinstance(command, JointTargets) else command
+        return self._at_motors(command) if isinstance(command, JointTargets) else command
+
+    def _behind_drive(self, targets: JointTargets) -> JointTargets:
+        """Return the targets of a drive as they reach the motors."""
+        return self._at_motors(self._robot.crossed(targets) if self._mutation.crossed_wheels else targets)
+
+    def _at_motors(self, targets: JointTargets) -> JointTargets:
+        if joint := self._mutation.reversed_joint:
+            targets = self._robot.moved(targets, lambda name: -1.0 if name == joint else 1.0)
+        return without_motor(targets, self._mutation.dead_joint)
 
 
 class _Altered:
@@ -88,11 +120,11 @@ class _Altered:
         return self._last[1]
 
 
-class _WithoutMotor(DriveMotion):
-    """A drive with the motor of one joint off."""
+class _Rewired(DriveMotion):
+    """A drive whose targets reach the motors altered."""
 
-    def __init__(self, motion: DriveMotion, joint: str) -> None:
-        self._motion, self._joint = motion, joint
+    def __init__(self, motion: DriveMotion, alter: Callable[[JointTargets], JointTargets]) -> None:
+        self._motion, self._alter = motion, alter
 
     @property
     @override
@@ -111,7 +143,7 @@ class _WithoutMotor(DriveMotion):
 
     @override
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
-        return [without_motor(targets, self._joint) for targets in self._motion.targets(twist, steps)]
+        return [self._alter(targets) for targets in self._motion.targets(twist, steps)]
 
 
 def without_motor(targets: JointTargets, joint: str) -> JointTargets:
@@ -148,6 +180,30 @@ def _frozen(measure: Measure) -> Measure:
     return frozen
 
 
+def _stale(measure: Measure) -> Measure:
+    """Return the function of a sensor whose readings are old by STALE_S, with the time of the moment."""
+    readings = deque[Any]()
+
+    def stale(sight: Sight) -> Any:
+        readings.append(measure(sight))
+        while len(readings) > 1 and readings[1].time <= sight.time - STALE_S + TIME_EPSILON_S:
+            readings.popleft()
+        return replace(readings[0], time=sight.time)
+
+    return stale
+
+
+def _shifted(measure: Measure, kind: str, *, grows: bool) -> Measure:
+    """Return the function of a sensor that adds an error to all numbers; it grows with time, or is constant."""
+    biases = {name: BIASES.get(column.dimension.si, 1.0) for name, column in biased_columns(kind).items()}
+
+    def shifted_by(sight: Sight) -> Any:
+        share = sight.time / DRIFT_S if grows else 1.0
+        return shifted(measure(sight), kind, {name: share * bias for name, bias in biases.items()})
+
+    return shifted_by
+
+
 @dataclass(frozen=True, slots=True)
 class _Robot:
     """The facts about a robot that altered commands need.
@@ -180,17 +236,21 @@ class _Robot:
         if isinstance(command, LinkWrench):
             force, torque = scale(command.force_xyz, factor), scale(command.torque_xyz, factor)
             return replace(command, force_xyz=force, torque_xyz=torque)
+        return self.moved(command, lambda _: factor)
+
+    def moved(self, targets: JointTargets, factor_of: Callable[[str], float]) -> JointTargets:
+        """Return targets with speeds, efforts and the way from the start multiplied by the factor of each joint."""
         return replace(
-            command,
-            position={name: self._farther(name, value, factor) for name, value in command.position.items()},
-            velocity={name: factor * value for name, value in command.velocity.items()},
-            effort={name: factor * value for name, value in command.effort.items()},
-            motions=tuple(self._farther_motion(motion, factor) for motion in command.motions),
+            targets,
+            position={name: self._farther(name, value, factor_of(name)) for name, value in targets.position.items()},
+            velocity={name: factor_of(name) * value for name, value in targets.velocity.items()},
+            effort={name: factor_of(name) * value for name, value in targets.effort.items()},
+            motions=tuple(self._farther_motion(motion, factor_of) for motion in targets.motions),
         )
 
-    def _farther_motion(self, motion: JointMotion, factor: float) -> JointMotion:
+    def _farther_motion(self, motion: JointMotion, factor_of: Callable[[str], float]) -> JointMotion:
         pairs = zip(motion.names, motion.curves, strict=True)
-        curves = tuple(curve.scaled(factor, self.start.get(name, 0.0)) for name, curve in pairs)
+        curves = tuple(curve.scaled(factor_of(name), self.start.get(name, 0.0)) for name, curve in pairs)
         lower, upper = zip(*(self.limits.get(name, (-math.inf, math.inf)) for name in motion.names), strict=True)
         return replace(motion, curves=curves, lower=lower, upper=upper)
 
@@ -208,20 +268,33 @@ class _Robot:
         if isinstance(command, LinkWrench):
             force, torque = _flipped(command.force_xyz), _turned(command.torque_xyz)
             return replace(command, force_xyz=force, torque_xyz=torque, point_xyz=_flipped(command.point_xyz))
+        return self.crossed(command)
+
+    def crossed(self, targets: JointTargets) -> JointTargets:
+        """Return targets with the joints of both sides swapped."""
         return replace(
-            command,
-            position=self._swapped(command.position),
-            velocity=self._swapped(command.velocity),
-            effort=self._swapped(command.effort),
-            max_effort=self._swapped(command.max_effort),
+            targets,
+            position=self._swapped(targets.position),
+            velocity=self._swapped(targets.velocity),
+            effort=self._swapped(targets.effort),
+            max_effort=self._swapped(targets.max_effort),
             motions=tuple(
                 replace(motion, names=tuple(self.partners.get(name, name) for name in motion.names))
-                for motion in command.motions
+                for motion in targets.motions
             ),
         )
 
     def _swapped(self, group: Mapping[str, float]) -> dict[str, float]:
         return {self.partners.get(name, name): value for name, value in group.items()}
+
+
+def _reversed(command: Twist | LinkWrench, part: str) -> Twist | LinkWrench:
+    """Return a command whose linear or angular part has the other sign."""
+    signs = [-1.0 if part == name else 1.0 for name in ("linear", "angular")]
+    if isinstance(command, Twist):
+        return Twist(scale(command.linear_xyz, signs[0]), scale(command.angular_xyz, signs[1]))
+    force, torque = scale(command.force_xyz, signs[0]), scale(command.torque_xyz, signs[1])
+    return replace(command, force_xyz=force, torque_xyz=torque)
 
 
 def _flipped(vector: Vector3) -> Vector3:

@@ -101,6 +101,11 @@ def columns_of(kind: str) -> Mapping[str, ReadingColumn]:
     return READING_COLUMNS.get(kind) or _OF_PACKAGES.get(kind, {})
 
 
+def biased_columns(kind: str) -> dict[str, ReadingColumn]:
+    """Return the columns of a kind of sensor to which a fault can add an error."""
+    return {name: column for name, column in columns_of(kind).items() if column.may_be_biased}
+
+
 _FULL_CIRCLE: Final = 2 * math.pi
 # Equal angles may differ by rounding.
 _ANGLE_EPSILON: Final = 1e-9

@@ -137,7 +137,7 @@ def test_a_proof(tmp_path: Path) -> None:
     slowly = "robot: {model: turtlebot3_burger}\ncommands: {twist: [{linear: 0.2}]}\ntime_limit: 20 s\n"
     text = f"name: burger\n{slowly}expect: [{{travel: {{at_least: 1.5}}}}]\n"
     (tmp_path / "a.sim.yml").write_text(text, encoding="utf-8")
-    ran = sim_action(tmp_path, "prove", "--only", "doubled", ".")
+    ran = sim_action(tmp_path, "prove", "--only", "scaled:x2", ".")
     assert ran.returncode == 0, ran.stdout + ran.stderr
     checks = [
         "a survivor plays with the run without a fault as a ghost",

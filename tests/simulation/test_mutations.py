@@ -9,13 +9,15 @@ import pytest
 
 from sim_action.commands import ClosedLoop, OpenLoop
 from sim_action.core.geometry import Twist
+from sim_action.core.records import replace
 from sim_action.drives import recognise
-from sim_action.scenario.mutation import Mutation
+from sim_action.scenario.mutation import Mutation, SensorFault
 from sim_action.sensors import Sight
 from sim_action.simulation.mutations import MutantSeams, heavier, partners, without_motor
 from sim_action.simulation.seams import UNTOUCHED
 from sim_action.state.command import Answer, JointTargets, LinkWrench
 from sim_action.state.readings import ImuReading
+from sim_action.world.scene import Fitting
 from tests.traces import WHEELS, scene
 
 LEFT, RIGHT = WHEELS
@@ -56,6 +58,15 @@ def test_without_a_mutation_nothing_is_wrapped() -> None:
             LinkWrench("a", (1, -2, 3), (-4, 5, -6), point_xyz=(7, -8, 9)),
         ),
         (Mutation(speed=0.5), LinkWrench("a", (2, 4, 6)), LinkWrench("a", (1, 2, 3))),
+        (Mutation(reversed="linear"), Twist((1, 2, 3), (4, 5, 6)), Twist((-1, -2, -3), (4, 5, 6))),
+        (Mutation(reversed="angular"), Twist((1, 2, 3), (4, 5, 6)), Twist((1, 2, 3), (-4, -5, -6))),
+        (Mutation(reversed="angular"), LinkWrench("a", (1, 2, 3), (4, 5, 6)), LinkWrench("a", (1, 2, 3), (-4, -5, -6))),
+        (Mutation(reversed="linear"), JointTargets(velocity={LEFT: 1.0}), JointTargets(velocity={LEFT: 1.0})),
+        (
+            Mutation(reversed_joint=LEFT),
+            JointTargets({LEFT: 1.0, RIGHT: 1.0}, {LEFT: 2.0}, {LEFT: 3.0}, {LEFT: 4.0}),
+            JointTargets({LEFT: -1.0, RIGHT: 1.0}, {LEFT: -2.0}, {LEFT: -3.0}, {LEFT: 4.0}),
+        ),
         (
             Mutation(dead_joint=LEFT),
             JointTargets({LEFT: 1.0, RIGHT: 1.0}),
@@ -100,20 +111,36 @@ def test_a_wheel_without_motor_gets_no_speed() -> None:
     targets = off.targets(Twist.planar(0.2), 1)[0]
     assert (set(targets.velocity), targets.effort) == ({RIGHT}, {LEFT: 0.0})
     assert seams.motion(None) is None
+    turn = drive.open(here.model, 240.0).targets(Twist.planar(0.2, 1.0), 1)[0].velocity
+    for mutation, wheels in (
+        (Mutation(crossed_wheels=True), {LEFT: turn[RIGHT], RIGHT: turn[LEFT]}),
+        (Mutation(reversed_joint=LEFT), {LEFT: -turn[LEFT], RIGHT: turn[RIGHT]}),
+    ):
+        rewired = MutantSeams(mutation, here).motion(drive.open(here.model, 240.0))
+        assert rewired is not None
+        assert rewired.targets(Twist.planar(0.2, 1.0), 1)[0].velocity == pytest.approx(wheels)
     assert MutantSeams(Mutation(dead_joint="arm"), here).motion(motion) is motion
 
 
-def test_a_frozen_sensor_repeats_its_first_reading_with_the_present_time() -> None:
+@pytest.mark.parametrize(
+    ("reading", "rates"),
+    [
+        ("frozen", [1.0, 1.0, 1.0]),
+        ("stale", [1.0, 1.0, 1.4]),
+        ("biased", [1.2, 1.6, 2.2]),
+        ("drifting", [1.04, 1.456, 2.08]),
+    ],
+)
+def test_a_faulty_sensor_has_the_present_time(reading: SensorFault, rates: list[float]) -> None:
     def measure(sight: Sight) -> ImuReading:
         return ImuReading(sight.time, (0, 0, 0, 1), (sight.time, 0, 0), (0, 0, 9.8))
 
-    def sight(time: float) -> Sight:
-        return Sight(time, cast(Any, None), cast(Any, None))
-
-    seams = MutantSeams(Mutation(frozen_sensor="imu"), scene())
-    frozen = seams.measure("imu", measure)
-    frozen(sight(1.0))
-    assert frozen(sight(2.0)) == ImuReading(2.0, (0, 0, 0, 1), (1.0, 0, 0), (0, 0, 9.8))
+    imu = Fitting("imu", "imu", "base_link", 10.0)
+    seams = MutantSeams(Mutation(sensor="imu", reading=reading), replace(scene(), sensors=(imu,)))
+    faulty: Any = seams.measure("imu", measure)
+    readings = [faulty(Sight(time, cast(Any, None), cast(Any, None))) for time in (1.0, 1.4, 2.0)]
+    assert [found.time for found in readings] == [1.0, 1.4, 2.0]
+    assert [found.angular_velocity_xyz[0] for found in readings] == pytest.approx(rates)
     assert seams.measure("other", measure) is measure
 
 

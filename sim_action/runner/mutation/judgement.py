@@ -185,6 +185,45 @@ def _sensitivity(expected: ExpectationOutcome) -> float | None:
     return None if verdict.goal or verdict.margin is None or not verdict.limit else abs(verdict.margin / verdict.limit)
 
 
+def next_strengths(original: Original, mutants: Sequence[JudgedMutant]) -> list[Mutant]:
+    """Return the mutants to run next: milder than those that were noticed, or stronger than the others.
+
+    A stronger one also runs while an expectation has noticed nothing: it may be the only one that notices this.
+    """
+    noticed = {place for judged_one in mutants for place in judged_one.result.noticed_by}
+    idle = any(
+        expected.verdict.passed and place not in noticed for place, expected in enumerate(original.outcome.expectations)
+    )
+    found = list[Mutant]()
+    for judged_one in mutants:
+        mutant, is_noticed = judged_one.mutant, judged_one.result.status == "noticed"
+        if mutant.milder and is_noticed:
+            found.append(replace(mutant.milder[0], milder=mutant.milder[1:]))
+        elif mutant.stronger and (idle or not is_noticed):
+            found.append(replace(mutant.stronger[0], stronger=mutant.stronger[1:]))
+    return found
+
+
+def with_strengths(mutants: Sequence[JudgedMutant], ran: Sequence[JudgedMutant]) -> list[JudgedMutant]:
+    """Return judged mutants with those of `next_strengths` that ran.
+
+    A milder one takes the place of the one before if it was noticed, else it is dropped. A stronger one follows.
+    """
+    by_name = {judged_one.mutant.name: judged_one for judged_one in ran}
+    found = list[JudgedMutant]()
+    for judged_one in mutants:
+        mutant = judged_one.mutant
+        following = next((by_name.get(other.name) for other in mutant.strengths[1:]), None)
+        if following is None:
+            found.append(judged_one)
+        elif mutant.milder and following.result.status == "noticed":
+            found.append(following)
+        else:
+            done = replace(judged_one, mutant=replace(mutant, milder=(), stronger=()))
+            found += [done] if mutant.milder else [done, following]
+    return found
+
+
 def with_suggestion(judged: JudgedMutant, suggestion: str) -> JudgedMutant:
     """Return a mutant with the expectation that would have noticed it."""
     return replace(judged, result=judged.result.model_copy(update={"suggestion": suggestion}))

@@ -104,16 +104,26 @@ class Mutant:
 
     Attributes:
         kind: the name of a row of the table, such as "motor-off".
-        subject: the joint, object or sensor that has the fault; or empty.
+        subject: the joint, object or sensor that has the fault, or its strength; or empty.
         words: the fault in words.
+        milder: the same fault with less strength, in falling order: the least one that is noticed counts.
+        stronger: the same fault with more strength, in rising order. They run as long as one is not noticed, or an
+            expectation has noticed nothing yet.
     """
 
     kind: str
     subject: str
     words: str
     loaded: LoadedScenario
+    milder: tuple[Mutant, ...] = ()
+    stronger: tuple[Mutant, ...] = ()
 
     @property
     def name(self) -> str:
         """The name in reports, such as "motor-off:wheel_left_joint"."""
         return f"{self.kind}:{self.subject}" if self.subject else self.kind
+
+    @property
+    def strengths(self) -> tuple[Mutant, ...]:
+        """The mutant with each of its strengths, this one first."""
+        return self, *self.milder, *self.stronger

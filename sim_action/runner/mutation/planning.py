@@ -16,10 +16,12 @@ from sim_action.drives import recognise
 from sim_action.runner.mutation import world_faults
 from sim_action.runner.mutation.mutant import Mutant, Original
 from sim_action.runner.run_plan import Plan
-from sim_action.scenario.model import LoadedScenario
-from sim_action.scenario.mutation import Mutation
+from sim_action.scenario.model import LoadedScenario, Scenario
+from sim_action.scenario.mutation import Mutation, SensorFault
 from sim_action.scenario.source import Refused
 from sim_action.sensors import MountedSensor
+from sim_action.simulation.mutations import DRIFT_S, STALE_S, partners
+from sim_action.state.readings import biased_columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +70,7 @@ def refuse_unknown(names: Iterable[str]) -> None:
 
 def refuse_unmatched(plans: Sequence[PlannedMutants], names: Iterable[str]) -> None:
     """Raise UsageError for a name of a single mutant that no run has; without any run, nothing is known."""
-    every = {mutant.name for plan in plans for mutant in plan.every}
+    every = {strength.name for plan in plans for mutant in plan.every for strength in mutant.strengths}
     for name in names:
         kind, colon, _ = name.partition(":")
         if plans and colon and name not in every:
@@ -83,8 +85,16 @@ def planned(originals: Iterable[Original], only: Collection[str] = ()) -> list[P
 
 def _planned(original: Original, only: Collection[str]) -> PlannedMutants:
     every = [mutant for row in TABLE for mutant in row.mutants(original)]
-    chosen = [mutant for mutant in every if not only or mutant.kind in only or mutant.name in only]
-    return PlannedMutants(original, every, chosen)
+    return PlannedMutants(original, every, [some for mutant in every for some in _chosen(mutant, only)])
+
+
+def _chosen(mutant: Mutant, only: Collection[str]) -> Iterator[Mutant]:
+    """Yield a mutant with all its strengths, or those of its strengths alone that are named."""
+    if not only or mutant.kind in only:
+        yield mutant
+    else:
+        named = (strength for strength in mutant.strengths if strength.name in only)
+        yield from (replace(strength, milder=(), stronger=()) for strength in named)
 
 
 def cost(plans: Iterable[PlannedMutants], jobs: int) -> float:
@@ -119,10 +129,10 @@ def _ranked(plans: Sequence[PlannedMutants]) -> Iterator[tuple[tuple[int, int], 
             before[mutant.kind] += 1
 
 
-DELAY_S: Final = 0.5
+DELAYS_S: Final = (0.5, 0.25, 0.1)
 SLOWER: Final = 0.5
-FASTER: Final = 2.0
-HEAVIER: Final = 2.0
+FASTER: Final = (2.0, 10.0, 57.3)
+HEAVIER: Final = (2.0, 5.0)
 NOISIER: Final = 10.0
 
 NOISES: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
@@ -167,22 +177,49 @@ def _swapped(original: Original) -> Iterator[Mutant]:
         yield original.mutant("swapped", "", "left and right are swapped in commands", Mutation(mirrored=True))
 
 
-def _halved(original: Original) -> Iterator[Mutant]:
+def _scaled(original: Original) -> Iterator[Mutant]:
     if original.scenario.commands:
-        yield original.mutant("halved", "", "all commands have half their speed", Mutation(speed=SLOWER))
+        slower, *faster = (
+            original.mutant(
+                "scaled", f"x{speed:g}", f"all commands have {speed:g} times their speed", Mutation(speed=speed)
+            )
+            for speed in (SLOWER, *FASTER)
+        )
+        yield slower
+        yield replace(faster[0], stronger=tuple(faster[1:]))
 
 
-def _doubled(original: Original) -> Iterator[Mutant]:
+def _reversed(original: Original) -> Iterator[Mutant]:
     if original.scenario.commands:
-        yield original.mutant("doubled", "", "all commands have twice their speed", Mutation(speed=FASTER))
+        words = "the {} part of commands has the other sign"
+        yield original.mutant("reversed", "linear", words.format("linear"), Mutation(reversed="linear"))
+        yield original.mutant("reversed", "angular", words.format("angular"), Mutation(reversed="angular"))
+        for joint in _busy_joints(original)[:1]:
+            words = f"the motor of joint '{joint}' turns the other way"
+            yield original.mutant("reversed", joint, words, Mutation(reversed_joint=joint))
+
+
+def _swapped_wheels(original: Original) -> Iterator[Mutant]:
+    if original.scenario.commands and partners(_wheels(original)):
+        words = "left and right wheels are swapped behind the drive"
+        yield original.mutant("swapped-wheels", "", words, Mutation(crossed_wheels=True))
 
 
 def _delayed(original: Original) -> Iterator[Mutant]:
     scenario = original.scenario
     if scenario.commands:
-        late = tuple(source.model_copy(update={"latency": source.latency + DELAY_S}) for source in scenario.commands)
-        words = f"all commands arrive {DELAY_S:g} s later"
-        yield original.changed("delayed", "", words, scenario.model_copy(update={"commands": late}))
+        first, *milder = (
+            original.changed(
+                "delayed", f"{delay:g}s", f"all commands arrive {delay:g} s later", _with_latency(scenario, delay)
+            )
+            for delay in DELAYS_S
+        )
+        yield replace(first, milder=tuple(milder))
+
+
+def _with_latency(scenario: Scenario, delay: float) -> Scenario:
+    late = tuple(source.model_copy(update={"latency": source.latency + delay}) for source in scenario.commands)
+    return scenario.model_copy(update={"commands": late})
 
 
 def _motors_off(original: Original) -> Iterator[Mutant]:
@@ -201,25 +238,39 @@ def _busy_joints(original: Original) -> list[str]:
         for name, way, effort in zip(trace.joint_names, ways, efforts, strict=True)
         if way > _LEAST_MOTION or effort > _LEAST_EFFORT
     }
-    wheels: frozenset[str] = frozenset()
+    wheels = _wheels(original)
     if loaded.model is not None:
         busy = {name: work for name, work in busy.items() if loaded.model.why_not_driven(name) is None}
-        drive = loaded.scenario.robot.drive or recognise(loaded.model)
-        if drive is not None:
-            wheels = drive.open(loaded.model, loaded.scenario.physics.rate).joints
     # Equal joints move equally far but for rounding.
     return sorted(busy, key=lambda name: (name not in wheels, *(-round(work, 1) for work in busy[name])))
 
 
+def _wheels(original: Original) -> frozenset[str]:
+    """Return the joints of the drive."""
+    loaded = original.loaded
+    drive = loaded.scenario.robot.drive or (recognise(loaded.model) if loaded.model else None)
+    return drive.open(loaded.model, loaded.scenario.physics.rate).joints if drive and loaded.model else frozenset()
+
+
 def _heavier(original: Original) -> Iterator[Mutant]:
     if not original.scenario.robot.is_mjcf:
-        yield original.mutant("heavier", "", "the robot has twice its mass", Mutation(mass=HEAVIER))
+        first, *others = (
+            original.mutant("heavier", f"x{mass:g}", f"the robot has {mass:g} times its mass", Mutation(mass=mass))
+            for mass in HEAVIER
+        )
+        yield replace(first, stronger=tuple(others))
 
 
-def _frozen(original: Original) -> Iterator[Mutant]:
-    for mounted in _read_sensors(original):
-        words = f"the sensor '{mounted.name}' repeats its first reading"
-        yield original.mutant("frozen", mounted.name, words, Mutation(frozen_sensor=mounted.name))
+def _faulty(reading: SensorFault, words: str) -> Callable[[Original], Iterator[Mutant]]:
+    """Return the function that yields a mutant for each sensor with a fault; `words` follow the name of the sensor."""
+
+    def mutants(original: Original) -> Iterator[Mutant]:
+        for mounted in _read_sensors(original):
+            if reading in ("frozen", "stale") or biased_columns(mounted.sensor.key):
+                fault = Mutation(sensor=mounted.name, reading=reading)
+                yield original.mutant(reading, mounted.name, f"the sensor '{mounted.name}' {words}", fault)
+
+    return mutants
 
 
 def _noisy(original: Original) -> Iterator[Mutant]:
@@ -271,7 +322,23 @@ TABLE: Final = (
     Row(
         "wall", "a wall stands across the way that the robot drove, or a box in the way of an arm", world_faults.walled
     ),
-    Row("halved", "commanded speeds, efforts and forces are halved, and the way of joints from their start", _halved),
+    Row(
+        "reversed",
+        "commands have the other sign: their linear part, their angular part, or the joint with the most work",
+        _reversed,
+    ),
+    Row(
+        "turned",
+        f"the robot begins with a heading that is {world_faults.TURN_DEG:g} deg further left",
+        world_faults.turned,
+    ),
+    Row(
+        "scaled",
+        f"commanded speeds, efforts and forces, and the way of joints from their start, are multiplied by {SLOWER:g} "
+        f"and by {FASTER[0]:g}; by {FASTER[1]:g} and {FASTER[2]:g} (degrees for radians) where less is not noticed",
+        _scaled,
+    ),
+    Row("swapped-wheels", "left and right wheels are swapped behind the drive", _swapped_wheels),
     Row(
         "motor-off",
         f"the motor of one joint is off; for the {MOST_MOTORS} joints that moved most, or bore most",
@@ -282,9 +349,29 @@ TABLE: Final = (
         f"one object is missing; for the {world_faults.MOST_OBJECTS} nearest to the way",
         world_faults.removed,
     ),
-    Row("frozen", "one sensor repeats its first reading", _frozen),
+    Row("frozen", "one sensor repeats its first reading", _faulty("frozen", "repeats its first reading")),
+    Row(
+        "stale",
+        f"the readings of one sensor are old by {STALE_S:g} s",
+        _faulty("stale", f"gives readings that are old by {STALE_S:g} s"),
+    ),
+    Row(
+        "biased",
+        "one sensor adds a constant error: 0.2 m, 0.2 m/s, 0.2 rad/s, 1 m/s^2, 10 N",
+        _faulty("biased", "adds a constant error to its readings"),
+    ),
+    Row(
+        "drifting",
+        f"one sensor adds an error that grows, and is that of `biased` after {DRIFT_S:g} s",
+        _faulty("drifting", "adds an error that grows with time"),
+    ),
     Row("dropped", "ROS nodes get nothing from one sensor", _dropped),
-    Row("slippery", "the friction of the ground is divided by 4", world_faults.slippery),
+    Row(
+        "slippery",
+        f"the friction of the ground is divided by 4; {world_faults.ICE:g}, as on ice, where that is not noticed",
+        world_faults.slippery,
+    ),
+    Row("calm", "no disturbance, patch, noise, jitter or dropout acts, if there is any", world_faults.calm),
     Row(
         "shoved",
         f"a push against the upper edge of the robot, halfway through the run: in {world_faults.SHOVE_S:g} s it exerts "
@@ -292,16 +379,13 @@ TABLE: Final = (
         world_faults.shoved,
     ),
     Row(
-        "doubled", "commanded speeds, efforts and forces are doubled, and the way of joints from their start", _doubled
-    ),
-    Row(
         "moved",
         "one object stands nearer to the way, or farther from an arm that comes to it, by its own size at most; "
         f"for the {world_faults.MOST_OBJECTS} nearest",
         world_faults.moved,
     ),
-    Row("delayed", f"all commands arrive {DELAY_S:g} s later", _delayed),
-    Row("heavier", "the robot has twice its mass", _heavier),
+    Row("delayed", f"all commands arrive {DELAYS_S[0]:g} s later, or less: the least that is noticed", _delayed),
+    Row("heavier", "the robot has twice its mass; 5 times where that is not noticed", _heavier),
     Row("noisy", f"one sensor has {NOISIER:g} times its noise, or some if it has none", _noisy),
 )
 """All kinds of mutants, the most telling first."""

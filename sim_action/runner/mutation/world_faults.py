@@ -1,16 +1,17 @@
-"""Faults of the world: objects that are missing or elsewhere, a wall across the way, less friction, a shove."""
+"""Faults of the world: objects that are missing or elsewhere, a wall across the way, friction, a shove, the start."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Box, Pose, compose, multiply, quaternion_from_rpy
+from sim_action.core.records import replace
 from sim_action.robot.model.kinematics import link_poses, robot_box, shape_box
 from sim_action.runner.mutation.mutant import Mutant, Original, lengths
 from sim_action.world import Body, Disturbance, World
@@ -24,6 +25,8 @@ MOST_OBJECTS: Final = 5
 """The number of objects that have mutants: those nearest to the way of the robot."""
 
 FRICTION_DIVISOR: Final = 4.0
+ICE: Final = 0.03
+TURN_DEG: Final = 90.0
 
 WALL: Final = "wall-across-the-way"
 WALL_SIZE: Final = (0.1, 1.5, 0.5)
@@ -113,10 +116,47 @@ def slippery(original: Original) -> Iterator[Mutant]:
     world = original.scenario.world
     if original.is_fixed:
         return
-    ground = world.ground.model_copy(update={"friction": world.ground.friction / FRICTION_DIVISOR})
-    patches = tuple(each.model_copy(update={"friction": each.friction / FRICTION_DIVISOR}) for each in world.patches)
-    slippery = world.model_copy(update={"ground": ground, "patches": patches})
-    yield _in_world(original, "slippery", "", "the ground has a quarter of its friction", slippery)
+
+    def with_friction(change: Callable[[float], float]) -> World:
+        ground = world.ground.model_copy(update={"friction": change(world.ground.friction)})
+        patches = tuple(patch.model_copy(update={"friction": change(patch.friction)}) for patch in world.patches)
+        return world.model_copy(update={"ground": ground, "patches": patches})
+
+    slippery = with_friction(lambda friction: friction / FRICTION_DIVISOR)
+    ice = with_friction(lambda friction: min(friction, ICE))
+    icy = _in_world(original, "slippery", "ice", f"the ground has the friction of ice, {ICE:g}", ice)
+    mutant = _in_world(original, "slippery", "", "the ground has a quarter of its friction", slippery)
+    yield replace(mutant, stronger=(icy,))
+
+
+def calm(original: Original) -> Iterator[Mutant]:
+    """Yield the mutant without disturbances, patches, noise, jitter and dropouts, if the scenario has any."""
+    scenario = original.scenario
+    world = scenario.world.model_copy(update={"disturbances": (), "patches": ()})
+    sure = {"jitter": 0.0, "dropouts": 0.0}
+    sensors = tuple(
+        replace(
+            mounted,
+            sensor=mounted.sensor.model_copy(
+                update={key: 0.0 for key in type(mounted.sensor).model_fields if key.endswith("noise") or key in sure}
+            ),
+        )
+        for mounted in scenario.sensors
+    )
+    commands = tuple(source.model_copy(update=sure) for source in scenario.commands)
+    still = scenario.model_copy(update={"world": world, "sensors": sensors, "commands": commands})
+    if still != scenario:
+        yield original.changed("calm", "", "no disturbance, patch, noise, jitter or dropout acts", still)
+
+
+def turned(original: Original) -> Iterator[Mutant]:
+    """Yield the mutant whose robot begins with another heading; a keyframe states its own."""
+    robot = original.scenario.robot
+    if robot.keyframe is None:
+        pose = robot.pose.model_copy(update={"yaw": robot.pose.yaw + math.radians(TURN_DEG)})
+        turned_robot = original.scenario.model_copy(update={"robot": robot.model_copy(update={"pose": pose})})
+        words = f"the robot begins with a heading that is {TURN_DEG:g} deg further left"
+        yield original.changed("turned", "", words, turned_robot)
 
 
 def shoved(original: Original) -> Iterator[Mutant]:

@@ -10,15 +10,18 @@ import pytest
 from sim_action.core.errors import Location
 from sim_action.core.records import replace
 from sim_action.results.outcome import Failure, Outcome, status_of
-from sim_action.results.proof import MutantStatus
+from sim_action.results.proof import MutantResult, MutantStatus
 from sim_action.runner.mutation.judgement import (
+    JudgedMutant,
     judged,
+    next_strengths,
     not_mutated,
     path_change,
     place_of,
     proven,
     reason_of,
     stored,
+    with_strengths,
     with_suggestion,
 )
 from sim_action.runner.mutation.mutant import Mutant, Original
@@ -233,3 +236,33 @@ def test_the_joints_of_a_robot_that_stays_count() -> None:
     assert slid.text == "joint 'wheel_left_joint' was 0.5 m elsewhere at 1.00 s"
     assert path_change(still, moved(position=[0, 0.05, 0])) is None
     assert path_change(straight(), straight()) is None
+
+
+def test_other_strengths_follow_what_was_noticed(run: Original) -> None:
+    """A milder fault runs if one was noticed, a stronger one if not, or while an expectation has noticed nothing."""
+    first, second, third = (replace(silenced(run), subject=name) for name in "abc")
+
+    def judged_one(mutant: Mutant, *noticed_by: int) -> JudgedMutant:
+        status = "noticed" if noticed_by else "survived"
+        result = MutantResult.model_validate(
+            {"name": mutant.name, "words": "w", "status": status, "noticed_by": noticed_by}
+        )
+        return JudgedMutant(mutant, run.outcome, result)
+
+    def following(*ran: JudgedMutant) -> list[Mutant]:
+        return next_strengths(run, ran)
+
+    def names(*ran: JudgedMutant) -> list[str]:
+        return [each.mutant.subject for each in with_strengths(ran[:1], ran[1:])]
+
+    milder, stronger = replace(first, milder=(second, third)), replace(first, stronger=(second, third))
+    assert following(judged_one(milder)) == []
+    assert following(judged_one(milder, 0)) == [replace(second, milder=(third,))]
+    assert names(judged_one(milder, 0), judged_one(replace(second, milder=(third,)), 0)) == ["b"]
+    assert names(judged_one(milder, 0), judged_one(second)) == ["a"]
+    assert names(judged_one(milder, 0)) == ["a"]
+    assert following(judged_one(stronger, 0, 1)) == []
+    assert following(judged_one(stronger, 0)) == following(judged_one(stronger)) == [replace(second, stronger=(third,))]
+    assert names(judged_one(stronger), judged_one(second)) == ["a", "b"]
+    (kept,) = with_strengths([judged_one(milder, 0)], [judged_one(second)])
+    assert following(kept) == []

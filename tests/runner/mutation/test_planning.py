@@ -11,7 +11,7 @@ from sim_action.core.errors import InvalidScenario, UsageError
 from sim_action.core.records import replace
 from sim_action.runner.mutation.mutant import Mutant, Original
 from sim_action.runner.mutation.planning import (
-    DELAY_S,
+    DELAYS_S,
     KINDS,
     TABLE,
     cost,
@@ -21,8 +21,8 @@ from sim_action.runner.mutation.planning import (
     refuse_unmatched,
     within,
 )
-from sim_action.runner.mutation.world_faults import SHOVE_S, WALL
-from sim_action.scenario.mutation import Mutation
+from sim_action.runner.mutation.world_faults import ICE, SHOVE_S, WALL
+from sim_action.scenario.mutation import Mutation, SensorFault
 from sim_action.scenario.source import Refused
 from sim_action.sensors.imu import Imu
 from sim_action.sensors.lidar import Lidar
@@ -50,9 +50,9 @@ def test_the_command_line_chooses_kinds_and_single_mutants(tmp_path: Path) -> No
         "motor-off:wheel_left_joint",
         "removed:crate",
     ]
-    assert plan.left_out == 12
-    assert within([plan], 0.5, 1)[0].left_out == 14
-    assert len(planned([run])[0].chosen) == 14
+    assert plan.left_out == 17
+    assert within([plan], 0.5, 1)[0].left_out == 19
+    assert len(planned([run])[0].chosen) == 19
     refuse_unknown(["wall", "removed:any name"])
     with pytest.raises(UsageError, match="did you mean 'wall'") as refused:
         refuse_unknown(["wal"])
@@ -72,18 +72,20 @@ def test_a_single_mutant_that_no_run_has_is_refused(tmp_path: Path) -> None:
 def test_a_budget_takes_the_first_of_each_kind_first_and_scenarios_in_turns(tmp_path: Path) -> None:
     quick, slow = original(tmp_path), original(tmp_path, wall_time=2.0)
     plans = planned([quick, slow])
-    assert cost(plans, 2) == (14 + 28) / 2
+    assert cost(plans, 2) == (19 + 38) / 2
     some = within(plans, 4.5, 2)
     assert [[mutant.kind for mutant in plan.chosen] for plan in some] == [["silenced", "swapped", "wall"]] * 2
-    assert [plan.left_out for plan in some] == [11, 11]
-    (first,) = within(plans[:1], 12.0, 1)
+    assert [plan.left_out for plan in some] == [16, 16]
+    (first,) = within(plans[:1], 14.0, 1)
     assert [mutant.name for mutant in plans[0].chosen if mutant not in first.chosen] == [
+        *("reversed:angular", "reversed:wheel_left_joint", "scaled:x2"),
         "removed:far crate",
         "moved:far crate",
     ]
     assert within(plans, 1000.0, 1) == plans
 
 
+SENSOR_FAULTS: tuple[SensorFault, ...] = ("frozen", "stale", "biased", "drifting")
 SENSORS = "{lidar: {noise: 0.01}}, {imu: {}}, {contact: {}}"
 
 
@@ -102,15 +104,18 @@ def only(run: Original, kind: str) -> Mutant:
 
 def test_a_robot_that_drives_by_itself_has_mutants_of_commands_motors_and_world(tmp_path: Path) -> None:
     assert names(original(tmp_path)) == [
-        *("silenced", "swapped", "wall", "halved"),
+        *("silenced", "swapped", "wall", "reversed:linear", "reversed:angular", "reversed:wheel_left_joint"),
+        *("turned", "scaled:x0.5", "scaled:x2", "swapped-wheels"),
         *("motor-off:wheel_left_joint", "removed:crate", "removed:far crate", "slippery", "shoved"),
-        *("doubled", "moved:crate", "moved:far crate", "delayed", "heavier"),
+        *("moved:crate", "moved:far crate", "delayed:0.5s", "heavier:x2"),
     ]
 
 
 def test_without_commands_there_are_none_of_commands(tmp_path: Path) -> None:
     run = original(tmp_path, commands="")
-    assert {"silenced", "swapped", "halved", "doubled", "delayed"}.isdisjoint(names(run))
+    assert {"silenced", "swapped", "scaled:x2", "reversed:linear", "swapped-wheels", "delayed:0.5s"}.isdisjoint(
+        names(run)
+    )
 
 
 def test_motors_that_only_hold_a_joint_have_mutants_after_those_that_move(tmp_path: Path) -> None:
@@ -121,33 +126,56 @@ def test_motors_that_only_hold_a_joint_have_mutants_after_those_that_move(tmp_pa
 
 
 @pytest.mark.parametrize(
-    ("kind", "mutation"),
+    ("name", "mutation"),
     [
         ("silenced", Mutation(silent=True)),
         ("swapped", Mutation(mirrored=True)),
-        ("halved", Mutation(speed=0.5)),
-        ("doubled", Mutation(speed=2.0)),
-        ("heavier", Mutation(mass=2.0)),
+        ("swapped-wheels", Mutation(crossed_wheels=True)),
+        ("heavier:x2", Mutation(mass=2.0)),
+        ("scaled:x0.5", Mutation(speed=0.5)),
+        ("scaled:x2", Mutation(speed=2.0)),
+        ("reversed:linear", Mutation(reversed="linear")),
+        ("reversed:wheel_left_joint", Mutation(reversed_joint=WHEELS[0])),
     ],
 )
-def test_faults_at_the_seams(kind: str, mutation: Mutation, tmp_path: Path) -> None:
+def test_faults_at_the_seams(name: str, mutation: Mutation, tmp_path: Path) -> None:
     run = original(tmp_path)
-    mutant = only(run, kind)
+    (mutant,) = (mutant for mutant in of_kind(run, name.partition(":")[0]) if mutant.name == name)
     assert mutant.loaded.mutation == mutation
-    assert mutant.loaded.scenario.name == f"burger drives ({kind})"
+    assert mutant.loaded.scenario.name == f"burger drives ({name})"
     assert run.loaded.mutation is None
     assert mutant.loaded.scenario.expect == run.scenario.expect
 
 
 def test_a_delay_adds_to_that_of_the_scenario(tmp_path: Path) -> None:
     run = original(tmp_path, commands="commands: [{twist: [{linear: 0.2}], latency: 0.1}]")
-    late = only(run, "delayed").loaded
-    assert late.scenario.commands[0].latency == 0.1 + DELAY_S
-    assert late.mutation == Mutation()
+    late = only(run, "delayed")
+    latencies = [strength.loaded.scenario.commands[0].latency for strength in late.strengths]
+    assert latencies == [0.1 + delay for delay in DELAYS_S]
+    assert late.loaded.mutation == Mutation()
 
 
-def test_the_ground_is_slippery_also_in_patches(tmp_path: Path) -> None:
-    assert only(original(tmp_path), "slippery").loaded.scenario.world.ground.friction == 0.2
+def test_strengths_of_a_fault(tmp_path: Path) -> None:
+    run = original(tmp_path)
+    slippery, faster = only(run, "slippery"), of_kind(run, "scaled")[1]
+    assert [strength.loaded.scenario.world.ground.friction for strength in slippery.strengths] == [0.2, ICE]
+    assert [strength.name for strength in faster.stronger] == ["scaled:x10", "scaled:x57.3"]
+    (chosen,) = planned([run], ["scaled:x57.3"])[0].chosen
+    assert (chosen.name, chosen.strengths[1:]) == ("scaled:x57.3", ())
+
+
+def test_a_calm_run_has_no_chance_and_no_disturbance(tmp_path: Path) -> None:
+    assert not of_kind(original(tmp_path), "calm")
+    rough = "commands: [{twist: [{linear: 0.2}], latency: 0.1, jitter: 0.1, dropouts: 0.1}]"
+    calm = only(original(tmp_path, sensors="{lidar: {noise: 0.1}}", commands=rough), "calm").loaded.scenario
+    (source,), (lidar,) = calm.commands, calm.sensors
+    assert isinstance(lidar.sensor, Lidar)
+    assert (source.latency, source.jitter, source.dropouts, lidar.sensor.noise) == (0.1, 0.0, 0.0, 0.0)
+
+
+def test_a_turned_robot_begins_with_another_heading(tmp_path: Path) -> None:
+    pose = only(original(tmp_path), "turned").loaded.scenario.robot.pose
+    assert pose.yaw == pytest.approx(math.pi / 2)
 
 
 def test_a_shove_hits_the_upper_edge_from_the_right_halfway_through_the_run(tmp_path: Path) -> None:
@@ -219,10 +247,9 @@ def test_sensors_have_mutants_if_somebody_may_read_them(tmp_path: Path) -> None:
     assert not of_kind(original(tmp_path, sensors=SENSORS), "frozen")
     (tmp_path / "control.py").write_text("def control(seen): return None\n")
     run = original(tmp_path, sensors=SENSORS, commands="commands: {script: control.py}")
-    frozen = of_kind(run, "frozen")
-    assert [mutant.loaded.mutation for mutant in frozen] == [
-        Mutation(frozen_sensor=name) for name in ("lidar", "imu", "contact")
-    ]
+    for reading in SENSOR_FAULTS:
+        faults = [mutant.loaded.mutation for mutant in of_kind(run, reading)]
+        assert faults == [Mutation(sensor=name, reading=reading) for name in ("lidar", "imu", "contact")]
     noisy = of_kind(run, "noisy")
     assert [mutant.subject for mutant in noisy] == ["lidar", "imu"]
     lidar, imu = (noisy[at].loaded.scenario.sensors[at].sensor for at in range(2))
