@@ -138,7 +138,11 @@ SUBCOMMANDS: Final = {
             "sim-time-limit": "--sim-time-limit",
             "allow-scripts": "--allow-scripts",
         },
-        switches={**_SWITCHES, "allow-losses": ("--allow-losses", "--no-allow-losses")},
+        switches={
+            **_SWITCHES,
+            "allow-losses": ("--allow-losses", "--no-allow-losses"),
+            "strict": ("--strict", "--no-strict"),
+        },
         required=("package", "file", "allow-losses", "allow-scripts"),
         single=("package", "file"),
     ),

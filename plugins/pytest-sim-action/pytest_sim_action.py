@@ -44,6 +44,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
     group.addoption("--sim-seed", type=int, metavar="N", help="random seed for all scenarios; default: as each says")
     group.addoption(
+        "--sim-strict",
+        action="store_true",
+        help="fail on each warning of the audit of claims, such as a check that saw nothing",
+    )
+    group.addoption(
         "--sim-output",
         metavar="FOLDER",
         help="folder for results, traces and reports, one folder for each test; default: they are not kept",
@@ -183,6 +188,7 @@ def _run(node: pytest.Item, *scenarios: sim_action.Scenario) -> sim_action.Resul
         backend=node.config.getoption("--sim-backend"),
         seed=node.config.getoption("--sim-seed"),
         jobs=_cores() if any(each.gate for each in scenarios) else 1,
+        strict=node.config.getoption("--sim-strict"),
         report=folder is not None,
         output_dir=folder,
     )

@@ -171,6 +171,7 @@ def run(
     exclude_tags: Iterable[str] = (),
     fail_fast: bool = False,
     unexercised: Unexercised | None = None,
+    strict: bool = False,
     record: Iterable[str] = (),
     report: bool = True,
     output_dir: str | os.PathLike[str] | None = None,
@@ -196,6 +197,7 @@ def run(
         exclude_tags: tags to leave out.
         fail_fast: True to start no more scenarios after one did not pass.
         unexercised: "warn" if an expectation that is never judged is only reported.
+        strict: True if each warning of the audit of claims makes its scenario fail.
         record: formats to record each run in: "mcap", "csv", "tum", "gif", "mp4".
         report: True to write replays and `report.html`.
         output_dir: the folder for results, traces and reports; None: a temporary one, which exists as long as the
@@ -240,7 +242,7 @@ def run(
         silenced=_SILENCED if report else _SILENCED | {"report"},
     )
     request = RunRequest(
-        PlanRequest(suite, permissions, None, backend, seed, unexercised),
+        PlanRequest(suite, permissions, None, backend, seed, unexercised, strict),
         reports,
         jobs or usable_cores(),
         fail_fast,

@@ -32,6 +32,7 @@ class Subcommand:
 
 _REPORTS: Final = ("output_dir", "junit", "junit_strict", "report", "summary", "annotations", "verbose", "quiet")
 _RUNS: Final = ("paths", "backend", "seed", "repeat", "unexercised", "strict", "jobs", "fail_fast", "record")
+_LAUNCHES: Final = (*_REPORTS, "strict")
 _PROOFS: Final = ("paths", "seed", "jobs", "output_dir", "report", "summary", "annotations", "quiet")
 
 SUBCOMMANDS: Final[Mapping[str, Subcommand]] = MappingProxyType(
@@ -44,9 +45,9 @@ SUBCOMMANDS: Final[Mapping[str, Subcommand]] = MappingProxyType(
         "prove": Subcommand("prove", "Find expectations that check nothing.", _PROOFS, handles_signals=True),
         "report": Subcommand("report", "Make the reports of a run that was killed.", _REPORTS),
         "view": Subcommand("view", "Open a report in the browser.", ("output_dir",)),
-        "rostest": Subcommand("ros", "Run a rostest of ROS 1.", _REPORTS, handles_signals=True),
-        "roslaunch": Subcommand("ros", "Run a ROS 1 launch file.", _REPORTS, handles_signals=True),
-        "launchtest": Subcommand("ros", "Run a launch test of ROS 2 (experimental).", _REPORTS, handles_signals=True),
+        "rostest": Subcommand("ros", "Run a rostest of ROS 1.", _LAUNCHES, handles_signals=True),
+        "roslaunch": Subcommand("ros", "Run a ROS 1 launch file.", _LAUNCHES, handles_signals=True),
+        "launchtest": Subcommand("ros", "Run a launch test of ROS 2 (experimental).", _LAUNCHES, handles_signals=True),
         "init": Subcommand("init", "Create an example scenario and a workflow."),
         "inspect": Subcommand("inspect", "Show and check a robot model."),
         "explain": Subcommand("listings", "Explain an assertion, command source, drive, sensor or key."),

@@ -13,7 +13,7 @@ from click.core import ParameterSource
 from typing_extensions import override
 
 from sim_action.core.errors import ExitCode, UsageError
-from sim_action.core.wording import escaped_line, log_line, nearest, note, shown, warn
+from sim_action.core.wording import counted, escaped_line, log_line, nearest, note, shown, warn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from sim_action.reports import ReportRequest
     from sim_action.robot.model.robot_spec import Robot
     from sim_action.scenario.selection import Selection, Suite
+
+
+_MAX_MISNAMED: Final = 5
+"""The number of misnamed files that a note names."""
 
 
 class Bounded(click.ParamType):  # type: ignore[type-arg] # generic in new versions of click only
@@ -195,6 +199,7 @@ def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None, *, out
     `taken_selection`; None selects everything. `outside`: True if links out of the workspace are followed. A
     path without scenarios is reported on standard error.
     """
+    from sim_action.core.discovery import file_name, misnamed
     from sim_action.scenario.selection import Selection, find_suite
 
     selection = Selection() if flags is None else taken_selection(flags)
@@ -203,6 +208,10 @@ def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None, *, out
     for pattern in suite.empty:
         # If other scenarios were found, the reports also show this as an error.
         (note if suite.files else complain)(f"no scenario found at '{pattern}'")
+    if others := misnamed(named_paths(paths)):
+        names = ", ".join(map(file_name, others[:_MAX_MISNAMED])) + (", ..." if others[_MAX_MISNAMED:] else "")
+        verb = "looks like a scenario" if len(others) == 1 else "look like scenarios"
+        note(f"{counted(len(others), 'file')} {verb}, but names of scenarios end with .sim.yml: {names}")
     return suite
 
 

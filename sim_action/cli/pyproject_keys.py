@@ -37,7 +37,9 @@ class Defaults(FrozenModel):
     seed: Annotated[int | None, Field(ge=0, le=2**63 - 1, description="as --seed")] = None
     repeat: Annotated[int | None, Field(ge=1, le=1000, description="as --repeat")] = None
     unexercised: Annotated[Literal["error", "warn"] | None, Field(description="as --unexercised")] = None
-    strict: Annotated[bool | None, Field(description="as --strict of run and validate")] = None
+    strict: Annotated[
+        bool | None, Field(description="as --strict of run, validate, rostest, roslaunch and launchtest")
+    ] = None
     jobs: Annotated[int | None, Field(ge=1, le=256, description="as --jobs")] = None
     fail_fast: Annotated[bool | None, Field(alias="fail-fast", description="as --fail-fast")] = None
     record: Annotated[tuple[str, ...] | None, Field(description="formats, as --record")] = None

@@ -16,6 +16,7 @@ from sim_action.cli.options import (
     code_permissions,
     report_flags,
     report_request,
+    strict_option,
     with_options,
 )
 from sim_action.core.errors import ExitCode, UsageError
@@ -72,6 +73,7 @@ _OPTIONS: Final = (
         help="Stop after S seconds of real time.  [default: enough for all time limits]",
     ),
     _ALLOW_LOSSES,
+    strict_option,
 )
 
 
@@ -128,6 +130,7 @@ def roslaunch(**flags: Any) -> ExitCode:
     "--sim-time-limit", type=_POSITIVE, metavar="S", help="End the simulation after this sim time in s.  [default: 60]"
 )
 @_ALLOW_LOSSES
+@strict_option
 @report_flags
 @code_flags
 def launchtest(**flags: Any) -> ExitCode:
@@ -160,6 +163,7 @@ def launchtest(**flags: Any) -> ExitCode:
             flags["sim_time_limit"],
             allows_losses=flags["allow_losses"],
             pass_env=permissions.pass_env,
+            strict=flags["strict"],
         )
         return launch_test.run(request, report_request(flags), interruption)
 
@@ -194,6 +198,7 @@ def _called(program: Program, flags: dict[str, Any]) -> ExitCode:
             allows_losses=flags["allow_losses"],
             pass_env=permissions.pass_env,
             more=more,
+            strict=flags["strict"],
         )
         return command.run(request, report_request(flags), interruption)
 

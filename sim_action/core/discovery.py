@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePath
@@ -13,6 +14,9 @@ from sim_action.core.workspace import PathError, Workspace
 
 SUFFIXES: Final = (".sim.yml", ".sim.yaml")
 
+_MAX_LOOKED_AT_BYTES: Final = 65_536
+_KEYS: Final = (re.compile(rb"^robot[ \t]*:", re.MULTILINE), re.compile(rb"^[ \t-]*expect[ \t]*:", re.MULTILINE))
+_EXTENDS: Final = re.compile(rb"^[ \t-]*extends[ \t]*:[ \t]*[\"']?([^\"'#\r\n]*[^\"'#\s])", re.MULTILINE)
 _NEVER_ENTERED: Final = frozenset({"node_modules", "__pycache__", "site-packages"})
 
 
@@ -97,7 +101,42 @@ def _stays_inside(folder: Path) -> bool:
     return True
 
 
-def _below(folder: Path) -> Iterator[Path]:
+def _below(folder: Path, suffixes: tuple[str, ...] = SUFFIXES) -> Iterator[Path]:
     for parent, folders, files in os.walk(folder):
         folders[:] = sorted(name for name in folders if not name.startswith(".") and name not in _NEVER_ENTERED)
-        yield from (Path(parent, name) for name in sorted(files) if name.endswith(SUFFIXES))
+        yield from (Path(parent, name) for name in sorted(files) if name.endswith(suffixes))
+
+
+def misnamed(patterns: Iterable[str]) -> list[Path]:
+    """Return the files below folders that look like scenarios, but whose names do not end as those of scenarios.
+
+    They have the keys `robot` and `expect`. Bases are not among them: `*.base.yml`, and what another one extends.
+    """
+    texts: dict[str, bytes] = {}
+    for folder in (path for pattern in patterns for path in paths_of(pattern) if os.path.isdir(path)):  # noqa: PTH112
+        for path in _below(folder, (".yml", ".yaml")):
+            if (text := _beginning(path)) is not None:
+                texts[str(path)] = text
+    extended = {
+        compared_name(os.path.join(os.path.dirname(name), os.fsdecode(base)))  # noqa: PTH118, PTH120 - names of any kind
+        for name, text in texts.items()
+        for base in _EXTENDS.findall(text)
+    }
+    return [
+        Path(name)
+        for name, text in texts.items()
+        if not name.endswith((*SUFFIXES, ".base.yml", ".base.yaml"))
+        and all(key.search(text) for key in _KEYS)
+        and compared_name(name) not in extended
+    ]
+
+
+def _beginning(path: Path) -> bytes | None:
+    """Return the beginning of a regular file; None if it cannot be read."""
+    try:
+        if path.is_symlink() or not path.is_file():
+            return None
+        with path.open("rb") as file:
+            return file.read(_MAX_LOOKED_AT_BYTES)
+    except OSError:
+        return None

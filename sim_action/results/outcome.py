@@ -406,6 +406,13 @@ class Outcome(FrozenModel):
         """The warnings that make it fail."""
         return self.warnings if self.strict else ()
 
+    def judged_strictly(self, accepted: str) -> Self:
+        """Return the outcome as that of a strict run; warnings of the rule `accepted` become notes."""
+        notes = (*self.notes, *(str(warning) for warning in self.warnings if warning.rule == accepted))
+        warnings = tuple(warning for warning in self.warnings if warning.rule != accepted)
+        strict = self.model_copy(update={"strict": True, "warnings": warnings, "notes": notes})
+        return strict if self.status == "error" else strict.model_copy(update={"status": strict.judged_status()})
+
     def judged_status(self, *, is_varied: bool = False) -> Status:
         """Return the status that its expectations and, if it is strict, its warnings give.
 

@@ -4,7 +4,7 @@ from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
 
 import pytest
 
-from sim_action.core.discovery import discover, file_name, unique
+from sim_action.core.discovery import discover, file_name, misnamed, unique
 
 
 @pytest.fixture
@@ -120,3 +120,24 @@ def test_a_link_out_of_the_workspace_is_not_entered(
     assert [str(path) for path in unique(discover(["z*"], outside=True))] == ["zz/deep/b.sim.yml"]
     monkeypatch.chdir(tmp_path)
     assert names("other") == ["other/deep/b.sim.yml"]
+
+
+def test_files_that_look_like_scenarios_are_counted(tmp_path: Path) -> None:
+    scenario = "name: a\nrobot: {model: turtlebot3_burger}\nexpect: [upright]\n"
+    texts = {
+        "a.sim.yml": scenario,
+        "deep/other.yml": scenario,
+        "list.yaml": "robot: {model: turtlebot3_burger}\nscenarios:\n  - expect: [upright]\n",
+        "unused.base.yml": scenario,
+        "common.yml": scenario,
+        "b.sim.yml": "extends: common.yml  # keys of all\nname: b\n",
+        "compose.yml": "services:\n  robot: {image: a}\n",
+        ".hidden/c.yml": scenario,
+    }
+    for name, text in texts.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    (tmp_path / "folder.yml").mkdir()
+    (tmp_path / "link.yml").symlink_to("a.sim.yml")
+    found = misnamed([str(tmp_path), str(tmp_path / "deep/other.yml")])
+    assert [str(path.relative_to(tmp_path)) for path in found] == ["list.yaml", "deep/other.yml"]

@@ -308,6 +308,9 @@ def test_what_checks_nothing_is_a_warning(pytester: pytest.Pytester, run: Run) -
     result = run()
     result.assert_outcomes(passed=1, warnings=1)
     result.stdout.fnmatch_lines(["*SimActionWarning: a.sim.yml:5:*nothing-to-touch*"])
+    strict = run("--sim-strict")
+    strict.assert_outcomes(failed=1, warnings=1)
+    strict.stdout.fnmatch_lines(["*✗*nothing-to-touch*"])
 
 
 GATE = """\

@@ -189,6 +189,14 @@ def test_a_strict_outcome_fails_by_the_warnings_that_count(
     assert over_variations([final.model_copy(update={"strict": False}), other], ())[0].status == status
 
 
+@pytest.mark.parametrize(("warnings", "status"), [((STILL, OTHER), "failed"), ((OTHER,), "passed")])
+def test_accepted_warnings_do_not_fail_a_strict_outcome(warnings: tuple[AuditWarning, ...], status: Status) -> None:
+    found = varied(*warnings, notes=("a",)).judged_strictly(OTHER.rule)
+    assert (found.status, found.strict, found.notes) == (status, True, ("a", str(OTHER)))
+    assert found.warnings == tuple(warning for warning in warnings if warning is STILL)
+    assert varied(*warnings, status="error").judged_strictly(OTHER.rule).status == "error"
+
+
 @pytest.mark.parametrize(
     "changed", [{"status": "error"}, {"status": "skipped"}, {"status": "failed", "end": "expectation failed"}]
 )

@@ -31,6 +31,7 @@ from sim_action.ros.ros1.verdicts.findings import LOGS, RESULTS, Findings, Launc
 from sim_action.ros.ros1.verdicts.judge import Judge
 from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags, TestTag, test_tags
 from sim_action.runner.isolation.child_process import environment
+from sim_action.world.claims import NOT_SIMULATED
 
 # Sim time of a launch without tests and without a limit; wall time of each test in addition to its own limit.
 _LAUNCH_TIME_S: Final = 30.0
@@ -177,6 +178,8 @@ def _outcomes(call: LaunchCall, options: ReportOptions, interruption: Interrupti
     tags = LaunchTags.read(files, call.overlay.packages)
     mask = Mask.of(os.environ, request.pass_env)
     found = Judge(request, tags, time.monotonic() - started).outcomes(findings)
+    if request.strict:
+        found = [(outcome.judged_strictly(NOT_SIMULATED), run) for outcome, run in found]
     judged = [(mask.outcome(outcome, names=True, states=False), run) for outcome, run in found]
     paths = trace_paths([outcome.name for outcome, _ in judged], results)
     for (outcome, run), path in zip(judged, paths, strict=True):

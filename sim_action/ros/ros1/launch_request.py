@@ -193,6 +193,7 @@ class LaunchRequest:
         replays: True if replays are stored.
         allows_losses: True if parts that are not simulated are warnings instead of errors.
         pass_env: names of environment variables that nodes may see, in addition to the harmless ones.
+        strict: True if each warning fails the test or the launch.
     """
 
     program: Program
@@ -209,6 +210,7 @@ class LaunchRequest:
     allows_losses: bool = False
     pass_env: tuple[str, ...] = ()
     more: tuple[tuple[str, str], ...] = ()
+    strict: bool = False
 
     @property
     def files(self) -> tuple[tuple[str, str], ...]:
@@ -239,5 +241,7 @@ class LaunchRequest:
                 yield from (option, repr(number).removesuffix(".0"))
         if self.allows_losses:
             yield OPTION
+        if self.strict:
+            yield "--strict"
         for name in self.pass_env:
             yield from ("--pass-env", name)

@@ -9,6 +9,7 @@ from click.testing import CliRunner
 
 from sim_action.cli.ros import rostest
 from sim_action.core.errors import Location
+from sim_action.core.records import replace
 from sim_action.ros.ros1 import command
 from sim_action.ros.ros1.launch_request import (
     RUN_FILE,
@@ -53,6 +54,7 @@ def test_what_is_typed_again_is_the_same_call(tmp_path: Path, monkeypatch: pytes
     calls: list[LaunchRequest] = []
     monkeypatch.setattr(command, "run", lambda request, *_: calls.append(request))
     asked = LaunchRequest("rostest", "driver", "mover.test", ("x:=-1",), Path("ws"), "pybullet", 7, 1 / 3, 0.1, 1e-5)
+    asked = replace(asked, strict=True)
     CliRunner().invoke(rostest, asked.words[2:])
     assert calls == [asked]
 

@@ -48,6 +48,7 @@ from sim_action.scenario.model import DrivenRobot, Scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.verdict import Judged, Verdict
 from sim_action.world import Physics, World
+from sim_action.world.claims import NOT_SIMULATED
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -142,6 +143,7 @@ class LaunchTestRequest:
         sim_time_limit: s after which the simulation ends; None: 60.
         allows_losses: True if parts that are not simulated are warnings instead of errors.
         pass_env: names of environment variables that nodes may see, in addition to the harmless ones.
+        strict: True if each warning fails the test.
     """
 
     package: str
@@ -153,13 +155,15 @@ class LaunchTestRequest:
     sim_time_limit: float | None = None
     allows_losses: bool = False
     pass_env: tuple[str, ...] = ()
+    strict: bool = False
 
     @property
     def words(self) -> tuple[str, ...]:
         """The command line that repeats the call."""
         limit = ("--sim-time-limit", f"{self.sim_time_limit:g}") if self.sim_time_limit else ()
         names = (word for name in self.pass_env for word in ("--pass-env", name))
-        options = ("--workspace", str(self.workspace), "--seed", str(self.seed), *limit, *names)
+        strict = ("--strict",) if self.strict else ()
+        options = ("--workspace", str(self.workspace), "--seed", str(self.seed), *limit, *strict, *names)
         return ("sim-action", "launchtest", *options, self.package, self.file, *self.arguments)
 
 
@@ -184,7 +188,8 @@ def _outcome(request: LaunchTestRequest, interruption: Interruption, started: fl
         return Outcome.of_invalid(request.file, error).model_copy(update=about)
     test = _LaunchTest(request, file, packages, interruption)
     about |= {"file": shown_path(file), **test.run(), "wall_time": time.monotonic() - started}
-    return Outcome(**about)
+    outcome = Outcome(**about)
+    return outcome.judged_strictly(NOT_SIMULATED) if request.strict else outcome
 
 
 def _test_file(request: LaunchTestRequest) -> tuple[Path, Packages]:
