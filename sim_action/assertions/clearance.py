@@ -12,7 +12,7 @@ from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import bounds_title, check_bounds
 from sim_action.assertions.monitors.goals import Goal, Invariant, joined
-from sim_action.assertions.monitors.proximity import distances_known, least_so_far, recorded
+from sim_action.assertions.monitors.proximity import clearance_signal, distances_known, least_so_far, recorded
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetres
 from sim_action.core.lazy_numpy import np
@@ -105,12 +105,16 @@ class Clearance(Assertion):
     def meaning(self, scene: Scene) -> str:
         from sim_action.assertions.temporal_logic.formula import quoted
 
-        bodies = self.to or ()
-        quantity = f"{quoted(f'clearance of {self.chosen} to {bodies}')}.x"
-        if self.chosen is None and len(bodies) < 2:
-            quantity = f"clearance({quoted(bodies[0])})" if bodies else "clearance"
-        least = None if self.at_least is None else f"always ({quantity} >= {self.at_least!r})"
-        most = None if self.at_most is None else f"eventually ({quantity} <= {self.at_most!r})"
+        bodies = self.to or tuple(body.name for body in scene.world.objects)
+        quantities = [f"{quoted(f'clearance of {self.chosen} to {bodies}')}.x"]
+        if self.chosen is None:
+            quantities = [clearance_signal(body) for body in bodies] or ["clearance"]
+        each, some = (
+            joint.join(f"{quantity} {relation} {limit!r}" for quantity in quantities)
+            for joint, relation, limit in ((" and ", ">=", self.at_least), (" or ", "<=", self.at_most))
+        )
+        least = None if self.at_least is None else f"always ({each})"
+        most = None if self.at_most is None else f"eventually ({some})"
         return " and ".join(part for part in (least, most) if part is not None)
 
     has_truth: ClassVar[bool] = True

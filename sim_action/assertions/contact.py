@@ -17,9 +17,9 @@ from sim_action.assertions.monitors.contact_force import Forces, MeanForce, dura
 from sim_action.assertions.monitors.goals import joined
 from sim_action.assertions.monitors.proximity import (
     NO_FORCE,
+    clearance_signal,
     least_so_far,
     nearest_of,
-    touch_signal,
     touching_at,
     with_zeros,
 )
@@ -128,7 +128,7 @@ class Touch(Assertion):
     @override
     def meaning(self, scene: Scene) -> str:
         plain = self.link is None and self.span is None and not self.has_least and not self.has_most
-        return f"eventually ({touch_signal(self.body)} >= 0.5)" if plain else ""
+        return f"eventually ({clearance_signal(self.body)} <= 0)" if plain else ""
 
     @override
     def run_claims(self, run: JudgedRun) -> Findings:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
@@ -77,6 +78,10 @@ class FinalPose(PoseTarget):
             yield from limits.too_wide(most, "this place", {"tolerance": self.tolerance})
         if not self.relative:
             yield from super().range_claims(limits)
+
+    @override
+    def distance_from(self, start: Mapping[str, float]) -> float:
+        return math.hypot(*self.coordinates.values()) if self.relative else super().distance_from(start)
 
     @override
     def title_of(self, watched: Watched) -> str:

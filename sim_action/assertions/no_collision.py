@@ -10,7 +10,7 @@ from typing_extensions import override
 from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
 from sim_action.assertions.monitors.contact_force import MeanForce, duration_text, times_of
-from sim_action.assertions.monitors.proximity import strength, touch_signal, touching_at, with_zeros
+from sim_action.assertions.monitors.proximity import clearance_signal, strength, touching_at, with_zeros
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
@@ -81,7 +81,7 @@ class NoCollision(Assertion):
         bodies = [body.name for body in scene.world.objects if body.name not in self.allow]
         if not bodies or not scene.model.links_by_name.keys().isdisjoint(self.allow):
             return ""
-        return f"always ({' and '.join(f'{touch_signal(body)} <= 0.5' for body in bodies)})"
+        return f"always ({' and '.join(f'{clearance_signal(body)} > 0' for body in bodies)})"
 
     @override
     def claims(self, setting: Setting) -> Findings:

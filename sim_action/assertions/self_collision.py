@@ -20,6 +20,7 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import matches_name
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Signal, Verdict
+from sim_action.world.claims import ClaimFinding, Findings
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -105,6 +106,17 @@ class SelfCollision(Assertion):
 
     def _is_allowed(self, pair: tuple[str, str]) -> bool:
         return any(_names(names, pair) for names in self.allow)
+
+    @override
+    def robot_claims(self, scene: Scene) -> Findings:
+        """Yield a robot whose links never come near each other, such as two wheels."""
+        from sim_action.robot.model.link_pairs import touchable_pairs
+        from sim_action.world.link_range import least_distance
+
+        pairs = (pair for pair in touchable_pairs(scene.model) if not self._is_allowed(pair))
+        if not scene.model.mjcf and all(least_distance(scene, *pair) > 0 for pair in pairs):
+            message = "no two links can come near each other, whatever their joints; remove self_collision"
+            yield ClaimFinding("nothing-to-touch", (), message)
 
     @override
     def judges_rest(self, scene: Scene) -> bool:

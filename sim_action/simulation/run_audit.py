@@ -61,6 +61,7 @@ class CommandLog:
         moves_joints: True if a joint got a velocity that is not zero, or a position away from its start.
         efforts: joint -> the greatest effort that it got, in N m or N.
         wrench: the greatest force in N, or torque in N m, that a link got.
+        fastest: the greatest linear speed of a twist, in m/s.
     """
 
     positions: dict[str, float]
@@ -70,6 +71,7 @@ class CommandLog:
     moves_joints: bool = False
     efforts: dict[str, float] = field(default_factory=dict)
     wrench: float = 0.0
+    fastest: float = 0.0
 
     @property
     def are_zero(self) -> bool:
@@ -80,6 +82,7 @@ class CommandLog:
         """Add a command."""
         if isinstance(command, Twist):
             self.drives = True
+            self.fastest = max(self.fastest, math.hypot(*command.linear_xyz))
             self.moves_base = self.moves_base or _is_motion(*command.linear_xyz, *command.angular_xyz)
             return
         self.drives = self.drives or not self.wheels.isdisjoint(command.names())
@@ -138,7 +141,8 @@ def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[Cla
     standstills = list[ClaimFinding]()
     facts_of = zip(places, scenario.expect, facts.verdicts, facts.unmet, facts.monitors, strict=True)
     for place, expected, verdict, unmet, monitor in facts_of:
-        run = JudgedRun(scene, facts.trace, verdict, bool(unmet), facts.commands.efforts, facts.commands.wrench)
+        log, limit = facts.commands, scenario.time_limit
+        run = JudgedRun(scene, facts.trace, verdict, bool(unmet), log.efforts, log.wrench, log.fastest, limit)
         for finding in (*_judged_once(scenario, expected, verdict, facts.end), *expected.assertion.run_claims(run)):
             yield finding.below(place)
         if verdict.status == "passed":
@@ -172,7 +176,9 @@ def _of_parts(expected: Expectation, run: JudgedRun, window: Window) -> Iterator
     for (place, leaf), monitor in zip(expected.assertion.placed_leaves(), window.leaves, strict=False):
         if leaf is not expected.assertion:
             verdict = replace(monitor.verdict().counted(window.steps), goal=leaf.is_goal)
-            yield from (finding.below(place) for finding in leaf.run_claims(replace(run, verdict=verdict)))
+            yield from (
+                finding.below(place) for finding in leaf.run_claims(replace(run, verdict=verdict, is_part=True))
+            )
 
 
 def _untouched_patches(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:

@@ -105,7 +105,11 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             "`no_collision` where there is nothing that the robot may not touch during the check; `no_collision` or "
             "`clearance` where all objects are below the ground or above the robot",
         ),
-        "limit-beyond-range": Rule("warning", "a minimum distance of `sensor` that is greater than its sensor's range"),
+        "limit-beyond-range": Rule(
+            "warning",
+            "a minimum distance of `sensor` that is greater than its sensor's range; a place in `not` or `any_of` to "
+            "which no run comes in its time limit, even at 5 times the speed of its commands",
+        ),
         "segment-beyond-run": Rule(
             "warning", "a command segment or point that is longer or later than the run: probably in milliseconds"
         ),
@@ -280,6 +284,9 @@ class JudgedRun:
         lacks_premise: True if a premise of the expectation never held.
         efforts: joint -> the greatest effort that was commanded, in N m or N.
         wrench: the greatest force in N, or torque in N m, that was commanded on a link.
+        fastest: the greatest linear speed that was commanded, in m/s.
+        time_limit: of the scenario, in s.
+        is_part: True if the verdict is that of a part of an expectation that passed.
     """
 
     scene: Scene
@@ -288,6 +295,9 @@ class JudgedRun:
     lacks_premise: bool = False
     efforts: Mapping[str, float] = field(default_factory=dict)
     wrench: float = 0.0
+    fastest: float = 0.0
+    time_limit: float = 0.0
+    is_part: bool = False
 
     def is_pushed(self, joints: Collection[str]) -> bool:
         """Return True if a force that is not negligible acted on the robot, or an effort on one of the joints."""

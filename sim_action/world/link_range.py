@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Final
 
 from sim_action.core import geometry, units
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass
 from sim_action.core.yaml_document import KeyPath
-from sim_action.robot.model.kinematics import link_of_frame, link_poses
+from sim_action.robot.model.kinematics import link_of_frame, link_poses, shape_box
 from sim_action.robot.model.robot_model import WORLD, Joint, RobotModel
 from sim_action.world.claims import ClaimFinding, Findings, beyond
 from sim_action.world.scene import Scene
@@ -139,6 +139,26 @@ def joints_between(scene: Scene, link: str | None, frame: str) -> tuple[str, ...
     model = scene.model
     start = model.root if frame == WORLD else link_of_frame(model, frame)
     return tuple(joint.name for joint in _between(model, start, link or model.root) if joint.moves)
+
+
+def least_distance(scene: Scene, link: str, other: str) -> float:
+    """Return a lower bound of the distance in m of the shapes of two links, whatever their joints; 0 if none is known.
+
+    The axes of two joints that follow each other keep their distance, and a shape turns about the axis of its own.
+    """
+    chain = [joint for joint in _between(scene.model, link, other) if joint.moves]
+    if not chain or any(joint.type not in ("revolute", "continuous") for joint in chain):
+        return 0.0
+    poses = link_poses(scene.model, {})
+    places = [geometry.compose(poses[joint.child], Pose(joint.anchor_xyz)).position_xyz for joint in chain]
+    between = [math.dist(*pair) for pair in pairwise(places)]
+    apart = 2 * max(between, default=0.0) - sum(between)
+    for name, place in ((link, places[0]), (other, places[-1])):
+        shapes = scene.model.links_by_name[name].collisions
+        boxes = (shape_box(geometry.compose(poses[name], shape.pose), shape) for shape in shapes)
+        corners = (corner for box in boxes for corner in product(*zip(*box, strict=True)))
+        apart -= max((math.dist(place, corner) for corner in corners), default=0.0)
+    return max(0.0, apart)
 
 
 def joint_range(scene: Scene, name: str, reading: str) -> tuple[float, float]:

@@ -230,12 +230,50 @@ KINDS: Final[Mapping[str, Kind]] = {
         "unreachable-limit",
         (
             (DRIVES, "any_of: [no_collision, {contact: {with: wall}}]"),
+            (DRIVES, "any_of: [no_collision, {clearance: {at_most: 1 cm}}]"),
             (DRIVES, "any_of: [{max_speed: {linear: 0.3}}, {not: {max_speed: {linear: 0.1}}}]"),
             (DRIVES, "not: {all_of: [{travel: {at_most: 1 m}}, {travel: {at_least: 2 m}}]}"),
         ),
         (
             (DRIVES, "any_of: [{contact: {with: wall}}, {travel: {at_least: 10 cm}}]"),
+            (DRIVES, "any_of: [{clearance: {at_least: 1 m}}, {clearance: {at_most: 1 cm}}]"),
             (DRIVES, "any_of: [{max_speed: {linear: 0.3}}, {travel: {at_most: 1 cm}}]"),
+        ),
+    ),
+    "a formula that waits for a time alone": Kind(
+        "unreachable-limit",
+        (
+            (DRIVES, "stl: eventually (time > 0.5 s)"),
+            (DRIVES, "stl: always (x < 1 m) and eventually (time > 0.5 s)"),
+            (DRIVES, "stl: eventually (time > 0.5 s and eventually (time > 1 s))"),
+            (DRIVES, "stl: not always (time < 0.5 s)"),
+        ),
+        (
+            (DRIVES, "stl: always (time > 0.5 s implies x > 5 cm)"),
+            (DRIVES, "stl: eventually (time < 1 s and x > 10 cm)"),
+            (DRIVES, "all_of: [{stl: always (time < 1 s)}, {travel: {at_least: 10 cm}}]"),
+        ),
+    ),
+    "links that cannot meet": Kind(
+        "nothing-to-touch",
+        ((DRIVES, "self_collision"), (DRIVES, "all_of: [self_collision, upright]")),
+        ((ARM, "self_collision"),),
+    ),
+    "a place that no run comes to in its time": Kind(
+        "limit-beyond-range",
+        (
+            (DRIVES, "not: {reach: {x: 50, y: 0}}"),
+            (DRIVES, "not: {final_pose: {x: 50}}"),
+            (DRIVES, "any_of: [{reach: {x: 3, y: 0}}, {travel: {at_most: 1 m}}]"),
+        ),
+        (
+            (DRIVES, "not: {reach: {x: 1, y: 0}}"),
+            (
+                DRIVES.replace("burger", "burger, pose: {x: 90}").replace("x: 2}", "x: 92}"),
+                "not: {final_pose: {x: 1, relative: true}}",
+            ),
+            (DRIVES, "any_of: [{reach: {x: 0.1, y: 0}}, {reach: {x: 1, y: 0}}]"),
+            (GUARD, "all_of: [{not: {reach: {x: 1, y: 0}}}, {travel: {at_most: 1 cm}}]"),
         ),
     ),
     "nothing drives the robot": Kind(

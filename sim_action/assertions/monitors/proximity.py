@@ -66,11 +66,11 @@ NO_FORCE: Final = "with no computed force (neither gives way)"
 """The part of a message about a contact without a force, see `Contact.has_force`."""
 
 
-def touch_signal(body: str) -> str:
-    """Return the contact of the robot with a body as a formula writes it: 1 or 0."""
+def clearance_signal(body: str) -> str:
+    """Return the distance of the robot from a body as a formula writes it: 0 or less where they touch."""
     from sim_action.assertions.temporal_logic.formula import quoted
 
-    return f"{quoted(f'contact with {body}')}.x"
+    return f"clearance({quoted(body)})"
 
 
 def strength(contact: Contact) -> str:

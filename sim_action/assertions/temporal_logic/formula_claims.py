@@ -168,6 +168,9 @@ def audit_formula(text: str, formula: Formula, setting: Setting) -> Findings:
         return
     parts = list(constants(formula, _possible_in(setting, math.inf)))
     yield from (_always(text, constant) for constant in parts)
+    if not parts:
+        parts = [Constant(part, True) for part in _on_time_alone(formula)]
+        yield from (_of_clock(text, constant) for constant in parts)
     # A part on the time, such as a late deadline beside other limits, may be true in all of a run.
     if not parts and not can_be(formula, _possible_in(setting, setting.time_limit), true=False):
         yield _always(text, Constant(formula, True))
@@ -266,6 +269,22 @@ def _always(text: str, constant: Constant) -> ClaimFinding:
     always = "always true ('>' and '>=' are the same)" if constant.is_true else "always false"
     message = f"'{constant.part}' is {always}, so it checks nothing; change its limit"
     return ClaimFinding("unreachable-limit", (), f"{message}; {place(text, constant.at)}")
+
+
+def _on_time_alone(formula: Formula) -> Iterator[Formula]:
+    """Yield the outermost parts that wait for a time and for no other signal: the run goes on until it has come."""
+    found = list[Formula]()
+    for part in everything(formula):
+        waits = isinstance(part, Eventually) or (isinstance(part, Not) and isinstance(part.formula, Always))
+        on_time = {(signal.source, signal.name) for signal in signals_of(part)} == {("robot", "time")}
+        if waits and on_time and not any(part in everything(outer) for outer in found):
+            found.append(part)
+    yield from found
+
+
+def _of_clock(text: str, constant: Constant) -> ClaimFinding:
+    message = f"'{constant.part}' waits for a time alone, which comes whatever the robot does"
+    return ClaimFinding("unreachable-limit", (), f"{message}; compare another signal; {place(text, constant.at)}")
 
 
 def _never_changes(text: str, comparison: Comparison, compared: Iterable[Signal]) -> ClaimFinding:

@@ -232,31 +232,14 @@ def _has_solution(rows: tuple[Row, ...], possible: Possible, *, strict: bool) ->
 
 
 def _range(term: Term, possible: Possible) -> Range:
+    """Return the possible values of a signal or of a product of signals, of which only the sign is known."""
     match term:
-        case Number():
-            return term.value, term.value
         case Signal():
             return possible(term)
-        case Negative():
-            low, high = _range(term.term, possible)
-            return -high, -low
         case Absolute():
-            low, high = _range(term.term, possible)
-            return max(0.0, low, -high), max(-low, high)
-        case Sum():
-            each = [_range(part, possible) for part in term.terms]
-            return sum(low for low, _ in each), sum(high for _, high in each)
+            return 0.0, math.inf
         case Product():
-            low, high = 1.0, 1.0
-            for factor, power in Counter(term.factors).items():
-                bottom, top = _range(factor, possible)
-                powers = [math.prod([end] * power) for end in (bottom, top)]
-                if power % 2 == 0 and bottom < 0 < top:
-                    powers.append(0.0)
-                ends = [_times(a, b) for a, b in product((low, high), (min(powers), max(powers)))]
-                low, high = min(ends), max(ends)
-            return low, high
-
-
-def _times(first: float, second: float) -> float:
-    return first * second if first and second else 0.0
+            odd = (factor for factor, power in Counter(term.factors).items() if power % 2)
+            return (0.0 if all(_range(factor, possible)[0] >= 0 for factor in odd) else -math.inf), math.inf
+        case _:
+            return ANYTHING
