@@ -364,6 +364,7 @@ ROSTEST = {
     "seed": "3",
     "sim-time-limit": "9",
     "allow-losses": "false",
+    "strict": "true",
     "pass-env": "",
 }
 
@@ -379,6 +380,7 @@ def test_inputs_of_a_rostest_are_arguments_and_never_options() -> None:
         "--summary",
         "--no-annotations",
         "--no-allow-losses",
+        "--strict",
         "--",
         *("robot", "moves.test", "side:=left", "--help;$(x)"),
     ]
