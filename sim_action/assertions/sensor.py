@@ -169,8 +169,11 @@ class SensorReading(Assertion):
 
     @override
     def run_claims(self, run: JudgedRun) -> Findings:
-        """Yield a minimum distance that every reading met because it was infinite."""
+        """Yield a minimum distance that infinite readings met, and a limit of a force that was always 0."""
         verdict = run.verdict
+        if self.reading == "force" and verdict.passed and not verdict.goal and verdict.measured == 0:
+            message = f"{self.name} felt no contact in the whole run, so the limit was compared with 0 only"
+            yield ClaimFinding("never-touched", (), f"{message}; let it touch something, or use no_collision")
         if self.reading not in DISTANCES or self.which == "max" or self._claims_empty(run.scene):
             return
         # The measured value is the least reading; an infinite one is None.

@@ -125,8 +125,9 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         ),
         "never-touched": Rule(
             "warning",
-            "an upper limit of `contact`, or a `force` of `stl`, on a body that the robot did not touch, or of "
-            "`feet_on_ground` without a foot on the ground, in any variation",
+            "an upper limit of `contact`, or a `force` of `stl`, on a body that the robot did not touch; of the "
+            "`force` of a contact sensor that felt nothing; of `feet_on_ground` without a foot on the ground; in any "
+            "variation",
             over_variations=True,
         ),
         "partly-compared": Rule(

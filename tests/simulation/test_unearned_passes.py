@@ -45,6 +45,7 @@ ICE: Final = (
     f"{BURGER}{DRIVE}world: {{ground: {{friction: 0.0}}, objects: [\n"
     "  {name: gate, box: [0.1, 2, 0.5], pose: {x: 3, z: 0.25}, path: [{at: 0.2 s}, {at: 1 s, x: 1.5}]}]}\n"
 )
+BUMPER: Final = DRIVES + "sensors: [{contact: {}, name: bump, link: base_footprint, rate: 50 Hz}]\n"
 SLOW: Final = DRIVES.replace("linear: 0.2", "linear: 0.001")
 
 
@@ -311,10 +312,12 @@ KINDS: Final[Mapping[str, Kind]] = {
             (DRIVES, "all_of: [{contact: {with: wall, at_most: 10 N}}, upright]"),
             (DRIVES, "stl: always (force(wall) < 10 N)"),
             (DRIVES, "all_of: [{stl: always (force(wall) < 10 N)}, upright]"),
+            (BUMPER, "sensor: {name: bump, reading: force, at_most: 50 N}"),
         ),
         (
             (DRIVES.replace("x: 2", "x: 0.3"), "all_of: [{contact: {with: wall, at_most: 500 N}}, upright]"),
             (DRIVES.replace("x: 2", "x: 0.3"), "stl: always (force(wall) < 500 N)"),
+            (BUMPER.replace("x: 2", "x: 0.3"), "sensor: {name: bump, reading: force, at_most: 500 N}"),
         ),
     ),
     "a robot that cannot drive": Kind(
