@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import mmap
 import os
 import signal
 import subprocess
@@ -86,7 +87,7 @@ def _open_seconds(size: int) -> float:
 
 def _used_bytes() -> int:
     """Return the address space of this process."""
-    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * os.sysconf("SC_PAGE_SIZE")
+    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * mmap.PAGESIZE
 
 
 def _allow(base: int, more: int, seconds: float) -> None:
