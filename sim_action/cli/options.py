@@ -208,7 +208,7 @@ def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None, *, out
     for pattern in suite.empty:
         # If other scenarios were found, the reports also show this as an error.
         (note if suite.files else complain)(f"no scenario found at '{pattern}'")
-    if others := misnamed(named_paths(paths)):
+    if others := misnamed(named_paths(paths), outside=outside):
         names = ", ".join(map(file_name, others[:_MAX_MISNAMED])) + (", ..." if others[_MAX_MISNAMED:] else "")
         verb = "looks like a scenario" if len(others) == 1 else "look like scenarios"
         note(f"{counted(len(others), 'file')} {verb}, but names of scenarios end with .sim.yml: {names}")

@@ -10,6 +10,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path, PurePath
 from typing import Final
 
+from sim_action.core.files import open_regular
 from sim_action.core.workspace import PathError, Workspace
 
 SUFFIXES: Final = (".sim.yml", ".sim.yaml")
@@ -107,14 +108,15 @@ def _below(folder: Path, suffixes: tuple[str, ...] = SUFFIXES) -> Iterator[Path]
         yield from (Path(parent, name) for name in sorted(files) if name.endswith(suffixes))
 
 
-def misnamed(patterns: Iterable[str]) -> list[Path]:
+def misnamed(patterns: Iterable[str], *, outside: bool = False) -> list[Path]:
     """Return the files below folders that look like scenarios, but whose names do not end as those of scenarios.
 
     They have the keys `robot` and `expect`. Bases are not among them: `*.base.yml`, and what another one extends.
+    `outside`: True if folders behind links out of the workspace count.
     """
     texts: dict[str, bytes] = {}
     for folder in (path for pattern in patterns for path in paths_of(pattern) if os.path.isdir(path)):  # noqa: PTH112
-        for path in _below(folder, (".yml", ".yaml")):
+        for path in _below(folder, (".yml", ".yaml")) if outside or _stays_inside(folder) else ():
             if (text := _beginning(path)) is not None:
                 texts[str(path)] = text
     extended = {
@@ -134,9 +136,7 @@ def misnamed(patterns: Iterable[str]) -> list[Path]:
 def _beginning(path: Path) -> bytes | None:
     """Return the beginning of a regular file; None if it cannot be read."""
     try:
-        if path.is_symlink() or not path.is_file():
-            return None
-        with path.open("rb") as file:
+        with open_regular(path, follow_link=False) as file:
             return file.read(_MAX_LOOKED_AT_BYTES)
     except OSError:
         return None

@@ -152,8 +152,9 @@ def test_a_gate_is_planned_without_a_run(workspace: Path) -> None:
 
 
 def test_a_plan_without_a_gate_or_a_rate_is_refused_in_one_line(workspace: Path) -> None:
-    (workspace / "plain.yml").write_text(SCENARIO.partition("variations:")[0])
-    for words in (("plain.yml", "--plan-gate"), ("--plan-gate", "plain.yml"), ("plain.yml", "--plan-gate", "--list")):
+    (workspace / "plain.sim.yml").write_text(SCENARIO.partition("variations:")[0])
+    name = "plain.sim.yml"
+    for words in ((name, "--plan-gate"), ("--plan-gate", name), (name, "--plan-gate", "--list")):
         ran = sim_action(workspace, "run", *words)
         assert ran.returncode == 2
         assert ran.stdout == ""
