@@ -319,16 +319,20 @@ class Journal:
 
     def _attempt(self, step: Callable[[], None]) -> None:
         """Do a step; after an error of the system, the next step writes the whole journal again."""
-        try:
-            step()
-        except OSError as error:
-            self._leave()
-            if self._make_room(error, self._recorded.header.files):
-                self._attempt(self._write_whole)
-            elif not self._has_warned:
-                self._has_warned = True
-                reason = system_reason(error)
-                self._warn(f"the journal {self._path.name} cannot be written: {reason}; verdicts are kept in memory")
+        while True:
+            try:
+                step()
+            except OSError as error:
+                self._leave()
+                if self._make_room(error, self._recorded.header.files):
+                    step = self._write_whole
+                    continue
+                if not self._has_warned:
+                    self._has_warned = True
+                    reason = system_reason(error)
+                    problem = f"the journal {self._path.name} cannot be written: {reason}"
+                    self._warn(f"{problem}; verdicts are kept in memory")
+            return
 
     def _append(self, record: Record) -> None:
         """Write a record. Raise OSError."""
