@@ -95,7 +95,7 @@ def _no_constant(value: object) -> object:
     return value
 
 
-_Terms = Annotated[tuple[Term, ...], BeforeValidator(_no_constant), Field(min_length=1, json_schema_extra=_also(_TEXT))]
+_Terms = Annotated[tuple[Term, ...], Field(min_length=1, json_schema_extra=_also(_TEXT)), BeforeValidator(_no_constant)]
 
 
 class PolicyCommands(CommandSource):

@@ -22,7 +22,7 @@ async function isDrawn(page, label) {
 /** @type {Record<string, {hash?: string, how?: {width?: number, height?: number, dark?: boolean}, look: (page: Page) => Promise<void>}>} */
 export const GHOSTS = {
   "a survivor plays with the run without a fault as a ghost": {
-    hash: "#scenario=burger%20(doubled)&t=2",
+    hash: "#scenario=burger%20(scaled%3Ax2)&t=2",
     look: async (page) => {
       await isDrawn(page, "the run without the fault");
       assert.match((await page.textContent(".against button")) ?? "", /^The motions part at [\d.]+ s, by more than 5 mm$/);
