@@ -125,11 +125,14 @@ class PartReader:
             return None
         key, kind = found
         source = self.validated(kind, data, path)
-        if source is not None:
-            source = source.completed(self._workspace)
-            self._problems.note_all(path, source.problems(self._workspace))
-            if source.runs_user_code and self._permissions.scripts_refused:
-                self._problems.note((*path, key), self._permissions.scripts_refused)
+        if source is None:
+            return None
+        if source.runs_user_code and self._permissions.scripts_refused:
+            # None of its files is opened.
+            self._problems.note((*path, key), self._permissions.scripts_refused)
+            return source
+        source = source.completed(self._workspace)
+        self._problems.note_all(path, source.problems(self._workspace))
         return source
 
     def _expectations(self, data: tuple[Any, ...]) -> tuple[Expectation, ...]:
