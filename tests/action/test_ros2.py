@@ -11,7 +11,7 @@ from action import environment, ros2
 from action.ros2 import LOCKS, install, look, main
 from sim_action.core.errors import UsageError
 from sim_action.ros.ros2 import installation
-from sim_action.ros.ros2.installation import DISTRIBUTIONS
+from sim_action.ros.ros2.installation import DISTRIBUTIONS, WHEELS
 from tests.ros.ros2.prefixes import HUMBLE, KILTED, ros_prefix
 
 FOLDER = Path(__file__).parents[2] / "action/locks"
@@ -30,7 +30,8 @@ def without_installed_ros(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_each_distribution_has_its_lock_file() -> None:
-    assert tuple(LOCKS) == DISTRIBUTIONS
+    assert tuple(LOCKS) == tuple(WHEELS)
+    assert set(WHEELS) < set(DISTRIBUTIONS)
 
 
 @pytest.mark.parametrize(("wanted", "lock"), [("true", "jazzy"), ("jazzy", "jazzy"), ("kilted", "kilted")])
@@ -71,8 +72,8 @@ def test_a_named_distribution_is_installed_although_the_runner_has_another_one(v
 
 
 def test_a_distribution_that_is_not_supported_is_not_replaced_silently(tmp_path: Path) -> None:
-    prefix = ros_prefix(tmp_path / "humble", HUMBLE)
-    with pytest.raises(UsageError, match=r"is humble .*; set ros2: jazzy to use the wheels$"):
+    prefix = ros_prefix(tmp_path / "iron", "4.1.6")
+    with pytest.raises(UsageError, match=r"is iron .*; set ros2: jazzy to use the wheels$"):
         look(FOLDER, variables(tmp_path, "true", AMENT_PREFIX_PATH=str(prefix)))
 
 
