@@ -266,7 +266,10 @@ def _ran(outcome: Outcome) -> dict[str, object]:
 
 
 def _made_with(outcome: Outcome) -> dict[str, object]:
-    return {} if outcome.provenance is None else outcome.provenance.model_dump()
+    if outcome.provenance is None:
+        return {}
+    made = outcome.provenance.model_dump()
+    return {**made, "packages": ", ".join(outcome.provenance.packages) or None}
 
 
 def _output_of_gate(group: ScenarioGroup) -> Iterator[str]:

@@ -91,7 +91,8 @@ KILLS: Final = """
 
 def test_each_outcome_names_the_cause(tmp_path: Path) -> None:
     faulty(tmp_path, "raises", init='raise RuntimeError("no map")')
-    faulty(tmp_path, "imports", text="import not_there\n")
+    faulty(tmp_path, "imports", text="__import__('not_there')\n")
+    faulty(tmp_path, "lacks", text="import not_there\n")
     faulty(tmp_path, "crashes", timer="ctypes.string_at(0)")
     faulty(tmp_path, "fatal", timer='self.get_logger().fatal("no power"); os._exit(3)')
     faulty(tmp_path, "nan", timer='twist.linear.x = float("nan")')
@@ -100,6 +101,9 @@ def test_each_outcome_names_the_cause(tmp_path: Path) -> None:
     faulty(tmp_path, "kills", timer=KILLS)
     found = {name: told(outcome) for name, outcome in outcomes(tmp_path, ".", "-j", "2").items()}
 
+    message, line = found.pop("lacks")
+    assert message.startswith("commands.ros2.nodes.0: 'lacks_node.py' imports 'not_there', and ")
+    assert line is None
     message, line = found.pop("raises")
     assert message.endswith("the node 'raises_node' ended with exit code 1: RuntimeError: no map")
     assert line == IN_INIT

@@ -222,18 +222,19 @@ def test_texts_of_user_code_are_cut(tmp_path: Path) -> None:
 def test_messages_of_verdicts_are_cut(tmp_path: Path) -> None:
     gone = child(tmp_path)
     (expected,) = gone.job.loaded.scenario.expect
+    text = "x" * 100_000
     judged = ExpectationOutcome(
         name=expected.name,
         assertion="upright",
         severity=expected.severity,
         location=expected.location,
-        verdict=Verdict(passed=True, unit="x" * 100_000, message="x" * 100_000, body="x" * 100_000),
+        verdict=Verdict(passed=True, unit=text, message=text, body=text, joint=text),
     )
     written = Outcome(name="n", file="a.sim.yml", status="passed", expectations=(judged,))
     gone.report = ChildReport(outcome=written.model_dump_json().encode())
     found = outcome_of(gone, 0)
     assert found.status == "passed"
-    assert [len(text) for text in found.expectations[0].verdict.texts] == [2_000] * 3
+    assert [len(text) for text in found.expectations[0].verdict.texts] == [2_000] * 4
 
 
 NO_FILE = "Traceback (most recent call last):\nOSError: [Errno 24] Too many open files: 'a.py'\n"

@@ -84,7 +84,9 @@ class ScannedLog(ABC):
             yield from items
         except (RecordingError, MemoryError):
             raise
-        except Exception:  # noqa: BLE001 - decoders raise many types for damaged data
+        except Exception as error:
+            if isinstance(error, OSError) and error.errno is not None:
+                raise  # the disk is damaged, not the log
             self.cut = True
 
 

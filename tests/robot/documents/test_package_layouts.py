@@ -227,7 +227,7 @@ def test_allow_outside_is_the_way_out_of_the_workspace(tmp_path: Path) -> None:
 def test_a_folder_above_the_workspace_is_named_in_the_error(tmp_path: Path) -> None:
     root = tmp_path.resolve() / "arm/urdf"
     packages, referrer = _packages(Layout("arm.urdf ../m/a.stl", "", ""), root)
-    with pytest.raises(PackageError, match=rf"--package arm={root.parent}$"):
+    with pytest.raises(PackageError, match=rf"--package arm={root.parent} \(in the action: the input packages\)$"):
         packages.resolve("package://arm/m/a.stl", referrer)
 
 
@@ -246,7 +246,9 @@ def test_outside_of_the_workspace_a_folder_beside_the_model_has_the_name(tmp_pat
 def test_a_package_without_the_file_names_the_folder_that_has_it(package: str, tmp_path: Path) -> None:
     root = tmp_path.resolve()
     packages, referrer = _packages(Layout(f"{_URDF} {package} near/hand/m/a.stl", "", ""), root)
-    with pytest.raises(PackageError, match=r"does not exist.*; the file is in near/hand, which robot.packages or"):
+    with pytest.raises(
+        PackageError, match=r"does not exist.*; the file is in near/hand, which robot.packages, --package or"
+    ):
         packages.resolve("package://hand/m/a.stl", referrer)
     with pytest.raises(PackageError) as refused:
         packages.resolve("package://hand/m/other.stl", referrer)

@@ -173,7 +173,7 @@ def test_a_missing_package_is_told_with_who_refers_to_it_and_where_it_was_looked
         f"(searched: robot.packages, {ros.root} (2 packages), ROS_PACKAGE_PATH (not set), "
         "AMENT_PREFIX_PATH (/nowhere/ros)); "
         "add it to the repository, or set its folder: robot.packages: {rover_sensor: path/to/rover_sensor}, "
-        "or name a folder outside the repository: --package rover_sensor=FOLDER"
+        "or name a folder outside the repository: --package rover_sensor=FOLDER (in the action: the input packages)"
     )
 
 

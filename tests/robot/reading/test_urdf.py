@@ -161,7 +161,7 @@ def test_the_nearer_of_two_packages_is_taken_and_that_is_told(tmp_path: Path) ->
     path.write_text(ARM.replace('<sphere radius="0.5"/>', '<mesh filename="package://other/part.stl"/>'))
     model = read_urdf(path, Packages(Workspace(path.parent, tmp_path)))
     assert mesh_text(model)
-    assert [finding.rule for finding in model.findings] == ["missing-inertia", "several-packages"]
+    assert [finding.rule for finding in model.findings] == ["missing-inertia", "unknown-part", "several-packages"]
 
 
 def test_the_engine_gets_nothing_to_look_at(tmp_path: Path) -> None:
