@@ -17,6 +17,7 @@ from tests.onnx_files import linear
 from tests.patience import PATIENCE
 from tests.ros.ros1.launches import needs_ros, package
 from tests.ros.ros2.nodes import needs_ros2, variables
+from tests.soak import soaked
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 
@@ -196,8 +197,12 @@ NODES: Final = {
 }
 
 
+# tests/core/test_permissions.py has all of them.
+SOME_EVENTS: Final = ("pull_request_target", "push", "pull_request_review", "false")
+
+
 @pytest.mark.parametrize("name", GATED)
-@pytest.mark.parametrize("event", [*sorted(PRIVILEGED_EVENTS), "push", "pull_request_review", "false"])
+@pytest.mark.parametrize("event", soaked(sorted(PRIVILEGED_EVENTS | set(SOME_EVENTS)), short=SOME_EVENTS))
 def test_code_is_refused(
     name: str, event: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

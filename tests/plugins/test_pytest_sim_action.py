@@ -9,11 +9,13 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Final
 
 import pytest
 
 from sim_action.engines import installed
 from tests.integration.conftest import locked
+from tests.soak import soaked
 
 pytest_plugins = ["pytester"]
 pytestmark = pytest.mark.process
@@ -49,7 +51,13 @@ def former(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(params=["of the project", "former"])
+VERSIONS: Final = ("of the project", "former")
+
+with_both = pytest.mark.parametrize("run", VERSIONS, indirect=True)
+"""Also without `--soak`, with both versions of pytest."""
+
+
+@pytest.fixture(params=soaked(VERSIONS, short=VERSIONS[:1]))
 def run(request: pytest.FixtureRequest, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> Run:
     """Run pytest with the plugin in the folder of the test."""
     path = [str(PLUGIN), str(ROOT)]
@@ -74,6 +82,7 @@ def write(pytester: pytest.Pytester, **files: str) -> None:
         (pytester.path / f"{name}.sim.yml").write_text(text)
 
 
+@with_both
 def test_scenarios_are_tests_and_failures_have_the_report(pytester: pytest.Pytester, run: Run) -> None:
     write(pytester, a=DRIVES, b=STUCK)
     result = run()
@@ -139,6 +148,7 @@ def pytest_runtest_teardown(item):
 """
 
 
+@with_both
 def test_failed_expectations_are_assertion_errors_and_missing_verdicts_are_not(
     pytester: pytest.Pytester, run: Run
 ) -> None:
