@@ -151,11 +151,11 @@ def test_a_gate_is_planned_without_a_run(workspace: Path) -> None:
     assert " runs, about 1 s." in ran.stdout
 
 
-def test_a_plan_without_a_gate_or_a_rate_is_refused_in_one_line(workspace: Path) -> None:
-    (workspace / "plain.sim.yml").write_text(SCENARIO.partition("variations:")[0])
+def test_a_plan_without_a_gate_or_a_rate_is_refused_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "plain.sim.yml").write_text(SCENARIO.partition("variations:")[0])
     name = "plain.sim.yml"
     for words in ((name, "--plan-gate"), ("--plan-gate", name), (name, "--plan-gate", "--list")):
-        ran = sim_action(workspace, "run", *words)
+        ran = sim_action(tmp_path, "run", *words)
         assert ran.returncode == 2
         assert ran.stdout == ""
         (line,) = ran.stderr.splitlines()
