@@ -115,7 +115,8 @@ def misnamed(patterns: Iterable[str], *, outside: bool = False) -> list[Path]:
     `outside`: True if folders behind links out of the workspace count.
     """
     texts: dict[str, bytes] = {}
-    for folder in (path for pattern in patterns for path in paths_of(pattern) if os.path.isdir(path)):  # noqa: PTH112
+    paths = [path for pattern in patterns for path in paths_of(pattern)]
+    for folder in filter(os.path.isdir, paths):  # a name that is too long is no folder
         for path in _below(folder, (".yml", ".yaml")) if outside or _stays_inside(folder) else ():
             if (text := _beginning(path)) is not None:
                 texts[str(path)] = text
