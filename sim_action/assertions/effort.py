@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from operator import ge, itemgetter
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
@@ -28,6 +29,7 @@ from sim_action.robot.model.joint_selection import (
 from sim_action.robot.model.robot_model import READINGS
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings
+from sim_action.world.link_range import joint_range
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -114,17 +116,15 @@ class Effort(Assertion):
     def robot_claims(self, scene: Scene) -> Findings:
         """Yield limits that the motors of all selected joints cannot exceed."""
         motors = [joint for joint in chosen(scene.model, self.joints) if joint.mimic is None]
-        # Without a limit in the model, or with a limit of 0, the effort is not limited.
-        if not motors or not all(joint.max_effort for joint in motors):
-            return
+        most = [joint_range(scene, joint.name, "effort")[1] for joint in motors]
         for key, written in self._limits().items():
             try:
                 limits = [units.parse(written, joint.dimension("effort")) for joint in motors]
             except units.UnitError:
                 continue  # reported as a problem
-            if all(limit >= (joint.max_effort or 0.0) for limit, joint in zip(limits, motors, strict=True)):
-                most = max(motors, key=lambda joint: joint.max_effort or 0.0)
-                motor = f"{units.display(most.max_effort or 0.0, most.dimension('effort').si)} ('{most.name}')"
+            if motors and all(map(ge, limits, most)):
+                effort, joint = max(zip(most, motors, strict=True), key=itemgetter(0))
+                motor = f"{units.display(effort, joint.dimension('effort').si)} ('{joint.name}')"
                 message = f"this limit cannot be exceeded: the motors give at most {motor}; give a smaller limit"
                 yield ClaimFinding("unreachable-limit", (key,), message)
 

@@ -181,6 +181,7 @@ def _scene(
         variation=source.values_in_file_names,
         acted_on=bool(scenario.commands or scenario.world.disturbances),
         places=places,
+        stuck=frozenset(fault.target for fault in scenario.faults if fault.stuck and fault.at < scenario.time_limit),
     )
 
 

@@ -164,7 +164,7 @@ def least_distance(scene: Scene, link: str, other: str) -> float:
 def joint_range(scene: Scene, name: str, reading: str) -> tuple[float, float]:
     """Return the least and the greatest reading that a joint can have in a run; infinite if there is no limit.
 
-    A stop gives way a little. The effort of a motor, and the speed of a stable run, are limited.
+    A stop gives way a little. The effort of a motor that no fault holds, and the speed of a stable run, are limited.
     """
     joint, most = scene.model.joints_by_name.get(name), math.inf
     if joint is None:
@@ -177,7 +177,7 @@ def joint_range(scene: Scene, name: str, reading: str) -> tuple[float, float]:
         return joint.lower - gives, joint.upper + gives
     if reading == "velocity":
         most = scene.physics.max_speed if slides else scene.physics.max_turn_rate
-    elif joint.max_effort and joint.mimic is None:
+    elif joint.max_effort and joint.mimic is None and name not in scene.stuck:
         # Without a limit in the model, or with a limit of 0, the effort is not limited.
         most = joint.max_effort
     return -most, most

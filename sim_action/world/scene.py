@@ -78,6 +78,7 @@ class Scene:
         variation: suffix that distinguishes this variation in file names; or empty.
         acted_on: True if commands or disturbances act on the robot.
         places: of the models of the world file.
+        stuck: joints that faults hold at a time, with an effort that may exceed the limit of their motors.
     """
 
     robot: Robot
@@ -96,6 +97,7 @@ class Scene:
     variation: str = ""
     acted_on: bool = False
     places: WorldPlaces = field(default_factory=WorldPlaces)
+    stuck: frozenset[str] = frozenset()
 
     @property
     def bolted(self) -> bool:

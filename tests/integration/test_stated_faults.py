@@ -91,6 +91,40 @@ def test_a_stuck_joint_stays_where_it_is_and_then_follows_its_commands_again(eng
     assert elbow[-1] == pytest.approx(wanted[-1], abs=0.002)
 
 
+@pytest.mark.parametrize(
+    "limit",
+    [
+        {"effort": {"at_most": "30 N"}},
+        {"effort": {"joints": ["slide"], "rms_at_most": "30 N"}},
+        {"joint": {"name": "slide", "reading": "effort", "at_most": "30 N"}},
+        {"joint_within": {"effort": {"*": ["-30 N", "30 N"]}}},
+        {"stl": "always (effort(slide) < 30 N)"},
+    ],
+    ids=" ".join,
+)
+def test_a_stuck_motor_exceeds_a_limit_above_its_own(engine: str, limit: dict[str, Any], tmp_path: Path) -> None:
+    """A motor of 20 N cannot exceed 30 N, but what holds a stuck joint carries the 49 N of its load."""
+    (tmp_path / "it.urdf").write_text(lift(LOAD).replace('effort="1000"', 'effort="20"'))
+    scenario: dict[str, Any] = {
+        "name": "n",
+        "robot": {"model": "it.urdf", **FIXED},
+        "physics": {"settle": 0},
+        "faults": [{"motor": "slide", "at": 0, "stuck": True}],
+        "expect": [limit],
+        "backend": engine,
+        "duration": 1,
+        "time_limit": 2,
+    }
+    (verdict,) = simulated(tmp_path, scenario).verdicts
+    assert not verdict.passed
+    assert verdict.measured == pytest.approx(LOAD * GRAVITY, rel=0.05)
+    fault = scenario["faults"][0]
+    for other in ({"at": 2.5}, {"stuck": None, "off": True}):
+        kept = {key: value for key, value in {**fault, **other}.items() if value is not None}
+        with pytest.raises(InvalidScenario, match="unreachable-limit"):
+            simulated(tmp_path, {**scenario, "faults": [kept]})
+
+
 def test_a_robot_whose_wheel_motor_dies_does_not_drive_on(engine: str) -> None:
     keys: dict[str, Any] = {"commands": [{"twist": [{"linear": 0.2}]}]}
     sound = run_on(engine, Setup("turtlebot3_burger", 6.0, keys))
