@@ -15,6 +15,7 @@ from sim_action.results.results_json import Results
 from sim_action.state.trace_storage import load_trace
 from tests.ros.ros1.launches import ROOT, needs_ros, package
 from tests.ros.ros1.robotis import lay_out
+from tests.soak import soaked
 
 pytestmark = needs_ros
 
@@ -168,17 +169,17 @@ def test_a_launch_whose_required_node_does_not_exist_is_an_error(tmp_path: Path)
     launch = f'<launch>\n{BURGER}\n<node pkg="parts" name="driver" type="not_there.py" required="true"/>\n</launch>'
     package(tmp_path, "parts", {"a.launch": launch})
 
-    for words in ((), ("--allow-losses",)):
-        code, [outcome], printed = called(tmp_path, "roslaunch", "--sim-time-limit", "0.5", *words, "parts", "a.launch")
+    words = ("--sim-time-limit", "0.5", "--allow-losses", "parts", "a.launch")
+    code, [outcome], printed = called(tmp_path, "roslaunch", *words)
 
-        (failure,) = outcome.failures
-        assert (code, outcome.status, failure.title) == (2, "error", "no such node")
-        assert str(failure.location) == "src/parts/a.launch:3"
-        assert "the package 'parts' has no node 'not_there.py'" in failure.message
-        assert "src/parts/a.launch:3" in printed
+    (failure,) = outcome.failures
+    assert (code, outcome.status, failure.title) == (2, "error", "no such node")
+    assert str(failure.location) == "src/parts/a.launch:3"
+    assert "the package 'parts' has no node 'not_there.py'" in failure.message
+    assert "src/parts/a.launch:3" in printed
 
 
-@pytest.mark.parametrize("program", ["roslaunch", "rostest"])
+@pytest.mark.parametrize("program", soaked(["roslaunch", "rostest"], short=["roslaunch"]))
 def test_a_world_file_that_does_not_exist_is_an_error(program: str, tmp_path: Path) -> None:
     test = TEST.format(name="waits", s=0.2) if program == "rostest" else ""
     files = {"a.launch": LOSING_WORLD.format(name="yrad", test=test), "worlds/yard.world": YARD, "waits.py": WAITS}
@@ -230,7 +231,7 @@ def test_a_robot_that_would_bounce_and_a_node_that_is_not_required_and_does_not_
     assert absent in printed
 
 
-@pytest.mark.parametrize("program", ["roslaunch", "rostest"])
+@pytest.mark.parametrize("program", soaked(["roslaunch", "rostest"], short=["rostest"]))
 def test_what_a_world_and_a_robot_lose_is_an_error_unless_it_is_allowed(program: str, tmp_path: Path) -> None:
     test = TEST.format(name="waits", s=0.2) if program == "rostest" else ""
     files = {"a.launch": LOSING_WORLD.format(name="yard", test=test), "worlds/yard.world": YARD, "waits.py": WAITS}
