@@ -35,18 +35,20 @@ def beginnings(folder: Path, pace: str = "lockstep") -> None:
         (folder / f"{name}.sim.yml").write_text(yaml.safe_dump(found | ends, sort_keys=False))
 
 
-@pytest.mark.parametrize("runs", soaked([2, 20], short=[2]))
+@pytest.mark.parametrize("runs", soaked([1, 20], short=[1]))
 def test_every_run_has_the_same_digest_alone_and_next_to_others(runs: int, tmp_path: Path) -> None:
     beginnings(tmp_path)
 
-    alone = outcomes(tmp_path, ".", "--no-report", "--jobs", "1", "--repeat", str(runs - 1))
-    together = outcomes(tmp_path, ".", "--no-report", "--jobs", "2", "--repeat", str(runs))
+    alone, together = (
+        outcomes(tmp_path, ".", "--no-report", "--jobs", jobs, "--repeat", str(runs)) for jobs in ("1", "3")
+    )
 
     for name in LOOPS:
         found = alone[name], together[name]
         assert [(each["status"], each["warnings"]) for each in found] == [("passed", [])] * 2, found
         assert {each["digest"] for each in found} == {found[0]["digest"]}
-        assert together[name]["repeats"] == {"count": runs, "agreed": runs, "digests": 1, "replay": None}
+        repeats = {"count": runs, "agreed": runs, "digests": 1, "replay": None} if runs > 1 else None
+        assert [each["repeats"] for each in found] == [repeats] * 2
 
 
 @pytest.mark.soak
