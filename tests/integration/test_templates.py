@@ -204,14 +204,13 @@ def test_a_second_attempt_resumes_the_first(
 
 
 def test_shards_are_reported_as_one_run(run_template: RunTemplate, repository: Path) -> None:
+    write(repository / "simulation/c.sim.yml", STUCK)
     whole = run_template("sharded")
-    assert whole.conclusion == "success"
+    assert (whole.conclusion, whole.jobs["merge"].result) == ("failure", "failure")
     assert len(whole.jobs["shard"].runs) == 3
     names = [outcome["file"] for outcome in joined(whole)["outcomes"]]  # type: ignore[attr-defined]  # results.json
     assert names == [f"simulation/{name}.sim.yml" for name in "abcd"]
-    assert "All 4 scenarios passed" in whole.jobs["merge"].summary
-    write(repository / "simulation/c.sim.yml", STUCK)
-    assert run_template("sharded").jobs["merge"].result == "failure"
+    assert "1 of 4 scenarios did not pass" in whole.jobs["merge"].summary
 
 
 def test_shards_that_are_lost_are_missed(run_template: RunTemplate) -> None:
@@ -298,8 +297,9 @@ def repository_with_some_examples(tmp_path: Path) -> Path:
     folder = tmp_path / "small repository"
     shutil.copytree(ACTION / ".github", folder / ".github")
     workflow = folder / ".github/workflows/ci.yml"
-    # These examples need no extra, whose installation takes a while.
-    write(workflow, re.sub(r"\n *extras: policy", "", workflow.read_text("utf-8")))
+    # These examples need no extra, whose installation takes a while; one runner of each system will do.
+    text = re.sub(r"\n *extras: policy", "", workflow.read_text("utf-8"))
+    write(workflow, re.sub(r"\n *- \{os: ubuntu-(22\.04|24\.04-arm),.*", "", text))
     for name in ("action", "matrix", "merge", "compare", "prove", "rostest", "sim_action"):
         shutil.copytree(ACTION / name, folder / name)
     shutil.copy(ACTION / "action.yml", folder)
@@ -317,7 +317,7 @@ def test_this_repositorys_own_workflow(repository_with_some_examples: Path, tmp_
     workflow = repository / ".github/workflows/ci.yml"
     result = run_workflow(workflow, repository, temp=tmp_path, shared_temp=runner_temp, done=RUNS_ALREADY)
     assert failed_jobs(result) == {}
-    assert len(result.jobs["runners"].runs) == 6
+    assert len(result.jobs["runners"].runs) == 4
 
 
 @pytest.mark.soak
