@@ -6,6 +6,7 @@ import builtins
 import errno
 import io
 import os
+from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,6 +15,7 @@ import pytest
 from sim_action.cli.main import call
 from sim_action.results.results_json import Results
 from tests.mesh_files import dae, obj, stl
+from tests.soak import soaked
 
 GOOD: Final = """\
 name: good
@@ -174,8 +176,11 @@ class Unreadable(io.BufferedReader):
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("only_below", [False, True], ids=["everywhere", "child"])
-@pytest.mark.parametrize("on_read", [False, True], ids=["open", "read"])
+@pytest.mark.parametrize(
+    ("on_read", "only_below"),
+    soaked(product((False, True), repeat=2), short=[(False, False), (True, True)]),
+    ids=["open everywhere", "open in child", "read everywhere", "read in child"],
+)
 def test_a_file_that_cannot_be_read_is_named_with_the_reason(
     case: str, on_read: bool, only_below: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
