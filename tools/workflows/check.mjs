@@ -32,7 +32,8 @@ const besides = (file) => ({
 
 async function readAsGitHub(file, text) {
   // It tells actions from workflows by their paths: a template is taken for what it will be once it is copied.
-  const path = isAction(file) ? file : `.github/workflows/${basename(file)}`;
+  // It keeps what it has read by the path, so that files of one name need different ones.
+  const path = isAction(file) ? file : `${dirname(file)}/.github/workflows/${basename(file)}`;
   const document = TextDocument.create(path, "yaml", 1, text);
   const diagnostics = await validate(document, { fileProvider: besides(file) });
   for (const { range, message } of diagnostics) {
