@@ -387,6 +387,8 @@ def _remarks(model: RobotModel, robot: Robot, wheels: tuple[WheelEntry, ...], dr
     """Yield keys that the robot's owner has to decide."""
     if robot.base is None and model.root != WORLD and not wheels and drive is None:
         yield "base: fixed  # if the robot is bolted to the world, like an arm"
+    if robot.srdf is None and model.source and (beside := Path(model.source).with_suffix(".srdf")).is_file():
+        yield f"srdf: {_flow(PurePath(robot.file).with_name(beside.name).as_posix())}  # for its groups and pairs"
     usable = [name for name, keyframe in model.keyframes.items() if not keyframe.flaw]
     if usable and robot.keyframe is None:
         first, *others = usable

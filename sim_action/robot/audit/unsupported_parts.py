@@ -1,4 +1,4 @@
-"""Report parts of URDF and SDF that are not read, by the tables of `part_table`, and values that are not supported.
+"""Report parts of URDF, SDF and SRDF that are not read, by the tables of `part_table`, and unsupported values.
 
 Gazebo copies unknown elements of a <gazebo> tag in URDF into its SDF, so the parts of SDF count there as well
 (classic.gazebosim.org, "URDF in Gazebo").
@@ -188,6 +188,15 @@ def unread_parts(document: ModelDocument) -> Iterator[Finding]:
         name = tag.get("reference")
         if name is None or name in joints | links:
             _note_tag(notes, tag, "model" if name is None else "link" if name in links else "joint")
+    notes.report_parts()
+    yield from notes.findings
+
+
+def unread_parts_of_srdf(document: ModelDocument) -> Iterator[Finding]:
+    """Yield a note for each kind of parts of an SRDF that are not read."""
+    notes, table = Notes(places=dict(document.places)), part_table("srdf")
+    for part in table.unread(document.root, "robot"):
+        _note_unread(notes, part, "the SRDF", table)
     notes.report_parts()
     yield from notes.findings
 

@@ -1,4 +1,4 @@
-"""The tables of every element and attribute of URDF, SDF and MJCF: read, harmless, reported or refused.
+"""The tables of every element and attribute of URDF, SDF, MJCF and SRDF: read, harmless, reported or refused.
 
 A table is the file `parts_FORMAT.json` in this folder. It maps places to rows of effect, names and text:
 
@@ -22,7 +22,7 @@ from xml.etree.ElementTree import Element
 from sim_action.core.records import dataclass, field
 
 Effect = Literal["read", "harmless", "reported", "refused"]
-Format = Literal["urdf", "sdf", "mjcf"]
+Format = Literal["urdf", "sdf", "mjcf", "srdf"]
 
 _MAX_SHOWN: Final = 60
 

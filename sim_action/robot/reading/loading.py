@@ -13,6 +13,7 @@ from sim_action.core.errors import ModelError, Problem, RefusedModel
 from sim_action.core.records import replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.workspace import PathError, Workspace, similar_name
+from sim_action.robot.audit.unsupported_parts import unread_parts_of_srdf
 from sim_action.robot.built_in import BUILT_IN, FOLDER
 from sim_action.robot.documents.packages import PackageError, Packages
 from sim_action.robot.documents.xml_document import ModelDocument, read_document
@@ -85,7 +86,7 @@ def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
     if robot.keyframe is not None:
         _check_keyframe(robot.keyframe, model)
     if robot.srdf is not None:
-        model = replace(model, srdf=read_srdf(_srdf_file(robot.srdf, Packages(workspace, robot.packages)), model))
+        model = _with_srdf(model, _srdf_file(robot.srdf, Packages(workspace, robot.packages)))
     return replace(model, findings=limited_notes(_about_self_collision(robot, _without_repeats(model.findings))))
 
 
@@ -125,6 +126,8 @@ def _read_model(robot: Robot, workspace: Workspace) -> RobotModel:
         return read_urdf(FOLDER / f"{robot.model}.urdf")
     packages = Packages(workspace, robot.packages)
     path = _path(robot.file, packages)
+    if path.suffix == ".srdf":
+        raise ModelError("an SRDF has no links of its own: name the model in robot.model, and this file in robot.srdf")
     if not robot.is_xacro:
         return _model(read_document(path), path, packages, robot.allow, robot.name_in_world)
     # xacro takes 40 ms to import.
@@ -240,12 +243,24 @@ def _next_step(name: str, place: Path, packages: Packages) -> str:
     return f"; the model files in it are: {', '.join(files)}; write 'model: {name.rstrip('/')}/{files[0]}'"
 
 
+def _with_srdf(model: RobotModel, path: Path) -> RobotModel:
+    """Return a model with its SRDF, and notes on the parts that are not read. Raises ModelError."""
+    document = read_srdf_text(path)
+    kept, harmless = without_harmless(unread_parts_of_srdf(document))
+    return replace(
+        model,
+        srdf=read_srdf(document, model),
+        findings=(*model.findings, *document.findings, *kept),
+        harmless=(*model.harmless, *harmless),
+    )
+
+
 _MAX_PROBLEMS: Final = 100
 
 
-def read_srdf(path: Path, model: RobotModel) -> Srdf:
-    """Read an SRDF and check it against its model. Raises ModelError, and RefusedModel with all problems."""
-    reader = _Reader(read_srdf_text(path), model)
+def read_srdf(document: ModelDocument, model: RobotModel) -> Srdf:
+    """Read an SRDF and check it against its model. Raises RefusedModel with all problems."""
+    reader = _Reader(document, model)
     found = reader.read()
     if reader.problems:
         raise RefusedModel(reader.problems[:_MAX_PROBLEMS])

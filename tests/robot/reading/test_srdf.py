@@ -8,6 +8,7 @@ from xml.etree.ElementTree import Element
 
 import pytest
 
+from sim_action.app.inspect import inspect_model
 from sim_action.core.errors import ModelError, RefusedModel
 from sim_action.core.workspace import Workspace
 from sim_action.robot.documents.xml_document import ModelDocument
@@ -187,3 +188,48 @@ def test_names_of_virtual_joints_are_looked_up_once(tmp_path: Path, monkeypatch:
     model = model_with(tmp_path, f'<virtual_joint name="v"/><group name="g">{names}<joint name="j_one"/></group>')
     assert [joint.name for joint in chosen(model, ("g",))] == ["j_one"]
     assert listed.count("virtual_joint") == 1
+
+
+def test_parts_that_are_not_read_are_named(tmp_path: Path) -> None:
+    model = model_with(
+        tmp_path,
+        '<group name="g"><joint name="j_one"/><lnk name="base"/></group><end_effector name="hand"/>\n'
+        '<virtual_joint name="v" type="fixed"/><disable_collision link1="one" link2="tool"/>'
+        '<passive_joint name="j_one" x="1"/>',
+    )
+    messages = [f"{note.rule} {note.location.line}: {note.message}" for note in (*model.findings, *model.harmless)]
+    for part in (
+        "unknown-tag 2: unknown element <lnk> in <group> is ignored; did you mean <link>?",
+        "unknown-tag 3: unknown element <disable_collision> in <robot> is ignored; did you mean <disable_collisions>?",
+        'unknown-part 3: <passive_joint x="1">',
+        "harmless-part 2: <end_effector>",
+        'harmless-part 3: <virtual_joint type="fixed">',
+    ):
+        assert any(message.startswith(part) for message in messages), (part, messages)
+
+
+@pytest.mark.parametrize(
+    ("srdf", "effect"),
+    [
+        ('<disable_collisions link1="base" link2="two"/>', {"disabled": {frozenset(("base", "two"))}}),
+        (
+            '<disable_default_collisions link="tool"/><enable_collisions link1="tool" link2="base"/>',
+            {"disabled": {frozenset(("tool", name)) for name in ("one", "two", "three")}},
+        ),
+        ('<group name="g"><chain base_link="base" tip_link="one"/></group>', {"groups": {"g": ("j_one",)}}),
+        ('<passive_joint name="j_two"/>', {"passive": {"j_two"}}),
+    ],
+)  # fmt: skip
+def test_a_part_that_is_read_acts(srdf: str, effect: dict[str, object], tmp_path: Path) -> None:
+    model = model_with(tmp_path, srdf)
+    assert model.srdf is not None
+    assert {name: vars(model.srdf)[name] for name in effect} == effect
+    assert not [note for note in (*model.findings, *model.harmless) if "SRDF" in note.message]
+
+
+def test_inspect_shows_an_srdf_beside_the_model_and_refuses_one_as_the_model(tmp_path: Path) -> None:
+    model_with(tmp_path, "")
+    found = inspect_model(Robot(model="arm.urdf", base="fixed"), Workspace(tmp_path, tmp_path))
+    assert "# srdf: arm.srdf" in found.robot
+    with pytest.raises(ModelError, match=r"this file in robot\.srdf"):
+        load_model(Robot(model="arm.srdf"), Workspace(tmp_path, tmp_path))
