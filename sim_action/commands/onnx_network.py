@@ -39,6 +39,16 @@ NUMERIC: Final = FLOATS | _WHOLE
 _LOCATION: Final = re.compile(rb"\x0a\x08location\x12([\x80-\xff]?)([\x00-\x7f])")
 # The path of the network is no part of a message.
 _PATH: Final = re.compile(r"Load model from .*? failed: ?")
+# Operations whose result is finite although an input is NaN.
+_HIDING: Final = frozenset(
+    {
+        *(b"ArgMax", b"ArgMin", b"Hardmax", b"MaxPool", b"ReduceMax", b"ReduceMin", b"ThresholdedRelu", b"TopK"),
+        *(b"Greater", b"GreaterOrEqual", b"Less", b"LessOrEqual"),
+    }
+)
+# Numbers of fields in ONNX files.
+_GRAPH, _GRAPH_NODE, _GRAPH_OUTPUT = 7, 1, 12
+_NODE_INPUT, _NODE_OUTPUT, _NODE_OPERATION = 1, 2, 4
 TOO_MUCH_MEMORY: Final = "needs more memory than a network of its size may use"
 _MAX_DATA_FILES: Final = 1000
 _MAX_MESSAGE_CHARS: Final = 300
@@ -140,6 +150,7 @@ class Session:
     Attributes:
         shapes: name of an input -> the shape in which it is given its values; known after `fit`.
         batch: the number of equal samples in a run: more than 1 if the file declares the number of the training.
+        hidden: inner values that can be NaN while every output is finite, such as the input of ArgMax.
     """
 
     def __init__(self, workspace: Workspace, file: str, limit: Callable[[int], None] = lambda _: None) -> None:
@@ -154,6 +165,14 @@ class Session:
         # onnxruntime may read these weights until it is closed.
         self._data = _data_files(content, Path(file).parent, workspace, limit)
         self.size = len(content) + sum(map(len, self._data.values()))
+        hidden, outputs = _hidden(content)
+        if added := hidden - outputs:
+            limit(2 * self.size)
+            # Parts of a message are merged: these become more outputs of the same graph.
+            content += _field(
+                _GRAPH, b"".join(_field(_GRAPH_OUTPUT, _field(1, name.encode())) for name in sorted(added))
+            )
+        source = content if added else str(path)
         del content
         # A network that draws random numbers draws the same in each run.
         onnxruntime.set_seed(0)
@@ -169,12 +188,14 @@ class Session:
         data = self._data or {"": b"\0"}
         options.add_external_initializers_from_files_in_memory([*data], [*data.values()], [*map(len, data.values())])
         try:
-            self._session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+            self._session = onnxruntime.InferenceSession(source, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # noqa: BLE001 - its errors have no common class
             raise NetworkProblem(_reason(error)) from None
+        results = {each.name: _tensor(each) for each in self._session.get_outputs()}
+        self.hidden = [name for name, each in results.items() if name in hidden and each.type in FLOATS]
         self.network = Network(
             {each.name: _tensor(each) for each in self._session.get_inputs()},
-            {each.name: _tensor(each) for each in self._session.get_outputs()},
+            {name: each for name, each in results.items() if name not in added},
             dict(self._session.get_modelmeta().custom_metadata_map),
         )
         self.shapes: Mapping[str, tuple[int, ...]] = {}
@@ -283,6 +304,50 @@ def _locations(content: bytes) -> Iterator[str]:
         low, high = match.groups()
         size = (low[0] & 0x7F) + (high[0] << 7) if low else high[0]
         yield content[match.end() : match.end() + size].decode("utf-8", errors="replace")
+
+
+def _hidden(content: bytes) -> tuple[set[str], set[str]]:
+    """Return the computed inputs of operations that hide NaN, outside subgraphs, and the outputs of the network."""
+    if not any(kind in content for kind in _HIDING):
+        return set(), set()
+    try:
+        graphs = _fields(content, _GRAPH)
+        nodes = [node for graph in graphs for node in _fields(graph, _GRAPH_NODE)]
+        hiding = [node for node in nodes if not _HIDING.isdisjoint(_fields(node, _NODE_OPERATION))]
+        hidden = {name for node in hiding for name in _names(node, _NODE_INPUT)}
+        computed = {name for node in nodes for name in _names(node, _NODE_OUTPUT)}
+        outputs = {name for graph in graphs for each in _fields(graph, _GRAPH_OUTPUT) for name in _names(each, 1)}
+    except (IndexError, KeyError, UnicodeDecodeError):
+        return set(), set()  # a damaged file, which onnxruntime refuses
+    return hidden & computed, outputs
+
+
+def _names(message: bytes, wanted: int) -> list[str]:
+    return [name.decode() for name in _fields(message, wanted)]
+
+
+def _fields(message: bytes, wanted: int) -> list[bytes]:
+    """Return the texts or messages of one number in a protocol buffer. Raise IndexError, KeyError if it is damaged."""
+    contents, place = list[bytes](), 0
+    while place < len(message):
+        key, begin = _varint(message, place)
+        size, begin = _varint(message, begin) if key & 7 in {0, 2} else ({1: 8, 5: 4}[key & 7], begin)
+        place = begin + (size if key & 7 else 0)
+        if key == wanted << 3 | 2:
+            contents.append(message[begin:place])
+    return contents
+
+
+def _varint(message: bytes, place: int) -> tuple[int, int]:
+    """Return a number of at most 10 bytes, and the place after it. Raise IndexError."""
+    length = next(index for index in range(11) if message[place + index] < 0x80 or index == 10) + 1
+    return sum((byte & 0x7F) << 7 * index for index, byte in enumerate(message[place : place + length])), place + length
+
+
+def _field(number: int, content: bytes) -> bytes:
+    """Return a text or message as a field of a protocol buffer; its size takes 5 bytes."""
+    size = len(content)
+    return bytes([number << 3 | 2, *(size >> shift & 0x7F | 0x80 for shift in (0, 7, 14, 21)), size >> 28]) + content
 
 
 def _reason(error: Exception) -> str:

@@ -313,10 +313,16 @@ class NetworkController:
         import numpy as np
 
         given = {name: each.value(now, self.action) for name, each in self.inputs.items()}
+        names = [self.output, *self.memory.values(), *self.session.hidden]
         try:
-            result, *kept = self.session.run({**self.fixed, **given}, [self.output, *self.memory.values()])
+            result, *more = self.session.run({**self.fixed, **given}, names)
         except NetworkProblem as error:
             raise ScriptError(f"{self.name}: {error}") from None
+        kept, hidden = more[: len(self.memory)], more[len(self.memory) :]
+        for name, value in zip(self.session.hidden, hidden, strict=True):
+            # Infinite scores are those of excluded choices.
+            what = f"its inner value '{name}', which a maximum or comparison would hide"
+            self._require_finite(np.where(np.isnan(value), value, 0), given, [what])
         for name, value in zip(self.memory.values(), kept, strict=True):
             self._require_finite(value, given, [f"the state '{name}'"])
         self.fixed.update(zip(self.memory, kept, strict=True))

@@ -21,7 +21,7 @@ from sim_action.state.observation import JointState, Observation
 from sim_action.state.readings import ImuReading
 from sim_action.world import Physics, World
 from sim_action.world.scene import Fitting, Scene
-from tests.onnx_files import DOUBLE, TEXT, in_process, linear, model, node, recurrent
+from tests.onnx_files import DOUBLE, FLOAT, INT64, TEXT, in_process, integer, linear, model, node, recurrent, tensor
 from tests.scenarios import told
 
 ARM = Path(__file__).parents[2] / "examples/commands/arm.urdf"
@@ -246,6 +246,40 @@ def test_an_output_that_is_not_finite_is_an_error(bias: float, message: str, fol
     with pytest.raises(ScriptError) as raised:
         controller.command(NOW)
     assert str(raised.value) == message
+
+
+@pytest.mark.parametrize("bias", [math.nan, -math.inf, 0.0])
+@pytest.mark.parametrize("is_output", [False, True])
+@pytest.mark.parametrize(
+    ("nodes", "kind"),
+    [
+        ([node("ArgMax", ["scores"], ["y"], integer("axis", 1))], INT64),
+        ([node("ArgMin", ["scores"], ["low"], integer("axis", 1)), node("Identity", ["low"], ["y"])], INT64),
+        ([node("Greater", ["scores", "b"], ["g"]), node("Cast", ["g"], ["c"], integer("to", FLOAT))], FLOAT),
+        ([node("ReduceMax", ["scores"], ["y"], integer("keepdims", 0))], FLOAT),
+    ],
+)
+def test_nan_inside_a_network_that_picks_its_action_is_an_error(
+    nodes: list[bytes], kind: int, is_output: bool, bias: float, folder: Path
+) -> None:
+    if kind == FLOAT and len(nodes) > 1:
+        nodes = [*nodes, node("ReduceSum", ["c"], ["y"], integer("keepdims", 0))]
+    outputs: dict[str, Any] = {"y": None, **({"scores": (1, 3)} if is_output else {})}
+    network = model(
+        [node("Gemm", ["x", "w", "b"], ["scores"]), *nodes],
+        {"x": (1, 1)},
+        outputs,
+        [tensor("w", (1, 3), [0, 0, 0]), tensor("b", (3,), [0, bias, 1])],
+        kinds={"y": kind},
+    )
+    action = {"joints": "effort", "choices": tuple((each, 0, 0) for each in range(3))}
+    controller = opened(folder, network, observation=("time",), action=action, output="y" if is_output else None)
+    if not math.isnan(bias):
+        assert controller.command(NOW)
+        return
+    with pytest.raises(ScriptError) as raised:
+        controller.command(NOW)
+    assert "returned nan for its inner value 'scores'" in str(raised.value)
 
 
 @pytest.mark.parametrize(
