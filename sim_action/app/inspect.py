@@ -495,6 +495,7 @@ def main() -> None:
     with os.fdopen(os.dup(1), "wb") as answer:
         redirect_output(Path(os.devnull))
         if sys.platform == "linux":
+            # a usual run does without it
             from sim_action.runner.isolation.process_control import end_with_parent, impose_limits
 
             end_with_parent(os.getppid(), signal.SIGKILL)

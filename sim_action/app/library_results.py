@@ -23,6 +23,7 @@ from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.outcome import ExpectationOutcome, Failure, Status
 from sim_action.results.outcome import Outcome as RecordedOutcome
 from sim_action.results.written_files import JUNIT_FILE
+from sim_action.state.trace_storage import load_trace
 
 if TYPE_CHECKING:
     from sim_action.core.errors import Location
@@ -193,8 +194,6 @@ class Outcome:
     @property
     def trace(self) -> Trace:
         """The stored run as numpy columns, see `sim_action.Trace`; read at each access. Raises UsageError."""
-        from sim_action.state.trace_storage import load_trace
-
         if self.record.trace is None:
             raise UsageError(f"'{self.name}' has no trace: it {self.record.ending}")
         return load_trace(self._folder.file(self.record.trace))

@@ -132,14 +132,14 @@ def _schedule(request: RunRequest, found: RunPlan, keys: RunKeys) -> Iterator[Sc
     if request.cluster is None:
         yield pool
         return
-    from sim_action.runner.cluster.address import ClusterAddress
+    from sim_action.runner.cluster.address import ClusterAddress  # a usual run does without it
 
     address = ClusterAddress.parse(request.cluster)
     every = [run for plan in found.plans if not isinstance(plan, Refused) for run in plan]
     if not every:
         yield pool
         return
-    from sim_action.runner.cluster.dask_executor import opened_cluster
+    from sim_action.runner.cluster.dask_executor import opened_cluster  # a usual run does without it
 
     with opened_cluster(address, every, request.plan.permissions, _outputs(request)) as cluster:
         yield cluster.scheduler
@@ -166,7 +166,7 @@ class _Call:
         self._schedule = schedule
         self._plans = found.plans
         if request.plan.permissions.updates_golden:
-            from sim_action.runner.golden_update import refuse_shared_goldens
+            from sim_action.runner.golden_update import refuse_shared_goldens  # a usual run does without it
 
             self._plans = refuse_shared_goldens(self._plans)
         every = [run for plan in self._plans if not isinstance(plan, Refused) for run in plan]
@@ -204,7 +204,7 @@ class _Call:
     def _print_chances(self) -> None:
         """Print what robots of known rates would get from the gates, unless quiet."""
         if self._found.gates and self._request.reports.verbosity != "quiet":
-            from sim_action.reports.gate_chances import print_chances
+            from sim_action.reports.gate_chances import print_chances  # a usual run does without it
 
             # A closed stream does not change a verdict.
             with suppress(OSError, ValueError):

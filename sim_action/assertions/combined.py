@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 def formula_of(assertion: Assertion, scene: Scene) -> Formula:
     """Return an assertion as a formula; one without a meaning is a signal of its own, which is positive or not."""
-    from sim_action.assertions.temporal_logic.formula import quoted
-    from sim_action.assertions.temporal_logic.parser import parse
+    from sim_action.assertions.temporal_logic.formula import quoted  # `validate` does without it
+    from sim_action.assertions.temporal_logic.parser import parse  # `validate` does without it
 
     if isinstance(assertion, Joined | Negation):
         return assertion.as_formula(scene)
@@ -70,7 +70,7 @@ class Combined(Assertion):
     @override
     def combined_claims(self, scene: Scene) -> Findings:
         """Yield combinations that hold, or fail, in every run: a check and its opposite, or a limit beyond any run."""
-        from sim_action.assertions.temporal_logic.formula_claims import constant_result
+        from sim_action.assertions.temporal_logic.formula_claims import constant_result  # `validate` does without it
 
         inner = [finding.below(place) for place, part in self.placed_parts for finding in part.combined_claims(scene)]
         yield from (finding.below((self.key,)) for finding in inner)
@@ -187,7 +187,7 @@ class Joined(Several):
 
     def as_formula(self, scene: Scene) -> Formula:
         """Return the assertion as a formula made of those of its parts."""
-        from sim_action.assertions.temporal_logic.formula import And, Or
+        from sim_action.assertions.temporal_logic.formula import And, Or  # `validate` does without it
 
         parts = tuple(formula_of(part, scene) for part in self.parts)
         return parts[0] if len(parts) == 1 else And(parts) if self.every else Or(parts)
@@ -334,7 +334,7 @@ class Negation(Combined):
 
     def as_formula(self, scene: Scene) -> Formula:
         """Return the assertion as a formula made of those of its parts."""
-        from sim_action.assertions.temporal_logic.formula import Not
+        from sim_action.assertions.temporal_logic.formula import Not  # `validate` does without it
 
         return Not(formula_of(self.part, scene))
 

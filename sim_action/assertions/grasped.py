@@ -321,7 +321,7 @@ class GraspMonitor(Monitor):
         return _Grip(strength > 0, strength.sum(axis=1), np.sqrt((vector * vector).sum(axis=1)), slip)
 
     def _sample(self, trace: Trace) -> _Sample:
-        from sim_action.robot.model.link_motion import link_motion
+        from sim_action.robot.model.link_motion import link_motion  # `validate` does without it
 
         at = trace.objects[self.spec.object].position_xyz
         forces, places = [], []

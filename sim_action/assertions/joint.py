@@ -141,7 +141,7 @@ class JointReading(Assertion):
 
     @override
     def meaning(self, scene: Scene) -> str:
-        from sim_action.assertions.temporal_logic.formula import Signal
+        from sim_action.assertions.temporal_logic.formula import Signal  # its name stands for another class here
 
         quantity = str(Signal(self.reading, self.name))
         at_least, at_most, near, tolerance = (self._magnitude(value) for value in self._asked().values())
@@ -291,7 +291,7 @@ class JointWithin(Assertion):
 
     @override
     def meaning(self, scene: Scene) -> str:
-        from sim_action.assertions.temporal_logic.formula import Signal
+        from sim_action.assertions.temporal_logic.formula import Signal  # its name stands for another class here
 
         sides = (
             bounds_formula(

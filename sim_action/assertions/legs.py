@@ -433,7 +433,7 @@ class SupportMonitor(Monitor):
         return (Signal("support margin", "m", trace.time, shown, lower=self.at_least),)
 
     def _margins(self, trace: Trace) -> FloatArray:
-        from sim_action.robot.model.link_motion import centre_of_mass
+        from sim_action.robot.model.link_motion import centre_of_mass  # `validate` does without it
 
         if not self.footing.is_known(trace):
             return np.full(len(trace), -np.inf)

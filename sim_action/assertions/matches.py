@@ -348,7 +348,7 @@ class MatchesMonitor(Monitor):
         cls, name: str, golden: Golden, asked: tuple[Tolerance, ...], duration: float, start: Observation
     ) -> Self:
         """Return the monitor before the first step."""
-        from sim_action.state.trace import Trace
+        from sim_action.state.trace import Trace  # `validate` does without it
 
         before = rows_of(Trace.of_observation(start), golden.form.joint_names)
         return cls(name, golden, duration, before, tuple(map(Deviation, asked)))

@@ -15,6 +15,7 @@ from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.model.link_pairs import has_limb
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
@@ -117,8 +118,6 @@ class NoCollision(Assertion):
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        from sim_action.robot.model.link_pairs import has_limb
-
         limbs = has_limb(scene.model, bolted=scene.bolted)
         return NoCollisionMonitor(frozenset(self.allow), 1 / scene.physics.rate, has_limb=limbs)
 

@@ -16,7 +16,7 @@ from sim_action.assertions.settled import Settled
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.temporal_logic.becoming import Rest
 from sim_action.assertions.upright import Upright
-from sim_action.core import units
+from sim_action.core import geometry, units
 from sim_action.core.field_types import NonNegativeMetres, PositiveMetres, Without
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.lazy_numpy import np
@@ -351,7 +351,7 @@ def motion_of(spec: ObjectAssertion, scene: Scene, trace: Trace, known: tuple[tu
 
     Their base has the motion of the object. Its speed is the distance from the step before.
     """
-    from sim_action.robot.model.link_motion import LinkMotion, link_motion
+    from sim_action.robot.model.link_motion import LinkMotion, link_motion  # `validate` does without it
 
     here = _present(trace, spec.name)
     if not len(here):
@@ -390,8 +390,6 @@ def _rates(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
 
     They are 0 between rows of the same time.
     """
-    from sim_action.core import geometry
-
     before, after = rows[:-1], rows[1:]
     elapsed = after[:, :1] - before[:, :1]
     factor = np.divide(1.0, elapsed, out=np.zeros_like(elapsed), where=elapsed > 0)

@@ -18,9 +18,11 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import matches_name
+from sim_action.robot.model.link_pairs import NO_PAIRS, touchable_pairs
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings
+from sim_action.world.link_range import least_distance
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -82,8 +84,6 @@ class SelfCollision(Assertion):
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield names in `allow` that match no link, and a robot whose links cannot touch each other."""
-        from sim_action.robot.model.link_pairs import NO_PAIRS, touchable_pairs
-
         links, hinted, known = scene.model.links_by_name, FirstFew(), True
         for index, pair in enumerate(self.allow):
             for place, name in enumerate(pair):
@@ -110,9 +110,6 @@ class SelfCollision(Assertion):
     @override
     def robot_claims(self, scene: Scene) -> Findings:
         """Yield a robot whose links never come near each other, such as two wheels."""
-        from sim_action.robot.model.link_pairs import touchable_pairs
-        from sim_action.world.link_range import least_distance
-
         pairs = (pair for pair in touchable_pairs(scene.model) if not self._is_allowed(pair))
         if not scene.model.mjcf and all(least_distance(scene, *pair) > 0 for pair in pairs):
             message = "no two links can come near each other, whatever their joints; remove self_collision"

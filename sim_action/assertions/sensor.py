@@ -132,7 +132,7 @@ class SensorReading(Assertion):
 
     @override
     def meaning(self, scene: Scene) -> str:
-        from sim_action.assertions.temporal_logic.formula import quoted
+        from sim_action.assertions.temporal_logic.formula import quoted  # `validate` does without it
 
         quantity = ".".join((quoted(self.name), self.reading, *([self.which] if self.which else [])))
         least, most = (self._magnitude(bound) for bound in (self.at_least, self.at_most))

@@ -334,7 +334,7 @@ class History:
 
     def followed_by(self, trace: Trace) -> Self:
         """Return the history after more steps; this one does not change."""
-        from sim_action.state.trace import Trace
+        from sim_action.state.trace import Trace  # `validate` does without it
 
         beside = Trace.concatenate((self.beside, _beside(trace)))
         store = self._store.added(self._count, trace.state)

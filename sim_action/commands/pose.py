@@ -25,6 +25,7 @@ from sim_action.core.field_types import (
 from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.model.kinematics import link_poses, robot_box, why_no_link
 from sim_action.state.command import JointTargets
 from sim_action.state.joint_motion import RAMP_S, JointMotion
 from sim_action.world.claims import Findings, Setting, late_points
@@ -180,7 +181,7 @@ class PoseCommands(LinkCommands):
 
     @override
     def open(self, scene: Scene) -> Controller:
-        from sim_action.commands.link_path import Blocked
+        from sim_action.commands.link_path import Blocked  # `validate` does without it
 
         follower, start = self._follower(scene)
         motion = _Motion(self, follower, start)
@@ -211,8 +212,8 @@ class PoseCommands(LinkCommands):
 
     def path(self, start: Pose) -> LinkPath:
         """Return the path of the link from a start pose in the frame of the waypoints. Raises Blocked."""
-        from sim_action.commands.joints import BLENDS
-        from sim_action.commands.link_path import LinkPath, distances
+        from sim_action.commands.joints import BLENDS  # `validate` does without it
+        from sim_action.commands.link_path import LinkPath, distances  # `validate` does without it
 
         ways = (way for way in self._ways(start) if way.end > way.start)
         moving = tuple(way for way in ways if any(distances(way.origin, way.goal)))
@@ -227,7 +228,7 @@ class PoseCommands(LinkCommands):
 
         The link begins where `robot.pose` and `robot.joints` put it.
         """
-        from sim_action.commands.link_path import Blocked
+        from sim_action.commands.link_path import Blocked  # `validate` does without it
 
         found = list[float]()
         if _why_not_moved(self.pose.link, scene) is not None:
@@ -242,8 +243,8 @@ class PoseCommands(LinkCommands):
 
     def _ways(self, start: Pose) -> Iterator[Leg]:
         """Yield the way to each waypoint; some need no time. Raises Blocked."""
-        from sim_action.commands.joints import BLENDS
-        from sim_action.commands.link_path import Blocked, Leg, distances
+        from sim_action.commands.joints import BLENDS  # `validate` does without it
+        from sim_action.commands.link_path import Blocked, Leg, distances  # `validate` does without it
 
         spec = self.pose
         is_straight = spec.interpolation == "linear"
@@ -270,7 +271,7 @@ class PoseCommands(LinkCommands):
 
     def _path_problems(self, follower: Follower, start: Values, base: Pose) -> SpecProblems:
         """Yield waypoints out of reach; if there are none, the first line that the joints cannot follow."""
-        from sim_action.commands.link_path import Blocked, unreachable
+        from sim_action.commands.link_path import Blocked, unreachable  # `validate` does without it
 
         origin, found = geometry.compose(base, follower.chain.pose(start)), False
         goals = islice(self._goals(origin), MAX_CHECKED_WAYPOINTS)
@@ -299,7 +300,7 @@ class PoseCommands(LinkCommands):
 
     def _follower(self, scene: Scene) -> tuple[Follower, Values]:
         """Return what finds joint positions, and those at the start. Raises units.UnitError."""
-        from sim_action.commands.link_path import Follower
+        from sim_action.commands.link_path import Follower  # `validate` does without it
 
         chain, positions = _chain(self.pose.link, scene), scene.joint_positions
         start = tuple(positions[joint.name] for joint in chain.joints)
@@ -340,7 +341,7 @@ class _Motion:
 
     def from_base(self, observation: Observation) -> JointTargets | None:
         """Return the targets of a tick; the first observation shows the height of a fixed base."""
-        from sim_action.commands.link_path import Blocked
+        from sim_action.commands.link_path import Blocked  # `validate` does without it
 
         if self._planned is None:
             try:
@@ -352,7 +353,7 @@ class _Motion:
 
     def tracked(self, observation: Observation) -> JointTargets:
         """Return the motion until the next tick, for a base that moves."""
-        from sim_action.commands.link_path import Blocked, after
+        from sim_action.commands.link_path import Blocked, after  # `validate` does without it
 
         base, chain, rate = observation.pose, self._follower.chain, self._spec.rate
         tick = round(observation.time * rate)
@@ -373,15 +374,13 @@ class _Motion:
 
 
 def _chain(link: str, scene: Scene) -> Chain:
-    from sim_action.robot.model.inverse_kinematics import Chain
+    from sim_action.robot.model.inverse_kinematics import Chain  # `validate` does without it
 
     return Chain.of(scene.model, link, scene.joint_positions)
 
 
 def _why_not_moved(link: str, scene: Scene) -> str | None:
     """Return a message if no joint with a motor moves a link relative to the base; None if one does."""
-    from sim_action.robot.model.kinematics import why_no_link
-
     if (unknown := why_no_link(scene.model, link)) is not None:
         return unknown
     try:
@@ -398,8 +397,6 @@ def _fixed_base(scene: Scene) -> Pose | None:
     at = scene.placement
     if at.z is not None:
         return Pose((at.x, at.y, at.z), at.orientation_xyzw)
-    from sim_action.robot.model.kinematics import link_poses, robot_box
-
     turned = Pose(orientation_xyzw=at.orientation_xyzw)
     poses = link_poses(scene.model, scene.joint_positions)
     box = robot_box(scene.model, {name: geometry.compose(turned, pose) for name, pose in poses.items()})

@@ -31,6 +31,7 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 from sim_action.core.records import dataclass
+from sim_action.core.wording import system_reason
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -134,9 +135,9 @@ class InternalError(SimActionError):
         """
         if is_refusal(error):
             return SystemRefusal(error)
-        from traceback import format_exception
+        from traceback import format_exception  # a usual run does without it
 
-        from sim_action.core.registry import blame
+        from sim_action.core.registry import blame  # a usual run does without it
 
         details = "".join(format_exception(error))
         if (found := blame(error)) is not None:
@@ -164,8 +165,6 @@ class SystemRefusal(InternalError):
     title = "system error"
 
     def __init__(self, error: Exception) -> None:
-        from sim_action.core.wording import system_reason
-
         place = f": {error.filename}" if isinstance(error, OSError) and error.filename is not None else ""
         reason = "out of memory" if isinstance(error, MemoryError) else system_reason(error)
         super().__init__(f"the system refused a request: {reason}{place}")

@@ -9,6 +9,7 @@ that sim-action does not have itself, and a class is imported only when a scenar
 from __future__ import annotations
 
 import importlib
+import inspect
 import sys
 from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, Generic, TypeVar, cast
 
 from sim_action.core.records import dataclass
+from sim_action.core.wording import escaped_line
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -79,8 +81,6 @@ class InstalledPart:
 
 def _why_no_part(found: object, base: type, name: str) -> str | None:
     """Return what is wrong with the object that an entry point names; None if it is the class that it should be."""
-    import inspect
-
     if not isinstance(found, type) or not issubclass(found, base):
         return f"is not a subclass of sim_action.extending.{base.__name__}"
     if (key := getattr(found, "key", None)) != name:
@@ -191,8 +191,6 @@ def blame(error: BaseException) -> Blame | None:
 
 
 def _told(error: BaseException, place: str) -> str:
-    from sim_action.core.wording import escaped_line
-
     return escaped_line(f"{type(error).__name__}: {error}{place and f' ({place})'}")
 
 

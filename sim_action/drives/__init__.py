@@ -182,7 +182,7 @@ def _by_wheels(kind: type[Drive], model: RobotModel) -> Drive | str:
 
 def why_not_recognised(model: RobotModel) -> tuple[str, ...]:
     """Return the reasons why no drive is recognised, most likely first: of the plugins, then of each kind of drive."""
-    from sim_action.drives.undercarriage import undercarriage
+    from sim_action.drives.undercarriage import undercarriage  # it imports this module
 
     stated = [drive for name in DRIVES if (drive := DRIVES.load(name).statement(model)) is not None]
     unfit = {drive.source(model): message for drive in reversed(stated) for message in _unfit(drive, model)}

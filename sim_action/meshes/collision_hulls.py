@@ -95,7 +95,7 @@ def _outermost(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
     The hull changes by at most 0.3 % of the extent; a box keeps its size.
     """
-    from sim_action.meshes.convex_hull import furthest, spread_directions
+    from sim_action.meshes.convex_hull import furthest, spread_directions  # it imports this module
 
     if len(points) <= MAX_HULL_POINTS:
         return points

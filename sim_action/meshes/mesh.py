@@ -65,7 +65,7 @@ def mesh_of(points_xyz: NDArray[np.floating[Any]], parts: Sequence[NDArray[np.in
     """
     import numpy as np
 
-    from sim_action.meshes.welding import welded
+    from sim_action.meshes.welding import welded  # it imports this module
 
     if not is_length(points_xyz):
         raise MeshError("broken-mesh", f"has a coordinate that is not finite or is beyond {_MAX_COORDINATE:g}")

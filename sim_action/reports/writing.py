@@ -101,7 +101,7 @@ def open_reports(request: ReportRequest, *, keeps_earlier: bool = False) -> Iter
 
 def _earlier_run(pattern: str, folder: Path) -> EarlierRun:
     """Return the run to compare with. Raise UsageError, also for the results that this call overwrites."""
-    from sim_action.results.shard_results import read_run
+    from sim_action.results.shard_results import read_run  # a usual run does without it
 
     try:
         run = read_run(pattern)
@@ -322,7 +322,7 @@ def _complaint(message: str, environment: Mapping[str, str]) -> str:
     if environment.get("GITHUB_ACTIONS") == "true":
         # Without the files of this module, the line is better than nothing.
         with suppress(OSError, ImportError):
-            from sim_action.reports.github.annotations import complaint
+            from sim_action.reports.github.annotations import complaint  # a usual run does without it
 
             return complaint(message, environment)
     return log_line(f"sim-action: {message}")

@@ -42,6 +42,7 @@ from sim_action.core.user_scripts import SharedModules
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.engines import ENGINES
+from sim_action.recording.export import write_recordings
 from sim_action.results.outcome import (
     ExpectationOutcome,
     Failure,
@@ -115,8 +116,6 @@ def run_job(job: Job, files: ChildFiles, progress_descriptor: int) -> bool:
     for run in kept.runs:
         # From here on the verdict is safe, however long the recordings take.
         progress.say(JUDGED)
-        from sim_action.recording.export import write_recordings
-
         if notes := tuple(write_recordings(run, job.recordings)):
             is_normal = False
             with suppress(OSError, ValueError):
@@ -250,7 +249,7 @@ def _stored_run(job: Job, progress: _Progress, kept: _Kept) -> SimulationRun:
             raise
         kept.notes += store_evidence(job, scene, footage)
         if loaded.workspace.updates_golden and (trace := footage.trace()) is not None:
-            from sim_action.runner.golden_update import updated_goldens
+            from sim_action.runner.golden_update import updated_goldens  # a usual run does without it
 
             verdicts, notes = updated_goldens(loaded, scene, trace, run.verdicts)
             run = replace(run, verdicts=verdicts)
@@ -489,7 +488,7 @@ def run_to_record(job: Job, scene: Scene, footage: RunRecorder) -> Iterator[Reco
     """Yield the run for recordings, if they are asked for, it has data, and it fits into memory."""
     if not job.recordings:
         return
-    from sim_action.recording.export.recorded_run import RecordedRun
+    from sim_action.recording.export.recorded_run import RecordedRun  # a usual run does without it
 
     with suppress(MemoryError):
         trace, film = footage.trace(), footage.film()

@@ -181,7 +181,7 @@ class OutcomeAssembly:
         merged = tuple(self._merged(run, place) for run, place in zip(scenario.runs, scenario.places, strict=True))
         if not scenario.is_compared:
             return merged
-        from sim_action.runner.engine_agreement import with_agreement
+        from sim_action.runner.engine_agreement import with_agreement  # a usual run does without it
 
         indices = range(scenario.first, scenario.first + len(scenario.runs))
         motions = [None if self._motions is None else motion_file(self._motions, index) for index in indices]

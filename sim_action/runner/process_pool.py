@@ -85,14 +85,14 @@ def warm_up(
     ExpectationOutcome.model_rebuild()
     Outcome.model_rebuild()
     if replays:
-        from sim_action.recording.replay import build
+        from sim_action.recording.replay import build  # a usual run does without it
 
         build.warm_up(loaded.model for loaded in scenarios if loaded.model is not None)
     with muted():
         for engine in {chosen(loaded.scenario.backend) for loaded in scenarios}:
             ENGINES[engine].load().warm_up()
     if preloads:
-        from sim_action.simulation.preloading import preload
+        from sim_action.simulation.preloading import preload  # a usual run does without it
 
         preload(scenarios)
     for package in (package for name in formats if scenarios for package in EXPORTS.load(name).packages):

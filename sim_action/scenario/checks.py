@@ -14,7 +14,9 @@ from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import recognise, why_not_recognised
 from sim_action.robot.model.findings import ALLOWABLE, RULES
+from sim_action.robot.model.joint_selection import joints_set_by, setting_problems
 from sim_action.robot.model.kinematics import beyond_limits, why_no_link
+from sim_action.robot.model.link_pairs import NO_PAIRS, touchable_pairs
 from sim_action.robot.model.robot_model import WORLD, RobotModel
 from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, Expectation, Scenario, common_rate
 from sim_action.scenario.source import Source
@@ -236,16 +238,12 @@ def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
 
 def _self_collision_problems(model: RobotModel) -> SpecProblems:
     """Yield a problem if no two links of the robot can touch each other."""
-    from sim_action.robot.model.link_pairs import NO_PAIRS, touchable_pairs
-
     if next(touchable_pairs(model), None) is None:
         yield ("robot", "self_collision"), f"it has no effect: {NO_PAIRS}; remove it"
 
 
 def _start_position_problems(positions: Mapping[str, float | str], model: RobotModel) -> SpecProblems:
     """Yield missing joints, patterns that match nothing, and invalid start positions."""
-    from sim_action.robot.model.joint_selection import joints_set_by, setting_problems
-
     for below, message in setting_problems(model, positions, FirstFew()):
         yield ("robot", "joints", *below), message
     for name, names in joints_set_by(model, positions).items():
@@ -287,8 +285,6 @@ def follower_problems(scene: Scene) -> SpecProblems:
         return
     if not any(joint.mimic for joint in model.moving_joints):
         return
-    from sim_action.robot.model.joint_selection import joints_set_by
-
     setters = {each: name for name, names in joints_set_by(model, stated).items() for each in names}
     for joint in model.moving_joints:
         leader = joint

@@ -148,7 +148,7 @@ def _is_relative_file(name: str, folder: Path) -> bool:
 def _words(text: str) -> object:
     """Split a text into words as a command line is split."""
     try:
-        import shlex
+        import shlex  # only where it is asked for
 
         return tuple(shlex.split(text))
     except ValueError:

@@ -245,7 +245,7 @@ class _Loader:
         self._problems.note_all((), iter(surroundings.problems))
         self._problems.note_all((), world_checks.motion_problems(scenario, self.parts))
         if scenario.world.objects:
-            from sim_action.scenario.body_overlaps import clashes
+            from sim_action.scenario.body_overlaps import clashes  # a usual run does without it
 
             clashing = clashes(scenario.world)
             found = world_checks.Clashes.of(scenario.world, clashing, self.places.bodies, self._allowed)

@@ -43,7 +43,7 @@ class WorldLibrary:
         :param robot: name of the model that is the robot, if one of them is.
         :param packages: folders of packages by name, as in `robot.packages`.
         """
-        from sim_action.world.world_files import read_world_file
+        from sim_action.world.world_files import read_world_file  # a usual run does without it
 
         path = workspace.file(file)
         key = (path, robot, workspace, tuple(sorted(packages.items())))
@@ -168,7 +168,7 @@ def _note_missing(found: WorldFile, problems: ProblemList, allowed: AbstractSet[
 
 
 def _warnings(found: WorldFile, here: Location, allowed: AbstractSet[str]) -> Iterator[AuditWarning]:
-    from sim_action.world.world_files.losses import by_kind
+    from sim_action.world.world_files.losses import by_kind  # a usual run does without it
 
     for loss in by_kind(found.losses):
         rule = INCOMPLETE_WORLD if loss.is_missing else NOT_SIMULATED

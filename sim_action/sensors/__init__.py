@@ -95,7 +95,7 @@ class Sensor(FrozenModel):
     def __pydantic_init_subclass__(cls, **_: object) -> None:
         """Let the sensors of installed packages count as user code, and make their columns known."""
         if not cls.__module__.startswith("sim_action."):
-            from sim_action.state.readings import know_columns
+            from sim_action.state.readings import know_columns  # `validate` does without it
 
             cls.runs_user_code = True
             know_columns(getattr(cls, "key", ""), cls.columns)
@@ -116,7 +116,7 @@ class Sensor(FrozenModel):
 
     def limits(self, reading: str, which: str | None) -> tuple[float, float]:
         """Return the least and the greatest value that a reading can have; `which`: as in the assertion `sensor`."""
-        from sim_action.state.readings import columns_of
+        from sim_action.state.readings import columns_of  # `validate` does without it
 
         column = columns_of(self.key).get(reading)
         return (-math.inf, math.inf) if column is None else column.limits(which)

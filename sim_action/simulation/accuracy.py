@@ -105,7 +105,7 @@ def links_with_springs(model: RobotModel) -> frozenset[str]:
 def _energy_watch(scene: Scene) -> EnergyWatch | None:
     if scene.acted_on:
         return None
-    from sim_action.simulation.energy import EnergyWatch
+    from sim_action.simulation.energy import EnergyWatch  # a usual run does without it
 
     return EnergyWatch.of(scene)
 

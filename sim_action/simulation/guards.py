@@ -261,7 +261,7 @@ class Tunnelling(Guard):
     def _searcher(self) -> SweptSearch:
         """Return the search, which few runs need."""
         if self._search is None:
-            from sim_action.simulation.swept_search import SweptSearch
+            from sim_action.simulation.swept_search import SweptSearch  # a usual run does without it
 
             self._search = SweptSearch(self._parts)
         return self._search

@@ -218,7 +218,7 @@ class EveryStep:
     def _link_poses(self, scene: Scene, rows: FloatArray) -> dict[str, FloatArray]:
         if not self._links:
             return {}
-        from sim_action.robot.model.link_motion import frames_of, link_frames
+        from sim_action.robot.model.link_motion import frames_of, link_frames  # a usual run does without it
 
         frames = link_frames(scene.model, frames_of(rows[:, 1:4], rows[:, 4:8]), rows[:, 8:])
         return {

@@ -22,6 +22,7 @@ from sim_action.drives import Drive, DriveMotion, recognise
 from sim_action.drives.ignored_statements import ignored_statements
 from sim_action.drives.wheels import axis_in_base, opposed_note
 from sim_action.engines.engine import Engine
+from sim_action.robot.model.link_pairs import unwatched_note
 from sim_action.scenario.model import Scenario
 from sim_action.scenario.world_checks import DEPTH, Clashes
 from sim_action.state.observation import Clash, Overlap
@@ -244,8 +245,6 @@ def about_links(scenario: Scenario, scene: Scene) -> Iterator[str]:
     keys = {assertion.key for assertion in scenario.assertions}
     # Most robots that drive have fewer motors than an arm; the rest of the check is imported for others.
     if keys and "self_collision" not in keys and len(scene.model.motor_joints) > (1 if scene.bolted else 2):
-        from sim_action.robot.model.link_pairs import unwatched_note
-
         note = unwatched_note(scene.model, scene.robot, bolted=scene.bolted)
         yield from () if note is None else (note,)
 

@@ -91,14 +91,14 @@ class Shape(FrozenModel):
 
     def parts(self) -> Sequence[Part]:
         """Return the parts of a shape that is not read from a file, in the frame of the object."""
-        from sim_action.world.parts import moved
+        from sim_action.world.parts import moved  # it imports this module
 
         return [moved(part, self.pose.pose) for part in solid_parts(self)]
 
 
 def solid_parts(shape: Shape | Body) -> Sequence[Part]:
     """Return the parts of a box, cylinder, sphere, ramp or flight of stairs, in its own frame."""
-    from sim_action.world.parts import BoxPart, CylinderPart, SpherePart
+    from sim_action.world.parts import BoxPart, CylinderPart, SpherePart  # it imports this module
 
     if shape.box is not None:
         return (BoxPart(shape.box),)
@@ -287,7 +287,7 @@ class Body(FrozenModel):
 
 def placed(body: Body, parts: Sequence[Part]) -> Pose:
     """Return the initial pose of a body with these parts, world frame; without a z it stands on the ground."""
-    from sim_action.world.parts import lowest
+    from sim_action.world.parts import lowest  # it imports this module
 
     at = body.beginning
     z = -lowest(parts, at.orientation_xyzw) if at.z is None else at.z

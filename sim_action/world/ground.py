@@ -121,7 +121,7 @@ def _gaps(spans: Sequence[Span]) -> Iterator[Span]:
 
 
 def _box(across: Span, along: Span) -> BoxPart:
-    from sim_action.world.parts import BoxPart
+    from sim_action.world.parts import BoxPart  # it imports this module
 
     (left, right), (low, high) = across, along
     return BoxPart(

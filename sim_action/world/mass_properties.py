@@ -64,7 +64,7 @@ def displaced(arm: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _solid(part: Part) -> _Placed:
     if isinstance(part, HullPart):
-        from sim_action.meshes.convex_hull import mass_properties
+        from sim_action.meshes.convex_hull import mass_properties  # a usual run does without it
 
         hull = mass_properties(np.array(part.points_xyz))
         return _Placed(hull.volume, hull.centre_xyz, hull.inertia)

@@ -13,8 +13,8 @@ from sim_action.core.field_types import FrozenModel, Placement
 from sim_action.core.geometry import Pose, rpy_from_quaternion
 from sim_action.core.records import dataclass, field
 from sim_action.core.workspace import Workspace
-from sim_action.robot.model.kinematics import Mobility, why_no_link
-from sim_action.robot.model.robot_model import WORLD, RobotModel
+from sim_action.robot.model.kinematics import Mobility, link_poses, why_no_link
+from sim_action.robot.model.robot_model import WORLD, RobotModel, keyframe_of
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.world import Body, Physics, World
 
@@ -133,8 +133,6 @@ class Scene:
         """The keyframe of the model at which the robot begins, if the scenario names one."""
         if self.robot.keyframe is None:
             return None
-        from sim_action.robot.model.robot_model import keyframe_of
-
         return keyframe_of(self.model.keyframes, self.robot.keyframe)
 
     @property
@@ -193,7 +191,7 @@ class Scene:
     def _stated_positions(self) -> dict[str, float]:
         if not self.robot.joints:
             return {}
-        from sim_action.robot.model.joint_selection import joints_set_by
+        from sim_action.robot.model.joint_selection import joints_set_by  # a usual run does without it
 
         joints, written = self.model.joints_by_name, self.robot.joints
         return {
@@ -210,8 +208,6 @@ class Scene:
     @property
     def extent(self) -> float:
         """An upper bound in m on the distance of the robot's shapes from the origin of its base link at the start."""
-        from sim_action.robot.model.kinematics import link_poses
-
         poses, ends = link_poses(self.model, self.joint_positions), [0.0]
         for link in self.model.links:
             at = math.hypot(*poses[link.name].position_xyz)

@@ -70,7 +70,7 @@ class Ramp(FrozenModel):
 
     def parts(self) -> tuple[HullPart]:
         """Return the parts, centred in the bounding box."""
-        from sim_action.world.parts import HullPart
+        from sim_action.world.parts import HullPart  # it imports this module
 
         x, y, z = self.length / 2, self.width / 2, self.rise / 2
         corners = ((-x, -z), (x, -z), (x, z))
@@ -90,7 +90,7 @@ class Stairs(FrozenModel):
 
     def parts(self) -> tuple[BoxPart, ...]:
         """Return one box per step, centred in the bounding box of all."""
-        from sim_action.world.parts import BoxPart
+        from sim_action.world.parts import BoxPart  # it imports this module
 
         length, height = self.steps * self.run, self.steps * self.rise
         return tuple(

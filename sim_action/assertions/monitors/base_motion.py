@@ -121,7 +121,7 @@ def _distances(before: FloatArray, after: FloatArray) -> FloatArray:
 
 
 def _angles(before: FloatArray, after: FloatArray) -> FloatArray:
-    from sim_action.state.trace import rotation_angles
+    from sim_action.state.trace import rotation_angles  # `validate` does without it
 
     return rotation_angles(before[:, 4:8], after[:, 4:8])
 

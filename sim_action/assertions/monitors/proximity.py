@@ -27,7 +27,7 @@ def nearest_of(trace: Trace, watch: ClearanceWatch | None, before: Nearness | No
 
 def recorded(trace: Trace, *watches: ClearanceWatch) -> ClearanceRecord:
     """Return all moments that several watches of the same bodies recorded."""
-    from sim_action.state.trace_records import ClearanceRecord
+    from sim_action.state.trace_records import ClearanceRecord  # `validate` does without it
 
     records = [trace.clearances[watch] for watch in watches if len(trace.clearances.get(watch, ()))]
     if len(records) < 2:
@@ -68,7 +68,7 @@ NO_FORCE: Final = "with no computed force (neither gives way)"
 
 def clearance_signal(body: str) -> str:
     """Return the distance of the robot from a body as a formula writes it: 0 or less where they touch."""
-    from sim_action.assertions.temporal_logic.formula import quoted
+    from sim_action.assertions.temporal_logic.formula import quoted  # `validate` does without it
 
     return f"clearance({quoted(body)})"
 

@@ -21,6 +21,7 @@ from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.kinematics import link_of_frame, why_no_frame, why_no_link
+from sim_action.robot.model.link_pairs import rigid_bodies
 from sim_action.robot.model.robot_model import WORLD
 from sim_action.state.verdict import Mark, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
@@ -75,7 +76,7 @@ class Watched:
         """Return the state at t = 0 with the pose and the twist of the frame in place of those of the base."""
         if self.motion is None:
             return start
-        from sim_action.state.trace import Trace
+        from sim_action.state.trace import Trace  # `validate` does without it
 
         row = self.seen(Trace.of_observation(start)).state[0].tolist()
         x, y, z, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = row[1:14]
@@ -122,7 +123,7 @@ class MotionAssertion(Assertion):
 
     def quantity(self, name: str, signal: str = "") -> str:
         """Return a quantity of the frame as a formula writes it; `signal`: that of the base in formulas, if any."""
-        from sim_action.assertions.temporal_logic.formula import quoted
+        from sim_action.assertions.temporal_logic.formula import quoted  # `validate` does without it
 
         if self.watches_base and signal:
             return signal
@@ -189,7 +190,7 @@ class MotionAssertion(Assertion):
         link = self.link or scene.model.root
 
         def motion(trace: Trace) -> LinkMotion:
-            from sim_action.robot.model.link_motion import motion_in
+            from sim_action.robot.model.link_motion import motion_in  # `validate` does without it
 
             return motion_in(scene.model, trace, link, self.frame)
 
@@ -247,8 +248,6 @@ def _held_with(frame: str, scene: Scene) -> Collection[str]:
     """Return the links that never move relative to the world, or to a link."""
     if frame == WORLD or frame in scene.bolted_links:
         return scene.bolted_links
-    from sim_action.robot.model.link_pairs import rigid_bodies
-
     holders = rigid_bodies(scene.model)
     return [link for link, holder in holders.items() if holder == holders[frame]]
 

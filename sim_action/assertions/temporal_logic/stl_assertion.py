@@ -181,7 +181,7 @@ class Stl(Assertion):
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        from sim_action.assertions.temporal_logic.monitor import StlMonitor
+        from sim_action.assertions.temporal_logic.monitor import StlMonitor  # `validate` does without it
 
         units = {comparison: margin_unit(comparison, scene.model) for comparison in comparisons(self.parsed)}
         return StlMonitor.of(self.parsed, units, scene, start)

@@ -192,9 +192,9 @@ def _lz4(packed: bytes) -> bytes:
 def zstd() -> Any:
     """Return the module that decompresses zstd."""
     if sys.version_info >= (3, 14):
-        from compression import zstd
+        from compression import zstd  # `validate` does without it
     else:
-        from backports import zstd
+        from backports import zstd  # `validate` does without it
     return zstd
 
 

@@ -190,7 +190,7 @@ class MuJoCoEngine(Engine):
     def _collision_of_links(self, compiled: CompiledScene, channels: Channels) -> SelfCollision | None:
         if not (self._scene.robot.self_collision or channels.self_contacts):
             return None
-        from sim_action.engines.mujoco.colliding_geoms import SelfCollision
+        from sim_action.engines.mujoco.colliding_geoms import SelfCollision  # a usual run does without it
 
         contacts = SelfCollision(self._scene, compiled.model, compiled.data, compiled.links, compiled.colliders)
         self.model_notes = contacts.notes

@@ -246,7 +246,7 @@ def _drive_surface(model: Any, body: str, twist: Twist) -> None:
 
 
 def _own_pairs(spec: Any, scene: Scene, robot: Sequence[Collider]) -> list[tuple[Collider, Collider]]:
-    from sim_action.engines.mujoco.colliding_geoms import colliding_pairs
+    from sim_action.engines.mujoco.colliding_geoms import colliding_pairs  # a usual run does without it
 
     return colliding_pairs(spec, scene, robot)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import sys
 from functools import cache
 from typing import Final, NamedTuple
@@ -64,8 +65,6 @@ def release(client: int) -> None:
 def _keep_free_memory() -> None:
     """Let the C library keep what a reset frees: to get 14 MB from the system again would take 7 ms for each run."""
     if sys.platform == "linux":
-        import ctypes
-
         if (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is not None:
             mallopt(_TRIM_THRESHOLD, _MAX_KEPT_BYTES)
             mallopt(_MMAP_THRESHOLD, _MAX_KEPT_BYTES)

@@ -294,14 +294,14 @@ class PyBulletEngine(Engine):
     def _ball_joints(self, numbers: Mapping[str, int]) -> BallJoints | None:
         if not numbers:
             return None
-        from sim_action.engines.pybullet.passive_joints import BallJoints
+        from sim_action.engines.pybullet.passive_joints import BallJoints  # a usual run does without it
 
         return BallJoints(self._client, self._robot, numbers)
 
     def _collision_of_links(self, scene: Scene, channels: Channels) -> SelfCollision | None:
         if not (scene.robot.self_collision or channels.self_contacts):
             return None
-        from sim_action.engines.pybullet.colliding_links import SelfCollision
+        from sim_action.engines.pybullet.colliding_links import SelfCollision  # a usual run does without it
 
         return SelfCollision.of(scene, self._client, self._robot, self._links, self._index)
 
@@ -309,7 +309,7 @@ class PyBulletEngine(Engine):
         sprung = {self._index[joint.name]: joint for joint in model.motor_joints if joint.stiffness}
         if not sprung:
             return None
-        from sim_action.engines.pybullet.passive_joints import Springs
+        from sim_action.engines.pybullet.passive_joints import Springs  # a usual run does without it
 
         return Springs(self._client, self._robot, sprung)
 
@@ -317,7 +317,7 @@ class PyBulletEngine(Engine):
         """Couple the followers of joints; return each leader whose motor acts on another joint -> that joint."""
         if all(joint.mimic is None for joint in model.motor_joints):
             return {}
-        from sim_action.engines.pybullet.passive_joints import couple
+        from sim_action.engines.pybullet.passive_joints import couple  # a usual run does without it
 
         carriers = couple(self._client, self._robot, model, self._index)
         for leader, gear in carriers.items():
@@ -334,12 +334,12 @@ class PyBulletEngine(Engine):
         """Change damped joints so that no damping adds energy, and return the notes about them."""
         if not self._is_damped:
             return ()
-        from sim_action.engines.pybullet.passive_joints import calm
+        from sim_action.engines.pybullet.passive_joints import calm  # a usual run does without it
 
         return calm(self._client, self._robot, scene.physics.rate, bolted=scene.bolted)
 
     def _sliding_wheels(self, scene: Scene) -> SlidingWheels:
-        from sim_action.engines.pybullet.sliding import SlidingWheels
+        from sim_action.engines.pybullet.sliding import SlidingWheels  # a usual run does without it
 
         scrubbing = [self._links[name] for name in scene.scrubbing]
         objects = scene.world.objects

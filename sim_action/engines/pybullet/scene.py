@@ -91,7 +91,7 @@ def add_object(client: int, body: Body, parts: Sequence[Part]) -> list[tuple[int
     """Add a body at its initial pose; return the number of each of its pieces, with its pose in the body."""
     pose, moves = placed(body, parts), bool(body.path or body.surface_velocity)
     if body.has_own_inertia:
-        from sim_action.engines.pybullet.rigid_bodies import add_rigid_body
+        from sim_action.engines.pybullet.rigid_bodies import add_rigid_body  # a usual run does without it
 
         number, inertial = add_rigid_body(client, body, parts)
         _set_dynamics(client, number, BASE, lateralFriction=body.friction)

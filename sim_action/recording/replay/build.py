@@ -327,8 +327,8 @@ def _golden(scenario: Scenario, scene: Scene) -> Iterator[GoldenData]:
     for number, expected in enumerate(scenario.expect):
         if not expected.assertion.has_golden:
             continue
-        from sim_action.assertions.matches import Matches
-        from sim_action.state.golden_trajectory import RESOLUTION
+        from sim_action.assertions.matches import Matches  # a usual run does without it
+        from sim_action.state.golden_trajectory import RESOLUTION  # a usual run does without it
 
         assert isinstance(expected.assertion, Matches)
         golden = expected.assertion.golden_in(scene)

@@ -246,7 +246,7 @@ def _tall(column: FloatArray | float) -> FloatArray:
 
 def _link_poses(scene: Scene, film: Trace, link: str | None, time: FloatArray) -> Pose:
     """Return the poses of a link at given times as columns."""
-    from sim_action.robot.model.link_motion import link_motion
+    from sim_action.robot.model.link_motion import link_motion  # a usual run does without it
 
     motion = link_motion(scene.model, film, link or scene.model.root)
     return _columns(_between(film.time, motion.position_xyz, motion.orientation_xyzw, time))

@@ -133,8 +133,8 @@ def hull_surface(hulls: Sequence[FloatArray]) -> Triangles | None:
 
 
 def _one_hull(points: FloatArray, most: int) -> Triangles | None:
-    from sim_action.meshes.convex_hull import hull_faces
-    from sim_action.sensors.rendering.solids import outermost
+    from sim_action.meshes.convex_hull import hull_faces  # a usual run does without it
+    from sim_action.sensors.rendering.solids import outermost  # a usual run does without it
 
     middle = points.mean(axis=0)
     kept = outermost(points - middle, most)

@@ -16,6 +16,7 @@ from sim_action.meshes.collada import Colour, colour_of, stated_colour
 from sim_action.meshes.hull_file import read_hull_points
 from sim_action.recording.replay.surfaces import Triangles, hull_surface, simplified
 from sim_action.robot.model.robot_model import MESH_OF_TEXT, Mjcf, RobotModel
+from sim_action.robot.reading.mjcf.mujoco_spec import surfaces_of
 
 # The version of cache entries; a new number makes older ones unused.
 _VERSION: Final = 3
@@ -73,8 +74,6 @@ class VisualMeshes:
         return known
 
     def _of_text(self, mjcf: Mjcf) -> Iterator[tuple[str, Triangles]]:
-        from sim_action.robot.reading.mjcf.mujoco_spec import surfaces_of
-
         for name, (points, corners) in surfaces_of(mjcf).items():
             yield name, simplified(Triangles(points, corners), self._most)
 

@@ -36,7 +36,7 @@ MAX_PAGE_SCENARIOS: Final = 2_000
 def write_html(results: Results, options: ReportOptions) -> None:
     """Write `report.html` into the output folder."""
     if options.against is not None:
-        from sim_action.reports.html.base_run import warn_if_nothing_in_common
+        from sim_action.reports.html.base_run import warn_if_nothing_in_common  # a usual run does without it
 
         warn_if_nothing_in_common(options.against, results.outcomes)
     with whole_file(options.folder / REPORT_FILE) as file:
@@ -55,7 +55,7 @@ def page(results: Results, options: ReportOptions) -> Page:
     head = f'{page_head(results, base)}\n<div class="layout">{joined(scenario_list(plan, results), main)}'
     written = [articles[entry.identity] + b"\n" for entry in plan.entries]
     if plan.has_suite:
-        from sim_action.reports.html.suite import suite_article
+        from sim_action.reports.html.suite import suite_article  # a usual run does without it
 
         written.insert(0, encoded(f"{suite_article(plan, looks, ghosts.changes)}\n"))
     if written:
@@ -78,7 +78,7 @@ def _base_run(results: Results, options: ReportOptions) -> Base | None:
     """Return the run of `--against` with what changed since; None if there is none."""
     if options.against is None:
         return None
-    from sim_action.reports.html.base_run import Base
+    from sim_action.reports.html.base_run import Base  # a usual run does without it
 
     return Base.of(options.against, results)
 

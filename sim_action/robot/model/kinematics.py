@@ -122,7 +122,7 @@ def shape_points(shape: Shape) -> NDArray[np.float64]:
     """Return the corners (P, 3) of the hulls of a mesh in m, in the frame of its link."""
     import numpy as np
 
-    from sim_action.meshes.hull_file import read_unshrunk_points
+    from sim_action.meshes.hull_file import read_unshrunk_points  # a usual run does without it
 
     if shape.corners:
         points = np.frombuffer(shape.corners, np.float32).reshape(-1, 3).astype(np.float64)

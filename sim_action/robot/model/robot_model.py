@@ -476,7 +476,7 @@ class RobotModel:
         texts = {shape.hulls for link in self.links for shape in link.collisions if shape.hulls}
         if not texts:
             return {}
-        from sim_action.meshes.hull_file import hull_file_name
+        from sim_action.meshes.hull_file import hull_file_name  # a usual run does without it
 
         return {hull_file_name(text): text for text in texts}
 

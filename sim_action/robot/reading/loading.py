@@ -15,10 +15,17 @@ from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.robot.audit.unsupported_parts import unread_parts_of_srdf
 from sim_action.robot.built_in import BUILT_IN, FOLDER
-from sim_action.robot.documents.packages import PackageError, Packages
+from sim_action.robot.documents.packages import (
+    PackageError,
+    Packages,
+    find_model_file,
+    is_folder,
+    is_model_folder,
+    model_files_in,
+)
 from sim_action.robot.documents.xml_document import ModelDocument, read_document
 from sim_action.robot.model.findings import Finding, limited_notes, without_harmless
-from sim_action.robot.model.robot_model import RobotModel, Srdf
+from sim_action.robot.model.robot_model import RobotModel, Srdf, keyframe_of
 from sim_action.robot.reading.urdf import model_of, read_urdf
 
 if TYPE_CHECKING:
@@ -112,8 +119,6 @@ def _without_repeats(findings: Iterable[Finding]) -> Iterator[Finding]:
 def _check_keyframe(name: str | int, model: RobotModel) -> None:
     if not model.keyframes:
         raise ModelError(f"the model has no keyframes; remove 'keyframe: {name}'")
-    from sim_action.robot.model.robot_model import keyframe_of
-
     found = keyframe_of(model.keyframes, name)
     if found is None:
         raise ModelError(f"the model has no keyframe '{name}'{did_you_mean(str(name), model.keyframes)}")
@@ -151,7 +156,7 @@ def _model(document: ModelDocument, path: Path, packages: Packages, allow: Itera
         return replace(model, findings=(*model.findings, *document.findings))
     if document.root.tag != "sdf":
         return model_of(document, path, packages, allow)
-    from sim_action.robot.reading.sdf.conversion import urdf_of_sdf
+    from sim_action.robot.reading.sdf.conversion import urdf_of_sdf  # a usual run does without it
 
     urdf, findings = urdf_of_sdf(document, path, packages, allow, name)
     model, (kept, harmless) = model_of(urdf, path, packages, allow), without_harmless(findings)
@@ -165,11 +170,11 @@ def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:
     if robot.srdf is not None:
         read_srdf_text(_srdf_file(robot.srdf, packages))
     if robot.is_mjcf:
-        from sim_action.robot.reading.mjcf.mjcf_files import collect_files
+        from sim_action.robot.reading.mjcf.mjcf_files import collect_files  # a usual run does without it
 
         collect_files(path, packages)
         return (f"links and joints of {robot.model}: MuJoCo reads the file when the scenario runs",)
-    from sim_action.robot.reading.xacro_documents import check_xacro_text
+    from sim_action.robot.reading.xacro_documents import check_xacro_text  # a usual run does without it
 
     return check_xacro_text(path, robot.args, packages)
 
@@ -193,8 +198,6 @@ def srdf_problems(robot: Robot, workspace: Workspace) -> Iterator[tuple[tuple[st
 
 
 def _srdf_file(name: str, packages: Packages) -> Path:
-    from sim_action.robot.documents.packages import find_model_file
-
     if name.endswith(".xacro"):
         expanded = name.removesuffix(".xacro")
         raise ModelError(f"an SRDF must be expanded: run xacro {name} > {expanded}, and name '{expanded}'")
@@ -209,8 +212,6 @@ def _srdf_file(name: str, packages: Packages) -> Path:
 
 
 def _path(name: str, packages: Packages) -> Path:
-    from sim_action.robot.documents.packages import find_model_file, is_folder, is_model_folder
-
     place = packages.workspace.directory / name
     if "/" not in name and "." not in name and not is_folder(place):
         built_in = f"unknown robot '{name}'{did_you_mean(name, BUILT_IN)}"
@@ -227,8 +228,6 @@ def _path(name: str, packages: Packages) -> Path:
 
 def _next_step(name: str, place: Path, packages: Packages) -> str:
     """Return the end of a message about a path that is no model file: a similar name, or the files in the folder."""
-    from sim_action.robot.documents.packages import model_files_in
-
     try:
         found = place.resolve()
         if not packages.may_read(found):

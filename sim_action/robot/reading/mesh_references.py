@@ -90,7 +90,7 @@ def _resolve(
 def _rewrite(document: ModelDocument, mesh: Element, path: Path, clean: dict[Element, CleanMesh]) -> Iterator[Finding]:
     # Reading meshes needs numpy, which is slow to import.
     from sim_action.meshes import MeshError, clean_mesh
-    from sim_action.meshes.hull_file import hull_file_name
+    from sim_action.meshes.hull_file import hull_file_name  # a usual run does without it
 
     name, scale = mesh.attrib["filename"], vector(mesh, "scale", (1.0, 1.0, 1.0))
     try:

@@ -56,19 +56,20 @@ class Ros2Commands(CommandSource):
 
     def problems(self, workspace: Workspace) -> SpecProblems:
         """See CommandSource.problems. This starts nothing and works without ROS 2."""
-        from sim_action.ros.ros2.file_problems import file_problems
+        from sim_action.ros.ros2.file_problems import file_problems  # the rest of the module runs without it
 
         return ((("ros2", *path), message) for path, message in file_problems(self.ros2, workspace))
 
     @property
     @override
     def unchecked(self) -> tuple[str, ...]:
-        from sim_action.ros.ros2.file_problems import unchecked
+        from sim_action.ros.ros2.file_problems import unchecked  # the rest of the module runs without it
 
         return unchecked(self.ros2)
 
     def model_problems(self, scene: Scene) -> SpecProblems:
         """See CommandSource.model_problems: problems of controllers and topics."""
+        # the rest of the module runs without it
         from sim_action.ros.ros2.topics import controller_problems, topic_problems
 
         ros2 = self.ros2
@@ -84,6 +85,6 @@ class Ros2Commands(CommandSource):
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises SourceProblem if ROS 2 is not installed, ScriptError."""
-        from sim_action.ros.ros2.driven_nodes import open_nodes
+        from sim_action.ros.ros2.driven_nodes import open_nodes  # the rest of the module runs without it
 
         return open_nodes(self.ros2, self.rate, scene)

@@ -212,7 +212,7 @@ def run_task(
     try:
         arguments = (scenarios, str(there), folder, task.turn, task.output)
         if sys.platform == "linux":
-            from sim_action.runner.warm_process import call_beside
+            from sim_action.runner.warm_process import call_beside  # only where it is asked for
 
             results: list[Result] = call_beside(_run_here, arguments, listen, _prepare)
         else:

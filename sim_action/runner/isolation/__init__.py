@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 def child_type_here() -> type[ChildProcess]:
     """Return the type of child processes for this system; no other code chooses."""
     if sys.platform == "linux":
-        from sim_action.runner.isolation.linux_child import LinuxChild
+        from sim_action.runner.isolation.linux_child import LinuxChild  # it imports this module
 
         return LinuxChild
-    from sim_action.runner.isolation.portable_child import PortableChild
+    from sim_action.runner.isolation.portable_child import PortableChild  # it imports this module
 
     return PortableChild

@@ -189,6 +189,7 @@ def main() -> NoReturn:
 
     The job comes on standard input, which stays open as long as the caller is there; progress goes to standard output.
     """
+    # only where it is asked for
     from sim_action.runner.child_main import become_child, exit_child, received_job, run_job
 
     try:

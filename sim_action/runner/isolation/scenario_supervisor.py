@@ -49,6 +49,7 @@ def _work(progress: int, supervisor: int) -> NoReturn:
         process_control.end_with_parent(supervisor, signal.SIGKILL)
         os.setpgid(0, 0)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, process_control.AWAITED_SIGNALS)
+        # only where it is asked for
         from sim_action.runner.child_main import become_child, exit_child, received_job, run_job
 
         job, files = received_job()

@@ -84,18 +84,18 @@ def _read(body: Body, workspace: Workspace) -> tuple[Part, ...] | ShapeError:
 def _parts(body: Body, workspace: Workspace) -> Iterator[Part]:
     # These modules import numpy, which most scenarios do not need before they run.
     if body.mesh is not None:
-        from sim_action.world.shape_files.mesh_file import mesh_parts
+        from sim_action.world.shape_files.mesh_file import mesh_parts  # it imports this module
 
         yield from mesh_parts(body.mesh, workspace, moves=body.mass is not None)
     elif body.shapes is not None:
         for number, shape in enumerate(body.shapes):
             yield from _parts_of_shape(shape, number, workspace, moves=body.mass is not None)
     elif body.heightfield is not None:
-        from sim_action.world.shape_files.grids import grid_of
+        from sim_action.world.shape_files.grids import grid_of  # it imports this module
 
         yield grid_of(body.heightfield, workspace)
     elif body.map is not None:
-        from sim_action.world.shape_files.grids import walls
+        from sim_action.world.shape_files.grids import walls  # it imports this module
 
         yield from walls(body.map, workspace)
 
@@ -105,8 +105,8 @@ def _parts_of_shape(shape: Shape, number: int, workspace: Workspace, *, moves: b
     if shape.mesh is None:
         yield from shape.parts()
         return
-    from sim_action.world.parts import moved
-    from sim_action.world.shape_files.mesh_file import mesh_parts
+    from sim_action.world.parts import moved  # a usual run does without it
+    from sim_action.world.shape_files.mesh_file import mesh_parts  # it imports this module
 
     try:
         for part in mesh_parts(shape.mesh, workspace, moves=moves):

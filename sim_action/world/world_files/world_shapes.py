@@ -19,6 +19,8 @@ from sim_action.robot.documents.sdf_elements import Notes, SdfProblem, needed, n
 from sim_action.robot.reading.sdf.composition import Entry
 from sim_action.world import MeshFile, Shape
 from sim_action.world.parts import Part, SurfacePart, moved
+from sim_action.world.shape_files.mesh_file import read_mesh_parts
+from sim_action.world.shape_files.shape_error import ShapeError
 from sim_action.world.world_files.losses import LossList
 from sim_action.world.world_files.tags import lost_tags
 
@@ -187,9 +189,6 @@ class ShapeReader:
         """Return the parts of a mesh in its own frame, or the reason why it cannot be used."""
         key = (path, scale, moves)
         if key not in self._meshes:
-            from sim_action.world.shape_files.mesh_file import read_mesh_parts
-            from sim_action.world.shape_files.shape_error import ShapeError
-
             try:
                 spec = MeshFile.model_validate({"file": path.name, "scale": scale})
                 parts = tuple(read_mesh_parts(path, spec, moves=moves))

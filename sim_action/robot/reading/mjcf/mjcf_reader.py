@@ -41,6 +41,8 @@ from sim_action.robot.model.robot_model import (
 )
 from sim_action.robot.reading.mjcf.mjcf_elements import refusal
 from sim_action.robot.reading.mjcf.mjcf_files import MjcfFiles, collect_files
+from sim_action.robot.reading.mjcf.motors import keyframes_of, largest_efforts, motors_of
+from sim_action.robot.reading.mjcf.mujoco_spec import build, compiled
 
 if TYPE_CHECKING:
     from sim_action.robot.reading.mjcf.mujoco_spec import Built
@@ -85,9 +87,6 @@ def read_mjcf(path: Path, packages: Packages, allow: Iterable[str] = ()) -> Robo
 
 
 def _read(path: Path, files: MjcfFiles) -> RobotModel:
-    from sim_action.robot.reading.mjcf.motors import keyframes_of
-    from sim_action.robot.reading.mjcf.mujoco_spec import build, compiled
-
     place = Location(shown_file(path))
     built = build(files, place)
     model = compiled(built.spec)
@@ -212,8 +211,6 @@ class _Reader:
 
     def __init__(self, model: Any, built: Built) -> None:
         from mujoco import mjtJoint
-
-        from sim_action.robot.reading.mjcf.motors import largest_efforts, motors_of
 
         self._types: Any = mjtJoint
         single = {int(mjtJoint.mjJNT_HINGE), int(mjtJoint.mjJNT_SLIDE)}

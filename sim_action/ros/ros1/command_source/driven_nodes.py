@@ -88,7 +88,7 @@ def _joined(nodes: LaunchedNodes, launch: LaunchSpec, spec: RosNodes, rate: floa
     # At the end: the other packages of the distribution are for another Python.
     sys.path += [str(ros.modules), str(nodes.folder / "overlay/modules")]
     try:
-        from sim_action.ros.ros1.node.robot_node import RobotNode, RobotSpec
+        from sim_action.ros.ros1.node.robot_node import RobotNode, RobotSpec  # the rest of the module runs without it
     except ImportError as error:
         version = ".".join(map(str, sys.version_info[:3]))
         raise ScriptError(

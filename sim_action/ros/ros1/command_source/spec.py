@@ -61,6 +61,7 @@ class RosCommands(CommandSource):
 
     def problems(self, workspace: Workspace) -> SpecProblems:
         """See CommandSource.problems. This launches nothing and works without ROS."""
+        # the rest of the module runs without it
         from sim_action.ros.ros1.command_source.file_problems import file_problems
 
         return ((("ros1", *path), message) for path, message in file_problems(self.ros1, workspace))
@@ -68,7 +69,7 @@ class RosCommands(CommandSource):
     @property
     @override
     def unchecked(self) -> tuple[str, ...]:
-        from sim_action.ros.ros1.command_source.file_problems import unchecked
+        from sim_action.ros.ros1.command_source.file_problems import unchecked  # the rest of the module runs without it
 
         return unchecked(self.ros1)
 
@@ -79,6 +80,6 @@ class RosCommands(CommandSource):
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises SourceProblem if ROS is not installed, ScriptError."""
-        from sim_action.ros.ros1.command_source.driven_nodes import open_nodes
+        from sim_action.ros.ros1.command_source.driven_nodes import open_nodes  # the rest of the module runs without it
 
         return open_nodes(self.ros1, self.rate, scene)

@@ -17,13 +17,14 @@ from typing import Final
 
 def gzserver() -> int:
     """Run the simulation as the node `gazebo`. Does not return: the process ends when the launch is over."""
-    import signal
+    import signal  # the rest of the module runs without it
 
-    from sim_action.core.process import collect_garbage_rarely
+    from sim_action.core.process import collect_garbage_rarely  # the rest of the module runs without it
 
     collect_garbage_rarely()
     # Before any thread starts, also those of numpy and engines: one that does not block the signals may receive them.
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+    # the rest of the module runs without it
     from sim_action.ros.ros1.launch_request import (
         FOLDER_VARIABLE,
         PROCESS_FILE,
@@ -38,7 +39,7 @@ def gzserver() -> int:
     (run / PROCESS_FILE).write_text(str(os.getpid()))
     # At the end: the other packages of the distribution are for another Python.
     sys.path.append(request.modules)
-    from sim_action.ros.ros1.node.gzserver import serve
+    from sim_action.ros.ros1.node.gzserver import serve  # the rest of the module runs without it
 
     serve(run, request)
     sys.stdout.flush()
@@ -50,13 +51,14 @@ def gzserver() -> int:
 def spawn_model() -> int:
     """Spawn a model in the simulation. Return the exit code."""
     _add_rospy()
-    from sim_action.ros.ros1.node.spawn_model import spawn
+    from sim_action.ros.ros1.node.spawn_model import spawn  # the rest of the module runs without it
 
     return spawn()
 
 
 def _controller_program(name: str) -> int:
     _add_rospy()
+    # the rest of the module runs without it
     from sim_action.ros.ros1.node.control.programs import PROGRAMS as CONTROLLER_PROGRAMS
 
     return CONTROLLER_PROGRAMS[name]()
@@ -64,6 +66,7 @@ def _controller_program(name: str) -> int:
 
 def _state_publisher(name: str) -> int:
     _add_rospy()
+    # the rest of the module runs without it
     from sim_action.ros.ros1.node.state_publishers import PROGRAMS as STATE_PUBLISHERS
 
     return STATE_PUBLISHERS[name]()

@@ -149,7 +149,7 @@ def _replace_service_errors(services: dict[str, Any]) -> None:
 
 def _log_callback(name: str, error: BaseException) -> None:
     """Log an exception in the words of rospy for a subscriber."""
-    import traceback
+    import traceback  # the rest of the module runs without it
 
     lines = traceback.format_exception(type(error), error, error.__traceback__)
     sys.modules["rospy"].logerr("bad callback: %s\n%s", name, "".join(lines))
