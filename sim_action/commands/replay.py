@@ -78,8 +78,9 @@ class ReplayCommands(CommandSource):
     From ROS logs, `Twist`, `TwistStamped`, `AckermannDrive`, `AckermannDriveStamped`, `JointState`, `JointTrajectory`
     and `Float64MultiArray` (with `joints`) are replayed. If a joint has several of position, velocity and effort, the
     first of them is used; NaN means that a joint has none. Targets beyond the limits of the model are clipped, with a
-    note, also between two rows. The messages of an unfinished or damaged log are read up to the damage, with a note. A
-    topic has at most 250,000 messages, as many as a CSV has rows; the size of other topics does not matter.
+    note, also between two rows. The messages of an unfinished or damaged log are read up to the damage, with a note. In
+    an MCAP file or a rosbag1 with a good index, those after it are read, too, and the lost ones are counted. A topic
+    has at most 250,000 messages, as many as a CSV has rows; the size of other topics does not matter.
 
     ROS logs need `pip install '.[rosbags]'` in a checkout of sim-action, and in a workflow the input `extras: rosbags`.
     """

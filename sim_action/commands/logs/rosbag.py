@@ -74,9 +74,77 @@ def read_log(path: Path, name: str, wanted: Wanted) -> Recorded:
         if path.is_dir() and not (path / METADATA).is_file():
             notes.append(f"{name} has no {METADATA}, so its recorder was killed: all its files are read")
         storages = [stack.enter_context(_opened(file, notes)) for file in files]
-        recorded = _recorded(storages, wanted)
+        try:
+            recorded = _recorded(storages, wanted)
+        except (RecordingError, MemoryError):
+            raise
+        except Exception:
+            holes = [hole for storage in storages for hole in _holes_cut_out(storage, wanted.topic)]
+            if not holes:
+                raise
+            notes += holes
+            recorded = _recorded(storages, wanted)
         notes += [storage.unfinished for storage in storages if isinstance(storage, ScannedLog) and storage.cut]
         return replace(recorded, notes=tuple(escaped_line(note) for note in notes))
+
+
+def _holes_cut_out(storage: _Storage, topic: str) -> Iterator[str]:
+    """Remove the damaged parts of a file with a good index from its index; yield a note that counts what is lost.
+
+    A part is a chunk of MCAP, or a message of a rosbag1 and the one before it, whose end may be damaged, too.
+    """
+    reader: Any = storage
+    if isinstance(storage, ScannedLog) or reader.path.suffix not in (".bag", ".mcap"):
+        return
+    mine = [connection for connection in reader.connections if connection.topic == topic]
+    lost = 0
+    if reader.path.suffix == ".mcap":
+        chunks, whole = reader.storage.chunks, []
+        for chunk in chunks:
+            reader.storage.chunks = [chunk]
+            if _is_readable(reader, mine):
+                whole.append(chunk)
+            else:
+                lost += _indexed(reader, mine)
+        reader.storage.chunks = whole
+    else:
+        for connection in mine:
+            good: list[Any] = []
+            entries, damaged, is_after_loss = reader.indexes[connection.id], -1, True
+            for entry in entries:
+                reader.indexes[connection.id] = [entry]
+                if entry.chunk_pos != damaged and _is_readable(reader, [connection]):
+                    good.append(entry)
+                    is_after_loss = False
+                    continue
+                if not is_after_loss:
+                    good.pop()
+                is_after_loss = True
+                # Without this chunk, which cannot be decompressed.
+                damaged = damaged if reader.current_chunk[0] == entry.chunk_pos else entry.chunk_pos
+            reader.indexes[connection.id] = good
+            lost += len(entries) - len(good)
+    if lost:
+        what = f"{lost} messages of '{topic}' are lost, the others were read"
+        yield f"{reader.path.name} is damaged in the middle: {what}"
+
+
+def _is_readable(reader: Any, connections: Sequence[Connection]) -> bool:
+    try:
+        for _ in _messages(reader, connections):
+            pass
+    except MemoryError:
+        raise
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise  # the disk is damaged, not the log
+        return False
+    return True
+
+
+def _indexed(reader: Any, connections: Sequence[Connection]) -> int:
+    """Return the number of messages of some topics in the chunks of an MCAP file, as its index states it."""
+    return sum(chunk.channel_count.get(topic.id, 0) for chunk in reader.storage.chunks for topic in connections)
 
 
 def files_of(folder: Path, name: str) -> Iterator[str]:
@@ -268,8 +336,19 @@ def _connections(storages: Sequence[_Storage], wanted: Wanted) -> list[Connectio
 def _messages(storage: _Storage, wanted: Sequence[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
     """Yield the messages of some topics in a file, decompressed."""
     mine = [connection for connection in storage.connections if connection in wanted]
+    count = 0
     for connection, receipt, data in storage.messages(mine) if mine else ():
+        count += 1
         yield connection, receipt, bytes(zstd().decompress(data)) if data[:4] == _ZSTD_MAGIC else data
+    reader: Any = storage
+    # A chunk without a checksum may have a hole.
+    if (
+        mine
+        and not isinstance(storage, ScannedLog)
+        and reader.path.suffix == ".mcap"
+        and count < _indexed(reader, mine)
+    ):
+        raise ValueError(f"{count} of {_indexed(reader, mine)} messages can be read")
 
 
 _Decoded = Callable[["Connection", bytes], Any]

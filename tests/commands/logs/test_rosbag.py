@@ -435,6 +435,25 @@ def test_a_log_that_is_cut_off_is_read_before_the_damage(log: str, share: float,
     assert recorded.notes == (f"{log} {DAMAGED}",)
 
 
+@pytest.mark.parametrize("log", ["a.mcap", "a.bag", "bz2.bag", "lz4.bag"])
+def test_a_hole_in_a_log_with_a_good_index_is_counted(log: str, tmp_path: Path) -> None:
+    messages = [(n / 10, n / 10_000, 0.1) for n in range(20_000)]
+    entries = drive(messages)
+    compression = log.removesuffix(".bag").upper() if log[:3] in {"bz2", "lz4"} else None
+    path = mcap_file(tmp_path / log, entries) if log == "a.mcap" else ros1_bag(tmp_path / log, entries, compression)
+    whole = read_log(path, "whole", Wanted("/cmd_vel")).rows
+    data = bytearray(path.read_bytes())
+    middle = len(data) * 2 // 5
+    data[middle : middle + 4096] = bytes(4096)
+    path.write_bytes(data)
+    recorded = read_log(path, "monday", Wanted("/cmd_vel"))
+    lost = len(whole) - len(recorded.rows)
+    assert 0 < lost < len(whole)
+    assert set(recorded.rows) < set(whole)
+    (note,) = recorded.notes
+    assert note == f"{log} is damaged in the middle: {lost} messages of '/cmd_vel' are lost, the others were read"
+
+
 def test_a_database_with_a_page_of_rubbish_is_read_before_it(tmp_path: Path) -> None:
     path = db3_file(tmp_path / "a.db3", drive([(n / 10, 0.1, 0.1) for n in range(2000)]))
     data = bytearray(path.read_bytes())
