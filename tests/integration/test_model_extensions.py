@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+import sim_action
 from sim_action.core import geometry
 from sim_action.core.errors import RefusedModel
 from sim_action.robot.documents.xml_document import parse_document
@@ -204,3 +205,21 @@ def test_the_options_of_the_solver_are_named(option: str, tmp_path: Path) -> Non
     text = f'<mujoco><option {option}/><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'
     notes = [finding.message for finding in scene(tmp_path, text).model.findings]
     assert all(any(name.split("=")[0] in note for note in notes) for name in option.split())
+
+
+@pytest.mark.parametrize(("keyframe", "passes"), [("on", True), ("off", False)])
+def test_an_adhesion_actuator_obeys_the_control_of_the_keyframe(keyframe: str, tmp_path: Path, *, passes: bool) -> None:
+    """A suction of 30 N at a control of 1 holds 1 kg, which weighs 9.8 N, against 20 N upward."""
+    pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
+    (tmp_path / "foot.xml").write_text(
+        '<mujoco><worldbody><body name="foot" pos="0 0 .05"><freejoint/><geom type="box" size=".05 .05 .05" mass="1"/>'
+        '</body></worldbody><actuator><adhesion body="foot" ctrlrange="0 1" gain="30"/></actuator><keyframe>'
+        '<key name="on" qpos="0 0 .05 1 0 0 0" ctrl="1"/><key name="off" qpos="0 0 .05 1 0 0 0" ctrl="0"/></keyframe>'
+        "</mujoco>"
+    )
+    (tmp_path / "foot.sim.yml").write_text(
+        f"name: suction\nrobot: {{model: foot.xml, keyframe: '{keyframe}'}}\nbackend: mujoco\n"
+        "commands: [{wrench: {force: [0, 0, 20 N], at: 0.2 s, for: 1 s}}]\n"
+        "expect: [{stay_within: {z: [-0.06 m, 0.06 m]}}]\ntime_limit: 1 s\n"
+    )
+    assert sim_action.run(tmp_path / "foot.sim.yml", report=False).passed == passes

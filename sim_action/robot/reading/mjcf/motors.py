@@ -20,7 +20,7 @@ _NO_COMMAND: Final = (
 _TRN: Final = mujoco.mjtTrn
 _PLACES: Final = {
     _TRN.mjTRN_SITE: "a site",
-    _TRN.mjTRN_BODY: "a body",
+    _TRN.mjTRN_BODY: "a body (the disturbance 'adhesion' holds a link for a time)",
     _TRN.mjTRN_SLIDERCRANK: "a slider-crank",
 }
 _ON_JOINT: Final = frozenset({_TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT})
