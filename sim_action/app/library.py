@@ -29,7 +29,6 @@ from sim_action.recording.export import wanted_formats
 from sim_action.reports import ReportRequest
 from sim_action.results.events import Event
 from sim_action.runner.run_plan import PlanRequest
-from sim_action.runner.warm_process import call_beside
 from sim_action.scenario.loading import load_all
 from sim_action.scenario.model import Unexercised
 from sim_action.scenario.selection import Selection, Suite, find_suite
@@ -259,6 +258,8 @@ def run(
 def _finished(request: RunRequest, listen: Callable[[Event], None]) -> FinishedRun:
     """Run scenarios in a process that may fork: this one may have threads, and settings of its own."""
     if sys.platform == "linux":
+        from sim_action.runner.warm_process import call_beside  # this module has no such function elsewhere
+
         finished: FinishedRun = call_beside(_run_here, (request,), listen)
         return finished
     return _run_here(request, emit=listen)
