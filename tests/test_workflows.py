@@ -252,8 +252,6 @@ def spoiled(file: Path, folder: Path, good: str, bad: str) -> Path:
 
 
 SHARDED: Final = "examples/workflows/sharded.yml"
-MATRIX: Final = "plan.outputs.matrix)"
-LATEST: Final = "runs-on: ubuntu-latest"
 SPOILED: Final = [
     ("WORKFLOWS", SHARDED, "timeout-minutes: 30", "timeout-minuts: 30", "'timeout-minuts' was unexpected"),
     (

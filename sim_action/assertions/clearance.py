@@ -103,7 +103,7 @@ class Clearance(Assertion):
 
     @override
     def meaning(self, scene: Scene) -> str:
-        from sim_action.assertions.temporal_logic.formula import quoted  # its name stands for another class here
+        from sim_action.assertions.temporal_logic.formula import quoted  # its name stands for another function here
 
         bodies = self.to or tuple(body.name for body in scene.world.objects)
         quantities = [f"{quoted(f'clearance of {self.chosen} to {bodies}')}.x"]

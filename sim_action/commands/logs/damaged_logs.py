@@ -192,9 +192,9 @@ def _lz4(packed: bytes) -> bytes:
 def zstd() -> Any:
     """Return the module that decompresses zstd."""
     if sys.version_info >= (3, 14):
-        from compression import zstd  # `validate` does without it
+        from compression import zstd  # only compressed logs need it
     else:
-        from backports import zstd  # `validate` does without it
+        from backports import zstd  # only compressed logs need it
     return zstd
 
 
