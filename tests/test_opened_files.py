@@ -106,7 +106,7 @@ def test_every_module_that_reads_files_is_in_the_table() -> None:
 
 def test_only_two_modules_let_an_engine_open_a_file() -> None:
     # It is a file that the module itself has written.
-    assert callers(ENGINES) == {"engines/pybullet/rigid_bodies.py", "engines/pybullet/scene.py"}
+    assert callers(ENGINES) == {"engines/pybullet/rigid_bodies.py", "engines/pybullet/loaded_bodies.py"}
 
 
 def test_mujoco_gets_no_file_name() -> None:

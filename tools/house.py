@@ -54,6 +54,7 @@ ENFORCED: Final = frozenset(
         "places that rank exit codes",
         "entries at the root",
         "imports inside functions without a reason",
+        "repeated names of modules",
     }
 )
 

@@ -12,8 +12,8 @@ from typing_extensions import override
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines.body_control import MAX_ATTRACTION_M, BodyControl, RobotInertia, Target, base_wrench
+from sim_action.engines.pybullet.loaded_bodies import BASE
 from sim_action.engines.pybullet.queries import link_pose
-from sim_action.engines.pybullet.scene import BASE
 from sim_action.state.command import BasePush
 from sim_action.world import GROUND
 

@@ -30,6 +30,17 @@ from sim_action.engines.joint_stops import JointStops
 from sim_action.engines.observers import LazyContacts, ReadPoses, Recorders, path_contacts
 from sim_action.engines.pybullet.body_control import BasePusher, PyBulletBodyControl
 from sim_action.engines.pybullet.connection import connect_ahead, connected, release
+from sim_action.engines.pybullet.loaded_bodies import (
+    BASE,
+    add_object,
+    add_rotor,
+    belt_notes,
+    configure,
+    load_robot,
+    pave,
+    place,
+    set_surfaces,
+)
 from sim_action.engines.pybullet.queries import (
     Contacts,
     Distances,
@@ -42,17 +53,6 @@ from sim_action.engines.pybullet.queries import (
     overlaps,
     pose_reader,
     touching,
-)
-from sim_action.engines.pybullet.scene import (
-    BASE,
-    add_object,
-    add_rotor,
-    belt_notes,
-    configure,
-    load_robot,
-    pave,
-    place,
-    set_surfaces,
 )
 from sim_action.engines.world_events import WorldEvents
 from sim_action.robot.model.link_motion import LinkStates

@@ -34,7 +34,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass, replace
 from sim_action.drives.wheels import joints_above
-from sim_action.engines.pybullet.scene import BASE
+from sim_action.engines.pybullet.loaded_bodies import BASE
 from sim_action.robot.model.robot_model import Joint, Mimic, RobotModel, ball_angles, ball_orientation
 
 # A gear is stronger than any motor, and corrects most of its error within one step.

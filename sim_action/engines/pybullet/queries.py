@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines.observers import Nearest, ReadPoses
-from sim_action.engines.pybullet.scene import BASE
+from sim_action.engines.pybullet.loaded_bodies import BASE
 from sim_action.state.observation import Clash, Contact, Overlap
 from sim_action.state.trace_records import LinkTouch
 from sim_action.world import GROUND

@@ -18,7 +18,7 @@ from typing import Final
 import pybullet
 
 from sim_action.core.geometry import Vector3
-from sim_action.engines.pybullet.scene import BASE
+from sim_action.engines.pybullet.loaded_bodies import BASE
 
 # A contact slides if its friction has reached this share of its limit.
 _SLIDING_SHARE: Final = 0.98

@@ -36,7 +36,6 @@ from sim_action.recording.replay.replay_data import (
     SignalData,
 )
 from sim_action.recording.replay.replay_file import write_replay
-from sim_action.recording.replay.scene import scenery, skeleton
 from sim_action.recording.replay.scene_data import (
     MAX_ABS_VALUE,
     MAX_MARKS,
@@ -49,6 +48,7 @@ from sim_action.recording.replay.scene_data import (
     PolylineMark,
     numbers,
 )
+from sim_action.recording.replay.scenery import scenery, skeleton
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.scenario.model import Scenario
 from sim_action.sensors.reading_log import ReadingLog

@@ -32,7 +32,7 @@ AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 @given(angles, angles, angles)
 def test_the_quaternion_of_a_matrix_turns_as_the_matrix(roll: float, pitch: float, yaw: float) -> None:
-    from sim_action.engines.pybullet.scene import _turned
+    from sim_action.engines.pybullet.loaded_bodies import _turned
 
     rotation = geometry.quaternion_from_rpy(roll, pitch, yaw)
     columns = [geometry.rotate(rotation, axis) for axis in AXES]

@@ -10,7 +10,6 @@ import pytest
 
 from sim_action.core.field_types import Placement
 from sim_action.core.records import replace
-from sim_action.recording.replay.scene import scenery
 from sim_action.recording.replay.scene_data import (
     BoxShape,
     CylinderShape,
@@ -20,6 +19,7 @@ from sim_action.recording.replay.scene_data import (
     MeshShape,
     SceneData,
 )
+from sim_action.recording.replay.scenery import scenery
 from sim_action.recording.replay.surfaces import Budget
 from sim_action.scenario.loading import build_scene
 from sim_action.world import World
@@ -270,6 +270,6 @@ def test_meshes_that_lose_most_of_their_triangles_are_counted(tmp_path: Path, mo
     seen(tmp_path, MESH.format(material=""))
     (tmp_path / "box.stl").write_bytes(stl(*ball()))
     assert notes(tmp_path) == ()
-    monkeypatch.setattr("sim_action.recording.replay.scene.ROBOT_BUDGET", Budget(2_400, 100))
+    monkeypatch.setattr("sim_action.recording.replay.scenery.ROBOT_BUDGET", Budget(2_400, 100))
     (note,) = notes(tmp_path)
     assert re.fullmatch(r"Meshes are drawn with \d\d of their 1,516 triangles", note)
