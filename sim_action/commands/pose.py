@@ -11,6 +11,8 @@ from pydantic import Field, model_validator
 from typing_extensions import override
 
 from sim_action.commands import ClosedLoop, Controller, LinkCommands, OpenLoop
+from sim_action.commands.joints import BLENDS
+from sim_action.commands.link_path import Blocked, Follower, Leg, LinkPath, after, distances, unreachable
 from sim_action.core import geometry, units
 from sim_action.core.errors import ScriptError, SourceProblem
 from sim_action.core.field_types import (
@@ -25,6 +27,7 @@ from sim_action.core.field_types import (
 from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.model.inverse_kinematics import Chain, Values
 from sim_action.robot.model.kinematics import link_poses, robot_box, why_no_link
 from sim_action.state.command import JointTargets
 from sim_action.state.joint_motion import RAMP_S, JointMotion
@@ -32,8 +35,6 @@ from sim_action.world.claims import Findings, Setting, late_points
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.commands.link_path import Follower, Leg, LinkPath
-    from sim_action.robot.model.inverse_kinematics import Chain, Values
     from sim_action.state.observation import Observation
 
 _ANGLES: Final = ("roll", "pitch", "yaw")
@@ -181,7 +182,6 @@ class PoseCommands(LinkCommands):
 
     @override
     def open(self, scene: Scene) -> Controller:
-        from sim_action.commands.link_path import Blocked  # `validate` does without it
 
         follower, start = self._follower(scene)
         motion = _Motion(self, follower, start)
@@ -212,9 +212,6 @@ class PoseCommands(LinkCommands):
 
     def path(self, start: Pose) -> LinkPath:
         """Return the path of the link from a start pose in the frame of the waypoints. Raises Blocked."""
-        from sim_action.commands.joints import BLENDS  # `validate` does without it
-        from sim_action.commands.link_path import LinkPath, distances  # `validate` does without it
-
         ways = (way for way in self._ways(start) if way.end > way.start)
         moving = tuple(way for way in ways if any(distances(way.origin, way.goal)))
         return LinkPath(moving, start, BLENDS[self.pose.interpolation])
@@ -228,8 +225,6 @@ class PoseCommands(LinkCommands):
 
         The link begins where `robot.pose` and `robot.joints` put it.
         """
-        from sim_action.commands.link_path import Blocked  # `validate` does without it
-
         found = list[float]()
         if _why_not_moved(self.pose.link, scene) is not None:
             return ()
@@ -243,9 +238,6 @@ class PoseCommands(LinkCommands):
 
     def _ways(self, start: Pose) -> Iterator[Leg]:
         """Yield the way to each waypoint; some need no time. Raises Blocked."""
-        from sim_action.commands.joints import BLENDS  # `validate` does without it
-        from sim_action.commands.link_path import Blocked, Leg, distances  # `validate` does without it
-
         spec = self.pose
         is_straight = spec.interpolation == "linear"
         peak = BLENDS[spec.interpolation].peak or 1.0
@@ -271,8 +263,6 @@ class PoseCommands(LinkCommands):
 
     def _path_problems(self, follower: Follower, start: Values, base: Pose) -> SpecProblems:
         """Yield waypoints out of reach; if there are none, the first line that the joints cannot follow."""
-        from sim_action.commands.link_path import Blocked, unreachable  # `validate` does without it
-
         origin, found = geometry.compose(base, follower.chain.pose(start)), False
         goals = islice(self._goals(origin), MAX_CHECKED_WAYPOINTS)
         for index, message in islice(unreachable(follower, goals, base, start), _MAX_UNREACHABLE):
@@ -300,8 +290,6 @@ class PoseCommands(LinkCommands):
 
     def _follower(self, scene: Scene) -> tuple[Follower, Values]:
         """Return what finds joint positions, and those at the start. Raises units.UnitError."""
-        from sim_action.commands.link_path import Follower  # `validate` does without it
-
         chain, positions = _chain(self.pose.link, scene), scene.joint_positions
         start = tuple(positions[joint.name] for joint in chain.joints)
         return Follower(chain, self.pose.orientation == "follow", self.rate), start
@@ -341,8 +329,6 @@ class _Motion:
 
     def from_base(self, observation: Observation) -> JointTargets | None:
         """Return the targets of a tick; the first observation shows the height of a fixed base."""
-        from sim_action.commands.link_path import Blocked  # `validate` does without it
-
         if self._planned is None:
             try:
                 self._planned = self.plan(observation.pose)
@@ -353,8 +339,6 @@ class _Motion:
 
     def tracked(self, observation: Observation) -> JointTargets:
         """Return the motion until the next tick, for a base that moves."""
-        from sim_action.commands.link_path import Blocked, after  # `validate` does without it
-
         base, chain, rate = observation.pose, self._follower.chain, self._spec.rate
         tick = round(observation.time * rate)
         try:
@@ -374,7 +358,6 @@ class _Motion:
 
 
 def _chain(link: str, scene: Scene) -> Chain:
-    from sim_action.robot.model.inverse_kinematics import Chain  # `validate` does without it
 
     return Chain.of(scene.model, link, scene.joint_positions)
 
