@@ -13,6 +13,7 @@ from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
 from sim_action.world import World
 from tests.integration.engines import at, inertia, on_every_engine, scene_of, travelled
+from tests.physics.robots import followers
 
 pytestmark = on_every_engine
 
@@ -111,3 +112,15 @@ def test_a_leader_has_the_limit_of_effort_that_its_model_states(engine: str, mul
     moment, step = 1e-3 + 0.05 * multiplier**2, 24
     assert trace.joint_velocity[step - 1, 0] == pytest.approx(2 / moment * step / 240, rel=0.02)
     assert trace.joint_effort[step - 1, 0] == pytest.approx(2.0, rel=0.01)
+
+
+@pytest.mark.parametrize(("multiplier", "mass"), [(2.0, 20.0), (1.0, 20.0), (-2.0, 0.1)])
+def test_a_follower_that_its_leader_carries_stays_with_it(
+    engine: str, multiplier: float, mass: float, tmp_path: Path
+) -> None:
+    """From the moment on at which both are released under their weight."""
+    robot = at(3.0).model_copy(update={"base": "fixed"})
+    scene = scene_of(tmp_path, followers(((multiplier, mass),), in_series=True), robot)
+    trace = travelled(engine, scene, 60, JointTargets(position={"leader": 0.0}))
+    leader, follower = trace.joint_position.T
+    assert np.degrees(abs(follower - multiplier * leader)).max() < 0.05
