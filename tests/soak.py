@@ -1,7 +1,7 @@
 """Long repetitions: `make test` runs a short form of each, `make soak` (`pytest --soak`) the long one.
 
 Two kinds of tests run under `--soak`, and nothing else: those with the marker `soak`, and property tests. A property
-test then tries `FACTOR` times as many examples, and other ones on every run.
+test then tries `FACTOR` times as many examples as without, and other ones on every run.
 """
 
 from __future__ import annotations
@@ -12,23 +12,24 @@ from typing import Any, Final
 import pytest
 from hypothesis import HealthCheck, settings
 
-FACTOR: Final = 20
+FACTOR: Final = 40
 """Examples of a property test under `--soak`, for each example of `make test`."""
+
+EXAMPLES: Final = 25
+"""Examples of a property test in `make test` that states no number."""
 
 SHORT: Final = "sim-action"
 LONG: Final = "sim-action-soak"
 _SLOW: Final = [HealthCheck.too_slow]
 
-settings.register_profile(SHORT, deadline=None, derandomize=True, max_examples=50, suppress_health_check=_SLOW)
-settings.register_profile(
-    LONG, settings.get_profile(SHORT), derandomize=False, max_examples=FACTOR * settings.get_profile(SHORT).max_examples
-)
+settings.register_profile(SHORT, deadline=None, derandomize=True, max_examples=EXAMPLES, suppress_health_check=_SLOW)
+settings.register_profile(LONG, settings.get_profile(SHORT), derandomize=False, max_examples=FACTOR * EXAMPLES)
 
 
 def examples(count: int) -> settings:
-    """Return the settings of a property test with `count` examples, and `FACTOR` times as many under `--soak`."""
+    """Return the settings of a property test: half of `count` examples, and `FACTOR` times that under `--soak`."""
     long = settings.get_current_profile_name() == LONG
-    return settings(max_examples=count * FACTOR if long else count)
+    return settings(max_examples=-(-count // 2) * (FACTOR if long else 1))
 
 
 def soaked(values: Iterable[Any], short: Iterable[Any]) -> list[Any]:

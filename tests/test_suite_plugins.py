@@ -9,7 +9,7 @@ from hypothesis import settings
 
 from tests import reached_assertions
 from tests.balance import dealt
-from tests.soak import FACTOR, LONG, SHORT, examples, soaked
+from tests.soak import EXAMPLES, FACTOR, LONG, SHORT, examples, soaked
 
 GUARD = ("-p", "tests.child_processes", "-p", "no:xdist", "-p", "no:cacheprovider")
 REACH = ("-p", "tests.reached_assertions", "-p", "tests.soak", "-p", "no:xdist", "-p", "no:cacheprovider")
@@ -86,11 +86,11 @@ def test_long_repetitions_run_when_they_are_asked_for(pytester: pytest.Pytester,
 
 def test_properties_are_asked_more_often_and_differently_in_a_long_repetition(short_again: object) -> None:
     settings.load_profile(SHORT)
-    assert (examples(7).max_examples, settings().max_examples, settings().derandomize) == (7, 50, True)
+    assert (examples(7).max_examples, settings().max_examples, settings().derandomize) == (4, EXAMPLES, True)
     settings.load_profile(LONG)
     assert (examples(7).max_examples, settings().max_examples, settings().derandomize) == (
-        7 * FACTOR,
-        50 * FACTOR,
+        4 * FACTOR,
+        EXAMPLES * FACTOR,
         False,
     )
 

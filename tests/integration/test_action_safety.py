@@ -65,7 +65,7 @@ HOSTILE_BY_CHOICE = list(itertools.product(CHOICES, HOSTILE_CHOICES))
 SOME_HOSTILE_BY_CHOICE = list(zip(CHOICES, itertools.cycle(HOSTILE_CHOICES), strict=False))
 
 
-@pytest.mark.parametrize("text", HOSTILE)
+@pytest.mark.parametrize("text", soaked(HOSTILE, short=[*SOME_HOSTILE, HOSTILE[8]]))
 def test_paths_are_paths_whatever_is_in_them(runner: Runner, text: str) -> None:
     write(runner.workspace / text / "straight.sim.yml", TUTORIAL)
     as_folder = runner.run(ACTION, folders(text))
@@ -140,7 +140,11 @@ def test_names_of_strangers_are_nothing_but_names(runner: Runner) -> None:
     assert junit.get("tests") == str(len(list(junit.iter("testcase"))))
 
 
-@pytest.mark.parametrize("event", ["pull_request_target", "workflow_run"])
+# tests/core/test_permissions.py has all of them.
+EVENTS = ["pull_request_target", "workflow_run"]
+
+
+@pytest.mark.parametrize("event", soaked(EVENTS, short=EVENTS[:1]))
 def test_scripts_of_strangers_wait_for_permission(runner: Runner, event: str) -> None:
     write(runner.workspace / "box.urdf", BOX)
     write(runner.workspace / "controller.py", "def control(observation):\n    open('pwned', 'w').close()\n")
@@ -156,7 +160,7 @@ def test_scripts_of_strangers_wait_for_permission(runner: Runner, event: str) ->
     assert (runner.workspace / "pwned").exists()
 
 
-@pytest.mark.parametrize("event", ["pull_request_target", "workflow_run"])
+@pytest.mark.parametrize("event", soaked(EVENTS, short=EVENTS[:1]))
 def test_nodes_of_strangers_wait_for_permission(runner: Runner, event: str) -> None:
     refused = replace(runner, event_name=event).run(ACTION / "rostest", ROSTEST)
     assert refused.exit_code == 2
@@ -195,7 +199,7 @@ def test_modules_of_the_caller_do_not_stand_in_for_ours(runner: Runner) -> None:
     assert not (runner.workspace / "pwned").exists()
 
 
-@pytest.mark.parametrize("text", soaked(HOSTILE, short=[*SOME_HOSTILE, HOSTILE[1]]))
+@pytest.mark.parametrize("text", soaked(HOSTILE, short=SOME_HOSTILE[:2]))
 def test_inputs_of_matrix_and_merge_are_text(runner: Runner, text: str) -> None:
     write(runner.workspace / text / f"{text}.sim.yml", TUTORIAL)
     inputs = {"shards": "2", "scenario": f"{text}.sim.yml", "working-directory": text, "durations": text}

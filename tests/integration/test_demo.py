@@ -59,6 +59,7 @@ def on_all_engines(repository: Path, temp: Path, runner_temp: Path) -> WorkflowR
     return run_workflow(workflow, repository, temp=temp, shared_temp=runner_temp, event_name="pull_request")
 
 
+@pytest.mark.soak
 def test_the_demo_is_green_red_with_its_patch_and_as_before_without_it(
     repository: Path, tmp_path: Path, runner_temp: Path
 ) -> None:

@@ -35,7 +35,6 @@ def sim_action(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str
 
 
 OF_NODES = [path for path in EXAMPLES if re.search(r"^  ros[12]:", path.read_text(encoding="utf-8"), re.MULTILINE)]
-NODES_ON = [(engine, "examples/commands") for engine in installed()]
 # What stands for a part that has a form of its own on each engine.
 PARTS = {"assertions", "commands", "drives", "sensors", "worlds"}
 
@@ -63,19 +62,19 @@ def test_all_examples_pass_on_every_engine(engine: str, every: bool, tmp_path: P
     all_pass([path for path in without_nodes if every or path.parent.name in PARTS], engine, tmp_path)
 
 
+@pytest.mark.soak
 @pytest.mark.skipif(not OF_NODES, reason="there is no ROS here")
-@pytest.mark.parametrize(
-    ("engine", "below"), soaked([(engine, "examples") for engine in installed()] + NODES_ON, short=NODES_ON)
-)
-def test_examples_with_nodes_of_ros_pass(engine: str, below: str, tmp_path: Path) -> None:
-    """One for each ROS; nodes of the others drive in tests/integration/test_ros1.py and test_ros2_examples.py, too."""
-    all_pass([path for path in OF_NODES if path.is_relative_to(ROOT / below)], engine, tmp_path)
+@pytest.mark.parametrize("engine", installed())
+def test_examples_with_nodes_of_ros_pass(engine: str, tmp_path: Path) -> None:
+    """Nodes of some of them drive in tests/integration/test_ros1.py and test_ros2_examples.py, too."""
+    all_pass(OF_NODES, engine, tmp_path)
 
 
 FOLDERS = sorted({path.relative_to(ROOT).parent.as_posix() for path in EXAMPLES})
 
 
-@pytest.mark.parametrize("below", soaked(FOLDERS, short=["examples/gates"]))
+@pytest.mark.soak
+@pytest.mark.parametrize("below", FOLDERS)
 def test_every_expectation_notices_something(below: str, tmp_path: Path) -> None:
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     below_it = [str(path.relative_to(ROOT)) for path in EXAMPLES if path.parent == ROOT / below]

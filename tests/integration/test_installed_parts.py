@@ -12,6 +12,7 @@ import pytest
 from sim_action.engines import installed
 from tests.installed_packages import ASSERTION, ROOT, WOBBLE, install_assertion, install_wobble
 from tests.integration.conftest import interpreter, outcomes
+from tests.soak import soaked
 
 STILL = """\
 name: {name}
@@ -33,7 +34,7 @@ def example(tmp_path: Path) -> Path:
     return shutil.copytree(WOBBLE, tmp_path / "wobble")
 
 
-@pytest.mark.parametrize("engine", installed())
+@pytest.mark.parametrize("engine", soaked(installed(), short=installed()[:1]))
 def test_the_example_runs_with_traces_and_the_same_digest_as_without_the_package(
     engine: str, example: Path, tmp_path: Path
 ) -> None:
@@ -55,6 +56,7 @@ def test_the_tests_of_the_example_pass(example: Path, tmp_path: Path) -> None:
     assert ran.returncode == 0, ran.stdout
 
 
+@pytest.mark.soak
 def test_the_checks_find_verdicts_that_are_not_as_they_should_be(example: Path, tmp_path: Path) -> None:
     path = example / "tests/test_wobble.py"
     text = path.read_text()

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from itertools import product
 from pathlib import Path
 from typing import IO, Final
 
@@ -107,7 +108,7 @@ def reported(folder: Path) -> Mapping[str, str]:
     return found
 
 
-@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize("number", soaked(SIGNALS, short=[signal.SIGINT, signal.SIGHUP]))
 def test_a_signal_leaves_reports_of_what_had_finished(folder: Path, number: signal.Signals) -> None:
     with running(folder) as process:
         await_endless(folder)
@@ -127,7 +128,7 @@ def test_a_run_below_nohup_goes_on_when_the_terminal_is_closed(folder: Path) -> 
     assert reported(folder)["a-quick"] == "passed"
 
 
-@pytest.mark.parametrize("hangs_up", [False, True])
+@pytest.mark.parametrize("hangs_up", soaked([False, True], short=[True]))
 def test_a_closed_terminal_loses_no_report(folder: Path, hangs_up: bool) -> None:
     master, slave = pty.openpty()
     with running(folder, streams=slave) as process:
@@ -140,8 +141,13 @@ def test_a_closed_terminal_loses_no_report(folder: Path, hangs_up: bool) -> None
     assert reported(folder) == {"a-quick": "passed", "b-endless": "interrupted", "c-later": "interrupted"}
 
 
-@pytest.mark.parametrize("arguments", [(), ("--verbose",), ("nowhere.sim.yml",)])
-@pytest.mark.parametrize("closed", ["terminal", "pipe"])
+@pytest.mark.parametrize(
+    ("closed", "arguments"),
+    soaked(
+        product(["terminal", "pipe"], [(), ("--verbose",), ("nowhere.sim.yml",)]),
+        short=[("terminal", ("--verbose",)), ("pipe", ("nowhere.sim.yml",))],
+    ),
+)
 def test_output_that_goes_nowhere_changes_no_verdict(folder: Path, closed: str, arguments: tuple[str, ...]) -> None:
     (folder / "b-endless.sim.yml").unlink()
     reader, writer = os.pipe() if closed == "pipe" else pty.openpty()
@@ -156,7 +162,11 @@ def test_output_that_goes_nowhere_changes_no_verdict(folder: Path, closed: str, 
 
 @pytest.mark.parametrize("number", soaked(SIGNALS, short=[signal.SIGTERM]))
 @pytest.mark.parametrize(
-    "module", ["sim_action.cli.main", "click", "sim_action.app.run", "pydantic", "sim_action.runner.process_pool"]
+    "module",
+    soaked(
+        ["sim_action.cli.main", "click", "sim_action.app.run", "pydantic", "sim_action.runner.process_pool"],
+        short=["sim_action.cli.main", "sim_action.runner.process_pool"],
+    ),
 )
 def test_a_signal_during_imports_leaves_reports(folder: Path, module: str, number: signal.Signals) -> None:
     assert at_import(folder, module, number, "run", ".") == 130
@@ -215,7 +225,7 @@ DELAYS_S: Final = [step / 50 for step in range(21)]
 
 
 @pytest.mark.parametrize("number", soaked(SIGNALS, short=[signal.SIGTERM]))
-@pytest.mark.parametrize("delay", soaked(DELAYS_S, short=DELAYS_S[4::8]))
+@pytest.mark.parametrize("delay", soaked(DELAYS_S, short=DELAYS_S[12:13]))
 def test_a_signal_at_any_moment_leaves_all_reports_or_no_file(
     folder: Path, delay: float, number: signal.Signals
 ) -> None:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 from typing import Final
 
@@ -14,7 +13,8 @@ from sim_action.core.errors import Location
 from sim_action.engines import installed
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results
-from tests.patience import PATIENCE
+from tests.integration.conftest import sim_action
+from tests.soak import soaked
 
 ROOT: Final = Path(__file__).parents[2]
 
@@ -44,17 +44,7 @@ def write(folder: Path, name: str, body: str = "pass", before: str = "") -> None
 
 def run(folder: Path, *arguments: str, code: int = 0, **environment: str) -> dict[str, Outcome]:
     """Run the scenarios of a folder, and return the outcomes by name."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
-    ran = subprocess.run(
-        [sys.executable, "-m", "sim_action", "run", ".", "--output-dir", "out", *arguments],
-        cwd=folder,
-        env={**kept, "PYTHONPATH": str(ROOT), **environment},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+    ran = sim_action(folder, "run", ".", "--output-dir", "out", *arguments, **environment)
     assert ran.returncode == code, ran.stdout + ran.stderr
     assert "Traceback" not in ran.stderr
     return {outcome.name: outcome for outcome in Results.read(folder / "out/results.json").outcomes}
@@ -89,7 +79,7 @@ def test_a_script_that_removes_all_scratch_folders_harms_no_verdict(tmp_path: Pa
 def test_a_scenario_has_its_scratch_folder_while_it_runs(tmp_path: Path) -> None:
     scratch = tmp_path / "scratch"
     scratch.mkdir()
-    for name in ("a", "b", "c"):
+    for name in ("a", "b"):
         write(tmp_path, name, f"{ONCE}print(len(list(pathlib.Path({str(scratch)!r}).iterdir())), tempfile.mkdtemp())")
     found = run(tmp_path, "--jobs", "1", TMPDIR=str(scratch))
     for outcome in found.values():
@@ -107,7 +97,7 @@ GOES: Final = {
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a current folder cannot be removed")
-@pytest.mark.parametrize("where", GOES)
+@pytest.mark.parametrize("where", soaked(GOES, short=["to a removed folder"]))
 def test_a_script_that_goes_elsewhere_leaves_its_files_in_the_output_folder(tmp_path: Path, where: str) -> None:
     (tmp_path / "deep").mkdir()
     write(tmp_path / "deep", "goes", before=GOES[where])
@@ -124,9 +114,14 @@ KINDS: Final = {"npz": "trace", "json.gz": "replay", "csv": "recording"}
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the system gives other reasons")
-@pytest.mark.parametrize("reason", ["exists", "is a directory"])
-@pytest.mark.parametrize("ending", KINDS)
-def test_evidence_that_cannot_be_written_is_a_note(tmp_path: Path, reason: str, ending: str) -> None:
+@pytest.mark.parametrize(
+    ("ending", "reason"),
+    soaked(
+        product(KINDS, ["exists", "is a directory"]),
+        short=[("npz", "exists"), ("json.gz", "is a directory"), ("csv", "exists")],
+    ),
+)
+def test_evidence_that_cannot_be_written_is_a_note(tmp_path: Path, ending: str, reason: str) -> None:
     kinds, out = KINDS, tmp_path / "out"
     folder = out / f"{kinds[ending]}s"
     if reason == "exists":
@@ -165,8 +160,9 @@ except OSError:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no such limit")
-@pytest.mark.parametrize("where", LEAKS)
-@pytest.mark.parametrize("engine", installed())
+@pytest.mark.parametrize(
+    ("where", "engine"), soaked(product(LEAKS, installed()), short=zip(LEAKS, (installed() * 2)[:2], strict=True))
+)
 def test_exhausted_descriptors_are_an_error_of_the_script(tmp_path: Path, where: str, engine: str) -> None:
     body, before, line = LEAKS[where]
     write(tmp_path, "it", body, before)
@@ -178,9 +174,11 @@ def test_exhausted_descriptors_are_an_error_of_the_script(tmp_path: Path, where:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no such limit")
-@pytest.mark.parametrize("at_import", [False, True])
-@pytest.mark.parametrize("engine", installed())
-def test_exhausted_descriptors_cost_no_verdict(tmp_path: Path, engine: str, at_import: bool) -> None:
+@pytest.mark.parametrize(
+    ("at_import", "engine"),
+    soaked(product([True, False], installed()), short=zip([True, False], (installed() * 2)[:2], strict=True)),
+)
+def test_exhausted_descriptors_cost_no_verdict(tmp_path: Path, at_import: bool, engine: str) -> None:
     before = "leaked = []"
     if at_import:
         write(tmp_path, "it", before=f"{before}\n{SILENT_LEAK}")
@@ -230,7 +228,7 @@ REMOVES: Final = {
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere, these files lie in the scratch folder")
-@pytest.mark.parametrize("what", REMOVES)
+@pytest.mark.parametrize("what", soaked(REMOVES, short=["its folder", "the output folder"]))
 def test_a_script_that_removes_files_is_judged(tmp_path: Path, what: str) -> None:
     (tmp_path / "deep").mkdir()
     write(tmp_path / "deep", "it", REMOVES[what][0])

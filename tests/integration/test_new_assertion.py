@@ -55,6 +55,7 @@ def ran(root: Path, *arguments: str, code: int = 0) -> str:
     return done.stdout
 
 
+@pytest.mark.soak
 @pytest.mark.process
 def test_the_page_names_every_file_that_a_new_assertion_takes(tmp_path: Path) -> None:
     root = tmp_path / "copy"

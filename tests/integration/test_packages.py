@@ -123,6 +123,7 @@ def test_the_packages_of_the_plugin_have_its_module_and_the_license(packages: Pa
     assert names == {"LICENSE", "PKG-INFO", "README.md", "pyproject.toml", "pytest_sim_action.py", ".gitignore"}
 
 
+@pytest.mark.soak
 def test_pytest_finds_scenarios_where_the_plugin_is_installed(packages: Path, tmp_path: Path) -> None:
     environment = tmp_path / "environment"
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", environment], check=True)

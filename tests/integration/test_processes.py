@@ -18,6 +18,7 @@ from sim_action.results.results_json import Results
 from tests.integration.marked_processes import processes_of, wait_for
 from tests.integration.other_systems import System, variables_of
 from tests.patience import PATIENCE
+from tests.soak import soaked
 
 ROOT: Final = Path(__file__).parents[2]
 
@@ -120,7 +121,7 @@ def test_there_is_another_language_than_python() -> None:
     assert LANGUAGES, "install perl, or node"
 
 
-@pytest.mark.parametrize("engine", installed())
+@pytest.mark.parametrize("engine", soaked(installed(), short=installed()[:1]))
 def test_the_same_controller_gives_the_same_run_whatever_it_is_written_in(tmp_path: Path, engine: str) -> None:
     (tmp_path / "function.py").write_text(FUNCTION)
     (tmp_path / "class.py").write_text(CLASS)
@@ -176,7 +177,7 @@ for line in sys.stdin:
 """
 
 
-@pytest.mark.parametrize("engine", installed())
+@pytest.mark.parametrize("engine", soaked(installed(), short=installed()[-1:]))
 def test_one_controller_drives_a_base_and_moves_the_arm_on_it(tmp_path: Path, engine: str) -> None:
     rover = (ROOT / "examples/drives/rover.urdf").read_text()
     (tmp_path / "rover.urdf").write_text(rover.replace("</robot>\n", CRANE))
@@ -394,7 +395,8 @@ def test_a_program_sees_no_tokens(tmp_path: Path) -> None:
     assert (tmp_path / "seen").read_text() == "none"
 
 
-@pytest.mark.parametrize("system", ["darwin", "win32"])
+# Scripts run as on the other one in test_other_systems.py.
+@pytest.mark.parametrize("system", soaked(["darwin", "win32"], short=["darwin"]))
 def test_programs_run_as_on_linux_where_python_has_what_it_has_on_other_systems(tmp_path: Path, system: System) -> None:
     (tmp_path / "ctl.py").write_text(PYTHON)
     write(tmp_path, "good", "process: python ctl.py")

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import shutil
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -84,17 +87,28 @@ def broken(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "sim-results/report.html"
 
 
+@cache
+def browser() -> subprocess.Popen[str]:
+    """The one browser of this process, at its first page."""
+    command = [str(NODE), str(WEB / "tests/check.mjs"), str(BROWSER)]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    atexit.register(process.communicate)
+    return process
+
+
 def looked(report: Path | str, *checks: str) -> dict[str, str]:
-    """Return the error of each check, in one browser; empty if there is none."""
-    ran = subprocess.run(
-        [str(NODE), str(WEB / "tests/check.mjs"), str(report), str(BROWSER), *checks],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=PATIENCE * len(checks),
-    )
-    assert ran.returncode == 0, ran.stdout + ran.stderr
-    return dict(json.loads(line) for line in ran.stdout.splitlines())
+    """Return the error of each check; empty if there is none."""
+    process = browser()
+    assert process.stdin is not None
+    assert process.stdout is not None
+    watchdog = threading.Timer(PATIENCE * len(checks), process.kill)
+    watchdog.start()
+    try:
+        process.stdin.write(json.dumps([str(report), *checks]) + "\n")
+        process.stdin.flush()
+        return dict(json.loads(process.stdout.readline()) for _ in checks)
+    finally:
+        watchdog.cancel()
 
 
 def look(check: str, report: Path) -> None:
@@ -129,7 +143,6 @@ CHECKS = [
 
 
 def test_a_broken_run(broken: Path) -> None:
-    # In one test: each worker would start a browser of its own.
     assert looked(broken, *CHECKS) == dict.fromkeys(CHECKS, "")
 
 

@@ -107,11 +107,13 @@ def test_the_mover_comes_as_far_as_physics_says_however_busy_the_machine_is(
     assert way == pytest.approx([0.5, 1.5], abs=0.02)
 
 
-@pytest.mark.parametrize("times", soaked([1, 3], short=[1]))
-def test_a_closed_loop_is_the_same_however_busy_the_machine_is(tmp_path: Path, times: int) -> None:
-    idle_and_busy(tmp_path, "go_to_point", times, times)
+@pytest.mark.soak
+@pytest.mark.soak
+def test_a_closed_loop_is_the_same_however_busy_the_machine_is(tmp_path: Path) -> None:
+    idle_and_busy(tmp_path, "go_to_point", 3, 3)
 
 
+@pytest.mark.soak
 def test_a_mover_that_does_not_move_fails_with_how_far_it_came(tmp_path: Path) -> None:
     workspace = copied(tmp_path)
     changed(workspace / "src/robot_driver/mover.py", "linear.x = 1.0", "linear.x = 0.0")
@@ -138,6 +140,7 @@ def test_a_time_limit_is_of_sim_time_and_each_test_has_its_own(tmp_path: Path) -
     assert "did not finish within 1.5 s of sim time" in done.stdout
 
 
+@pytest.mark.soak
 def test_packages_that_are_laid_out_as_those_of_robotis_count_before_ours(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -70,6 +70,7 @@ def test_a_launch_passes_at_its_limit_of_sim_time_also_where_temporary_files_hav
     assert outcome.provenance is not None
 
 
+@pytest.mark.soak
 def test_a_launch_fails_if_a_node_dies(tmp_path: Path) -> None:
     launch = f'<launch>{BURGER}<node pkg="parts" name="it" type="dies.py"/></launch>'
     package(tmp_path, "parts", {"a.launch": launch, "dies.py": DIES})
@@ -80,6 +81,7 @@ def test_a_launch_fails_if_a_node_dies(tmp_path: Path) -> None:
     assert outcome.expectations[0].verdict.message.startswith("the node 'it' ended with exit code 1")
 
 
+@pytest.mark.soak
 def test_each_test_of_a_file_has_a_simulation_of_its_own(tmp_path: Path) -> None:
     tests = TEST.format(name="long", s=1.0) + "\n" + TEST.format(name="brief", s=0.3)
     package(tmp_path, "parts", {"a.test": f"<launch>{BURGER}\n{tests}</launch>", "waits.py": WAITS})
@@ -95,6 +97,7 @@ def test_each_test_of_a_file_has_a_simulation_of_its_own(tmp_path: Path) -> None
     assert len({outcome.trace for outcome in outcomes}) == 2
 
 
+@pytest.mark.soak
 def test_what_takes_too_long_is_ended_by_the_wall_limit(tmp_path: Path) -> None:
     test = TEST.format(name="waits", s=50)
     package(tmp_path, "parts", {"a.test": f"<launch>{BURGER}{test}</launch>", "waits.py": WAITS})
@@ -104,6 +107,7 @@ def test_what_takes_too_long_is_ended_by_the_wall_limit(tmp_path: Path) -> None:
     assert [failure.kind for failure in outcome.failures] == ["wall limit"]
 
 
+@pytest.mark.soak
 def test_a_model_is_spawned_from_a_file_where_and_as_it_is_asked_for(tmp_path: Path) -> None:
     spawn = (
         '<node pkg="gazebo_ros" name="spawn" type="spawn_model" args="-urdf -file $(find parts)/r.urdf -model r '
@@ -211,6 +215,7 @@ THROWN = """\
 """
 
 
+@pytest.mark.soak
 def test_a_robot_that_would_bounce_and_a_node_that_is_not_required_and_does_not_exist_are_losses(
     tmp_path: Path,
 ) -> None:
@@ -294,6 +299,7 @@ def test_the_plugins_of_robotis_have_their_rates_wheel_positions_and_covariances
     assert (code, outcome.status, outcome.warnings) == (0, "passed", ()), printed
 
 
+@pytest.mark.soak
 def test_a_test_that_runs_no_method_or_skips_all_does_not_pass(tmp_path: Path) -> None:
     nothing = WAITS.replace("def test_", "def check_")
     skipped = WAITS.replace("class Waits", "@unittest.skip('no battery')\nclass Waits")

@@ -142,6 +142,7 @@ def test_nodes_and_the_same_commands_as_twist_agree_within_one_tick(tmp_path: Pa
         assert np.all(driven >= np.interp(time - TICK_S, steps.time, stated) - 1e-3)
 
 
+@pytest.mark.soak
 def test_the_page_leads_from_a_failing_run_to_the_example(tmp_path: Path) -> None:
     (tmp_path / ".git").mkdir()
     node, fix = blocks("python", PAGE)[:2]

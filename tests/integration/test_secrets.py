@@ -230,6 +230,7 @@ LAUNCH: Final = """\
 """
 
 
+@pytest.mark.soak
 @needs_ros
 def test_a_launch_sees_no_secret(tmp_path: Path) -> None:
     node = NODE.replace('os.environ["STATED"]', '"by the scenario"')

@@ -325,7 +325,7 @@ def examples_without_code(engine: str) -> list[LoadedScenario]:
     return [each for each in runs if chosen(each.scenario.backend) == engine]
 
 
-@pytest.mark.parametrize(("engine", "every"), soaked(list(product(ENGINES, (1, 18))), product(ENGINES, (18,))))
+@pytest.mark.parametrize(("engine", "every"), soaked(list(product(ENGINES, (1, 36))), product(ENGINES, (36,))))
 def test_examples_have_the_same_digests_in_a_process_that_has_run_others(
     tmp_path: Path, engine: str, every: int
 ) -> None:

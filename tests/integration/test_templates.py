@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 from urllib.parse import parse_qs
 
@@ -18,6 +19,7 @@ from tests.integration.github import CacheStore, JobResult, Run, WorkflowResult,
 from tests.ros.ros1.launches import needs_ros
 from tests.ros.ros2.nodes import MOVER, needs_ros2, variables
 from tests.ros.ros2.prefixes import source
+from tests.soak import soaked
 
 TEMPLATES = ACTION / "examples/workflows"
 TUTORIAL = (ACTION / "examples/turtlebot3/straight_line.sim.yml").read_text(encoding="utf-8")
@@ -139,9 +141,6 @@ def test_a_pull_request_is_compared_with_its_base_on_the_same_draws(
     write(repository / "simulation/a.sim.yml", GATE)
     base = tmp_path / "base"
     shutil.copytree(repository, base)
-    same = run_template("pull-request-compare", event_name="pull_request", base=base)
-    assert same.conclusion == "success", same.jobs["compare"].log
-    assert "✅ Nothing newly fails" in same.jobs["compare"].summary
     write(repository / "simulation/a.sim.yml", GATE.replace("0.5 s", "0.45 s"))
     worse = run_template("pull-request-compare", event_name="pull_request", base=base)
     assert worse.conclusion == "failure"
@@ -161,6 +160,7 @@ def test_a_pull_request_with_the_first_scenarios_is_compared_with_nothing(
     assert result.conclusion == "success", result.jobs["compare"].log
 
 
+@pytest.mark.soak
 def test_the_nightly_run_finds_what_is_flaky(run_template: RunTemplate, repository: Path) -> None:
     for name in "bcd":
         (repository / f"simulation/{name}.sim.yml").unlink()
@@ -172,6 +172,7 @@ def test_the_nightly_run_finds_what_is_flaky(run_template: RunTemplate, reposito
     assert "4 identical runs" in result.jobs["repeats"].summary
 
 
+@pytest.mark.soak
 def test_the_weekly_proof_names_checks_that_check_nothing(run_template: RunTemplate, repository: Path) -> None:
     for name in "bcd":
         (repository / f"simulation/{name}.sim.yml").unlink()
@@ -203,6 +204,7 @@ def test_a_second_attempt_resumes_the_first(
     assert "2 of 3 scenarios taken over from the earlier run" in second.jobs["simulation"].summary
 
 
+@pytest.mark.soak
 def test_shards_are_reported_as_one_run(run_template: RunTemplate, repository: Path) -> None:
     write(repository / "simulation/c.sim.yml", STUCK)
     whole = run_template("sharded")
@@ -223,19 +225,20 @@ def test_shards_that_are_lost_are_missed(run_template: RunTemplate) -> None:
     assert "4 of 4 scenarios did not pass" in result.jobs["merge"].summary
 
 
-@pytest.mark.parametrize("event", [{}, FROM_FORK], ids=["push", "fork"])
-@pytest.mark.parametrize("name", REPORTERS)
-def test_reporters_get_the_results(
-    name: str, event: dict[str, object], run_template: RunTemplate, repository: Path
-) -> None:
+@pytest.mark.parametrize(
+    ("name", "from_fork"),
+    soaked(product(REPORTERS, [False, True]), short=zip(REPORTERS, [False, True, False], strict=True)),
+)
+def test_reporters_get_the_results(name: str, from_fork: bool, run_template: RunTemplate, repository: Path) -> None:
     write(repository / "simulation/b.sim.yml", STUCK)
-    result = run_template(name, event_name="pull_request" if event else "push", event=event)
+    event = FROM_FORK if from_fork else {}
+    result = run_template(name, event_name="pull_request" if from_fork else "push", event=event)
     [report] = result.reports
     assert [JUnitXml.fromfile(str(file)).failures for file in report.files] == [1]
     # What a token that may only read can do; the third sees by itself which it has.
     without_writing = {"reporter-dorny": "use-actions-summary", "reporter-mikepenz": "annotate_only"}
     if name in without_writing:
-        assert report.inputs[without_writing[name]] == ("true" if event else "false")
+        assert report.inputs[without_writing[name]] == ("true" if from_fork else "false")
 
 
 def test_reusable_workflow_hands_back_what_came_of_it(run_template: RunTemplate, repository: Path) -> None:
@@ -284,40 +287,6 @@ def test_every_template_is_tried() -> None:
 OWN_WORKFLOW = ACTION / ".github/workflows/ci.yml"
 # This run of the tests is what the jobs `lint` and `test` would run.
 RUNS_ALREADY = {"lint": JobResult("success"), "test": JobResult("success")}
-SOME_EXAMPLES = ("straight_line.sim.yml", "stop_before_wall.sim.yml", "stop_before_wall.py")
-
-
-@pytest.fixture
-def repository_with_some_examples(tmp_path: Path) -> Path:
-    """This repository with a few of its examples: the jobs of its workflow run all of them seven times.
-
-    The bytecode is kept, so that not every job compiles the package. A checkout writes new times of change, so the
-    bytecode must count without them.
-    """
-    folder = tmp_path / "small repository"
-    shutil.copytree(ACTION / ".github", folder / ".github")
-    workflow = folder / ".github/workflows/ci.yml"
-    # These examples need no extra, whose installation takes a while; one runner of each system will do.
-    text = re.sub(r"\n *extras: policy", "", workflow.read_text("utf-8"))
-    write(workflow, re.sub(r"\n *- \{os: ubuntu-(22\.04|24\.04-arm),.*", "", text))
-    for name in ("action", "matrix", "merge", "compare", "prove", "rostest", "sim_action"):
-        shutil.copytree(ACTION / name, folder / name)
-    shutil.copy(ACTION / "action.yml", folder)
-    for example in SOME_EXAMPLES:
-        write(folder / "examples/turtlebot3" / example, (ACTION / "examples/turtlebot3" / example).read_text("utf-8"))
-    for path in (folder / "sim_action").rglob("*.pyc"):
-        # PEP 552: a hash of the source that is never checked, in place of its time and size.
-        bytecode = path.read_bytes()
-        path.write_bytes(bytecode[:4] + (1).to_bytes(4, "little") + bytecode[8:])
-    return folder
-
-
-def test_this_repositorys_own_workflow(repository_with_some_examples: Path, tmp_path: Path, runner_temp: Path) -> None:
-    repository = repository_with_some_examples
-    workflow = repository / ".github/workflows/ci.yml"
-    result = run_workflow(workflow, repository, temp=tmp_path, shared_temp=runner_temp, done=RUNS_ALREADY)
-    assert failed_jobs(result) == {}
-    assert len(result.jobs["runners"].runs) == 4
 
 
 @pytest.mark.soak

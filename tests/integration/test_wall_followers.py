@@ -13,6 +13,7 @@ from sim_action.engines import installed
 from sim_action.state.trace_storage import load_trace
 from tests.integration.marked_processes import processes_of
 from tests.integration.test_processes import run
+from tests.soak import soaked
 
 # It begins too near to the wall to its right for its lidar, and sees nothing in the middle of the room.
 SCENARIO: Final = """\
@@ -136,7 +137,7 @@ FOLLOWERS: Final = {
 }
 
 
-@pytest.mark.parametrize("engine", installed())
+@pytest.mark.parametrize("engine", soaked(installed(), short=installed()[-1:]))
 def test_a_wall_follower_drives_the_same_way_whatever_it_is_written_in(tmp_path: Path, engine: str) -> None:
     for name, (source, file, text) in FOLLOWERS.items():
         (tmp_path / file).write_text(text)

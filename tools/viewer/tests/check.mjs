@@ -1,9 +1,11 @@
 /**
- * `node check.mjs PAGE BROWSER CHECK...`: looks at a page, or at that of a server on this machine, in a browser, a fresh tab for each check.
+ * `node check.mjs BROWSER`: looks at pages in one browser, until its standard input ends. A line of it is a JSON list: the page, or the
+ * address of a server on this machine, and the names of checks. Each check has a fresh context of the browser.
  * Prints one line of JSON for each check, its name and its error (empty: none).
  */
 
 import assert from "node:assert/strict";
+import { createInterface } from "node:readline";
 import { pathToFileURL } from "node:url";
 import { READY, launch, ready, visit } from "./browser.mjs";
 import { ACCESSIBLE } from "./checks/accessible.mjs";
@@ -395,11 +397,23 @@ async function replays(page) {
   assert.notEqual(await picture(page), seen);
 }
 
-const [file, executable, ...names] = process.argv.slice(2);
+const [executable] = process.argv.slice(2);
+// Whether there is WebGL is decided when a browser starts. A page that is itself drawn by WebGL takes twice the processor.
+/** @type {Map<boolean, import("playwright-core").Browser>} */
+const browsers = new Map();
 
-/** @param {string} name @param {import("playwright-core").Browser} browser */
-async function passes(name, browser) {
+/** @param {boolean} webgl */
+async function running(webgl) {
+  const browser = browsers.get(webgl) ?? (await launch({ executable, webgl, plain: true }));
+  browsers.set(webgl, browser);
+  return browser;
+}
+
+/** @param {string} file @param {string} name */
+async function passes(file, name) {
   const check = CHECKS[name];
+  assert.ok(check, `there is no check "${name}", but: ${Object.keys(CHECKS).join(", ")}`);
+  const browser = await running(check.how?.webgl ?? true);
   const isServed = file.startsWith("http://127.0.0.1:");
   const address = (isServed ? file : pathToFileURL(file).href) + (check.hash ?? "");
   const { said, requests } = await visit(address, { executable, browser, ...check.how }, check.look);
@@ -407,15 +421,11 @@ async function passes(name, browser) {
   assert.deepEqual(requests.filter((url) => !isServed || !url.startsWith(file)), [], "something was asked of a network");
 }
 
-for (const name of names) assert.ok(CHECKS[name], `there is no check "${name}", but: ${Object.keys(CHECKS).join(", ")}`);
-// Whether there is WebGL is decided when a browser starts. A page that is itself drawn by WebGL takes twice the processor.
-for (const webgl of [true, false]) {
-  const some = names.filter((name) => (CHECKS[name].how?.webgl ?? true) === webgl);
-  if (some.length === 0) continue;
-  const browser = await launch({ executable, webgl, plain: true });
-  for (const name of some) {
-    const error = await passes(name, browser).then(() => "", (/** @type {Error} */ problem) => problem.stack ?? String(problem));
+for await (const line of createInterface({ input: process.stdin })) {
+  const [file, ...names] = JSON.parse(line);
+  for (const name of names) {
+    const error = await passes(file, name).then(() => "", (/** @type {Error} */ problem) => problem.stack ?? String(problem));
     console.log(JSON.stringify([name, error]));
   }
-  await browser.close();
 }
+for (const browser of browsers.values()) await browser.close();
