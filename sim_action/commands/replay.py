@@ -26,6 +26,7 @@ from sim_action.core.errors import RecordingError
 from sim_action.core.field_types import NamesFile, NonNegativeSeconds, PositiveHertz, PositiveSeconds, Seconds
 from sim_action.core.geometry import Twist
 from sim_action.core.lazy_numpy import np
+from sim_action.core.records import replace
 from sim_action.core.wording import did_you_mean, escaped_line
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
@@ -47,6 +48,9 @@ _ROUNDING: Final = 1e-6
 # Speeds of a log that differ by more from those of its positions, as a share and in rad/s or m/s, are not its own.
 _DIFFERENT: Final = 0.5
 _SLOW_RADPS: Final = 0.05
+
+# Between two rows, a joint that is this many times faster than before and after them jumps.
+_SUDDEN: Final = 4.0
 
 _TURN: Final = 1e-3
 """In rad: rounding of positions that a log keeps within one turn."""
@@ -479,7 +483,11 @@ class Playback:
                 rates[:] = math.nan
         gaps = np.flatnonzero(np.diff(times) > MAX_GAP_S) + 1
         parts = (np.split(row, gaps) for row in (times, values, rates))
-        return joined(Curve.through(*part) for part in zip(*parts, strict=True))
+        curve = joined(Curve.through(*part) for part in zip(*parts, strict=True))
+        mean = np.abs(np.diff(values) / np.diff(times))
+        beside = np.maximum(np.append(0.0, mean[:-1]), np.append(mean[1:], 0.0))
+        jumps = np.flatnonzero((mean > _SUDDEN * beside + _SLOW_RADPS) & (np.diff(times) <= MAX_GAP_S)).tolist()
+        return replace(curve, sudden=tuple((float(times[k]), float(times[k + 1])) for k in jumps))
 
     def _spaced(self, times: Iterable[float]) -> list[float]:
         """Return rising times in s without those that are closer than half a physics step before one that is kept."""

@@ -28,6 +28,7 @@ from sim_action.state.joint_motion import JointMotion
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Transcript
 from sim_action.state.transmission import Line
+from sim_action.world.physics import GRAVITY
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -86,17 +87,32 @@ class _Followed(NamedTuple):
     until_s: float
 
 
+class TargetStep(NamedTuple):
+    """A step of a target of the kind position or velocity: its start and end in s, which rows of a log may part."""
+
+    start: float
+    end: float
+    kind: str
+
+    def title(self, joint: str) -> str:
+        """Return what happened to the target of a joint."""
+        if self.end > self.start:
+            rows = f"between two rows, {self.start:.2f} s to {self.end:.2f} s,"
+            return f"a jump of the {self.kind} target of '{joint}' {rows}"
+        return f"a step of the {self.kind} target of '{joint}' at {self.start:.2f} s"
+
+
 class _Motions:
     """The motions of position targets that are in effect, and the steps of all targets of positions and velocities.
 
     Attributes:
-        steps: joint -> the sim times in s at which its target changed in a step, and the kind of the target.
+        steps: joint -> the steps of its target.
         active: the motions that have not ended.
     """
 
     def __init__(self, beginnings: Mapping[str, float], rate: float, told: Told) -> None:
         """`beginnings`: the positions in rad (or m) of the joints at t = 0."""
-        self.steps: dict[str, list[tuple[float, str]]] = {}
+        self.steps: dict[str, list[TargetStep]] = {}
         # Joint -> its last velocity target without a position.
         self._velocities: dict[str, float] = {}
         self._rate, self._told, self._told_stride = rate, told, max(1, round(rate / _TOLD_HZ))
@@ -116,13 +132,29 @@ class _Motions:
                 for followed in self.active
                 for motion in without_joints((followed.motion,), named)
             ]
-        self.active += [_Followed(motion, (step - sent) / self._rate, until) for motion in command.motions]
+        delay = (step - sent) / self._rate
+        self.active += [_Followed(motion, delay, until) for motion in command.motions]
+        for motion in command.motions:
+            for name, curve in zip(motion.names, motion.curves, strict=True):
+                for start, end in curve.sudden:
+                    self.steps.setdefault(name, []).append(TargetStep(start + delay, end + delay, "position"))
         for name, position in command.position.items():
             self._note_step(name, position, command.velocity.get(name, 0.0), step)
         for name, velocity in command.velocity.items():
             if name not in command.position and abs(velocity - self._velocities.get(name, 0.0)) > _LEAST_STEP:
                 self._velocities[name] = velocity
-                self.steps.setdefault(name, []).append((step / self._rate, "velocity"))
+                self._add_step(name, step, "velocity")
+
+    def drive(self, rows: Sequence[JointTargets], step: int, *, steps_speed: bool) -> None:
+        """Note steps of the angles, and if asked of the speeds, in the targets of a drive from a physics step on."""
+        for at, row in enumerate(rows, start=step):
+            for name, position in row.position.items():
+                before, _, when = self._last.get(name, (position, 0.0, at))
+                self._note_step(name, position, (position - before) * self._rate / max(1, at - when), at)
+            for name, velocity in row.velocity.items() if steps_speed else ():
+                if abs(velocity - self._velocities.get(name, 0.0)) > _LEAST_STEP:
+                    self._velocities[name] = velocity
+                    self._add_step(name, at, "velocity")
 
     def rows(self, step: int, steps: int) -> list[JointTargets]:
         """Return the targets of the following steps, along the active motions."""
@@ -132,7 +164,7 @@ class _Motions:
         for motion, delay, until in self.active:
             *table, stepped = motion.targets(np.minimum(moments, until) - delay, 1 / self._rate)
             for row, column in np.argwhere(stepped).tolist():
-                self.steps.setdefault(motion.names[column], []).append(((step + row) / self._rate, "position"))
+                self._add_step(motion.names[column], step + row, "position")
             names += motion.names
             tables.append((table[0], table[1]))
         positions, velocities = (np.hstack(group).tolist() for group in zip(*tables, strict=True))
@@ -155,8 +187,11 @@ class _Motions:
         """Keep the position target of a joint, and note if it is a step."""
         before, speed, when = self._last.get(name, (position, 0.0, step))
         if abs(position - before - speed * (step - when) / self._rate) > _LEAST_STEP:
-            self.steps.setdefault(name, []).append((step / self._rate, "position"))
+            self._add_step(name, step, "position")
         self._last[name] = position, velocity, step
+
+    def _add_step(self, name: str, step: int, kind: str) -> None:
+        self.steps.setdefault(name, []).append(TargetStep(step / self._rate, step / self._rate, kind))
 
 
 class Controls:
@@ -181,6 +216,7 @@ class Controls:
         self._seams = seams
         self._motion = motion
         self._motions = _Motions(scene.joint_positions, self._rate, told)
+        self._steps_wheels = scene.mobility.acceleration > GRAVITY
         self._twist: Twist | None = None
         # The twist that the wheels have reached; they keep their targets.
         self._reached: tuple[float, ...] = ()
@@ -210,8 +246,8 @@ class Controls:
         return tuple(each for live in controllers if isinstance(live, ClosedLoop) for each in live.sensors)
 
     @property
-    def steps(self) -> Mapping[str, Sequence[tuple[float, str]]]:
-        """Joint -> the sim times in s at which its target changed in a step, and the kind of the target."""
+    def steps(self) -> Mapping[str, Sequence[TargetStep]]:
+        """Joint -> the steps of its target."""
         return self._motions.steps
 
     @property
@@ -286,7 +322,7 @@ class Controls:
             steps = min(steps, source.period - step % source.period if source.due is None else _until_due(source, step))
         if self._late:
             steps = int(min([steps, *(line.next_step - step for _, line in self._late)]))
-        planned = self._driven(steps)
+        planned = self._driven(step, steps)
         if self._motions.active and (followed := self._motions.rows(step, steps)):
             pairs = zip(followed, planned, strict=False)
             planned = [*(row.updated_by(wheels) for row, wheels in pairs), *followed[len(planned) :]]
@@ -294,7 +330,7 @@ class Controls:
             planned = [asked.updated_by(planned[0]) if planned else asked, *planned[1:]]
         return padded(planned, steps)
 
-    def _driven(self, steps: int) -> list[JointTargets]:
+    def _driven(self, step: int, steps: int) -> list[JointTargets]:
         """Return the wheel targets of the present twist; nothing after the wheels have reached it."""
         if self._motion is None or self._twist is None:
             return []
@@ -303,6 +339,9 @@ class Controls:
         if twist == self._reached:
             return []
         planned = self._motion.targets(self._twist, steps)
+        # Wheels cannot grip when they speed up faster than they would fall: such a ramp is a step.
+        if self._steps_wheels or planned[0].position:
+            self._motions.drive(planned, step, steps_speed=self._steps_wheels)
         self._reached = twist if len(planned) < steps else ()
         return planned
 

@@ -281,10 +281,12 @@ class _Loop:
         steps = self._controls.steps
         # A sum over all joints is about none of them.
         joints = [verdict.joint] if verdict.joint else sorted(steps)
-        times = [(time, joint, kind) for joint in joints for time, kind in steps.get(joint, ())]
-        if within := [cause for cause in times if verdict.time - memory <= cause[0] <= verdict.time]:
-            time, joint, kind = max(within)
-            yield f"a step of the {kind} target of '{joint}' at {time:.2f} s adds to it"
+        causes = [(step, joint) for joint in joints for step in steps.get(joint, ())]
+        if within := [
+            cause for cause in causes if cause[0].end >= verdict.time - memory and cause[0].start <= verdict.time
+        ]:
+            step, joint = max(within)
+            yield f"{step.title(joint)} adds to it"
 
     def _audited(self, panel: Panel, motion: Motion, kept: Trace, placed: FloatArray) -> tuple[ClaimFinding, ...]:
         """Return the findings of the audit; none if a broken expectation ended the run early."""

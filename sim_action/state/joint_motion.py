@@ -49,10 +49,12 @@ class Curve:
     Attributes:
         times: (K,) s, rising.
         coefficients: (K, 6) the polynomial from each knot on, in ascending powers of the time since the knot.
+        sudden: start and end in s of pieces that stand for a step, such as one between two rows of a log.
     """
 
     times: FloatArray
     coefficients: FloatArray
+    sudden: tuple[tuple[float, float], ...] = ()
 
     @classmethod
     def through(

@@ -176,20 +176,39 @@ def test_a_quarter_turn_needs_the_effort_and_work_of_a_closed_form(
     assert energy.measured == pytest.approx(moment * (1.875 * way / time) ** 2 / 2, rel=0.01)
 
 
+_AT_1_S = "at 1.00 s"
+_SHARP = {"diff": {"left": ["wheel_left_joint"], "right": ["wheel_right_joint"], "acceleration": "100 m/s^2"}}
+
+
 @pytest.mark.parametrize(
-    ("commands", "target"),
+    ("commands", "step"),
     [
-        ({"joints": [{"at": 1.0, "position": {"pan": 0.3}}], "interpolation": "hold"}, "position"),
+        ({"joints": [{"at": 1.0, "position": {"pan": 0.3}}], "interpolation": "hold"}, f"position {_AT_1_S}"),
         ({"joints": [{"at": 1.0, "position": {"pan": 0.3}}], "interpolation": "minimum_jerk"}, ""),
-        ({"joints": [{"at": 1.0, "velocity": {"pan": 0.3}}], "interpolation": "hold", "rate": 10}, "velocity"),
+        (
+            {"joints": [{"at": 1.0, "velocity": {"pan": 0.3}}], "interpolation": "hold", "rate": 10},
+            f"velocity {_AT_1_S}",
+        ),
+        ({"replay": "jump.csv"}, "position between two rows, 0.90 s to 1.00 s,"),
+        ({"replay": "gap.csv"}, "position at 1.20 s"),
+        ({"replay": "smooth.csv"}, ""),
     ],
 )
 @on_every_engine
 def test_a_step_of_a_target_is_named_where_it_may_decide(
-    engine: str, commands: object, target: str, tmp_path: Path
+    engine: str, commands: object, step: str, tmp_path: Path
 ) -> None:
     """A position is not decided by a step, also if its joint is named like a word of another message."""
     (tmp_path / "turret.urdf").write_text(TURRET)
+    rows = np.arange(0.0, 1.55, 0.1)
+    logs = {
+        "jump": [(time, 0.05 * time + 0.3 * (time > 0.95)) for time in rows],
+        "gap": [(0.0, 0.0), (1.2, 0.3), (1.3, 0.3)],
+        "smooth": [(time, 0.3 * (1 - np.cos(2 * time))) for time in rows],
+    }
+    for name, log in logs.items():
+        lines = [f"{time:.3f},{position:.6f}" for time, position in log]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["time,position.pan", *lines]))
     scenario = {
         "name": "n",
         "robot": {"model": "turret.urdf", "base": "fixed"},
@@ -198,7 +217,7 @@ def test_a_step_of_a_target_is_named_where_it_may_decide(
             {"effort": {"at_most": 39.9}},
             {"effort": {"rms_at_most": 39}},
             {"energy": {"at_most": 1000}},
-            {"joint_within": {"velocity": {"pan": [-20, 20]}}},
+            {"joint_within": {"velocity": {"pan": [-50, 50]}}},
             {"joint_within": {"position": {"pan": [-1, 1]}}},
         ],
         "allow": ["fixed-base"],
@@ -206,11 +225,41 @@ def test_a_step_of_a_target_is_named_where_it_may_decide(
         "duration": 1.5,
         "time_limit": 2,
     }
-    cause = f"a step of the {target} target of 'pan' at 1.00 s adds to it"
+    kind, _, when = step.partition(" ")
+    cause = f"of the {kind} target of 'pan' {when} adds to it"
     verdicts = simulated(tmp_path, scenario).verdicts
     messages = [verdict.message for verdict in verdicts]
-    assert [cause in message for message in messages] == [bool(target)] * 4 + [False], messages
+    assert [cause in message for message in messages] == [bool(step)] * 4 + [False], messages
+    assert any("adds to it" in message for message in messages) is bool(step), messages
     assert [verdict.joint for verdict in verdicts] == ["pan"] * 5
+
+
+@pytest.mark.parametrize(
+    ("model", "drive", "step"),
+    [
+        ("turtlebot3_burger", _SHARP, "a step of the velocity target of 'wheel_"),
+        ("turtlebot3_burger", {}, ""),
+        ("f1tenth", {}, "a step of the position target of '"),
+    ],
+)
+@on_every_engine
+def test_steps_of_wheels_and_steering_are_named(
+    engine: str, model: str, drive: dict[str, object], step: str, tmp_path: Path
+) -> None:
+    """A drive that speeds up within the grip of its wheels makes no steps."""
+    scenario = {
+        "name": "n",
+        "robot": {"model": model, **({"drive": drive} if drive else {})},
+        "commands": {"twist": [{"linear": 0.2, "angular": 0.3}]},
+        "expect": [{"energy": {"at_most": 1e5}}],
+        "backend": engine,
+        "duration": 0.5,
+        "time_limit": 1,
+    }
+    (verdict,) = simulated(tmp_path, scenario).verdicts
+    assert (
+        (step in verdict.message and "adds to it" in verdict.message) if step else "adds to it" not in verdict.message
+    )
 
 
 MOVES = """\
