@@ -16,9 +16,10 @@ from pathlib import Path, PurePath
 from typing import Final
 
 from sim_action.core import units
-from sim_action.core.errors import ModelError
+from sim_action.core.errors import Location, ModelError
 from sim_action.core.field_types import FrozenModel, on_lines
 from sim_action.core.geometry import Vector3
+from sim_action.core.records import replace
 from sim_action.core.wording import log_line
 from sim_action.core.workspace import Workspace
 from sim_action.drives import Drive, recognise, why_not_recognised
@@ -29,11 +30,12 @@ from sim_action.drives.skid import SkidSteer, mecanum_names, sides_on_ground
 from sim_action.drives.undercarriage import unrolling_pair
 from sim_action.drives.wheels import Wheel, opposed_note, wheels_on_ground
 from sim_action.results.masking import Mask
-from sim_action.robot.model.findings import ALLOWABLE, Finding
+from sim_action.robot.documents.xml_document import shown_file
+from sim_action.robot.model.findings import ALLOWABLE, Finding, finding
 from sim_action.robot.model.kinematics import link_poses, robot_box
 from sim_action.robot.model.robot_model import WORLD, Joint, JointType, Link, RobotModel
 from sim_action.robot.model.robot_spec import Robot
-from sim_action.robot.reading.loading import load_model
+from sim_action.robot.reading.loading import load_model, with_srdf
 from sim_action.runner.isolation.child_process import environment
 from sim_action.runner.process_output import redirect_output
 from sim_action.scenario.model import MEMORY, WALL_SECONDS
@@ -183,11 +185,11 @@ def _findings(found: Inspection) -> Iterator[str]:
         yield "the audit found no problems"
         return
     yield "the audit found:"
-    for rule in dict.fromkeys(finding.rule for finding in found.findings):
-        same = [finding for finding in found.findings if finding.rule == rule]
+    for rule in dict.fromkeys(note.rule for note in found.findings):
+        same = [note for note in found.findings if note.rule == rule]
         yield f"{same[0].level} {rule}{', can be allowed by robot.allow' if rule in found.needs else ''}"
         for kind in dict.fromkeys(map(_kind, same)):
-            yield from _wrapped(_places([finding for finding in same if _kind(finding) == kind]), "  ")
+            yield from _wrapped(_places([note for note in same if _kind(note) == kind]), "  ")
 
 
 _NAME: Final = re.compile(r"""'[^']*'|"[^"]*\"""")
@@ -200,7 +202,7 @@ def _kind(finding: Finding) -> str:
     return _NUMBER.sub("0", _NAME.sub("''", _HINT.sub("", finding.message)))
 
 
-def _places(findings: list[Finding]) -> str:
+def _places(findings: Sequence[Finding]) -> str:
     """Return the first of findings of one kind, and the count, first names and first lines of the others."""
     first, *others = findings
     if not others:
@@ -341,6 +343,13 @@ def inspect_model(robot: Robot, workspace: Workspace) -> Inspection:
     Raises ModelError if no engine accepts the model.
     """
     model = load_model(robot.model_copy(update={"allow": ALLOWABLE}), workspace)
+    if robot.srdf is None and model.source and (beside := Path(model.source).with_suffix(".srdf")).is_file():
+        try:
+            model = with_srdf(model, beside)
+        except ModelError as error:
+            message = f"the SRDF beside the model cannot be used: {str(error).splitlines()[0]}"
+            note = finding("passed-over", message, Location(shown_file(beside)))
+            model = replace(model, findings=(*model.findings, note))
     needs = tuple(sorted({finding.rule for finding in model.findings if finding.level == "error"}))
     robot = robot.model_copy(update={"allow": needs, "base": robot.base or _base(model)})
     start = Scene(robot, model, World(), Physics(), workspace).joint_positions

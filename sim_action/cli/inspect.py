@@ -21,6 +21,9 @@ from sim_action.results.masking import Mask
     is_flag=True,
     help="List the parts of the model that are not simulated as its files state them, with file, line and consequence.",
 )
+@click.option(
+    "--srdf", metavar="FILE", help="The SRDF of the model, as robot.srdf; default: MODEL with the suffix .srdf."
+)
 @model_flags
 @code_flags
 @click.option(

@@ -417,6 +417,7 @@ def asked_model(model: str, flags: dict[str, Any]) -> tuple[Robot, Workspace]:
         if not robot.is_xacro:
             raise UsageError(escaped_line(f"--arg needs a xacro file, and {shown(model)} is not one; remove it"))
         robot = Robot(model=model, args=arguments, packages=mapped)
+    robot = robot.model_copy(update={"srdf": flags.get("srdf")})
     permissions = code_permissions(flags)
     if robot.is_xacro:
         permissions.require_scripts(f"{shown(model)} is xacro, which runs code")

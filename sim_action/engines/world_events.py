@@ -180,7 +180,7 @@ class _Acting:
 
     def __init__(self, disturbance: Disturbance, scene: Scene) -> None:
         self._disturbance, self._rate = disturbance, scene.physics.rate
-        name = disturbance.body or disturbance.link or scene.model.root
+        name = disturbance.body or scene.model.link_of(disturbance.link or scene.model.root)
         self._target = Target(name, is_link=disturbance.body is None)
         pushes = disturbance.velocity is not None
         self.first = first_step(disturbance.at, self._rate) if pushes else int(disturbance.at * self._rate)

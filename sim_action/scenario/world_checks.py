@@ -207,8 +207,14 @@ def _target_problems(disturbance: Disturbance, scene: Scene) -> SpecProblems:
     if disturbance.body is not None:
         yield from _body_problems(disturbance, disturbance.body, scene)
         return
-    link = disturbance.link or scene.model.root
+    link = scene.model.link_of(disturbance.link or scene.model.root)
     where = ("link",) if disturbance.link else ()
+    if scene.model.mjcf and (actuator := scene.model.mjcf.adhesion.get(disturbance.link or "")):
+        if disturbance.adhesion is None:
+            yield where, f"'{disturbance.link}' is an <adhesion> actuator: give 'adhesion', or name its link '{link}'"
+        elif disturbance.adhesion > actuator[1]:
+            most = units.display(actuator[1], "N")
+            yield ("adhesion",), f"the actuator '{disturbance.link}' holds with {most} at most"
     if link not in scene.model.links_by_name and link in {body.name for body in scene.world.objects}:
         yield where, f"the robot has no link '{link}'; say body: {link}"
     elif disturbance.adhesion is not None and link not in (shaped := links_with_shapes(scene.model)):

@@ -138,7 +138,10 @@ class Disturbance(FrozenModel):
             description="duration; needed by a force or a torque; a push has none; default of a payload, adhesion: on",
         ),
     ] = None
-    link: Annotated[Name | None, Field(description="link of the robot; default without 'body': its base link")] = None
+    link: Annotated[
+        Name | None,
+        Field(description="link of the robot; default without 'body': its base link; or an <adhesion> of MJCF"),
+    ] = None
     body: Annotated[Name | None, Field(description="body of the world, instead of a link")] = None
     force: Annotated[
         tuple[Newtons, Newtons, Newtons] | None,

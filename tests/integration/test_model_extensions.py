@@ -207,19 +207,43 @@ def test_the_options_of_the_solver_are_named(option: str, tmp_path: Path) -> Non
     assert all(any(name.split("=")[0] in note for note in notes) for name in option.split())
 
 
-@pytest.mark.parametrize(("keyframe", "passes"), [("on", True), ("off", False)])
-def test_an_adhesion_actuator_obeys_the_control_of_the_keyframe(keyframe: str, tmp_path: Path, *, passes: bool) -> None:
-    """A suction of 30 N at a control of 1 holds 1 kg, which weighs 9.8 N, against 20 N upward."""
+SUCTION = "world: {disturbances: [{at: 0, link: suction, adhesion: %s N}]}\n"
+
+
+@pytest.mark.parametrize(
+    ("keyframe", "world", "passes"),
+    [
+        ("on", "", True),
+        ("off", "", False),
+        ("off", SUCTION % 25, True),
+        ("off", SUCTION % 5, False),
+        ("off", SUCTION % 31, "the actuator 'suction' holds with 30 N at most"),
+        (
+            "off",
+            "world: {disturbances: [{at: 0, link: suction, payload: 1 kg}]}\n",
+            "give 'adhesion', or name its link",
+        ),
+        ("off", "world: {disturbances: [{at: 0, link: suctoin, adhesion: 5 N}]}\n", "the robot has no link 'suctoin'"),
+    ],
+)
+def test_an_adhesion_actuator_obeys_the_keyframe_and_disturbances(
+    keyframe: str, world: str, passes: bool | str, tmp_path: Path
+) -> None:
+    """A suction of 30 N at a control of 1 holds 1 kg, which weighs 9.8 N, against 20 N upward, as 25 N do."""
     pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
     (tmp_path / "foot.xml").write_text(
         '<mujoco><worldbody><body name="foot" pos="0 0 .05"><freejoint/><geom type="box" size=".05 .05 .05" mass="1"/>'
-        '</body></worldbody><actuator><adhesion body="foot" ctrlrange="0 1" gain="30"/></actuator><keyframe>'
-        '<key name="on" qpos="0 0 .05 1 0 0 0" ctrl="1"/><key name="off" qpos="0 0 .05 1 0 0 0" ctrl="0"/></keyframe>'
-        "</mujoco>"
+        '</body></worldbody><actuator><adhesion name="suction" body="foot" ctrlrange="0 1" gain="30"/></actuator>'
+        '<keyframe><key name="on" qpos="0 0 .05 1 0 0 0" ctrl="1"/><key name="off" qpos="0 0 .05 1 0 0 0" ctrl="0"/>'
+        "</keyframe></mujoco>"
     )
     (tmp_path / "foot.sim.yml").write_text(
-        f"name: suction\nrobot: {{model: foot.xml, keyframe: '{keyframe}'}}\nbackend: mujoco\n"
+        f"name: suction\nrobot: {{model: foot.xml, keyframe: '{keyframe}'}}\nbackend: mujoco\n{world}"
         "commands: [{wrench: {force: [0, 0, 20 N], at: 0.2 s, for: 1 s}}]\n"
         "expect: [{stay_within: {z: [-0.06 m, 0.06 m]}}]\ntime_limit: 1 s\n"
     )
-    assert sim_action.run(tmp_path / "foot.sim.yml", report=False).passed == passes
+    results = sim_action.run(tmp_path / "foot.sim.yml", report=False)
+    if isinstance(passes, str):
+        assert passes in str(results.outcomes[0].failures)
+    else:
+        assert results.passed == passes

@@ -109,7 +109,7 @@ class CompiledScene:
         soften(model, rate, soft)
         for acts in scene.world.disturbances:
             if acts.adhesion is not None:
-                name = object_name(acts.body) if acts.body else engine_name(acts.link or root)
+                name = object_name(acts.body) if acts.body else engine_name(scene.model.link_of(acts.link or root))
                 _reach_out(model, model.body(name).id)
         for body in scene.world.objects:
             if body.surface_velocity is not None:

@@ -133,6 +133,7 @@ class Mjcf:
         floor_look: how the file draws that plane; None if it does not say.
         excluded: pairs of bodies that <exclude> lets pass through each other.
         paired: pairs of geoms that <pair> lets collide, whatever their contype and conaffinity.
+        adhesion: name of an <adhesion> actuator -> its link, and the largest force in N.
     """
 
     text: str
@@ -144,6 +145,7 @@ class Mjcf:
     excluded: frozenset[frozenset[str]] = frozenset()
     paired: frozenset[frozenset[str]] = frozenset()
     floor_look: FloorLook | None = None
+    adhesion: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
 
 READINGS: Final = MappingProxyType(
@@ -429,15 +431,11 @@ class Srdf:
 
     Attributes:
         groups: group name -> its joints, in the order of the model.
-        states: (group, state) -> joint -> position in rad (m).
         disabled: pairs of links that pass through each other.
-        passive: joints without a motor.
     """
 
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    states: Mapping[tuple[str, str], Mapping[str, float]] = field(default_factory=dict)
     disabled: frozenset[frozenset[str]] = frozenset()
-    passive: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -515,6 +513,10 @@ class RobotModel:
     def root(self) -> str:
         """The name of the base link, which is not the child of a joint."""
         return next(link.name for link in self.links if link.name not in self.joints_to)
+
+    def link_of(self, name: str) -> str:
+        """Return the link of an <adhesion> actuator of MJCF; another name is that of a link."""
+        return self.mjcf.adhesion.get(name, (name,))[0] if self.mjcf else name
 
     def why_not_driven(self, name: str, reading: Reading | None = None) -> str | None:
         """Return a message if no motor can move a joint, or if there is no such joint; None if a motor can.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Hashable, Iterable, Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -23,6 +22,7 @@ from sim_action.robot.documents.packages import (
     is_model_folder,
     model_files_in,
 )
+from sim_action.robot.documents.urdf_elements import is_numbers
 from sim_action.robot.documents.xml_document import ModelDocument, read_document
 from sim_action.robot.model.findings import Finding, limited_notes, without_harmless
 from sim_action.robot.model.robot_model import RobotModel, Srdf, keyframe_of
@@ -93,7 +93,7 @@ def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
     if robot.keyframe is not None:
         _check_keyframe(robot.keyframe, model)
     if robot.srdf is not None:
-        model = _with_srdf(model, _srdf_file(robot.srdf, Packages(workspace, robot.packages)))
+        model = with_srdf(model, _srdf_file(robot.srdf, Packages(workspace, robot.packages)))
     return replace(model, findings=limited_notes(_about_self_collision(robot, _without_repeats(model.findings))))
 
 
@@ -242,7 +242,7 @@ def _next_step(name: str, place: Path, packages: Packages) -> str:
     return f"; the model files in it are: {', '.join(files)}; write 'model: {name.rstrip('/')}/{files[0]}'"
 
 
-def _with_srdf(model: RobotModel, path: Path) -> RobotModel:
+def with_srdf(model: RobotModel, path: Path) -> RobotModel:
     """Return a model with its SRDF, and notes on the parts that are not read. Raises ModelError."""
     document = read_srdf_text(path)
     kept, harmless = without_harmless(unread_parts_of_srdf(document))
@@ -298,11 +298,12 @@ class _Reader:
         self._check_name()
         order = {joint.name: place for place, joint in enumerate(self._model.joints)}
         groups = self._joints_of_groups()
+        self._check_states(groups)
+        for passive in self._document.elements("passive_joint"):
+            self._joint(passive, "name")
         return Srdf(
             {name: tuple(sorted(joints, key=order.__getitem__)) for name, joints in groups.items()},
-            dict(self._states(groups)),
             frozenset(self._pairs()),
-            frozenset(self._passive()),
         )
 
     def _check_name(self) -> None:
@@ -380,20 +381,16 @@ class _Reader:
             return set()
         return found
 
-    def _states(self, groups: Mapping[str, set[str]]) -> Iterator[tuple[tuple[str, str], dict[str, float]]]:
+    def _check_states(self, groups: Mapping[str, set[str]]) -> None:
         for element in self._document.elements("group_state"):
-            group, positions = element.get("group", ""), dict[str, float]()
+            group = element.get("group", "")
             if group not in groups:
                 self._note(element, f"there is no group '{group}'{self._hint(group, groups)}")
             for part in element.iterfind("joint"):
                 written = part.get("value", "")
                 for name in self._joint(part, "name"):
-                    position = _number(written)
-                    if position is None:
+                    if not is_numbers(written, 1):
                         self._note(part, f"value=\"{written}\" of joint '{name}': expected a finite number in rad or m")
-                    else:
-                        positions[name] = position
-            yield (group, element.get("name", "")), positions
 
     def _pairs(self) -> Iterator[frozenset[str]]:
         enabled = {self._pair(element) for element in self._document.elements("enable_collisions")}
@@ -406,10 +403,6 @@ class _Reader:
     def _pair(self, element: Element) -> frozenset[str]:
         return frozenset((self._link(element, "link1"), self._link(element, "link2")))
 
-    def _passive(self) -> Iterator[str]:
-        for element in self._document.elements("passive_joint"):
-            yield from self._joint(element, "name")
-
     def _hint(self, name: str, allowed: Mapping[str, object]) -> str:
         return did_you_mean(name, allowed) if self._hinted.one_more() else ""
 
@@ -418,11 +411,3 @@ class _Reader:
             problem = Problem(self._document.places[element], message)
             if problem not in self.problems:
                 self.problems.append(problem)
-
-
-def _number(text: str) -> float | None:
-    try:
-        number = float(text)
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None

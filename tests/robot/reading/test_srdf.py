@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element
 
 import pytest
 
-from sim_action.app.inspect import inspect_model
+from sim_action.app.inspect import inspect_model, losses_text
 from sim_action.core.errors import ModelError, RefusedModel
 from sim_action.core.workspace import Workspace
 from sim_action.robot.documents.xml_document import ModelDocument
@@ -61,14 +61,12 @@ def test_a_group_means_its_moving_joints(group: str, joints: tuple[str, ...], tm
     assert joints_set_by(model, ["arm", "j_one"])["arm"] == tuple(name for name in joints if name != "j_one")
 
 
-def test_states_and_disabled_pairs_are_read(tmp_path: Path) -> None:
+def test_disabled_pairs_are_read(tmp_path: Path) -> None:
     model = model_with(
         tmp_path,
-        '<group name="arm"><joint name="j_one"/></group><group_state name="up" group="arm"><joint name="j_one" '
-        'value="0.5"/></group_state><disable_collisions link1="two" link2="base" reason="Never"/>',
+        '<disable_collisions link1="two" link2="base" reason="Never"/>',
     )
     assert model.srdf is not None
-    assert model.srdf.states == {("arm", "up"): {"j_one": 0.5}}
     assert model.srdf.disabled == {frozenset(("base", "two"))}
 
 
@@ -195,13 +193,14 @@ def test_parts_that_are_not_read_are_named(tmp_path: Path) -> None:
         tmp_path,
         '<group name="g"><joint name="j_one"/><lnk name="base"/></group><end_effector name="hand"/>\n'
         '<virtual_joint name="v" type="fixed"/><disable_collision link1="one" link2="tool"/>'
-        '<passive_joint name="j_one" x="1"/>',
+        '<passive_joint name="j_one" x="1"/><group_state name="up" group="g"/>',
     )
     messages = [f"{note.rule} {note.location.line}: {note.message}" for note in (*model.findings, *model.harmless)]
     for part in (
         "unknown-tag 2: unknown element <lnk> in <group> is ignored; did you mean <link>?",
         "unknown-tag 3: unknown element <disable_collision> in <robot> is ignored; did you mean <disable_collisions>?",
-        'unknown-part 3: <passive_joint x="1">',
+        "passed-over 3: <passive_joint> of the SRDF is not simulated; it is ignored: it is checked, but the joint",
+        "passed-over 3: <group_state> of the SRDF is not simulated; it is ignored: it is checked, but no key names a",
         "harmless-part 2: <end_effector>",
         'harmless-part 3: <virtual_joint type="fixed">',
     ):
@@ -217,7 +216,6 @@ def test_parts_that_are_not_read_are_named(tmp_path: Path) -> None:
             {"disabled": {frozenset(("tool", name)) for name in ("one", "two", "three")}},
         ),
         ('<group name="g"><chain base_link="base" tip_link="one"/></group>', {"groups": {"g": ("j_one",)}}),
-        ('<passive_joint name="j_two"/>', {"passive": {"j_two"}}),
     ],
 )  # fmt: skip
 def test_a_part_that_is_read_acts(srdf: str, effect: dict[str, object], tmp_path: Path) -> None:
@@ -227,9 +225,27 @@ def test_a_part_that_is_read_acts(srdf: str, effect: dict[str, object], tmp_path
     assert not [note for note in (*model.findings, *model.harmless) if "SRDF" in note.message]
 
 
-def test_inspect_shows_an_srdf_beside_the_model_and_refuses_one_as_the_model(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("srdf", "note"),
+    [("<passive_joint name='j_two'/>", "<passive_joint> of the SRDF is not"), ("<group", "the SRDF beside the model")],
+)
+@pytest.mark.parametrize("names", ["arm.srdf", None])
+def test_inspect_reads_the_srdf_that_is_named_or_lies_beside_the_model(
+    srdf: str, note: str, names: str | None, tmp_path: Path
+) -> None:
     model_with(tmp_path, "")
-    found = inspect_model(Robot(model="arm.urdf", base="fixed"), Workspace(tmp_path, tmp_path))
-    assert "# srdf: arm.srdf" in found.robot
+    (tmp_path / "arm.srdf").write_text(f'<robot name="arm">{srdf}</robot>')
+    robot = Robot(model="arm.urdf", base="fixed", srdf=names)
+    if names and srdf == "<group":
+        with pytest.raises(ModelError, match=r"arm\.srdf"):
+            inspect_model(robot, Workspace(tmp_path, tmp_path))
+        return
+    found = inspect_model(robot, Workspace(tmp_path, tmp_path))
+    assert note in " ".join(losses_text(found).split())
+    assert ("# srdf: arm.srdf" in found.robot) == (names is None)
+
+
+def test_an_srdf_is_refused_as_the_model(tmp_path: Path) -> None:
+    model_with(tmp_path, "")
     with pytest.raises(ModelError, match=r"this file in robot\.srdf"):
         load_model(Robot(model="arm.srdf"), Workspace(tmp_path, tmp_path))

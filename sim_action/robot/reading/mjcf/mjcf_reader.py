@@ -41,7 +41,7 @@ from sim_action.robot.model.robot_model import (
 )
 from sim_action.robot.reading.mjcf.mjcf_elements import refusal
 from sim_action.robot.reading.mjcf.mjcf_files import MjcfFiles, collect_files
-from sim_action.robot.reading.mjcf.motors import keyframes_of, largest_efforts, motors_of
+from sim_action.robot.reading.mjcf.motors import adhesion_of, keyframes_of, largest_efforts, motors_of
 from sim_action.robot.reading.mjcf.mujoco_spec import build, compiled
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def _read(path: Path, files: MjcfFiles) -> RobotModel:
             *noted,
         ),
         harmless=harmless,
-        mjcf=built.mjcf,
+        mjcf=replace(built.mjcf, adhesion=adhesion_of(model)),
         keyframes=keyframes_of(built, joints, reader.free_joint()),
     )
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from itertools import islice
 from typing import Any, Final
 
 import mujoco
+import numpy as np
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
@@ -20,7 +22,7 @@ _NO_COMMAND: Final = (
 _TRN: Final = mujoco.mjtTrn
 _PLACES: Final = {
     _TRN.mjTRN_SITE: "a site",
-    _TRN.mjTRN_BODY: "a body (the disturbance 'adhesion' holds a link for a time)",
+    _TRN.mjTRN_BODY: "a body (name it as the link of a disturbance with 'adhesion')",
     _TRN.mjTRN_SLIDERCRANK: "a slider-crank",
 }
 _ON_JOINT: Final = frozenset({_TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT})
@@ -148,6 +150,19 @@ def largest_efforts(model: Any, motors: Mapping[str, Motor]) -> dict[str, float]
             most_here = max(map(abs, model.jnt_actfrcrange[joint].tolist()))
             limits[name] = min(limits.get(name, most_here), most_here)
     return {name: most for name, most in limits.items() if most > 0}
+
+
+def adhesion_of(model: Any) -> dict[str, tuple[str, float]]:
+    """Return the name of each <adhesion> actuator -> its body, and its largest force in N."""
+    found = dict[str, tuple[str, float]]()
+    for number in np.flatnonzero(model.actuator_trntype == _TRN.mjTRN_BODY).tolist():
+        body, control = model.body(model.actuator_trnid[number, 0]).name, model.actuator_ctrladr[number]
+        most = model.actuator_ctrlrange[control, 1] if model.actuator_ctrllimited[control] else math.inf
+        most *= model.actuator_gainprm[number, 0]
+        if model.actuator_forcelimited[number]:
+            most = min(most, model.actuator_forcerange[number, 1])
+        found[model.actuator(number).name] = body, float(most)
+    return found
 
 
 def keyframes_of(built: Built, joints: Iterable[Joint], free: str | None) -> dict[str, Keyframe]:
