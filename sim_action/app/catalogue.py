@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import itertools
 import os
 import re
 import textwrap
@@ -23,6 +24,7 @@ from sim_action.core.field_types import Quantity, Without, bounds_text
 from sim_action.core.permissions import scripts_refused
 from sim_action.core.records import dataclass
 from sim_action.core.registry import InstalledPart, PackageProblem, Table
+from sim_action.core.version import __version__
 from sim_action.core.wording import did_you_mean
 from sim_action.drives import DRIVES
 from sim_action.robot.built_in import BUILT_IN
@@ -124,6 +126,47 @@ def fields(model: type[BaseModel]) -> tuple[FieldEntry, ...]:
     return tuple(sorted(entries, key=lambda entry: (entry.default != "required", entry.name in last)))
 
 
+def key_rows(
+    model: type[BaseModel], above: str = "", shown: set[type[BaseModel]] | None = None
+) -> Iterator[FieldEntry]:
+    """Yield each key, followed by the keys below it, with the steps to them in their names.
+
+    Keys of an assertion, and of a model that came before (`shown`), are not repeated.
+    """
+    shown = set() if shown is None else shown
+    for entry in fields(model):
+        annotation = next(f.annotation for n, f in model.model_fields.items() if (f.alias or n) == entry.name)
+        below = [found for found in _models_below(annotation) if found[0] not in shown and not _is_assertion(found[0])]
+        takes = re.sub(r"\{[\w, ]*\}", "map", entry.takes) if below else entry.takes
+        yield FieldEntry(f"{above}{entry.name}", takes, entry.default, entry.description)
+        for inner, step, refused in below:
+            shown.add(inner)
+            start = f"{above}{entry.name}{step}."
+            names = tuple(f"{start}{name}{end}" for name in refused for end in (" ", ".", "["))
+            yield from (row for row in key_rows(inner, start, shown) if not f"{row.name} ".startswith(names))
+
+
+_STEPS: Final[Mapping[object, str]] = MappingProxyType({tuple: "[]", dict: ".NAME"})
+"""A container -> the step from it to an entry, as lists of keys show it."""
+
+
+def _models_below(
+    annotation: Any, step: str = "", refused: frozenset[str] = frozenset()
+) -> Iterator[tuple[type[BaseModel], str, frozenset[str]]]:
+    """Yield the models in a type, each with the step to it and the keys that it does not take there."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation, step, refused
+    step = step or _STEPS.get(get_origin(annotation), "")
+    for item in getattr(annotation, "__metadata__", ()):
+        refused |= item.names if isinstance(item, Without) else frozenset()
+    for part in get_args(annotation):
+        yield from _models_below(part, step, refused)
+
+
+def _is_assertion(model: type[BaseModel]) -> bool:
+    return any(issubclass(model, ASSERTIONS.load(name)) for name in ASSERTIONS)
+
+
 def _takes(annotation: Any, metadata: Iterable[Any] = ()) -> str:
     bounds = bounds_text(annotation, metadata)
     return f"{_kind_of(annotation, metadata)}{bounds and f', {bounds}'}"
@@ -189,6 +232,60 @@ def _lines(entry: Entry) -> Iterator[str]:
         default = f"  [{field.default}]" if field.default else ""
         description = f"  {field.description}" if field.description else ""
         yield f"    {field.name}: {field.takes}{default}{description}"
+
+
+_MAX_GUIDE_KEYS: Final = 16
+"""A part with more keys has only its required ones in the guide."""
+
+_LEFT_TO_EXPLAIN: Final = (
+    *("agreement", "allow", "commands", "environment", "expect", "extends", "memory_limit", "name", "output_limit"),
+    *("robot.allow", "robot.args", "robot.keyframe", "robot.packages", "robot.srdf", "scenarios", "sensors", "tags"),
+    *("trace", "unexercised", "version", "wall_limit", "gate.stop_early", "gate.quantile", "gate.errors"),
+    *("physics.max_", "physics.speculative", "world.file", "world.robot", "world.objects[].inertia"),
+    *("world.objects[].shapes", "world.objects[].mesh.", "world.objects[].map.", "world.objects[].heightfield."),
+    *("world.objects[].center", "world.objects[].color", "world.objects[].ramp.", "world.objects[].stairs."),
+)
+"""Beginnings of keys of a scenario that are not in the guide."""
+
+_SHORTER: Final = re.compile(
+    r", (?:-?[\d.,e-]+ to|at most|at least|less than) [\d.,]+(?: [A-Za-z^/23]+)?|(?<=[a-z]) \([^,()]*\)"
+)
+"""Bounds and units in what a key takes."""
+
+
+def guide() -> str:
+    """Return the compact reference for programs that write scenarios: rules, examples, and parts with their keys."""
+    text = Path(__file__).with_name("guide.md").read_text(encoding="utf-8").replace("VERSION", __version__)
+    seen: set[FieldEntry] = set()
+    rows = (row for row in key_rows(Scenario) if not row.name.startswith(_LEFT_TO_EXPLAIN))
+    lines = [text, *_guide_rows(rows, seen)]
+    for table in (ASSERTIONS, COMMANDS, SENSORS):
+        kind = _KINDS[table.kind]
+        lines.append(f"\n## {table.kind.capitalize()}s, below `{kind.place}`\n")
+        lines += ["Beside each:", *_guide_rows(fields(kind.beside), seen)] if kind.beside else []
+        for name in table:
+            model = table.load(name)
+            listed = list(key_rows(model))
+            few = [row for row in listed if row.default == "required" or len(listed) <= _MAX_GUIDE_KEYS]
+            lines += [f"\n**{name}**: {summary(model)}", *_guide_rows(few, seen)]
+            lines += [f"More: `sim-action explain {name}`."] * (len(few) < len(listed))
+    return "\n".join(lines)
+
+
+def _guide_rows(rows: Iterable[FieldEntry], seen: set[FieldEntry]) -> Iterator[str]:
+    """Yield a line for keys that take the same and follow each other; those that were `seen` have only their names."""
+    for is_known, group in itertools.groupby(dict.fromkeys(rows), seen.__contains__):
+        if is_known:
+            yield f"{', '.join(row.name for row in group)} as above"
+            continue
+        for (takes, default, meaning), same in itertools.groupby(
+            group, lambda row: (row.takes, row.default, row.description)
+        ):
+            alike = list(same)
+            seen.update(alike)
+            stated = {"": "", "required": " (required)"}.get(default, f" = {default}")
+            shown = f"{', '.join(row.name for row in alike)}: {_SHORTER.sub('', takes)}{stated}"
+            yield f"{shown}; {meaning}" if meaning else shown
 
 
 _TABLES: Final[tuple[Table[Any], ...]] = (ASSERTIONS, COMMANDS, DRIVES, SENSORS)

@@ -201,12 +201,11 @@ class Joined(Several):
 class AllOf(Joined):
     """Each assertion of a list holds, not necessarily at the same moment.
 
-    Each goal comes true at some moment, and each invariant holds throughout; for goals that must be true at one moment,
-    see `at_once`. `expect` itself asks the same of its entries. `all_of` is useful inside `any_of` and `not`, and to
-    give several assertions one `name`, `after`, `before` and `severity`. It is a goal if one of its parts is a goal. It
-    breaks as soon as one part breaks. Margin, limit and time are those of the deciding part, which the message names.
-    If all parts have the same unit, this is the part with the smallest margin. Otherwise it is the part that came true
-    last, or the first part that does not hold.
+    `expect` itself asks the same of its entries; for goals that must be true at one moment, see `at_once`. `all_of` is
+    useful inside `any_of` and `not`, and to give several assertions one `name`, `after`, `before` and `severity`. It is
+    a goal if one of its parts is a goal, and breaks as soon as one part breaks. The part that decides, which the
+    message names, is the one with the smallest margin if all have one unit, else the last that came true or the first
+    that failed.
     """
 
     key: ClassVar[str] = "all_of"
@@ -224,10 +223,10 @@ class AnyOf(Joined):
     """At least one assertion of a list holds.
 
     It is a goal if one of its parts is a goal: the run waits until a goal comes true. If none does, a part that is not
-    broken at the end of the run holds. If all parts are invariants, it is an invariant, and it breaks when the last
-    part breaks. Margin, limit and time are those of the deciding part, which the message names. The candidates are the
-    parts that hold, or all parts if none holds. If all candidates have the same unit, the one with the greatest margin
-    decides, otherwise the first. `after`, `before`, `name` and `severity` are written next to `any_of`.
+    broken at the end of the run holds. Otherwise it is an invariant that breaks with its last part. Margin, limit and
+    time are those of the deciding part, which the message names: of the parts that hold (or of all), the one with the
+    greatest margin if their units are equal, else the first. `after`, `before`, `name` and `severity` are written next
+    to `any_of`.
     """
 
     key: ClassVar[str] = "any_of"

@@ -66,16 +66,13 @@ class ImpulseLimits(FrozenModel):
 class Touch(Assertion):
     """The robot touches the body that `with` names, or a limit says how hard it may touch the body.
 
-    A touch is a goal, also with `at_least` or `for`. `at_most` is an invariant. `at_most` alone does not demand a
-    touch: no contact is a force of 0 N. To demand a touch as well, add `contact: {with: ball}` to `expect`. A contact
-    in which neither side can give way, such as of a bolted arm and a body on a path, has no force and meets no limit.
+    A touch is a goal, also with `at_least` or `for`. `at_most` is an invariant; alone, it does not demand a touch. To
+    demand one as well, add `contact: {with: ball}` to `expect`. A contact between a fixed base and a body on a path has
+    no force and meets no limit.
 
-    The force is the sum over all contact points of the two, averaged over the last `window` at each step. The force of
-    a single step depends on `physics.rate`, because an impact may last one step. The impulse is the mean force times
-    `window`: the momentum that passes in this time. At `after`, the window reaches back to before `after`.
-
-    A body that is pushed may lose contact for a moment: a loss for 50 ms or less does not interrupt the contact. With
-    `at_least`, the mean force must last instead.
+    The force is the sum over all contact points, averaged over the last `window`, which may reach back to before
+    `after`. The impulse is the mean force times `window`: the momentum that passes in this time. A loss of contact for
+    50 ms or less does not interrupt a contact without `at_least`.
     """
 
     key: ClassVar[str] = "contact"

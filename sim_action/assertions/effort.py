@@ -40,11 +40,9 @@ if TYPE_CHECKING:
 class Effort(Assertion):
     """The effort (torque or force) of each motor never exceeds `at_most`, or its RMS is at most `rms_at_most`.
 
-    Limits hold in both directions. The root mean square (RMS) is a measure of motor heating. It is judged at the end of
-    the run or at `before`. Efforts are those of the engine's motors, within the effort limits of the model; only a
-    motor that is `stuck` by `faults` can exceed them. A velocity command changes the target in steps, once per tick of
-    the command, which causes peaks: the verdict names the step. If peaks matter, set the `rate` of the command to the
-    physics rate.
+    Limits hold in both directions. The root mean square (RMS), a measure of motor heating, is judged at the end or at
+    `before`. Efforts stay within the limits of the model, except for a motor that is `stuck` by `faults`. Velocity and
+    position targets that jump from tick to tick cause peaks: if peaks matter, give the command the physics rate.
     """
 
     key: ClassVar[str] = "effort"

@@ -31,12 +31,10 @@ if TYPE_CHECKING:
 class FinalPose(PoseTarget):
     """At the end of the run, the base link, or `link`, is at `x`, `y`, `z` with the heading `yaw`, within tolerances.
 
-    The pose is checked at the end of the run, or at `before` if that is earlier. It neither ends a run nor prolongs it.
-    A run ends at its `duration`, or as soon as all goals of the scenario are met; the robot may still be moving then.
-    To let it stop first, add `settled` or a `duration`. Any of `x`, `y`, `z` and `yaw` may be omitted; then it is not
-    checked. `orientation` is for all three angles, as in `reach`. All values are in `frame`. With `relative`, they are
-    relative to the start: for the base, x is ahead and y is to the left; for a `link`, they are along the axes of
-    `frame`, and the orientation is a rotation away from that at the start.
+    It is checked at the end of the run, or at `before`, and neither ends a run nor prolongs it. A run ends as soon as
+    all goals are met; to let the robot stop first, add `settled` or a `duration`. Values that are left out are not
+    checked. With `relative`, they are relative to the start: for the base, x is ahead and y to the left; for a `link`,
+    they are along the axes of `frame`.
     """
 
     key: ClassVar[str] = "final_pose"

@@ -71,12 +71,11 @@ class PathEnd(FrozenModel):
 class FollowPath(MotionAssertion):
     """The base follows `path` on the ground: the distance from it never exceeds `max_error`, and its `end` is reached.
 
-    With `link`, that link follows it. The path is in `frame`. If its points have a `z`, it is a path in space; else
-    heights do not count. Its points are joined by straight lines, or with `smooth` by curves. The error is the distance
-    of the origin of the base link, or of `link`, from the path. The progress on the path never goes back. So where a
-    path crosses itself or returns, only the current branch counts. Beyond the last point, the error is the distance
-    from that point. `max_error` is an invariant. `rms`, the root mean square over all steps, is judged at the end.
-    `end` is a goal; once it is met, neither `max_error` nor `rms` is checked further.
+    The points are joined by straight lines, or with `smooth` by curves. If they have a `z`, the path is one in space.
+    The error is the distance of the origin of the base link, or of `link`, from the path. The progress on the path
+    never goes back, so where a path crosses itself, only the current branch counts. `max_error` is an invariant. `rms`,
+    the root mean square over all steps, is judged at the end. `end` is a goal; once it is met, neither is checked
+    further.
     """
 
     key: ClassVar[str] = "follow_path"

@@ -41,12 +41,11 @@ _MIN_SQUEEZE_N: Final = 1e-6
 class Grasped(Assertion):
     """Links of the robot hold an object between them: at least two press it from opposed sides, and it does not slide.
 
-    It is a goal. The object is held while three conditions are true, for the mean of the last 50 ms. At least two of
-    the links `by` press it. Their normal forces are opposed: at least half of their sum cancels, so two equal forces
-    differ by 120 deg or more. It does not move along any of them faster than `slip`. The squeeze is half of the forces
-    that cancel, which is the force of each of two fingers; it must be at least `at_least`. An object that is pushed
-    from one side, or that lies on a palm, is not held. An object that is squeezed while it still stands on a table is
-    held: to demand that it is lifted, add `object: {name: cube, moved: {up: 10 cm}}`.
+    It is a goal. The object is held while, for the mean of the last 50 ms, at least two of the links `by` press it, at
+    least half of the sum of their normal forces cancels (two equal forces differ by 120 deg or more), and it slides
+    along none of them faster than `slip`. The squeeze is half of the forces that cancel: the force of each of two
+    fingers. An object that is pushed from one side or lies on a palm is not held. One that is squeezed on the table is:
+    to demand that it is lifted, add `object: {name: cube, moved: {up: 10 cm}}`.
     """
 
     key: ClassVar[str] = "grasped"

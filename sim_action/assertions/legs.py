@@ -349,11 +349,10 @@ class FeetMonitor(Monitor):
 class SupportMargin(Feet):
     """The robot's centre of mass stays above the support polygon of its feet, by `at_least` or more from the edge.
 
-    The support polygon is the convex hull of all contact points of feet on the ground, see `feet_on_ground`, as seen
-    along gravity, on slopes and steps too. The margin is the distance to its nearest edge, negative outside. On two
-    point feet it is at most 0, and without a foot on the ground no limit holds. This is static stability: it says
-    little about a robot that runs or trots. The masses are those of the model and of each `payload`; an object that
-    the robot carries does not count.
+    The support polygon is the convex hull of the contact points of all feet on the ground (see `feet_on_ground`), as
+    seen along gravity. The margin is the distance to its nearest edge, negative outside; on two point feet it is at
+    most 0, and without a foot on the ground no limit holds. This is static stability, which says little about a robot
+    that trots. Each `payload` counts, an object that the robot carries does not.
     """
 
     key: ClassVar[str] = "support_margin"

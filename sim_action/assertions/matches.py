@@ -72,12 +72,10 @@ def single_row(name: str, golden: Golden) -> str:
 class Matches(Assertion):
     """The run equals an earlier one, the golden trajectory in the CSV file that `trace` names, within tolerances.
 
-    `sim-action run --update-golden` writes the file from the current run. Commit it, and review its diff whenever it
-    changes. At each time of the file, the position of the base is compared with the golden run, and so are heading and
-    joints if they have a tolerance. It is an invariant, but it does not end the run, so the verdict reports when a
-    difference first exceeded its tolerance, and the largest difference. `duration` is the allowed difference in length.
-    With `after` and `before`, the file holds only the time between them. Physics rates and engines may differ as far as
-    the tolerances allow. All variations share one file, unless its name contains `$variation`.
+    `sim-action run --update-golden` writes the file. Commit it, and review its diff whenever it changes. The position
+    of the base is compared at each time of the file, and so are heading and joints if they have a tolerance. It is an
+    invariant that does not end the run, so the verdict names the first and the largest difference. `duration` is the
+    allowed difference in length. With `after` and `before`, the file holds only the time between them.
     """
 
     key: ClassVar[str] = "matches"

@@ -28,10 +28,9 @@ if TYPE_CHECKING:
 class MaxSpeed(MotionAssertion):
     """The speed of the base link's origin, or of that of `link`, never exceeds `linear`; its turn rate never `angular`.
 
-    Both are velocities that the engine reports, or for a link those that follow from the velocities of the base and the
-    joints; in a `frame` that moves, they are relative to it. If the base or the link moves or turns further in one
-    physics step than they explain, it jumped, for example because a script set the pose of the robot. The speed is then
-    the length of the jump over the time of the step.
+    Speeds are relative to `frame`. A base or link that moves further in one physics step than its velocity explains,
+    for example because a script set its pose, has jumped: its speed is then the length of the jump over the time of the
+    step.
     """
 
     key: ClassVar[str] = "max_speed"

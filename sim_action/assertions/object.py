@@ -87,12 +87,10 @@ class Moved(MotionAssertion):
 class ObjectAssertion(Assertion):
     """An object of the world does what one of the keys below `name` says.
 
-    The keys have the words and fields of the assertions on the robot, without `link`: `reach` and `settled` are goals,
-    `stay_within` and `upright` are invariants. `moved` is the distance from where the object was at t = 0, or where it
-    appeared: lifted by 10 cm is `moved: {up: 10 cm}`, and still there is `moved: {at_most: 1 cm}`. Its pose is that of
-    its centre, as in `world.objects`; `frame` leads to the pose that a link sees, so `moved: {at_most: 1 cm, frame:
-    gripper}` says that a held object does not slip. The object must have a mass or a path. It is judged at the steps at
-    which it is there; its speed is the distance from step to step.
+    The keys have the fields of the assertions on the robot, without `link`. `moved` is the distance from where the
+    object was at t = 0, or where it appeared: lifted by 10 cm is `moved: {up: 10 cm}`, still there is `moved: {at_most:
+    1 cm}`. With `frame`, its pose is the one that a link sees: `moved: {at_most: 1 cm, frame: gripper}` says that a
+    held object does not slip. The object must have a mass or a path.
     """
 
     key: ClassVar[str] = "object"

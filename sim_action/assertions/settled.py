@@ -58,10 +58,9 @@ class AtRest(Assertion):
 class Settled(AtRest, MotionAssertion):
     """The robot comes to rest and stays at rest for the time `for`.
 
-    It is a goal. The robot is at rest if the base, and the joints if they count, move no faster than `speed` and turn
-    no faster than `turn_rate`. With `link`, the link counts instead of the base, relative to `frame`. The time must be
-    uninterrupted. Motion after it does not matter. The robot is also at rest before its first command. If it
-    waits for one, set `after` to begin the check later.
+    It is a goal. The robot is at rest while the base, and the joints if they count, are no faster than `speed` and
+    `turn_rate`; with `link`, the link relative to `frame`. Motion after that time does not matter. The robot is also at
+    rest before its first command: if it waits for one, set `after`.
     """
 
     key: ClassVar[str] = "settled"

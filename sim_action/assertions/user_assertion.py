@@ -53,20 +53,16 @@ _GROWTH: Final = 2
 class UserAssertion(Assertion):
     """A Python class of yours judges the run: `assertion: checks/stays_level.py:StaysLevel`.
 
-    The class is created with the settings below `with` as keyword arguments. Their names are compared with its
-    `__init__` before the run, and `variations` can lead to them: `expect.0.assertion.with.limit: [1, 2]`.
+    The class is created with the settings below `with` as keyword arguments; `variations` can lead to them:
+    `expect.0.assertion.with.limit: [1, 2]`. Its method `judge(self, trace)` receives a `sim_action.Trace` of every
+    physics step so far, as read-only numpy columns (`time`, `base_position_xyz`, `speed`, `joint_position`, `contacts`,
+    ...); the motion of a link is `trace.links["tool0"]`. It returns a `sim_action.Verdict(passed, measured, limit,
+    margin, unit, time, message)`, of which only `passed` is required, or None while there is nothing to judge. It may
+    be called for any length of the same run, in any order, so it must depend only on the trace and the settings.
 
-    Its only method, `judge(self, trace)`, receives a `sim_action.Trace` of every physics step so far, as read-only
-    numpy columns (`time`, `base_position_xyz`, `speed`, `tilt`, `joint_position`, `contacts`, ...). The motion of a
-    link is `trace.links["tool0"]`, a `sim_action.LinkMotion`. `judge` returns a `sim_action.Verdict(passed, measured,
-    limit, margin, unit, time, message)`; only `passed` is required. It returns None if the trace has nothing to judge
-    yet; if it always does so, the assertion is not exercised. The method may be called for any length of the same run,
-    in any order. So it must depend only on the trace and the settings.
-
-    The class attribute `kind` sets when `judge` is called. "end", the default: once, at the end of the run.
-    "invariant": also every 0.5 s of sim time, and the run ends when the verdict has not passed. "goal": also every 0.5
-    s, and the run waits until the verdict has passed. The class is user code: it is refused where scripts are refused,
-    and runs in a process of its own.
+    The class attribute `kind` sets when it is called. "end", the default: once, at the end. "invariant": also every 0.5
+    s of sim time, and the run ends when the verdict has not passed. "goal": also every 0.5 s, and the run waits until
+    the verdict has passed. The class is code, as a script is, and runs in a process of its own.
     """
 
     key: ClassVar[str] = "assertion"

@@ -51,6 +51,7 @@ SUBCOMMANDS: Final[Mapping[str, Subcommand]] = MappingProxyType(
         "init": Subcommand("init", "Create an example scenario and a workflow."),
         "inspect": Subcommand("inspect", "Show and check a robot model."),
         "explain": Subcommand("listings", "Explain an assertion, command source, drive, sensor or key."),
+        "guide": Subcommand("listings", "Print a reference for programs that write scenarios."),
         "doctor": Subcommand("doctor", "Look at this installation."),
         "models": Subcommand("listings", "List the built-in robots."),
         "assertions": Subcommand("listings", "List the assertions for `expect:`."),

@@ -1,4 +1,4 @@
-"""Lists, explanations and schemas: `sim-action models`, `assertions`, `commands`, `sensors`, `explain`, `schema`."""
+"""Lists, explanations, the guide and schemas: `sim-action models`, `explain`, `guide`, `schema` and others."""
 
 from __future__ import annotations
 
@@ -50,6 +50,12 @@ def explain(names: tuple[str, ...]) -> None:
     """
     width = min(_MAX_WIDTH, shutil.get_terminal_size().columns - 1)
     click.echo("\n\n".join(explanation(name, width) for name in names) if names else overview())
+
+
+@click.command()
+def guide() -> None:
+    """Print a compact reference of scenarios, for programs that write them: rules, ten examples, all parts and keys."""
+    click.echo(catalogue.guide())
 
 
 @click.command()

@@ -102,44 +102,32 @@ def _arguments(settings: Mapping[str, Any]) -> list[str]:
 class ProcessCommands(CommandSource):
     """Asks a program in any language for each command, with lines of JSON on its standard input and output.
 
-    The program is started once, in the folder of the scenario. `with: {kp: 1.2}` adds arguments, one for each entry:
-    `--kp=1.2`. A text is added as it is, and any other value as JSON: `--gains=[1, 2]`, `--slow=true`. `variations` can
-    lead to them: `commands.with.kp: [0.5, 1.0]`. All keys can also be written below `process`:
-    `process: {command: [python3, follow.py], with: {kp: 1.2}}`. Each line on its standard input is one JSON object. It
-    answers each line with one line on standard output, which it must flush. Sim time stops meanwhile: a slow answer
-    within its limit has no effect. All other output belongs on standard error, which is saved with the result.
+    The program is started once, in the folder of the scenario. It answers each line with one line, which it must flush.
+    Sim time stops meanwhile, so a slow answer has no effect. Write everything else to standard error; it is saved with
+    the result. `with: {kp: 1.2}` adds the argument `--kp=1.2`; a value that is not text is JSON: `--gains=[1, 2]`.
 
     The first line is `{"type": "reset", "version": 1, "robot": {...}, "rate": 20.0, "seed": 0}`. `robot` has `name`,
     `base`, `links` and `joints` (by name: `type`, `moves`, `lower`, `upper`, `max_effort`, `max_velocity`, `mimics`).
-    `rate` is the rate of the steps in Hz of sim time, and `seed` is the scenario's seed for random numbers. The answer
-    is `{}`.
+    The answer is `{}`.
 
-    Then, at every tick, the line is `{"type": "step", "time": 0.05, "pose": {...}, "twist": {...}, "joints": {...},
-    "contacts": [...], "sensors": {...}}`. `pose` is the pose of the base link in the world frame: `position_xyz`,
-    `orientation_xyzw` and `yaw`. `twist` has `linear_xyz` and `angular_xyz`, in the world frame. `joints` maps names to
-    `position`, `velocity` and `effort`. Each contact has `link`, `body`, `position_xyz`, `force`, `has_force`
-    (false if neither of the two can give way: no force is computed) and `depth`. `sensors` maps names to the fields of
-    the latest reading. JSON has no infinities: null stands for inf (nothing in range), and 0 for -inf (too near to be
-    measured). An image is an object with `shape`, `type` (such as "uint8") and `base64`: its bytes row by row,
-    little-endian, with infinities kept. With `links: [tool0]`, the line also has `links`: name -> `pose` and `twist` of
-    the link's frame, in the world frame. Units are SI. Later versions may add keys; ignore unknown keys. The answer is
-    one of these:
+    Then, at every tick: `{"type": "step", "time": 0.05, "pose": {...}, "twist": {...}, "joints": {...}, "contacts":
+    [...], "sensors": {...}}`. `pose` of the base link has `position_xyz`, `orientation_xyzw` and `yaw`; `twist` has
+    `linear_xyz` and `angular_xyz`; both in the world frame. `joints` maps names to `position`, `velocity` and `effort`.
+    A contact has `link`, `body`, `position_xyz`, `force`, `has_force` and `depth`. `sensors` maps names to the fields
+    of the latest reading; null stands for inf (nothing in range), and 0 for -inf (too near). An image is an object with
+    `shape`, `type` and `base64`: bytes row by row, little-endian. With `links: [tool0]`, the line has `links`: name ->
+    `pose` and `twist`. Units are SI. Ignore unknown keys. The answer is one of these, or several together:
 
     - `{}` or `null`: the last command stays in effect.
     - `{"twist": {"linear": 0.2, "angular": 0, "lateral": 0}}`: m/s and rad/s of the base, each 0 by default.
-    - `{"position": {...}, "velocity": {...}, "effort": {...}, "max_effort": {...}}`: joint targets by name; each of the
-      four is optional. They mean the same as in `sim_action.JointTargets`, and are clipped to the motors' limits.
-    - `{"wrenches": [{"link": "rotor", "force": [0, 0, 9.81], "torque": [0, 0, 0.1], "frame": "rotor"}]}`: forces in N
-      and torques in N m on links, with an optional `point`, as in `sim_action.LinkWrench`; only `link` is required.
-      They act at every physics step until an answer names the link again; wrenches on the same link in one answer add
-      up.
-    - Several of these together, such as `twist` and joint targets for a base with an arm.
+    - `{"position": {...}, "velocity": {...}, "effort": {...}, "max_effort": {...}}`: joint targets by name, each
+      optional, as in `sim_action.JointTargets`.
+    - `{"wrenches": [{"link": "rotor", "force": [0, 0, 9.81], "torque": [0, 0, 0.1], "frame": "rotor"}]}`: as in
+      `sim_action.LinkWrench`, with an optional `point`; only `link` is required.
 
-    After the run, its standard input is closed. A program that has not exited one second later is killed.
-
-    Numbers have enough digits (17) to give the same 64-bit floats when they are read. Write as many in answers: then
-    the same controller in another language gives the same run. An answer may have at most 1 MB. `memory_limit` limits
-    the address space of the program. The program gets the environment variables that scripts get.
+    After the run, standard input is closed; a program that has not exited one second later is killed. Numbers have 17
+    digits, so that they are the same 64-bit floats when read. With as many in answers, the same controller in another
+    language gives the same run. An answer has at most 1 MB.
     """
 
     runs_user_code: ClassVar[bool] = True

@@ -79,26 +79,19 @@ class JointCommands(LinkCommands):
     """Moves joints through points in time: by position, by velocity or by effort.
 
     A pattern such as `'*_hip'` means every joint with a motor that matches it, and a group of the SRDF (`robot.srdf`)
-    its joints. In one point, the name of a joint wins over patterns and groups.
+    its joints. In one point, the name of a joint wins. A joint has positions, velocities or efforts, not a mixture.
 
-    Each joint follows the points that name it, and ignores the others. It starts at 0 s: a position at its initial
-    value (`robot.joints`), a velocity or an effort at 0, unless there is a point at 0 s. So it moves towards its first
-    point from 0 s on; to let it wait, add a point with the same value. After its last point it keeps the value. A joint
-    has either positions, velocities or efforts, not a mixture.
+    Each joint follows the points that name it. Without a point at 0 s, it starts there with its initial position
+    (`robot.joints`), or with a velocity or effort of 0, and moves towards its first point from then on. To let it wait,
+    add a point with the same value. After its last point it keeps the value.
 
-    Between two points, `linear` has a constant speed. It changes this speed in 20 ms at a point: at the first and the
-    last one it starts and ends at rest, and it rests where it turns back. `minimum_jerk` starts and ends at rest at
-    each point that names the joint, also at points in between; its peak speed, half way, is 1.875 times the mean speed.
-    `hold` is a step at each point.
+    Between two points, `linear` has a constant speed, which changes within 20 ms at a point. `minimum_jerk` is at rest
+    at each point that names the joint; its peak speed is 1.875 times the mean. `hold` is a step at each point.
 
-    A servo with the model's effort and velocity limits follows positions. It gets a target and the speed of this target
-    at each physics step, so that the joint does not lag behind: positions do not depend on the `rate`. A motor with the
-    same effort limit follows velocities. An effort is applied directly: nothing else holds such a joint from 0 s on.
-    Before 0 s, while the robot comes to rest, joints with positions are held at their initial positions, and joints
-    with velocities are braked.
-
-    Positions, speeds and efforts beyond the limits of the model are errors before the run. A velocity or an effort
-    holds until the next tick: a higher `rate` gives smoother curves. So do positions if commands are lost or late.
+    A servo follows positions without lag, and a motor follows velocities, both within the limits of the model. An
+    effort is applied directly: nothing else holds such a joint from 0 s on. Values beyond the limits of the model are
+    errors before the run. Positions do not depend on `rate` unless commands are lost or late; for velocities and
+    efforts, a higher `rate` gives smoother curves.
     """
 
     is_written: ClassVar[bool] = True

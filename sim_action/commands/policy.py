@@ -108,32 +108,26 @@ class PolicyCommands(CommandSource):
     - `base.linear`, `base.angular`: velocity of the base link in its own frame; `base.rpy`: roll, pitch and yaw;
       `base.height`: z of its origin in the world;
     - `gravity`: the direction of `world.gravity` as a unit vector in the frame of the base link;
-    - `joints.position` (minus the `offset` of a position action, or its own `offset`), `joints.velocity`,
+    - `joints.position` (minus an `offset`: that of the term, else that of a position action), `joints.velocity`,
       `joints.effort`;
     - `last_action`: the last output of the network after `clip`, 0 at first;
     - `commands`: the wanted velocity as vx, vy, wz, from the key `commands`;
     - `time` in s; `phase.sin` and `phase.cos` of a gait with a `period`, and a `shift` as a share of it;
     - `sensors.NAME.COLUMN`: the latest reading of a sensor, such as `sensors.imu.angular_velocity_xyz`.
 
-    The joints are those of the model, in its order, without those that mimic others. `order` states others: names and
-    patterns. Check it: simulators number joints in different ways. Names and sizes of inputs and outputs are compared
-    with the observation and the joints before the run.
+    The joints are those of the model in its order, without followers. `order` states others: check it, because
+    simulators number joints in different ways. `order`, `action` and `observation` may be left out if the file itself
+    states them, as mjlab and BeyondMimic write them. Inputs that are no observation get `constants`, or `pictures` of a
+    camera, whose values are `(pixel * scale - mean) / std`.
 
-    Keys that the file itself states, as mjlab and BeyondMimic write them, need not be given: `order`, `action` and
-    `observation`. A different value in the scenario is an error. Inputs that are no observation get `constants`, or
-    `pictures` of a camera. The values of a picture are `(pixel * scale - mean) / std`, with pixels from 0 to 255.
+    An output may also be a chunk of several actions, of which `execute` are executed, or which `ensemble` averages; or
+    a score for each of its `choices`.
 
-    An output may also be a chunk of several actions, of which the action's `execute` are executed, or which `ensemble`
-    averages; or a score for each of its `choices`.
+    With `stiffness` and `damping`, the effort is `stiffness * (target - position) - damping * velocity`, computed at
+    every physics step, within the effort limits of the model. Without them, the servo of the model holds a position.
 
-    Trainers often use soft motors: with `stiffness` and `damping`, the effort is `stiffness * (target - position) -
-    damping * velocity`, computed at every physics step, within the effort limits of the model. Without them, a position
-    is held by the servo of the model, as with `joints`. All keys can be written below `policy`:
-    `policy: {file: walk.onnx, ...}`.
-
-    The network runs on the processor in one thread, with the same result each time. Its weights may be in other files
-    of the workspace, such as `walk.onnx.data`. A policy counts as code. It needs `pip install 'sim-action[policy]'`,
-    and in a workflow the input `extras: policy`.
+    The network runs on the processor in one thread, with the same result each time. A policy counts as code. It needs
+    `pip install 'sim-action[policy]'`, and in a workflow the input `extras: policy`.
     """
 
     runs_user_code: ClassVar[bool] = True

@@ -122,22 +122,18 @@ class LinkMotionSpec(FrozenModel):
 class PoseCommands(LinkCommands):
     """Moves a link along straight lines in space, such as the tool of an arm.
 
-    The path starts where the link is at t = 0, and leads through the waypoints. Coordinates and angles that a waypoint
-    leaves out keep their last value. The orientation turns about one axis on the short way. All joints between the base
-    and the link move, except those that have no motor or that follow another joint. If a redundant arm can choose, its
-    joints move as little as possible.
+    The path starts where the link is at t = 0. Values that a waypoint leaves out keep their last value. The orientation
+    follows the shortest rotation (slerp). All joints between the base and the link move, except those without a motor
+    and followers. A redundant arm moves its joints as little as possible.
 
-    Between two waypoints, `minimum_jerk` starts and ends at rest, and is fastest half way. `linear` passes the
-    waypoints without a stop, and turns within 20 ms: at 0.25 m/s it cuts a right-angled corner by 1 mm. It comes to
-    rest at the last waypoint, and where it holds. `speed` and `turn_speed` are the largest speeds on the way. After the
-    last waypoint, the link stays there. The servos get a target at each physics step.
+    `minimum_jerk` rests at each waypoint. `linear` passes the waypoints without a stop, and turns within 20 ms: at 0.25
+    m/s it cuts a right-angled corner by 1 mm. `speed` and `turn_speed` are upper limits. After the last waypoint, the
+    link stays there.
 
-    In the frame `base`, and if the base is fixed, the joint positions are computed before the run. Joints keep the
-    limits of the model: a waypoint out of reach, a line on which the arm would have to change its posture, and a speed
-    that a joint cannot follow are errors before the run; beyond 500 waypoints or 20 m, they are found when the run
-    starts. In the frame `world`, a robot with a free base corrects the
-    joints at each tick by the pose of its base. Then a pose that is more than 2 mm or 1 deg out of reach ends the run
-    with an error.
+    In the frame `base`, and if the base is fixed, the joint positions are computed before the run. A waypoint out of
+    reach, a line on which the arm would have to change its posture, and a speed that a joint cannot follow are errors
+    then; beyond 500 waypoints or 20 m, they are noticed when the run starts. In the frame `world`, a robot with a free
+    base corrects the joints at each tick; a pose more than 2 mm or 1 deg out of reach ends the run with an error.
     """
 
     is_written: ClassVar[bool] = True

@@ -62,29 +62,25 @@ MAX_GAP_S: Final = 1.0
 class ReplayCommands(CommandSource):
     """Repeats the commands of a recorded log at their original times.
 
-    The log is a CSV file, or a log of ROS: rosbag1 (`.bag`), rosbag2 (its folder, or a single `.db3` or `.mcap` file),
-    also if it is compressed (`.zstd`). Time 0 of a log is its first command that the scenario replays, on any topic:
-    two topics of one log keep their distance in time, and so do several logs with `clock: shared`. `start` and `end`
-    cut the log, and `offset` shifts this source.
+    The log is a CSV file or a log of ROS: rosbag1 (`.bag`), rosbag2 (a folder, `.db3` or `.mcap`), also compressed
+    (`.zstd`). Its time 0 is its first command that the scenario replays; with `clock: shared`, several logs keep their
+    distance in time. `start` and `end` cut the log, `offset` shifts it.
 
     A row acts at its own time: at the nearest physics step, or with a `rate` at its next tick. A command holds until
-    the next one, and the last one until the end. So the log should end with a stop; or set a `timeout`, as real bases
-    have one. Positions of joints are interpolated between rows, with the velocities of the log if they fit, else with a
-    note. A joint holds its position over a gap of more than 1 s. Angles of a continuous joint that wrap at a full turn
-    go on, with a note. Jitter of regular rows, up to 5 ms, is taken out if the motion is smoother without it. A note
-    counts the rows that were not used, with the reason.
+    the next one, and the last one until the end: let the log end with a stop, or set a `timeout`. Joint positions are
+    interpolated, except over gaps of more than 1 s. Angles of continuous joints that wrap go on, and jitter of regular
+    rows up to 5 ms is removed where that makes the motion smoother. Notes name what was changed and count unused rows.
 
     A CSV file has a header with `time` (s) and either `linear`, `lateral`, `angular` (m/s, rad/s) or
     `position.<joint>`, `velocity.<joint>`, `effort.<joint>` (SI units). A unit may follow a name: `time [ms]`. Files of
     PlotJuggler, `rostopic echo -p`, pandas and our own recordings are recognised. For other files, `columns` names the
-    column of each meaning, with its unit: `{time: 'stamp [ns]', linear: speed}`. Other columns are ignored.
+    column of each meaning, with its unit: `{time: 'stamp [ns]', linear: speed}`.
 
     From ROS logs, `Twist`, `TwistStamped`, `AckermannDrive`, `AckermannDriveStamped`, `JointState`, `JointTrajectory`
-    and `Float64MultiArray` (with `joints`) are replayed. If a joint has several of position, velocity and effort, the
-    first of them is used; NaN means that a joint has none. Targets beyond the limits of the model are clipped, with a
-    note, also between two rows. The messages of an unfinished or damaged log are read up to the damage, with a note. In
-    an MCAP file or a rosbag1 with a good index, those after it are read, too, and the lost ones are counted. A topic
-    has at most 250,000 messages, as many as a CSV has rows; the size of other topics does not matter.
+    and `Float64MultiArray` (with `joints`) are replayed. A joint that has several of position, velocity and effort
+    follows the first of them; NaN is none. Targets beyond the limits of the model are clipped, with a note. A damaged
+    log is read up to the damage, and after it where its index is good; lost messages are counted. A topic or a CSV file
+    has at most 250,000 rows.
 
     ROS logs need `pip install '.[rosbags]'` in a checkout of sim-action, and in a workflow the input `extras: rosbags`.
     """

@@ -47,39 +47,22 @@ CLASS: Final = "Controller"
 class ScriptCommands(CommandSource):
     """Calls a controller in Python for each command: a function, or a class that keeps state.
 
-    A function `control(observation)` is called at every tick. A class `Controller` is created once. Its method
-    `reset(robot)`, which is optional, is called once before the robot moves, and its `step(observation)` at every tick.
-    `function` and `class` select another name, or one of the two if the file has both.
+    A function `control(observation)` is called at every tick. A class `Controller` is created once. Its optional method
+    `reset(robot)` is called once before the robot moves, and its `step(observation)` at every tick. `function` and
+    `class` select another name.
 
-    `with: {kp: 1.2}` sets parameters: keyword arguments of the class, as in `def __init__(self, kp=1.0)`, or of the
-    function, as in `def control(observation, kp=1.0)`. Values are plain data (numbers, texts, booleans, lists, maps):
-    numbers have no units, and a text such as "2 m" stays a text. Names are compared with the file before the run.
-    `variations` can lead to them: `commands.with.kp: [0.5, 1.0, 2.0]`.
+    `with: {kp: 1.2}` sets keyword arguments of the class, as in `def __init__(self, kp=1.0)`, or of the function.
+    Values are plain data: numbers have no units, and a text such as "2 m" stays a text. Names are compared with the
+    file before the run. `variations` can lead to them: `commands.with.kp: [0.5, 1.0, 2.0]`.
 
-    All keys can also be written below `script`: `script: {file: follow.py, class: Follower, with: {kp: 1.2}}`, with
-    variations of `commands.script.with.kp`.
+    Both get a `sim_action.Observation` and return a `Twist`, `JointTargets`, a `JointMotion` or a `LinkWrench` of
+    `sim_action`, a tuple of them (such as for a base with an arm), or None to keep the last command.
+    `JointMotion.through(names, times, positions)` moves position targets over sim time, in s and rad (m). `reset` gets
+    a `sim_action.RobotDescription`, whose `random` is a numpy generator with the scenario's `seed`. Python's `random`
+    and `numpy.random` are seeded, too: every run draws the same numbers.
 
-    Both get a `sim_action.Observation`: `time`, `pose`, `twist` (base link, world frame), `joints` (by name:
-    `position`, `velocity`, `effort`), `links` (by name: `pose` and `twist`, world frame), `contacts` and `sensors` (by
-    name: the latest reading). They return a `Twist`, `JointTargets`, a `JointMotion` or a `LinkWrench` of `sim_action`,
-    a tuple of them (such as for a base with an arm, or for four thrusters), or None to keep the last command.
-    `JointMotion.through(names, times, positions)` moves position targets over sim time, in s and rad (m).
-
-    `LinkWrench(link, force_xyz, torque_xyz, frame, point_xyz)` applies a force in N and a torque in N m to a link,
-    along the axes of `frame`: `world` (the default), `base`, or the name of a link, with which it then turns. The force
-    acts at the origin of the link's frame, or at `point_xyz` in that frame. It acts at every physics step until an
-    answer names the link again; wrenches on the same link in one answer add up.
-
-    `reset` gets a `sim_action.RobotDescription`: `name`, `base`, `links`, `joints` (by name: `type`, `moves`, `lower`,
-    `upper`, `max_effort`, `max_velocity`, `mimics`), `rate`, `seed`, and `random`, a generator of numpy with the
-    scenario's `seed`. Python's `random` and numpy's `numpy.random` are also seeded, before the file is loaded: every
-    run draws the same numbers.
-
-    Motors saturate: an effort, a velocity or a `max_effort` beyond the limit of a joint in the model is clipped to the
-    limit, with a note. With a position beyond its limits, a joint stops at the limit, also with a note.
-
-    The file may import modules in its folder, and numpy. It runs in sim-action's own Python, without other packages of
-    yours. Its output is saved with the result.
+    Efforts, velocities and positions beyond the limits of the model are clipped, with a note. The file may import numpy
+    and modules in its folder. Its output is saved with the result.
     """
 
     runs_user_code: ClassVar[bool] = True

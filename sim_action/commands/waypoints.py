@@ -51,18 +51,13 @@ class Waypoint(FrozenModel):
 class WaypointCommands(CommandSource):
     """Drives the base through waypoints in order, along straight lines by pure pursuit, and then stops.
 
-    The path starts at the position of the robot at t = 0. The source knows the true pose of the robot, so errors of
-    the drive do not accumulate. It steers to the point of the path that is `lookahead` away: a smaller value follows
-    the path more closely, a larger value steers more smoothly. It never drives backward.
+    The path starts where the robot is at t = 0. The source knows the true pose, so errors of the drive do not add up.
+    It steers to the point of the path that is `lookahead` away: a smaller value follows the path more closely. It never
+    drives backward. It slows down before a stop, and in curves that would need more than `max_turn_rate`.
 
-    A robot that can turn in place passes each waypoint within `tolerance`. It stops and turns in place where the path
-    turns by more than 45 deg, and where its heading is off by more than 45 deg.
-
-    A car (`ackermann`) cuts corners: it passes each waypoint within `lookahead`, or within its smallest turning radius
-    if that is larger. If it drives past the last waypoint, it stops next to it.
-
-    It slows down before a stop, with half the acceleration of the drive, and in curves that would need more than
-    `max_turn_rate`.
+    A robot that can turn in place passes each waypoint within `tolerance`, and turns in place at angles above 45 deg. A
+    car (`ackermann`) passes each waypoint within `lookahead`, or within its smallest turning radius if that is larger.
+    If it drives past the last waypoint, it stops next to it.
     """
 
     needs_drive: ClassVar[bool] = True

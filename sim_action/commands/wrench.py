@@ -68,14 +68,11 @@ class TimedWrench(FrozenModel):
 class WrenchCommands(LinkCommands):
     """Applies a force and a torque to a link, such as those of a propeller, a thruster or a cable.
 
-    The wrench acts at every physics step, from the first tick at or after `at` to the first tick at or after its end.
-    Before t = 0, while the robot settles, it does not act. In the frame of a link it turns with the link.
+    The wrench acts at every physics step, from the first tick at or after `at` to the first tick at or after its end,
+    but not while the robot settles. In the frame of a link it turns with the link. The force acts at the origin of the
+    link's frame, or at `point`; a force beside the centre of mass also turns the robot. Wrenches add up.
 
-    The force acts at the origin of the link's frame, or at `point`. This is not the centre of mass in general: a force
-    beside the centre of mass also turns the robot. Several sources may act on one link; their wrenches add up.
-
-    A wrench is a command of the robot. A push from outside belongs into `world.disturbances`: it can also act on bodies
-    of the world, acts at the centre of mass by default, and its times need not be those of ticks.
+    A push from outside belongs into `world.disturbances`: it can also act on bodies of the world.
     """
 
     is_written: ClassVar[bool] = True

@@ -69,9 +69,9 @@ TOO_TIGHT = "a twist asked for a tighter curve than the steering allows: the rob
 class AckermannDrive(Drive):
     """Steered and driven wheels. Each takes the angle and speed that its own radius of the curve requires.
 
-    It cannot turn on the spot: such a command stops it and adds a note to the result. A curve that is tighter than the
-    steering allows becomes the tightest possible one at the same speed, also with a note. If a driven wheel would
-    exceed the velocity limit of its joint in the model, all wheels slow down by the same factor, with a note.
+    It cannot turn on the spot: such a command stops it. A curve that is tighter than the steering allows becomes the
+    tightest possible one at the same speed. If a driven wheel would exceed its velocity limit, all wheels slow down by
+    the same factor. A note reports each of these.
     """
 
     key: ClassVar[str] = "ackermann"

@@ -60,10 +60,9 @@ NOT_LEVEL: Final = "a twist had components other than velocity over the ground a
 class MecanumDrive(Drive):
     """Four mecanum wheels, front and rear: forward, sideways and turning at once. Kinematic, without rollers.
 
-    Wheels turn according to their inverse kinematics and have no friction. A limited force at ground level pushes the
-    base to its velocity. If a script controls the wheels directly, the base is not pushed. If a wheel would exceed the
-    velocity limit of its joint in the model, all three velocities are reduced by the same factor, and the result has a
-    note.
+    The wheels turn by their inverse kinematics and have no friction; a limited force at ground level pushes the base to
+    its velocity. If a script controls the wheels directly, the base is not pushed. If a wheel would exceed its velocity
+    limit, all three velocities are reduced by the same factor, with a note.
     """
 
     key: ClassVar[str] = "mecanum"

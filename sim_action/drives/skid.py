@@ -43,8 +43,7 @@ class SkidSteer(TwoSidedDrive):
     """Two sides with several wheels each. In turns wheels slip, as if they were `slip` times as far apart.
 
     The computed factor is valid on level ground for friction that is the same in all directions. Wheels have the
-    contact stiffness of a hard tyre, or less if the model states less. Wheels obey the velocity limits of their joints
-    as in diff.
+    contact stiffness of a hard tyre, or less if the model states less. Velocity limits act as in `diff`.
     """
 
     key: ClassVar[str] = "skid"

@@ -21,23 +21,18 @@ if TYPE_CHECKING:
 class Camera(Sensor):
     """Takes colour pictures with the depth of every pixel.
 
-    The camera looks along the x axis of its frame, with y to the left and z up (REP 103). This is not the optical frame
-    of ROS, whose z axis points ahead. A reading has `rgb`, (H, W, 3) bytes, and `depth`, (H, W) in m along the x axis.
-    The depth is not the length of the ray; it is inf where nothing is seen. Bytes overflow: use `rgb.astype(int)`
-    before you add to them.
+    The camera looks along the x axis of its frame, with y to the left and z up (REP 103), unlike ROS's optical frame. A
+    reading has `rgb`, (H, W, 3) bytes, and `depth`, (H, W) in m along the x axis, inf where nothing is seen. Use
+    `rgb.astype(int)` before you add bytes.
 
-    Row 0 is at the top, column 0 at the left. Pixels are square and sampled at their centres. With the focal length
-    `f = width / 2 / tan(field_of_view / 2)`, a point (x, y, z) in the camera's frame appears in column
-    `width / 2 - f y / x` and row `height / 2 - f z / x`, measured from the edges of the picture.
+    With `f = width / 2 / tan(field_of_view / 2)`, a point (x, y, z) in the camera's frame appears in column `width / 2
+    - f y / x` and row `height / 2 - f z / x`, from the top left edges.
 
-    The picture shows the ground (grey squares of 0.5 m), the objects of the world in their `color`, and the robot. All
-    are drawn as collision shapes. A hull of a mesh is drawn from at most 64 of its points; in MJCF a mesh is drawn as
-    its bounding box. Heightfields and hollow meshes are drawn as triangles, each of which costs 0.1 ms per picture.
-    There are no shadows, no blur and no noise. A shape that contains the camera is not drawn. Every engine gives the
-    same picture.
+    The picture shows the ground (grey squares of 0.5 m), objects in their `color`, and the robot, all as collision
+    shapes: hulls of at most 64 points, in MJCF bounding boxes of meshes. It has no shadows, blur or noise, and is the
+    same on every engine. A shape that contains the camera is not drawn. Triangles of height fields cost 0.1 ms each.
 
-    `trace: true` records 7 bytes per pixel: 13 MB for 10 s at 160x120 and 10 Hz. A trace holds at most 500 MB of
-    pictures.
+    `trace: true` records 7 bytes per pixel, at most 500 MB.
     """
 
     key: ClassVar[str] = "camera"

@@ -14,10 +14,9 @@ class ContactSensor(Sensor):
     """Measures whether its link touches something, and with which force; the ground counts.
 
     A reading has `touching`, `force` (the sum of the normal forces in N) and `bodies` (the names of the touched
-    bodies). It describes the physics step of the reading. In an impact, the force of one step depends on
-    `physics.rate`; to limit forces, use the assertion `contact`. A touch between two readings is missing; the
-    assertion `no_collision` sees it. Hard surfaces that are pressed together may separate and touch many times per
-    second, so a controller should remember a touch.
+    bodies), at the physics step of the reading. In an impact, the force of one step depends on `physics.rate`; to limit
+    forces, use the assertion `contact`. A touch between two readings is missing; `no_collision` sees it. Hard surfaces
+    that are pressed together may separate many times per second: let a controller remember a touch.
     """
 
     key: ClassVar[str] = "contact"

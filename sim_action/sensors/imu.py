@@ -20,14 +20,12 @@ if TYPE_CHECKING:
 class Imu(Sensor):
     """Measures orientation, angular velocity and linear acceleration: gyroscope and accelerometer.
 
-    A reading has `orientation_xyzw` (of the sensor in the world, without noise), `angular_velocity_xyz` (rad/s) and
-    `linear_acceleration_xyz` (m/s^2), the last two in the sensor's frame. The angular velocity is that of the moment.
-    The acceleration includes gravity like a real accelerometer: at rest it is 9.80665 upwards, or the opposite of
-    `world.gravity`. It is the mean since the previous reading, from the change of the sensor's velocity; the first
-    reading is that of a sensor at rest.
+    A reading has `orientation_xyzw` (in the world, without noise), `angular_velocity_xyz` (rad/s) and
+    `linear_acceleration_xyz` (m/s^2), the last two in the sensor's frame. The acceleration includes gravity: at rest it
+    is 9.80665 upwards, or the opposite of `world.gravity`. It is the mean since the previous reading.
 
-    The scenario's seed determines the noise: one number for each axis of each reading, and one offset (bias) for each
-    axis of a run. To use the noise density of a data sheet, multiply it by the square root of `rate`.
+    The noise is one number for each axis of each reading, and one offset (bias) for each axis of a run. To use the
+    noise density of a data sheet, multiply it by the square root of `rate`.
     """
 
     key: ClassVar[str] = "imu"

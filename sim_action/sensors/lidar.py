@@ -29,18 +29,14 @@ _ROUNDING: Final = 1e-9
 class Lidar(Sensor):
     """Measures the distances to surrounding surfaces in one plane.
 
-    The plane is that of the sensor's x and y axes; `pose` turns it. Rays start at the sensor and are numbered
-    counter-clockwise about its z axis, with the x axis in the centre of the field of view. In a scan of 360 rays number
-    180 points straight ahead; with `angle_min: 0` it is number 0. Rays hit the bodies of the world and the ground, but
-    never the robot.
+    The plane is that of the sensor's x and y axes. Rays are numbered counter-clockwise, with the x axis in the centre
+    of the field of view: of 360 rays, number 180 points ahead; with `angle_min: 0` it is number 0. Rays meet bodies of
+    the world and the ground, never the robot or a body that contains the sensor.
 
     A reading is a scan as in ROS (sensor_msgs/LaserScan): `angle_min`, `angle_increment`, `range_min`, `range_max`, and
     `ranges`, an array in m. As in REP 117, inf means that nothing is in range, and -inf that a surface is nearer than
-    `min_range`. The limits apply to the range with its noise, too: a noisy range beyond a limit is inf or -inf, as from
-    a driver. A controller in another process gets null instead of inf and 0 instead of -inf.
-    `scan.nearest(start_angle, end_angle)` returns the shortest range from one angle counter-clockwise to another, so
-    `nearest(1, 0.5)` includes the rear. If both angles lie between two rays, the nearer ray counts. A body that
-    contains the sensor is not seen.
+    `min_range`, also because of the noise. `scan.nearest(start_angle, end_angle)` returns the shortest range from one
+    angle counter-clockwise to another; `nearest(1, 0.5)` includes the rear.
     """
 
     key: ClassVar[str] = "lidar"

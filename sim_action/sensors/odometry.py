@@ -26,12 +26,9 @@ ErrorRatio = Annotated[Ratio, Field(gt=-1, le=100)]
 class Odometry(Sensor):
     """Estimates the robot's pose from the joints of its wheels and of its steering.
 
-    A reading has `pose` and `twist` of the base link. The first pose is the true one, in the world frame. The following
-    poses add up the motion of the wheels over level ground, by the kinematics of the robot's drive. The twist (m/s and
-    rad/s) is the mean since the previous reading, in the frame of the base, as in nav_msgs/Odometry.
-
-    The estimate drifts like real odometry. Slipping wheels go unnoticed, such as spinning wheels of a car, or those of
-    a skid steer drive, which slip in every turn. The keys below add errors. Errors are ratios: 0.01 means that the
+    A reading has `pose` (world frame) and `twist` (base frame, mean since the previous reading) of the base link. The
+    first pose is the true one; the following ones add up the motion of the wheels by the kinematics of the drive. The
+    estimate drifts as real odometry does: slipping wheels go unnoticed. The keys below add errors; 0.01 means that the
     robot assumes 1 % more than the true value.
     """
 

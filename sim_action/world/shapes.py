@@ -139,9 +139,8 @@ class MeshFile(FrozenModel):
     """A triangle mesh from a file; a body with a mass gets its convex hull, of uniform density.
 
     Its `pose` is that of the file's own origin; without z, the lowest point is on the ground. A fixed mesh may be
-    hollow or open. A mesh that is not convex may have at most 40,000 triangles, or 20,000 on MuJoCo. MuJoCo needs
-    convex pieces and gets one behind each triangle, at most 5 mm thick. The front of a triangle is the side from which
-    its corners are counter-clockwise.
+    hollow or open. A mesh that is not convex may have at most 40,000 triangles, or 20,000 on MuJoCo, which gets a piece
+    of at most 5 mm behind each triangle. Corners are counter-clockwise as seen from the front.
     """
 
     file: Annotated[File, Field(description="a .stl, .obj or .dae file; the path is relative to the scenario")]
@@ -158,11 +157,10 @@ class MeshFile(FrozenModel):
 class Heightfield(FrozenModel):
     """Terrain from a grid of heights, joined by triangles.
 
-    Rows go from the highest y to the lowest, like those of an image. Each cell of four samples has two triangles, which
-    meet on the line from the lowest x and y to the highest. The `pose` is that of the centre at height 0. With `z: 0`,
-    heights are those of the world, and negative ones are below the ground. Without z, the lowest sample is placed on
-    the ground: heights from -1 m to 2 m then reach up to 3 m. A robot that starts on the terrain needs its own z. At
-    most 250,000 samples (500 x 500) are allowed. A heightfield is fixed.
+    Rows go from the highest y to the lowest, like those of an image. The two triangles of a cell meet on the line from
+    its lowest x and y to its highest. With `z: 0` in the `pose`, heights are those of the world; without z, the lowest
+    sample is on the ground: heights from -1 m to 2 m then reach up to 3 m. A robot that starts on the terrain needs its
+    own z. At most 250,000 samples (500 x 500). A heightfield is fixed.
     """
 
     heights: Annotated[
@@ -198,10 +196,9 @@ class Heightfield(FrozenModel):
 class OccupancyMap(FrozenModel):
     """Walls at the occupied cells of a map of ROS's map_server; free and unknown cells are empty.
 
-    These keys of the map's YAML file are read: `image` (a PGM or grey PNG in the same folder), `resolution`, `origin`
-    with its yaw, `negate`, `occupied_thresh` and `free_thresh`; `mode` must be `trinary`. The body's `pose` moves the
-    map's frame in the world. Adjacent cells are merged into boxes: an office of 1,000 x 1,000 cells gives a few
-    hundred. At most 16 million cells and 2,000 boxes are allowed. A map is fixed.
+    Of the map's YAML file, `image` (a PGM or grey PNG in the same folder), `resolution`, `origin`, `negate`,
+    `occupied_thresh` and `free_thresh` are read; `mode` must be `trinary`. The body's `pose` moves the map's frame. At
+    most 16 million cells and 2,000 boxes, into which cells are merged. A map is fixed.
     """
 
     file: Annotated[File, Field(description="the map's .yaml file; the path is relative to the scenario")]

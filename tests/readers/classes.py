@@ -1,7 +1,7 @@
 """The classes of differences between readers of URDF: what differs, and who is right by the specification.
 
-`CLASSES` is the only list. The page docs/engines/surprises.md has it as a table, and `python -m tests.readers` counts
-by it; a difference without a class is for somebody to look at.
+`CLASSES` is the only list. The page docs/engines/surprises.md names it, and `python -m tests.readers` counts by it; a
+difference without a class is for somebody to look at.
 """
 
 from __future__ import annotations

@@ -31,7 +31,6 @@ BLOCKS: dict[str, Callable[..., str]] = {
     "most-used-inputs": lambda: actions.inputs("action.yml", *actions.MOST_USED),
     "outputs": actions.outputs,
     "templates": actions.templates,
-    "commands-overview": command_line.overview,
     "command-line": command_line.commands,
     "sections": scenario.sections,
     "assertion-sections": scenario.assertion_sections,
@@ -64,7 +63,6 @@ BLOCKS: dict[str, Callable[..., str]] = {
     "by-hand": by_hand.costs,
     "differences": accuracy.differences,
     "surprises": surprises.rows,
-    "urdf-readers": surprises.readers,
 }
 
 

@@ -52,38 +52,28 @@ _STEP_ROUNDING: Final = 1e-6
 class Stl(Assertion):
     """A formula of signal temporal logic (STL) is true: a statement about signals over time.
 
-    The formula is text. `speed < 0.5 m/s` compares signals: `time`, `x`, `y`, `z`, `roll`, `pitch`, `yaw`, `tilt`,
-    `speed`, `turn_rate`, `travel` (distance on the ground from the settled pose), and `position(JOINT)`,
-    `velocity(JOINT)`, `effort(JOINT)`; with `+`, `-`, `*`, `abs(...)` and units. Comparisons are joined by `not`,
-    `and`, `or`, `implies`, `always`, `eventually` and `until`. The last three may have an interval of sim time,
-    relative to the time at which they are judged: `eventually[0 s, 2 s] (...)`, `always[3 s, end] (...)`. The formula
-    is judged at the first step, that is, at 0 or `after`.
+    `speed < 0.5 m/s` compares signals: `time`, `x`, `y`, `z`, `roll`, `pitch`, `yaw`, `tilt`, `speed`, `turn_rate`,
+    `travel` (as the assertion), and `position(JOINT)`, `velocity(JOINT)`, `effort(JOINT)`; with `+`, `-`, `*`,
+    `abs(...)` and units. Comparisons are joined by `not`, `and`, `or`, `implies`, `always`, `eventually` and `until`.
+    The last three may have an interval of sim time, relative to the time at which they are judged: `eventually[0 s, 2
+    s] (...)`, `always[3 s, end] (...)`. The formula is judged at 0 s or `after`.
 
     Links, objects and sensors have signals, too. `LINK.z` has the names of the base's signals, except `time` and
-    `travel`, in the world frame; `OBJECT.z` the same without `speed` and `turn_rate`. `distance(NAME, NAME)` is the
-    distance between the origins of two links or objects. `clearance`, `clearance(OBJECT)` and `clearance(LINK, OBJECT)`
-    are the distance between shapes, as in `clearance`. `force(OBJECT)` and `force(LINK, OBJECT)` are the contact force,
-    averaged over 50 ms. The object of these may be `ground`. `SENSOR.READING` is the last reading before a step, such
-    as `bumper.force`; one of several numbers is chosen as in `sensor`: `scan.ranges.min`,
+    `travel`, in the world frame; `OBJECT.z` the same without `speed` and `turn_rate`. `distance(NAME, NAME)` is that of
+    the origins of two links or objects. `clearance`, `clearance(OBJECT)` and `clearance(LINK, OBJECT)` are distances of
+    shapes; `force(OBJECT)` and `force(LINK, OBJECT)` the contact force, averaged over 50 ms; their object may be
+    `ground`. `SENSOR.READING` is the last reading before a step, such as `bumper.force`, `scan.ranges.min` or
     `imu.angular_velocity_xyz.z`. An infinite range counts as 1e9 m. A name that is not a plain word stands in quotes:
-    `'left-hand'.z`. The formula is judged from the first step at which all its signals are known: sensors have been
-    read, and objects have appeared.
+    `'left-hand'.z`. The formula is judged from the first step at which all its signals are known.
 
-    The margin is the robustness: the change of the signals that would make a true formula false, or a false one true.
-    `<` and `<=` are the same.
+    `always` is an invariant; `eventually` and `until` are goals; `and`, `or`, `not` and `implies` combine them. The
+    margin is the robustness: the change of the signals that would change the truth. `<` and `<=` are the same.
 
-    The run goes on until the end of every finite interval, unless the formula is decided before. `end` is the end of
-    the run. If the run ends earlier, the formula is judged on the steps so far. An operator that needs all steps of its
-    interval (`always`, or `not eventually`) cuts it there. An operator that needs one step (`eventually`, `until`, or
-    `not always`) counts only steps with evidence: `eventually always[0 s, 2 s] a` needs a step after which `a` was seen
-    to hold for the whole 2 s. Other tools, such as rtamt, cut this interval too, and find such a step at the end of
-    each run in which `a` holds at last. A formula is not exercised if the run ends before any step of its interval
-    could be judged.
-
-    `always` is an invariant; `eventually` and `until` are goals; `and`, `or`, `not` and `implies` combine them. A
-    formula waits for its inner intervals: `always (a implies eventually[0 s, 2 s] b)` breaks 2 s after an `a` that no
-    `b` follows. A formula whose inner interval has no end, such as `always (eventually a)`, or that looks ahead by more
-    than 60 s, is judged at the end of the run.
+    The run goes on until the end of every finite interval, unless the formula is decided before; `end` is the end of
+    the run. If the run ends earlier, `always` judges the steps so far, and `eventually` and `until` count only steps
+    with evidence: `eventually always[0 s, 2 s] a` needs 2 s in which `a` holds (rtamt cuts this interval instead). A
+    formula whose inner interval has no end, such as `always (eventually a)`, or that looks ahead by more than 60 s, is
+    judged at the end of the run.
     """
 
     key: ClassVar[str] = "stl"

@@ -18,24 +18,19 @@ from sim_action.world.scene import Scene
 class Ros2Commands(CommandSource):
     """Drives the robot by unmodified nodes of ROS 2: real rclpy and Fast DDS, without Gazebo.
 
-    Each node of the list is `package/executable`, a file such as `./mover.py`, or a map of `package` and `executable`
-    or `file`, `name`, `namespace`, `args`, `parameters`, `remap`, `stdin` and `required`. Packages are found in
-    `workspace`. A `geometry_msgs/Twist` or `TwistStamped` on `/cmd_vel` drives the robot, and holds until the next one.
-    The nodes can subscribe to `/clock`, published at `rate`, to `/odom`, `/tf`, `/joint_states` and
-    `/robot_description`, and to the sensors of the scenario. `topics` sets other topics:
-    `topics: {cmd_vel: /diff_cont/cmd_vel}`.
-    `launch` is experimental: see [launch files](/docs/ros2/launch.md).
+    A node is `package/executable`, a file such as `./mover.py`, or a map. Packages are found in `workspace`. A
+    `geometry_msgs/Twist` or `TwistStamped` on `/cmd_vel` drives the robot, and holds until the next one. The nodes can
+    subscribe to `/clock`, published at `rate`, `/odom`, `/tf`, `/joint_states`, `/robot_description` and the sensors of
+    the scenario. `topics` sets other topics: `topics: {cmd_vel: /diff_cont/cmd_vel}`. `launch` is experimental: see
+    [launch files](../../docs/ros2/launch.md).
 
-    Sim time starts at 0 when all nodes are up and connected to each other; `use_sim_time` is set. From then on, it goes
-    on only when every node has handled all messages that it received, and nodes hear of the time one after the other.
-    So every run is the same, as fast as the nodes can follow: `random` and `numpy.random` in nodes start from `seed`,
-    and timeouts such as that of `spin_once` are sim time. A node that does not follow sim time, or that is still busy
-    after 10 s of wall time, is named in a warning: the run is then not reproducible. `pace: realtime` lets nodes run by
-    the wall clock.
+    Sim time starts at 0 when all nodes are up and connected; `use_sim_time` is set. It advances only when every node
+    has handled all its messages, so every run is the same: `random` and `numpy.random` start from `seed`, and timeouts
+    such as that of `spin_once` are sim time. A node that does not follow sim time, or is still busy after 10 s of wall
+    time, is named in a warning. With `pace: realtime`, nodes run by the wall clock.
 
     A node that ends with an exit code other than 0 or by a signal is an error, and so is any end of a required node.
-    Nodes are user code, as scripts are: they run with the rights of the job and the same environment variables as
-    scripts, each within `memory_limit`, and are refused where scripts are refused.
+    Nodes are code, as scripts are: same environment, `memory_limit` each, refused where scripts are refused.
     """
 
     runs_user_code: ClassVar[bool] = True

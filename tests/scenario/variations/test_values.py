@@ -329,7 +329,7 @@ PAGE = Path(__file__).parents[3] / "docs/scenario/variations.md"
 def test_all_draws_of_the_document_can_be_drawn(tmp_path: Path) -> None:
     write(tmp_path, "payload\n1 kg\n2 kg\n", "loads.csv")
     found = re.findall(r"^\| `\w+` \|.*\| `(\{.*\})` \|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
-    assert len(found) == 8
+    assert len(found) == 7
     for draw in found:
         assert len(rows(tmp_path, f"robot.payload: {draw}")) in (2, 20, 64)
 

@@ -92,6 +92,8 @@ _SHOWN: Final = {
     "s": (1000, "ms"),
 }
 _SMALLEST: Final = 0.01
+_NEAR: Final = 0.3
+"""The share of the tolerance from which a row is shown."""
 
 
 @dataclass(frozen=True)
@@ -106,23 +108,26 @@ class Row:
         """True if errors are shares of the true value, or shares already."""
         return all(case.truth for case in self.cases) or self.cases[0].unit.startswith("of ")
 
+    @property
+    def share(self) -> float:
+        """The largest error of an engine as a share of the tolerance of its case."""
+        pairs = ((case, RECORDED[engine][case.name]) for case in self.cases for engine in ("pybullet", "mujoco"))
+        return max(case.error(value) / case.tolerance for case, value in pairs)
+
     def cells(self, engines: Sequence[str]) -> Iterator[str]:
-        """Yield the cells: title, oracle, tolerance, and for tuned and held-out cases their number and errors."""
-        kinds = dict.fromkeys(case.kind for case in self.cases)
+        """Yield the cells: title, tolerance, the number of cases (tuned + held out), their largest errors."""
         yield self.title
-        yield ", ".join(kinds)
         yield self._range([self._scaled(case, case.tolerance) for case in self.cases])
-        for held_out in (False, True):
-            cases = [case for case in self.cases if case.held_out == held_out]
-            yield str(len(cases) or "")
-            for engine in engines:
-                yield self._errors(cases, engine) if cases else ""
+        held_out = sum(case.held_out for case in self.cases)
+        yield f"{len(self.cases) - held_out}+{held_out}"
+        for engine in engines:
+            yield self._errors(self.cases, engine)
 
     def _errors(self, cases: Sequence[Case], engine: str) -> str:
         errors = [(case, case.error(RECORDED[engine][case.name])) for case in cases]
         outside = sum(error > case.tolerance for case, error in errors)
         largest = self._text(max(self._scaled(case, error) for case, error in errors))
-        return f"**{largest}** ({outside} outside)" if outside else largest
+        return f"**{largest}** ({outside})" if outside else largest
 
     def _scaled(self, case: Case, error: float) -> float:
         if self.relative:
@@ -146,16 +151,26 @@ def shown(number: float) -> str:
 
 
 def errors() -> str:
-    """Return the table of errors against oracles."""
-    head = ("motion", "oracle", "tolerance", "cases", "PyBullet", "MuJoCo", "held out", "PyBullet", "MuJoCo")
-    return table(head, (tuple(row.cells(("pybullet", "mujoco"))) for row in _rows()))
+    """Return the table of errors against oracles, and the titles of the rows that are far from their tolerance."""
+    head = ("motion", "tolerance", "cases", "PyBullet", "MuJoCo")
+    near = [row for row in _rows() if row.share >= _NEAR]
+    far = dict.fromkeys(row.title.rpartition(":")[0] for row in _rows() if row.share < _NEAR)
+    shown = table(head, (tuple(row.cells(("pybullet", "mujoco"))) for row in near))
+    return f"{shown}\nWithin {_NEAR:.0%} of their tolerance: {'; '.join(far)}.\n"
 
 
 def differences() -> str:
     """Return the table of differences between the engines."""
-    head = ("motion", "tolerance", "cases", "difference", "held out", "difference")
-    cells = (tuple(row.cells((BETWEEN,))) for row in _rows(between=True))
-    return table(head, ((title, *others) for title, _, *others in cells))
+    head = ("motion", "tolerance", "cases", "difference")
+    return table(head, (tuple(row.cells((BETWEEN,))) for row in _rows(between=True)))
+
+
+def _titles() -> Iterator[str]:
+    """Yield the titles of TOPICS, with "the same" written out."""
+    motion = ""
+    for title, _ in TOPICS:
+        motion = motion if title.startswith("the same") else title.rpartition(":")[0]
+        yield title.replace("the same", motion)
 
 
 def place(case: Case) -> int:
@@ -168,7 +183,7 @@ def place(case: Case) -> int:
 
 def _rows(*, between: bool = False) -> list[Row]:
     """Return the rows with cases, in the order of TOPICS."""
-    rows = [Row(title) for title, _ in TOPICS]
+    rows = [Row(title) for title in _titles()]
     for case in ZOO:
         if case.between == between:
             rows[place(case)].cases.append(case)

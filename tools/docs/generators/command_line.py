@@ -3,46 +3,47 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections import Counter
 from typing import Final
 
 import click
 
 from sim_action.cli.main import program
-from tools.docs.generators.markdown import escaped, table
+from tools.docs.generators.markdown import bullets, escaped
 
 # The end of a help text that states a default in words.
 _DEFAULT: Final = re.compile(r"\s*\[default: (.*)\]$")
 
 
-def overview() -> str:
-    """Return the table of subcommands; each links to its section."""
-    rows = (
-        (f"[`{command.name}`](#sim-action-{command.name})", _first_line(command))
-        for command in program.commands.values()
-    )
-    return table(("command", "purpose"), rows)
+MIN_SHARED: Final = 3  # commands that take the same option, which is then listed once
 
 
 def commands() -> str:
-    """Return a section for each subcommand."""
-    return "\n".join(_section(command) for command in program.commands.values())
+    """Return a section for each subcommand; a paragraph that several have stands in the first one."""
+    counted = Counter(option for command in program.commands.values() for option in _options(command))
+    shared = {option for option, number in counted.items() if number >= MIN_SHARED}
+    listed = [option for option in counted if option in shared]
+    head = f"## Shared options\n\nThe sections below only name these options:\n\n{bullets(listed)}\n"
+    seen: set[str] = set()
+    return head + "\n".join(_section(command, shared, seen) for command in program.commands.values())
 
 
-def _first_line(command: click.Command) -> str:
-    return escaped(" ".join((command.help or "").strip().split("\n\n")[0].split()))
-
-
-def _section(command: click.Command) -> str:
+def _section(command: click.Command, shared: set[tuple[str, str]], seen: set[str]) -> str:
     arguments = [parameter for parameter in command.params if isinstance(parameter, click.Argument)]
-    usage = " ".join(["sim-action", command.name or "", "[OPTIONS]", *map(_argument, arguments)])
-    paragraphs = (" ".join(paragraph.split()) for paragraph in (command.help or "").strip().split("\n\n"))
-    text = "\n\n".join(escaped(paragraph) for paragraph in paragraphs)
-    options = list(_options(command))
-    parts = [f"## `sim-action {command.name}`\n", f"{text}\n", f"```text\n{usage}\n```\n"]
-    if options:
-        parts.append(table(("option", "meaning", "default"), options))
-    return "\n".join(parts)
+    usage = " ".join(["sim-action", command.name or "", *map(_argument, arguments)])
+    paragraphs = [" ".join(paragraph.split()) for paragraph in (command.help or "").strip().split("\n\n")]
+    options = _options(command)
+    fresh = [text for text in paragraphs if text not in seen and not text.startswith("Exit code: as for")]
+    seen.update(fresh[1:])
+    parts = [f"## `sim-action {command.name}`\n", *(f"{escaped(text)}\n" for text in fresh)]
+    if arguments:
+        parts.append(f"```text\n{usage}\n```\n")
+    own = bullets(option for option in options if option not in shared)
+    if names := [
+        f"`{option.opts[-1]}`" for option in _shown(command) if (f"`{_names(option)}`", _help(option)) in shared
+    ]:
+        own += f"- {', '.join(names)}: [shared options](#shared-options)\n"
+    return "\n".join([*parts, *([own] if own else [])])
 
 
 def _argument(argument: click.Argument) -> str:
@@ -53,10 +54,17 @@ def _argument(argument: click.Argument) -> str:
     return f"{name}{many}" if argument.required or name.startswith("[") else f"[{name}]{many}"
 
 
-def _options(command: click.Command) -> Iterator[tuple[str, str, str]]:
-    for option in command.params:
-        if isinstance(option, click.Option) and not option.hidden:
-            yield f"`{_names(option)}`", _meaning(option), _default(option)
+def _options(command: click.Command) -> list[tuple[str, str]]:
+    return [(f"`{_names(option)}`", _help(option)) for option in _shown(command)]
+
+
+def _shown(command: click.Command) -> list[click.Option]:
+    return [option for option in command.params if isinstance(option, click.Option) and not option.hidden]
+
+
+def _help(option: click.Option) -> str:
+    default = _default(option)
+    return f"{_meaning(option)} Default: {default}." if default else _meaning(option)
 
 
 def _names(option: click.Option) -> str:
@@ -81,8 +89,6 @@ def _meaning(option: click.Option) -> str:
 def _default(option: click.Option) -> str:
     if stated := _DEFAULT.search(option.help or ""):
         return escaped(stated[1])
-    if option.required:
-        return "required"
     if option.show_default and isinstance(option.default, str | int | float):
         return f"`{option.default}`"
     return ""

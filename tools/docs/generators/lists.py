@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import get_args
 
 from sim_action.app import catalogue
@@ -13,13 +13,13 @@ from sim_action.core.permissions import PRIVILEGED_BY_REASON
 from sim_action.recording.export import EXPORTS
 from sim_action.reports.statuses import STATUS_DISPLAYS, StatusDisplay
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Failure, FailureKind, Outcome, Status
-from sim_action.robot.documents.part_table import ALL, Format, part_table
+from sim_action.robot.documents.part_table import ALL, Format, PartRow, part_table
 from sim_action.robot.model.findings import RULES
 from sim_action.runner.mutation.planning import TABLE as MUTANTS
 from sim_action.scenario.child_environment import PASSED
 from sim_action.state.readings import READING_COLUMNS, ReadingColumn
 from sim_action.world.claims import RULES as CLAIM_RULES
-from tools.docs.generators.markdown import table
+from tools.docs.generators.markdown import bullets, escaped, table
 
 EXIT_CODES = {
     ExitCode.PASSED: "all scenarios passed",
@@ -30,6 +30,7 @@ EXIT_CODES = {
     ExitCode.NO_SCENARIO: "no scenario found",
     ExitCode.INTERRUPTED: "interrupted",
 }
+_SETTABLE, _COMPARED = " (s)", " (r)"
 LEVELS = {
     "fatal": "refused",
     "error": "refused, unless allowed",
@@ -45,11 +46,10 @@ def entries(family: Iterable[Entry], kind: str) -> str:
 
 def passed_variables() -> str:
     """Return the table of environment variables that code of the repository sees."""
-    rows = (
-        (group.purpose, _listed(group.names), "yes" if group.is_compared else "no", "yes" if group.may_be_set else "no")
+    return bullets(
+        (f"{group.purpose}{_SETTABLE * group.may_be_set}{_COMPARED * group.is_compared}", _listed(group.names))
         for group in PASSED
     )
-    return table(("of", "variables", "compared by `--resume`", "a scenario may set them"), rows)
 
 
 def privileged_events() -> str:
@@ -62,32 +62,42 @@ def _listed(names: Iterable[str]) -> str:
 
 
 def rules() -> str:
-    """Return the table of audit rules."""
-    rows = ((f"`{name}`", rule.summary, LEVELS[rule.level]) for name, rule in RULES.items())
-    return table(("rule", "finding", "effect"), rows)
+    """Return the lists of audit rules."""
+    return _by_level({name: (rule.summary, LEVELS[rule.level]) for name, rule in RULES.items()})
 
 
 def parts(name: Format) -> str:
-    """Return the table of the elements and attributes of a format."""
-    places: dict[int, list[str]] = {}
+    """Return the elements and attributes of a format that are not read, by the effect and its reason."""
+    places: dict[PartRow, list[str]] = {}
     for place, by_name in part_table(name).places.items():
-        places.setdefault(id(by_name), []).append(place)
-    rows = []
-    for at in places.values():
-        for row in dict.fromkeys(part_table(name).places[at[0]].values()):
-            text = f"by `{row.text}`" if row.effect == "read" else row.text.replace("{} of ", "")
-            names = ", ".join(f"`{part}`" for part in row.names)
-            rows.append(
-                (", ".join("everywhere" if place == ALL else f"`{place}`" for place in at), names, row.effect, text)
-            )
-    return table(("in", "parts", "effect", "how, or why"), rows)
+        for row in dict.fromkeys(by_name.values()):
+            if row.effect != "read":
+                at = "" if place == ALL else f"{place}/"
+                places.setdefault(row, []).append(", ".join(f"`{at}{part}`" for part in row.names))
+    by_effect: dict[str, dict[str, list[str]]] = {"refused": {}, "reported": {}, "harmless": {}}
+    for row, names in places.items():
+        reason = "not listed" if row.effect == "harmless" else escaped(row.text.replace("{} of ", ""))
+        by_effect[row.effect].setdefault(reason, []).extend(names)
+    lists = {
+        effect: [(", ".join(dict.fromkeys(at)), text) for text, at in of.items()] for effect, of in by_effect.items()
+    }
+    shown = [f"**{effect}**\n\n{bullets(lists[effect])}" for effect in ("refused", "reported") if lists[effect]]
+    return "\n".join([*shown, *(f"**harmless**\n\n{names}\n" for names, _ in lists["harmless"])])
 
 
 def claim_rules() -> str:
-    """Return the table of the rules of claims."""
+    """Return the lists of the rules of claims."""
     effects = {"error": "refused, unless allowed", "warning": "a warning"}
-    rows = ((f"`{name}`", rule.summary, effects[rule.level]) for name, rule in CLAIM_RULES.items())
-    return table(("rule", "finding", "effect"), rows)
+    return _by_level({name: (rule.summary, effects[rule.level]) for name, rule in CLAIM_RULES.items()})
+
+
+def _by_level(rules: Mapping[str, tuple[str, str]]) -> str:
+    """Return the lists of rules with one effect each."""
+    return "\n".join(
+        f"{effect[:1].upper()}{effect[1:]}:\n\n"
+        + bullets((f"`{name}`", summary) for name, (summary, level) in rules.items() if level == effect)
+        for effect in dict.fromkeys(level for _, level in rules.values())
+    )
 
 
 def recordings() -> str:
@@ -107,7 +117,7 @@ def exit_codes() -> str:
 
 def mutants() -> str:
     """Return the table of mutants of `sim-action prove`, the most telling first."""
-    return table(("mutant", "fault"), ((f"`{row.kind}`", row.words) for row in MUTANTS))
+    return bullets((f"`{row.kind}`", row.words) for row in MUTANTS)
 
 
 def statuses() -> str:
@@ -139,7 +149,7 @@ def _any_of(codes: Sequence[ExitCode]) -> str:
 def defaults() -> str:
     """Return the table of the keys below [tool.sim-action]."""
     fields: Iterable[FieldEntry] = catalogue.fields(Defaults)
-    return table(("key", "takes", "meaning"), ((f"`{f.name}`", f.takes, f.description) for f in fields))
+    return bullets((f"`{f.name}`", f"{f.takes}; {f.description}") for f in fields)
 
 
 def models() -> str:

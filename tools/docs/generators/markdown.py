@@ -11,6 +11,17 @@ def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n"
 
 
+def bullets(rows: Iterable[tuple[str, str]]) -> str:
+    """Return a list of heads and texts; heads whose texts are equal and follow each other share an entry."""
+    heads: list[tuple[str, str]] = []
+    for head, text in rows:
+        if heads and heads[-1][1] == text:
+            heads[-1] = (f"{heads[-1][0]}, {head}", text)
+        else:
+            heads.append((head, text))
+    return "".join(f"- {head}: {text}\n" for head, text in heads)
+
+
 def fenced(language: str, text: str) -> str:
     """Return a fenced code block."""
     return f"```{language}\n{text}```\n"

@@ -6,7 +6,7 @@ import inspect
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Any, Final
 
 from pydantic import BaseModel
 
@@ -15,7 +15,7 @@ from sim_action.assertions import ASSERTIONS, Reference
 from sim_action.cli.init import files
 from sim_action.commands import COMMANDS
 from sim_action.commands.robot_description import JointDescription, RobotDescription
-from sim_action.core.field_types import Placement, Without
+from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.registry import Table
 from sim_action.drives import DRIVES
@@ -29,12 +29,22 @@ from sim_action.state.observation import Contact, JointState, LinkState, Observa
 from sim_action.state.trace import Trace
 from sim_action.state.transmission import Transmission
 from sim_action.state.verdict import Verdict
-from sim_action.world import Body, Disturbance, Ground, Patch, PathPoint, Physics, World
-from tools.docs.generators.markdown import fenced, table
+from sim_action.world import Body, Ground, Patch, Physics, World
+from tools.docs.generators.markdown import bullets, fenced
 
 ROOT: Final = Path(__file__).resolve().parents[3]
 LANGUAGES: Final = {".yaml": "yaml", ".py": "python", ".js": "javascript", ".pl": "perl", ".csv": "csv"}
-KEYS: Final = ("key", "takes", "default", "meaning")
+BLOCKS: Final = {
+    "worlds": "world",
+    "drives": "robot",
+    "commands": "commands",
+    "sensors": "sensors",
+    "assertions": "expect",
+}
+"""A family -> the top-level key of a scenario below which its parts stand."""
+MIN_WORDS_REPEATED: Final = 4  # of a key that a later section only names
+ENDED_EARLY: Final = "The run ended before `after`."
+SI: Final = re.compile(r"(?<=[a-z]) \([^,()]*\)")  # the unit after a quantity; scenario/index.md has all of them
 MAX_LINES_SHOWN: Final = 40  # of a CSV file that an example names
 
 WORLDS: Final = Table[type[BaseModel]](
@@ -79,8 +89,6 @@ _PARTS_OF_A_SCENARIO: Final = (
     ("world.ground.", Ground),
     ("world.patches[].", Patch),
     ("world.objects[].", Body),
-    ("world.objects[].path[].", PathPoint),
-    ("world.disturbances[].", Disturbance),
     ("physics.", Physics),
     ("trace.", TraceSettings),
 )
@@ -95,32 +103,38 @@ _OF_EVERY_SOURCE: Final = frozenset(f"`{key}`" for key in Transmission.model_fie
 _OPENED: Final = ("agreement", "sphere", "cylinder")
 
 
+Key = tuple[str, str]
+"""The name of a key, and what it takes and means."""
+
+
 def sections(family: str, *names: str) -> str:
-    """Return a section for each entry of a family: its text, its keys, an example that the tests run."""
-    table_of_family = FAMILIES[family]
-    return "\n".join(_section(family, name, table_of_family.load(name)) for name in names or table_of_family)
+    """Return a section for each entry of a family: its text, its keys, the lines of an example that name it."""
+    seen: set[Key] = set()
+    return "\n".join(_section(family, name, seen) for name in names or FAMILIES[family])
 
 
 def assertion_sections(page: str) -> str:
     """Return a section for each assertion of a page, in the order of their table."""
-    classes = {name: ASSERTIONS.load(name) for name in ASSERTIONS}
-    return "\n".join(_section("assertions", name, cls) for name, cls in classes.items() if cls.reference.page == page)
+    return sections("assertions", *(name for name in ASSERTIONS if ASSERTIONS.load(name).reference.page == page))
 
 
 def _verdicts(reference: Reference) -> str:
-    rows = zip(("passed", "failed", "not exercised"), reference[2:], strict=True)
-    return table(("verdict", "when"), rows)
+    _, kind, passed, failed, not_exercised = reference
+    rows = [("**passed**", passed)]
+    rows += [("**failed**", failed)] * (kind != "invariant")  # one that did not hold throughout
+    rows += [("**not exercised**", not_exercised)] * (not_exercised != ENDED_EARLY)
+    return bullets(rows)
 
 
 def assertions() -> str:
-    """Return the table of assertions: a link to the section, the kind, the requirement."""
+    """Return the list of assertions: a link to the section, the kind, the requirement."""
     references = {name: ASSERTIONS.load(name).reference for name in ASSERTIONS}
     rows = (
-        (f"[`{entry.name}`](assertions-{of.page}.md#{entry.name})", of.kind, entry.summary)
+        (f"[`{entry.name}`](assertions-{of.page}.md#{entry.name}) ({of.kind})", entry.summary)
         for entry in catalogue.assertions()
         for of in (references[entry.name],)
     )
-    return table(("assertion", "goal or invariant", "requirement"), rows)
+    return bullets(rows)
 
 
 def parts_module() -> str:
@@ -153,54 +167,59 @@ def file_of(path: str, language: str) -> str:
     return fenced(language, (ROOT / path).read_text(encoding="utf-8"))
 
 
-def _section(family: str, name: str, model: type[BaseModel]) -> str:
+def _section(family: str, name: str, seen: set[Key]) -> str:
+    model = FAMILIES[family].load(name)
     parts = [f"## `{name}`\n", f"{inspect.getdoc(model)}\n"]
-    if rows := [row for row in keys(model) if row[0] not in _OF_EVERY_SOURCE]:
-        parts.append(table(KEYS, rows))
+    rows = [row for row in keys(model) if row[0] not in _OF_EVERY_SOURCE]
+    lines = bullets(row for row in rows if row not in seen)
+    if repeated := [row[0] for row in rows if row in seen]:
+        lines += f"- {', '.join(repeated)}: as above\n"
+    seen.update(row for row in rows if len(row[1].split()) >= MIN_WORDS_REPEATED)
+    if lines:
+        parts.append(lines)
     if family == "assertions":
         parts.append(_verdicts(ASSERTIONS.load(name).reference))
-    return "\n".join([*parts, _shown(example(family, name))])
+    return "\n".join([*parts, _excerpt(family, name)])
+
+
+def _excerpt(family: str, name: str) -> str:
+    """Return the lines of an example that name an entry of a family, after links to its files."""
+    path = example(family, name)
+    text = path.read_text(encoding="utf-8")
+    block = re.search(rf"^{BLOCKS[family]}:.*\n(?:[ #].*\n)*", text, re.MULTILINE)
+    lines = (
+        []
+        if block is None
+        else [line for line in block[0].splitlines(True) if "ed with: " not in line and "fails with: " not in line]
+    )
+    if family == "assertions":
+        entries = re.findall(r"^  - .*\n(?:   .*\n)*", "".join(lines), re.MULTILINE)
+        lines = [lines[0], *(entry for entry in entries if re.match(rf"  - {name}\b", entry))]
+    links = ", ".join(f"[`{p.relative_to(ROOT)}`](/{p.relative_to(ROOT)})" for p in (path, *_files_named(path, text)))
+    return f"From {links}:\n\n{fenced('yaml', ''.join(lines))}"
 
 
 def keys_table(model: type[BaseModel]) -> str:
-    """Return the table of a model's keys, its own ones first."""
-    return table(KEYS, sorted(keys(model), key=lambda row: row[0] in _OF_EVERY_SOURCE))
+    """Return the list of a model's keys, its own ones first."""
+    return bullets(sorted(keys(model), key=lambda row: row[0] in _OF_EVERY_SOURCE))
 
 
-def keys(model: type[BaseModel], above: str = "") -> Iterator[tuple[str, str, str, str]]:
-    """Yield a row for each key, followed by the keys below it."""
-    for entry in catalogue.fields(model):
-        yield f"`{above}{entry.name}`", entry.takes, entry.default, entry.description
-        annotation = next(f.annotation for n, f in model.model_fields.items() if (f.alias or n) == entry.name)
-        for below, step, refused in _models_in(annotation):
-            start = f"{above}{entry.name}{step}."
-            names = tuple(f"`{start}{name}{end}" for name in refused for end in ("`", ".", "["))
-            yield from (row for row in keys(below, start) if not row[0].startswith(names))
+def keys(model: type[BaseModel], above: str = "") -> list[Key]:
+    """Return each key, followed by the keys below it, unless these stand elsewhere."""
+    return [(f"`{entry.name}`", _meaning(entry)) for entry in catalogue.key_rows(model, above)]
 
 
-_STEPS: Final[dict[object, str]] = {tuple: "[]", dict: ".NAME"}
-"""A container -> the step from it to an entry, as tables of keys show it."""
-
-
-def _models_in(
-    annotation: Any, step: str = "", refused: frozenset[str] = frozenset()
-) -> Iterator[tuple[type[BaseModel], str, frozenset[str]]]:
-    """Yield the models in a type, each with the step to it and the keys that it does not take there."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation, step, refused
-    step = step or _STEPS.get(getattr(annotation, "__origin__", None), "")
-    for item in getattr(annotation, "__metadata__", ()):
-        refused |= item.names if isinstance(item, Without) else frozenset()
-    for part in get_args(annotation):
-        yield from _models_in(part, step, refused)
+def _meaning(entry: catalogue.FieldEntry) -> str:
+    default = {"required": ", required", "": ""}.get(entry.default, f", default {entry.default}")
+    return f"{SI.sub('', entry.takes)}{default}" + (f"; {entry.description}" if entry.description else "")
 
 
 def scenario_keys() -> str:
-    """Return the table of all keys of a scenario that have no section of their own."""
-    return table(KEYS, (row for prefix, model in _PARTS_OF_A_SCENARIO for row in _rows(prefix, model)))
+    """Return the list of all keys of a scenario that have no section of their own."""
+    return "\n".join(bullets(_rows(prefix, model)) for prefix, model in _PARTS_OF_A_SCENARIO)
 
 
-def _rows(prefix: str, model: type[BaseModel]) -> Iterator[tuple[str, ...]]:
+def _rows(prefix: str, model: type[BaseModel]) -> Iterator[Key]:
     shown = {f"`{prefix}{field.name}`" for field in catalogue.fields(model) if field.name not in _SHOWN_ELSEWHERE}
     opened = tuple(f"`{prefix}{name}." for name in _OPENED)
     return (row for row in keys(model, prefix) if row[0] in shown or row[0].startswith(opened))
@@ -209,9 +228,15 @@ def _rows(prefix: str, model: type[BaseModel]) -> Iterator[tuple[str, ...]]:
 def _shown(path: Path) -> str:
     """Return an example and the files that it names."""
     text = path.read_text(encoding="utf-8")
-    named = [p for p in sorted(path.parent.iterdir()) if p.suffix in LANGUAGES and re.search(rf"\b{p.name}\b", text)]
-    shown = [_block(path, "yaml", text), *(_block(p, LANGUAGES[p.suffix], p.read_text("utf-8")) for p in named)]
-    return "\n".join(shown)
+    files = _files_named(path, text)
+    return "\n".join(
+        [_block(path, "yaml", text), *(_block(p, LANGUAGES[p.suffix], p.read_text("utf-8")) for p in files)]
+    )
+
+
+def _files_named(path: Path, text: str) -> list[Path]:
+    """Return the files of code and data next to an example that its text names."""
+    return [p for p in sorted(path.parent.iterdir()) if p.suffix in LANGUAGES and re.search(rf"\b{p.name}\b", text)]
 
 
 def _block(path: Path, language: str, text: str) -> str:
@@ -231,9 +256,7 @@ def _type_section(kind: type) -> str:
     text, _, listed = (inspect.getdoc(kind) or "").partition("\nAttributes:\n")
     heads = re.findall(r"^ {4}(\w[\w, ]*): (.*(?:\n {8}.*)*)", listed, re.MULTILINE)
     rows = [(f"`{name}`", " ".join(meaning.split())) for name, meaning in (*heads, *_members(kind))]
-    return f"### `{kind.__name__}`\n\n{text.rstrip()}\n" + (
-        f"\n{table(('attribute', 'meaning'), rows)}" if rows else ""
-    )
+    return f"### `{kind.__name__}`\n\n{text.rstrip()}\n" + (f"\n{bullets(rows)}" if rows else "")
 
 
 def _members(kind: type) -> Iterable[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""The tables of docs/engines/surprises.md: surprises of engines and formats, and how readers understand URDF."""
+"""The list of docs/engines/surprises.md: surprises of engines and formats."""
 
 from __future__ import annotations
 
@@ -7,9 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
-
-from tests.readers.classes import CLASSES
-from tools.docs.generators.markdown import table
 
 TABLE: Final = Path(__file__).parents[1] / "surprises.toml"
 
@@ -43,21 +40,23 @@ def surprises() -> Sequence[Surprise]:
     return [Surprise(library=row.pop("with"), **row) for row in rows]
 
 
+HEADS: Final = {
+    "right": "sim-action does what the model or the scenario says, although these libraries alone do not",
+    "note": "sim-action decides, and a note in the result says how",
+    "refused": "The scenario is refused, or the run is an error, with the reason",
+    "unused": "sim-action does not use this, or has no key for it",
+}
+
+
 def rows() -> str:
-    """Return the table of surprises."""
-    return table(("with", "surprise", "sim-action", "tested by"), map(_cells, surprises()))
-
-
-def _cells(row: Surprise) -> tuple[str, ...]:
-    source = f"[script](/findings/{row.script}.sh)" if row.script else row.source
-    file, _, name = row.test.partition("::")
-    test = f"[`{name or Path(file).name}`](/{file})" if row.test else ""
-    return (row.library, f"{row.surprise} ({source})", f"**{row.does}**: {row.how}", test)
-
-
-def readers() -> str:
-    """Return the table of differences between readers of URDF."""
-    return table(
-        ("readers", "differ in", "what", "who", "specification"),
-        ((", ".join(row.readers), ", ".join(row.quantities), row.text, row.whose, row.clause) for row in CLASSES),
+    """Return the lists of surprises, by what sim-action does."""
+    by_effect = {does: [row for row in surprises() if row.does == does] for does in HEADS}
+    return "\n".join(
+        f"## {HEADS[does]}\n\n{''.join(map(_entry, by_effect[does]))}" for does in HEADS if by_effect[does]
     )
+
+
+def _entry(row: Surprise) -> str:
+    surprise = f"[{row.surprise.rstrip('.')}](/findings/{row.script}.sh)." if row.script else row.surprise
+    how = f" {row.how}" if row.does in {"note", "refused"} else ""
+    return f"- {row.library}: {surprise}{how}\n"

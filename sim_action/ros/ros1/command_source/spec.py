@@ -19,38 +19,28 @@ from sim_action.world.scene import Scene
 class RosCommands(CommandSource):
     """Drives the base by unmodified nodes of ROS 1: real roscore, roslaunch and rospy, without Gazebo.
 
-    The nodes are those of a launch file, or a list. They run on the ROS of the distribution (see [ROS 1 without
-    Gazebo](/docs/ros1/index.md)). None of their packages needs a catkin build. A `geometry_msgs/Twist` on `/cmd_vel`
+    The nodes are those of a launch file, or a list; an entry is `package/type` or a map. They run on the installed ROS
+    (see [ROS 1 without Gazebo](/docs/ros1/index.md)) and need no catkin build. A `geometry_msgs/Twist` on `/cmd_vel`
     drives the robot, and holds until the next one. The nodes can subscribe to:
 
-    - `/clock`, published at `rate`; the parameter `/use_sim_time` is set;
+    - `/clock` at `rate`; the parameter `/use_sim_time` is set;
     - `/odom` and `/tf` (the true pose of the base) and `/joint_states`, 30 times per second; `/gazebo/model_states` and
       `/gazebo/link_states` at `rate`;
-    - the sensors of the scenario, at their own rates: a lidar on `/scan`, an IMU on `/imu`, odometry on `/odom` and
-      `/tf` in place of the true pose, a camera on `/NAME/image_raw`, a contact sensor on `/contact` (`std_msgs/Bool`).
-      With several sensors of a kind, the topic starts with the name of the sensor: `/NAME/scan`. `topics` sets other
-      topics, by the names of sensors.
+    - the sensors of the scenario, at their own rates: `/scan`, `/imu`, `/odom` and `/tf` in place of the true pose,
+      `/NAME/image_raw`, `/contact` (`std_msgs/Bool`). With several of a kind, the topic starts with the name of the
+      sensor: `/NAME/scan`. `topics` sets other topics.
 
-    `/robot_description` is the URDF of the robot, unless a launch file sets it. A launch file that starts Gazebo can
-    stay as it is: nodes of `gazebo_ros` and `controller_manager` are not launched, because the scenario defines the
-    robot and the world. The services of Gazebo are not available. Parts that the scenario does not replace are an
-    error, unless `allow_losses` is true: a world that is not empty, models besides the robot, and controllers other
-    than those of a differential drive and of joint states.
+    `/robot_description` is the URDF of the robot, unless a launch file sets it. Nodes of `gazebo_ros` and
+    `controller_manager` in a launch file are not started, because the scenario defines the robot and the world. Other
+    parts that need Gazebo are an error, unless `allow_losses` is true.
 
-    Sim time starts at 0 when all nodes are up and connected to each other. A process that does not become a node within
-    `start_within` is no longer waited for, and a note says so. After the start, sim time goes on only when every node
-    has handled all messages that it received. So every run is the same, as fast as the nodes can follow, and only sim
-    time counts. Nodes that are still busy after 10 s of wall time break the lock-step, and the run goes on without
-    it. The warning `not-reproducible` names them, and nodes that act by the wall clock.
+    Sim time starts at 0 when all nodes are up and connected. From then on, it advances only when every node has handled
+    all its messages, so every run is the same. A node that is still busy after 10 s of wall time, or that acts by the
+    wall clock, is named in the warning `not-reproducible`.
 
-    A node that ends with an exit code other than 0 or by a signal is an error, and so is any end of a required node.
-    The error has the exception of the node and the line of the package that raised it. A node that has finished its
-    work may end. If no node drove the robot, a note says so, and names the topics with a `Twist` that may have been
-    meant.
-
-    A node in a list is `package/type`, or a map of `package`, `type`, `name`, `args`, `params` (private parameters),
-    `remap`, `namespace` and `required`. Nodes are user code, as scripts are: they run with the rights of the job and
-    the same environment variables as scripts, each within `memory_limit`, and are refused where scripts are refused.
+    A node that ends with an exit code other than 0 or by a signal is an error with its exception, and so is any end of
+    a required node. If no node drove the robot, a note names topics that may have been meant. Nodes are code, as
+    scripts are: same environment, `memory_limit` each, refused where scripts are refused.
     """
 
     runs_user_code: ClassVar[bool] = True
