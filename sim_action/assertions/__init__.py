@@ -277,6 +277,10 @@ class Assertion(FrozenModel):
         """
         yield (self.key,), self
 
+    def negated_leaves(self) -> Iterator[Assertion]:
+        """Yield the parts of a combined assertion that must not hold."""
+        yield from ()
+
     def leaves(self) -> Iterator[Assertion]:
         """Yield the assertions that judge the robot: the parts of a combined assertion, or the assertion itself."""
         for _, leaf in self.placed_leaves():

@@ -68,6 +68,11 @@ class Combined(Assertion):
             yield from (((self.key, *place, *path), leaf) for path, leaf in part.placed_leaves())
 
     @override
+    def negated_leaves(self) -> Iterator[Assertion]:
+        for _, part in self.placed_parts:
+            yield from part.negated_leaves()
+
+    @override
     def combined_claims(self, scene: Scene) -> Findings:
         """Yield combinations that hold, or fail, in every run: a check and its opposite, or a limit beyond any run."""
         from sim_action.assertions.temporal_logic.formula_claims import constant_result  # `validate` does without it
@@ -330,6 +335,11 @@ class Negation(Combined):
     @override
     def placed_parts(self) -> Sequence[tuple[KeyPath, Assertion]]:
         return [((), self.part)]
+
+    @override
+    def negated_leaves(self) -> Iterator[Assertion]:
+        twice = list(self.part.negated_leaves())
+        yield from (leaf for leaf in self.part.leaves() if all(leaf is not other for other in twice))
 
     def as_formula(self, scene: Scene) -> Formula:
         """Return the assertion as a formula made of those of its parts."""

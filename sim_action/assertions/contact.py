@@ -129,7 +129,9 @@ class Touch(Assertion):
 
     @override
     def run_claims(self, run: JudgedRun) -> Findings:
-        if not self.is_goal and run.verdict.passed and run.verdict.measured == 0:
+        weak = not self.is_goal and run.verdict.passed and run.verdict.measured == 0
+        none = run.is_negated and self.has_least and not any(map(self.is_meant, run.trace.contacts))
+        if weak or none:
             message = f"the robot never pressed against {self.body}, so the limit was compared with 0 only"
             use = f"let it touch {self.body}, or use no_collision if it must not"
             yield ClaimFinding("never-touched", (), f"{message}; {use}")

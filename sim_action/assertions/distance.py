@@ -23,7 +23,7 @@ from sim_action.core.field_types import NonNegativeMetres, PositiveMetres
 from sim_action.core.geometry import Vector3
 from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Circle, Mark, Signal
-from sim_action.world.claims import UNSTABLE, Ceiling, Findings
+from sim_action.world.claims import UNSTABLE, Ceiling, Findings, JudgedRun
 from sim_action.world.link_range import ROUNDING_M, LinkRange
 from sim_action.world.scene import Scene
 
@@ -59,6 +59,15 @@ class LengthBounds(MotionAssertion):
     @override
     def judges_rest(self, scene: Scene) -> bool:
         return self.limits_motion(scene)
+
+    @override
+    def run_claims(self, run: JudgedRun) -> Findings:
+        """Yield a limit that the base does not exceed in the time limit; beside a goal, it is a safety net."""
+        yield from super().run_claims(run)
+        part_failed = run.is_part and not run.verdict.passed
+        key, limit = ("at_least", self.at_least) if part_failed else ("at_most", self.at_most)
+        if limit is not None and self.watches_base and (part_failed or not self.is_goal):
+            yield from run.beyond_drive(limit, "give a smaller limit, or more time", (key,))
 
     @override
     def meaning(self, scene: Scene) -> str:

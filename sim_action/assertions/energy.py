@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 
 from pydantic import Field
@@ -17,6 +18,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import choice_problems, chosen, motor_problems
 from sim_action.state.verdict import Signal, Verdict
+from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -65,6 +67,16 @@ class Energy(Assertion):
         """Yield unknown joints."""
         yield from choice_problems(scene.model, self.joints)
         yield from motor_problems(scene.model, self.joints)
+
+    @override
+    def run_claims(self, run: JudgedRun) -> Findings:
+        """Yield a limit above the work of all motors at their highest effort and speed until the time limit."""
+        joints = chosen(run.scene.model, self.joints)
+        power = sum((joint.max_effort or math.inf) * (joint.max_velocity or math.inf) for joint in joints)
+        if self.at_most > power * run.time_limit and run.scene.stuck.isdisjoint(joint.name for joint in joints):
+            most = units.display(power * run.time_limit, "J")
+            message = f"these motors do at most {most} of work in the time limit, at their highest effort and speed"
+            yield ClaimFinding("limit-beyond-range", ("at_most",), f"{message}; give a smaller limit")
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:

@@ -146,11 +146,17 @@ class FollowPath(MotionAssertion):
 
     @override
     def run_claims(self, run: JudgedRun) -> Findings:
-        """Yield the share of the path that the robot covered, if it is small."""
+        """Yield an error that is longer than the path, or that no run comes to, and a small share that was driven."""
         judged = run.verdict.judged
         if self.end is not None or run.verdict.status != "passed" or judged is None or judged.first is None:
             return
         watched, path = self.watched(run.scene), ReferencePath(self._points(run.scene))
+        error = min(limit for limit in (self.max_error, self.rms) if limit is not None)
+        if error >= path.length:
+            message = f"an error of {units.display(error, 'm')} is allowed, and the path is {path.length:.4g} m long"
+            yield ClaimFinding("limit-beyond-range", (), f"{message}; give a smaller limit, or a longer path")
+        elif self.watches_base:
+            yield from run.beyond_drive(error, "give a smaller limit")
         places = watched.seen(run.trace.between(judged.first, judged.last or 0.0)).base_position_xyz.tolist()
         if not places:
             return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
@@ -35,8 +36,8 @@ from sim_action.robot.model.joint_selection import (
 from sim_action.robot.model.kinematics import beyond_limits
 from sim_action.robot.model.robot_model import READINGS, Joint, Reading
 from sim_action.state.verdict import Signal
-from sim_action.world.claims import ClaimFinding, Findings, beyond
-from sim_action.world.link_range import beyond_motor, joint_range
+from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, beyond
+from sim_action.world.link_range import beyond_motor, beyond_time, joint_range
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -162,6 +163,14 @@ class JointReading(Assertion):
             yield beyond(("at_most",), at_most, unit, why)
         elif at_most is not None and (reason := beyond_motor(scene, self.name, self.reading, at_most)):
             yield ClaimFinding("limit-beyond-range", ("at_most",), reason)
+
+    @override
+    def run_claims(self, run: JudgedRun) -> Findings:
+        """Yield a limit that the joint does not exceed in the time limit, also of a part that did not hold."""
+        at_least, at_most = self._magnitude(self.at_least), self._magnitude(self.at_most)
+        limit = at_least if run.is_part and not run.verdict.passed else None if self.is_goal else at_most
+        if limit is not None:
+            yield from beyond_time(run, (self.name,), self.reading, (-math.inf, limit))
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
@@ -323,6 +332,14 @@ class JointWithin(Assertion):
             reasons = (beyond_motor(scene, joint.name, reading, upper) for joint in chosen(scene.model, (name,)))
             if (reason := next(reasons, None)) is not None:
                 yield ClaimFinding("limit-beyond-range", (reading, name), reason)
+
+    @override
+    def run_claims(self, run: JudgedRun) -> Findings:
+        """Yield positions that a joint does not leave in the time limit."""
+        for reading, name, bounds in self.asked() if run.verdict.passed else ():
+            lower, upper = (units.parse(bound, *READINGS[reading]) for bound in bounds)
+            joints = [joint.name for joint in chosen(run.scene.model, (name,))]
+            yield from (one.below((reading, name)) for one in beyond_time(run, joints, reading, (lower, upper)))
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:

@@ -202,6 +202,9 @@ class Matches(Assertion):
         if run.scene.workspace.updates_golden or run.verdict.status != "passed" or judged is None:
             return
         golden = self.golden_in(run.scene)
+        if self.position is not None:
+            away = np.linalg.norm(golden.rows[:, 1:4] - run.trace.base_position_xyz[0], axis=1).max()
+            yield from run.beyond_drive(self.position - float(away), "give a smaller tolerance", ("position",))
         first, last = float(golden.time[0]), float(golden.time[-1])
         seen = max(0.0, min(last, judged.last or 0.0) - max(first, judged.first or 0.0))
         if last > first and (share := seen / (last - first)) < COVERED_SHARE:

@@ -15,7 +15,7 @@ from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetresPerSecond, NonNegativeRadiansPerSecond
 from sim_action.core.records import dataclass, replace
-from sim_action.world.claims import UNSTABLE, Ceiling, Findings
+from sim_action.world.claims import UNSTABLE, Ceiling, ClaimFinding, Findings, JudgedRun
 from sim_action.world.link_range import ROUNDING_M, LinkRange
 from sim_action.world.scene import Scene
 
@@ -70,6 +70,15 @@ class MaxSpeed(MotionAssertion):
         limits = (("speed", self.linear), ("turn_rate", self.angular))
         parts = (bounds_formula(self.quantity(name, name), None, limit) for name, limit in limits)
         return " and ".join(part for part in parts if part)
+
+    @override
+    def run_claims(self, run: JudgedRun) -> Findings:
+        """Yield a limit above the top speed of the base."""
+        yield from super().run_claims(run)
+        if self.watches_base and run.verdict.passed and self.linear is not None and self.linear > run.top_speed:
+            most = units.display(run.top_speed, "m/s")
+            message = f"a robot that runs away drives at less than {most}; give a smaller limit"
+            yield ClaimFinding("limit-beyond-range", ("linear",), message)
 
     @override
     def title_of(self, watched: Watched) -> str:

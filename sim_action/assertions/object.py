@@ -69,6 +69,12 @@ class Moved(MotionAssertion):
     has_truth: ClassVar[bool] = True
 
     @override
+    def run_claims(self, run: JudgedRun) -> Findings:
+        """Yield a limit that is longer than the way of anything that the robot pushes."""
+        if self.at_most is not None and not self.is_goal and self.frame == WORLD:
+            yield from run.beyond_drive(self.at_most, "give a smaller limit", ("at_most",))
+
+    @override
     def title_of(self, watched: Watched) -> str:
         if self.up is not None:
             return f"{self.key_of(watched)} up by {units.display(self.up, 'm')}"
@@ -205,15 +211,30 @@ class ObjectAssertion(Assertion):
         yield from (finding.below((self.part.key,)) for finding in findings)
 
     @override
+    def run_claims(self, run: JudgedRun) -> Findings:
+        """Yield a limit, or a place, to which nothing comes that the robot pushes in the time limit."""
+        seen = motion_of(self, run.scene, run.trace)
+        if len(seen) and not self._is_pushed(run):
+            yield from (one.below((self.part.key,)) for one in self.part.run_claims(replace(run, trace=seen)))
+
+    def _is_pushed(self, run: JudgedRun) -> bool:
+        """Return True if a disturbance pushes the object."""
+        mass = next((body.mass or 0.0 for body in run.scene.world.objects if body.name == self.name), 0.0)
+        return any(push.is_felt(mass) for push in run.scene.world.disturbances if push.body == self.name)
+
+    @override
     def standstill(self, run: JudgedRun) -> ClaimFinding | None:
         body = next((body for body in run.scene.world.objects if body.name == self.name), None)
-        pushes = (pushed for pushed in run.scene.world.disturbances if pushed.body == self.name)
-        if not isinstance(self.part, Upright | StayWithin) or body is None:
+        keeps_away = isinstance(self.part, Reach) and not run.verdict.goal
+        may_rest = isinstance(self.part, Moved) and not run.verdict.goal
+        if not (keeps_away or may_rest or isinstance(self.part, Upright | StayWithin)) or body is None:
             return None
-        if any(pushed.is_felt(body.mass or 0.0) for pushed in pushes) or passed_by(run.scene, run.trace, body):
+        if self._is_pushed(run) or passed_by(run.scene, run.trace, body):
             return None
         seen = motion_of(self, run.scene, run.trace)
         if not len(seen) or Rest.of_trace(seen).base_moved(seen).any():
+            return None
+        if may_rest and float(run.trace.distance_to(seen.base_position_xyz[0]).min()) < run.far + run.scene.extent:
             return None
         message = f"{self.name} never moved by 1 mm or 0.1 deg{self.watched.inside}, so only its start was checked"
         use = f"let the robot move {self.name}, or use 'moved: {{at_most: 1 cm}}' if it must stay"

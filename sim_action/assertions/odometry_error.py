@@ -20,7 +20,7 @@ from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
-from sim_action.world.claims import HEADINGS, Ceiling
+from sim_action.world.claims import HEADINGS, Ceiling, Findings, JudgedRun
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -102,6 +102,12 @@ class OdometryError(Assertion):
             yield (), "the scenario has no odometry; add it to sensors, such as sensors: [odometry]"
         else:
             yield ("name",), f"the scenario has no sensor '{self.name}'{did_you_mean(self.name, odometers)}"
+
+    @override
+    def run_claims(self, run: JudgedRun) -> Findings:
+        """Yield an error of the position that is longer than the true way and that of the wheels together."""
+        if self.position is not None and run.verdict.passed:
+            yield from run.beyond_drive(self.position / 2, "give a smaller limit", ("position",))
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -18,7 +18,7 @@ from sim_action.core.field_types import FrozenModel, Metres, PositiveMetres, Pos
 from sim_action.core.geometry import Quaternion, Vector3
 from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Mark, Signal, goal
-from sim_action.world.claims import HEADINGS, ORIENTATIONS, Ceiling, ClaimFinding, Findings, JudgedRun
+from sim_action.world.claims import HEADINGS, ORIENTATIONS, Ceiling, Findings, JudgedRun
 from sim_action.world.link_range import LinkRange
 from sim_action.world.scene import Scene
 
@@ -26,10 +26,6 @@ if TYPE_CHECKING:
     from sim_action.state.observation import Observation
     from sim_action.state.trace import FloatArray, Trace
     from sim_action.state.verdict import Verdict
-
-
-# A place beyond this multiple of what the robot can drive is never reached.
-_FAR: Final = 5.0
 
 
 class TargetOrientation(FrozenModel):
@@ -127,19 +123,15 @@ class PoseTarget(MotionAssertion):
 
     @override
     def run_claims(self, run: JudgedRun) -> Findings:
-        """Yield a place to which the base would not come in the time limit at a multiple of its speed."""
+        """Yield a place, or a tolerance, to which the base would not come in the time limit."""
         yield from super().run_claims(run)
-        if not (run.is_part and run.fastest and self.watches_base) or run.verdict.passed:
+        if not self.watches_base:
             return
-        start, trace = run.trace.base_position_xyz[0].tolist(), run.trace
-        away = self.distance_from(dict(zip("xyz", start, strict=True)))
-        observed = float(trace.planar_distance_to(*start[:2]).max()) / max(float(trace.time[-1]), 1e-9)
-        most = max(run.fastest, observed) * run.time_limit
-        if away > _FAR * most + self.tolerance:
-            message = f"this place is {away:.3g} m away, and the robot drives at most {most:.3g} m in its time limit"
-            yield ClaimFinding(
-                "limit-beyond-range", (), f"{message}, so no run comes to it; move it, or give more time"
-            )
+        away = self.distance_from(dict(zip("xyz", run.trace.base_position_xyz[0].tolist(), strict=True)))
+        if run.is_part and not run.verdict.passed:
+            yield from run.beyond_drive(away - self.tolerance, "move the place, or give more time")
+        elif run.verdict.passed and self.coordinates and not self.facing:
+            yield from run.beyond_drive(self.tolerance - away, "give a smaller tolerance", ("tolerance",))
 
     @property
     def facing(self) -> str:

@@ -15,7 +15,7 @@ from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import Metres
 from sim_action.state.verdict import Mark, box, line, rectangle
-from sim_action.world.claims import ClaimFinding, Findings
+from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.link_range import LinkRange
 from sim_action.world.scene import Scene
 
@@ -81,6 +81,15 @@ class StayWithin(MotionAssertion):
             most = f"{units.display(limits.radius, 'm')} from {limits.middle}"
             message = f"{limits.who} cannot leave these bounds: it is never more than {most}; give narrower bounds"
             yield ClaimFinding("unreachable-limit", (), message)
+
+    @override
+    def run_claims(self, run: JudgedRun) -> Findings:
+        """Yield bounds that the base does not come to in the time limit, if it comes to none of them."""
+        yield from super().run_claims(run)
+        if self.watches_base and run.verdict.passed:
+            start = dict(zip("xyz", run.trace.base_position_xyz[0].tolist(), strict=True))
+            away = min(abs(bound - start[axis]) for axis, bounds in self.intervals.items() for bound in bounds)
+            yield from run.beyond_drive(away, "give narrower bounds, or more time")
 
     @override
     def title_of(self, watched: Watched) -> str:

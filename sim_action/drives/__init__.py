@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
@@ -117,7 +118,11 @@ class Drive(FrozenModel):
 
     def prepared(self, scene: Scene) -> Scene:
         """Return the scene with the drive's mobility, and with properties of the drive that the model lacks."""
-        return replace(scene, mobility=self.mobility(scene.model))
+        mobility, wheels = self.mobility(scene.model), self.wheel_motion(scene.model)
+        gears = {} if wheels is None else wheels.gears
+        limits = ((gear, scene.model.joints_by_name[name].max_velocity) for name, gear in gears.items())
+        fastest = max((abs(gear) * limit if limit else math.inf for gear, limit in limits), default=math.inf)
+        return replace(scene, mobility=replace(mobility, fastest=fastest))
 
 
 DRIVES: Final = Table[type[Drive]](

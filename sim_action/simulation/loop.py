@@ -30,7 +30,7 @@ from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
 from sim_action.simulation.controllers import Controls, padded
 from sim_action.simulation.guards import NO_BODIES, Guard, Tunnelling, Watchdog
 from sim_action.simulation.recorder import RunRecorder, moving_bodies
-from sim_action.simulation.run_audit import Motion, RunFacts, audit_run, unreached_events
+from sim_action.simulation.run_audit import Beginning, Motion, RunFacts, audit_run, unreached_events
 from sim_action.simulation.seams import UNTOUCHED, Seams
 from sim_action.simulation.sensors import Sensing
 from sim_action.simulation.start_checks import (
@@ -217,6 +217,7 @@ class _Loop:
         panel = Panel.open(self._scenario, self._scene, start, runs_on=self._seams.runs_on)
         digest = Digest()
         motion = Motion(Rest.of(self._scene, start))
+        begin = Beginning(panel.monitors, opening[0])
         footage.begin(start, placed, opening[0])
         started, earlier = time.perf_counter(), panel
         while panel.end is None:
@@ -226,6 +227,7 @@ class _Loop:
                 panel, seen = panel.observe_until_end(Trace.concatenate((*opening, trace)) if opening else trace)
                 if opening:
                     # The recorder has the moment at t = 0 already.
+                    begin = begin._replace(trace=seen.first(min(2, len(seen))))
                     seen, opening = seen.rows(slice(len(opening), None)), ()
                 digest.add(seen)
                 motion = motion.after(seen)
@@ -248,7 +250,12 @@ class _Loop:
         for transcript in self._controls.transcripts:
             digest.add_transcript(transcript, panel.time)
         losses = (ClaimFinding(NOT_SIMULATED, ("commands",), loss) for loss in self._controls.losses)
-        findings = (*self._audited(panel, motion, kept, placed), *losses, *self._races(), *self._logged_errors())
+        findings = (
+            *self._audited(panel, begin, motion, kept, placed),
+            *losses,
+            *self._races(),
+            *self._logged_errors(),
+        )
         told = {finding.message for finding in findings}
         missed = (message for _, message in unreached_events(self._scenario, panel.time))
         unreached = (message for message in missed if message not in told)
@@ -288,7 +295,9 @@ class _Loop:
             step, joint = max(within)
             yield f"{step.title(joint)} adds to it"
 
-    def _audited(self, panel: Panel, motion: Motion, kept: Trace, placed: FloatArray) -> tuple[ClaimFinding, ...]:
+    def _audited(
+        self, panel: Panel, begin: Beginning, motion: Motion, kept: Trace, placed: FloatArray
+    ) -> tuple[ClaimFinding, ...]:
         """Return the findings of the audit; none if a broken expectation ended the run early."""
         if panel.end == "expectation failed":
             return ()
@@ -297,7 +306,7 @@ class _Loop:
         why_silent = self._controls.why_silent() if self._controls.log.are_zero else ""
         moved = bool(np.abs(self._placed_bodies()[:, :3] - placed[:, :3]).max(initial=0.0) > MOVED_M)
         facts = RunFacts(
-            *(panel.time, motion, self._controls.log, kept, unmet, panel.verdicts(), panel.monitors),
+            *(panel.time, motion, self._controls.log, kept, unmet, panel.verdicts(), panel.monitors, begin),
             *(moved, undelivered, why_silent),
         )
         found = audit_run(self._scenario, self._scene, facts)

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 from sim_action.assertions import Assertion
+from sim_action.assertions.monitors import State
 from sim_action.assertions.temporal_logic.becoming import MOVED_M, Rest
 from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core.geometry import Twist
@@ -27,6 +28,8 @@ from sim_action.world.scene import Scene
 
 # m/s, rad/s, N and N m: a smaller command is that of a robot at rest.
 _MIN_COMMAND: Final = 1e-6
+# In any unit: a robot that has settled differs from its start by less.
+_ROUNDING: Final = 1e-4
 # rad and m: a position nearer to the start is no command to move.
 _MIN_TARGET: Final = 2e-3
 # s: a robot may not have moved yet when a shorter run ends.
@@ -105,6 +108,13 @@ def _is_motion(*values: float) -> bool:
     return any(abs(value) > _MIN_COMMAND for value in values)
 
 
+class Beginning(NamedTuple):
+    """One monitor for each expectation before the first moment, and the moments at t = 0 and after one step."""
+
+    monitors: Sequence[Window]
+    trace: Trace
+
+
 @dataclass(frozen=True, eq=False)
 class RunFacts:
     """The facts of a run that the rules need.
@@ -128,6 +138,7 @@ class RunFacts:
     unmet: Sequence[Sequence[str]]
     verdicts: Sequence[Verdict]
     monitors: Sequence[Window]
+    begin: Beginning
     bodies_moved: bool = False
     undelivered: Mapping[int, float] = field(default_factory=dict)
     why_silent: str = ""
@@ -139,12 +150,15 @@ def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[Cla
     for place, premises in zip(places, facts.unmet, strict=True):
         yield from (_unmet(premise).below(place) for premise in premises)
     standstills = list[ClaimFinding]()
-    facts_of = zip(places, scenario.expect, facts.verdicts, facts.unmet, facts.monitors, strict=True)
-    for place, expected, verdict, unmet, monitor in facts_of:
+    facts_of = zip(
+        places, scenario.expect, facts.verdicts, facts.unmet, facts.monitors, facts.begin.monitors, strict=True
+    )
+    for place, expected, verdict, unmet, monitor, opened in facts_of:
         log, limit = facts.commands, scenario.time_limit
         run = JudgedRun(scene, facts.trace, verdict, bool(unmet), log.efforts, log.wrench, log.fastest, limit)
         for finding in (*_judged_once(scenario, expected, verdict, facts.end), *expected.assertion.run_claims(run)):
             yield finding.below(place)
+        yield from (finding.below(place) for finding in _decided_at_start(expected, run, opened, facts.begin.trace))
         if verdict.status == "passed":
             yield from (finding.below(place[:2]) for finding in _of_parts(expected, run, monitor))
         if verdict.status == "passed":
@@ -173,12 +187,13 @@ def _unmet(premise: str) -> ClaimFinding:
 
 def _of_parts(expected: Expectation, run: JudgedRun, window: Window) -> Iterator[ClaimFinding]:
     """Yield the findings of the parts of a combined assertion, each with its own verdict."""
+    negated = list(expected.assertion.negated_leaves())
     for (place, leaf), monitor in zip(expected.assertion.placed_leaves(), window.leaves, strict=False):
         if leaf is not expected.assertion:
             verdict = replace(monitor.verdict().counted(window.steps), goal=leaf.is_goal)
-            yield from (
-                finding.below(place) for finding in leaf.run_claims(replace(run, verdict=verdict, is_part=True))
-            )
+            is_negated = any(leaf is other for other in negated)
+            part = replace(run, verdict=verdict, is_part=True, is_negated=is_negated)
+            yield from (finding.below(place) for finding in leaf.run_claims(part))
 
 
 def _untouched_patches(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:
@@ -198,6 +213,19 @@ def _judged_once(scenario: Scenario, expected: Expectation, verdict: Verdict, en
     if expected.before - expected.after >= 2 * step:
         message = f"was judged at one moment only, at {judged.first or 0.0:.2f} s; {expected.assertion.more_moments}"
         yield ClaimFinding("judged-once", (), message)
+
+
+def _decided_at_start(expected: Expectation, run: JudgedRun, opened: Window, early: Trace) -> Iterator[ClaimFinding]:
+    """Yield a formula, or a goal of the user's, that came true at the first moments, before anything moved."""
+    if run.verdict.status != "passed" or (expected.assertion.is_over_time and not run.verdict.goal):
+        return
+    monitor = opened.observe(early).monitor
+    margin = None if expected.assertion.is_over_time else monitor.verdict().margin
+    nearly = margin is not None and margin > -_ROUNDING
+    if monitor.is_decided if monitor.state is State.HOLDS else nearly and monitor.state is State.PENDING:
+        message = "was already true at t = 0, before anything moved, and no later moment counts"
+        use = "write 'always', an interval that begins later, or 'after'"
+        yield ClaimFinding("judged-once", (), f"{message}; {use}")
 
 
 def _standstills(assertion: Assertion, run: JudgedRun) -> Collection[ClaimFinding]:

@@ -107,8 +107,10 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         ),
         "limit-beyond-range": Rule(
             "warning",
-            "a minimum distance of `sensor` that is greater than its sensor's range; a place in `not` or `any_of` to "
-            "which no run comes in its time limit, even at 5 times the speed of its commands",
+            "a minimum distance of `sensor` that is greater than its sensor's range; a `max_error` of `follow_path` "
+            "that is longer than its path; a limit, a tolerance, or a place in `not` or `any_of`, to which no run "
+            "comes in its time limit, even if the robot runs away: at 1.5 times the speed at which its wheels and "
+            "motors reach their limits, or at 5 times that of its commands if its wheels have no limits",
         ),
         "segment-beyond-run": Rule(
             "warning", "a command segment or point that is longer or later than the run: probably in milliseconds"
@@ -119,7 +121,11 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             over_variations=True,
         ),
         "drive-never-commanded": Rule("warning", "a drive that no command source and no sensor used"),
-        "judged-once": Rule("warning", "an invariant that was judged at one moment, although the run has more"),
+        "judged-once": Rule(
+            "warning",
+            "an invariant that was judged at one moment, although the run has more; a formula, or a goal of a class of "
+            "yours, that was already decided at t = 0",
+        ),
         "nothing-in-range": Rule(
             "warning", "an invariant of `sensor`, or a formula, whose ranges or depths were all infinite"
         ),
@@ -161,7 +167,8 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         ),
         "object-never-moved": Rule(
             "warning",
-            "an `upright` or `stay_within` of `object` that held, although the object never moved, in any variation",
+            "an `upright`, `stay_within` or `not: {reach: ...}` of `object` that held, although the object never "
+            "moved, in any variation",
             over_variations=True,
         ),
         NOT_SIMULATED: Rule(
@@ -258,6 +265,10 @@ def unknown_rules(allow: Sequence[str], path: KeyPath = ()) -> SpecProblems:
 
 Findings = Iterator[ClaimFinding]
 
+# No robot is so many times faster than its wheels at their limits, or than the commands if its wheels have no limits.
+_FASTER_THAN_LIMIT: Final = 1.5
+_FASTER_THAN_COMMANDS: Final = 5.0
+
 
 @dataclass(frozen=True, slots=True)
 class Setting:
@@ -288,6 +299,7 @@ class JudgedRun:
         fastest: the greatest linear speed that was commanded, in m/s.
         time_limit: of the scenario, in s.
         is_part: True if the verdict is that of a part of an expectation that passed.
+        is_negated: True if that part must not hold.
     """
 
     scene: Scene
@@ -299,6 +311,35 @@ class JudgedRun:
     fastest: float = 0.0
     time_limit: float = 0.0
     is_part: bool = False
+    is_negated: bool = False
+
+    @property
+    def top_speed(self) -> float:
+        """The speed in m/s that the base never has, not even if it runs away; infinite if it is not known."""
+        limit, moves = self.scene.mobility.fastest, (bool(body.path) for body in self.scene.world.objects)
+        is_driven = any(moves) or any(body.surface_velocity for body in self.scene.world.objects)
+        if is_driven or self.is_pushed(()) or (math.isinf(limit) and not self.fastest):
+            return math.inf
+        observed = float(self.trace.speed.max(initial=0.0))
+        if math.isinf(limit):
+            return _FASTER_THAN_COMMANDS * max(self.fastest, observed)
+        return _FASTER_THAN_LIMIT * max(limit, observed)
+
+    @property
+    def far(self) -> float:
+        """The distance in m that the base never drives in the time limit, at its top speed."""
+        return self.top_speed * self.time_limit
+
+    def beyond_drive(self, distance: float, use: str, path: KeyPath = ()) -> Findings:
+        """Yield a distance in m to which no run comes, not even one in which the robot runs away."""
+        if distance > self.far:
+            yield self.never_so_far(use, path)
+
+    def never_so_far(self, use: str, path: KeyPath = ()) -> ClaimFinding:
+        """Return the finding on a limit or a place that is farther away than `far`."""
+        most = units.display(self.far, "m")
+        message = f"no run comes so far: a robot that runs away drives less than {most} in the time limit"
+        return ClaimFinding("limit-beyond-range", path, f"{message}; {use}")
 
     def is_pushed(self, joints: Collection[str]) -> bool:
         """Return True if a force that is not negligible acted on the robot, or an effort on one of the joints."""

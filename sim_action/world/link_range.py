@@ -7,7 +7,7 @@ between the joints: joints turn about these places, whatever their positions. On
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import pairwise, product
 from typing import Final
 
@@ -16,8 +16,8 @@ from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass
 from sim_action.core.yaml_document import KeyPath
 from sim_action.robot.model.kinematics import link_of_frame, link_poses, shape_box
-from sim_action.robot.model.robot_model import WORLD, Joint, RobotModel
-from sim_action.world.claims import ClaimFinding, Findings, beyond
+from sim_action.robot.model.robot_model import WORLD, Joint, Reading, RobotModel
+from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, beyond
 from sim_action.world.scene import Scene
 
 # Limits of sliding joints give way a little; models and sums round.
@@ -191,6 +191,27 @@ def beyond_motor(scene: Scene, name: str, reading: str, limit: float) -> str | N
     unit = joint.dimension("velocity").si
     most, stated = units.display(joint.max_velocity, unit), units.display(limit, unit)
     return f"the motor of {name} moves it with at most {most}, and the limit is {stated}; give a smaller limit"
+
+
+def joint_range_in(run: JudgedRun, name: str, reading: str) -> tuple[float, float]:
+    """Return the least and the greatest reading that a joint has in the time limit, moved by nothing but its motor."""
+    joint, (low, high) = run.scene.model.joints_by_name.get(name), joint_range(run.scene, name, reading)
+    if joint is None or reading != "position" or not joint.max_velocity or run.is_pushed((name,)):
+        return low, high
+    column = run.trace.joint_names.index(name)
+    fastest = max(joint.max_velocity, float(abs(run.trace.joint_velocity[:, column]).max(initial=0.0)))
+    start, way = float(run.trace.joint_position[0, column]), _FAR * fastest * run.time_limit
+    return max(low, start - way), min(high, start + way)
+
+
+def beyond_time(run: JudgedRun, names: Iterable[str], reading: Reading, allowed: tuple[float, float]) -> Findings:
+    """Yield the finding that joints do not leave a range of readings in the time limit."""
+    ranges = {name: joint_range_in(run, name, reading) for name in names}
+    if ranges and all(allowed[0] <= low and high <= allowed[1] for low, high in ranges.values()):
+        most = max(max(abs(low), abs(high)) for low, high in ranges.values())
+        shown = units.display(most, run.scene.model.joints_by_name[next(iter(ranges))].dimension(reading).si)
+        message = f"in the time limit, no motor turns {' or '.join(ranges)} beyond {shown}, even at its highest speed"
+        yield ClaimFinding("limit-beyond-range", (), f"{message}; give a smaller limit, or more time")
 
 
 def _between(model: RobotModel, start: str, link: str) -> list[Joint]:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+import re
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar, Final
 
 import pytest
+import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from typing_extensions import override
 
+from sim_action.app import catalogue
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor
 from sim_action.core.errors import Problem
@@ -22,6 +25,7 @@ from sim_action.state.observation import Observation
 from sim_action.world.claims import RULES, Ceiling
 from sim_action.world.scene import Scene
 from tests.scenarios import LEAST, load, problems, told
+from tests.simulation.test_unearned_passes import LIMITS_OF_RUNS
 from tests.traces import expectation
 
 WALL = "world: {objects: [{name: wall, box: [0.1, 2.0, 0.5], pose: {x: 3.0}}]}\n"
@@ -572,8 +576,71 @@ _LIMITS: Final[Mapping[str, tuple[str, float]]] = {
     "stl: always (turn_rate < LIMIT rad/s)": ("max_turn_rate", 1),
     "upright: {max_tilt: LIMIT rad}": ("half a turn", 1),
     "final_pose: {yaw: 0, yaw_tolerance: LIMIT rad}": ("half a turn", 1),
+    "reach: {x: 1, y: 0, yaw: 0, yaw_tolerance: LIMIT rad}": ("half a turn", 1),
+    "reach: {x: 1, y: 0, orientation: {tolerance: LIMIT rad}}": ("half a turn", 1),
+    "matches: {trace: golden.csv, yaw: LIMIT rad}": ("half a turn", 1),
+    "odometry_error: {yaw: LIMIT rad}": ("half a turn", 1),
+    "object: {name: crate, upright: {max_tilt: LIMIT rad}}": ("half a turn", 1),
+    "stops_before: {body: wall, gap: [0.1, 0.5], turn_rate: LIMIT rad/s}": ("max_turn_rate", 1),
+    "joint: {name: wheel_left_joint, reading: velocity, at_most: LIMIT}": ("max_turn_rate", 1),
+    "joint_within: {velocity: {wheel_left_joint: [-LIMIT, LIMIT]}}": ("max_turn_rate", 1),
+    "joint: {name: wheel_left_joint, reading: effort, at_most: LIMIT}": ("motor", 1),
+    "joint_within: {effort: {wheel_left_joint: [-LIMIT, LIMIT]}}": ("motor", 1),
+    "effort: {at_most: LIMIT N m}": ("motor", 1),
+    "effort: {rms_at_most: LIMIT N m}": ("motor", 1),
+    "sensor: {name: imu, reading: orientation_xyzw, which: norm, at_most: LIMIT}": ("unit", 1.001),
 }
 """A limit -> the key of `physics` that bounds its quantity, and the multiple of it that no run exceeds."""
+
+_CONSTANTS: Final = {"half a turn": math.pi, "motor": 10.0, "unit": 1.0}
+_WORLD: Final = WALL.replace("]}", ", {name: crate, box: [0.2, 0.2, 0.2], mass: 1 kg, pose: {y: 3}}]}") + (
+    "sensors: [odometry, {imu: {}, name: imu, rate: 20 Hz}]\n"
+)
+
+_UNLIMITED: Final[Mapping[str, str]] = {
+    "contact.at_most": "nothing bounds a force; a limit on a body that was never touched is a warning",
+    "contact.impulse": "as contact.at_most",
+    "contact.window": "a way to measure, as its longest value is stated",
+    "grasped.slip": "nothing bounds the speed of an object",
+    "matches.duration": "a run of the same length always passes; positions are compared as well",
+    "matches.joints": "a joint without stops turns as far as it likes in the time of a golden run",
+    "matches.rate": "a way to write files",
+    "object.settled": "nothing bounds the speed of an object",
+    "odometry_error.drift": "wheels that spin in place make any share",
+    "stops_before.gap": "it must also stop, and not touch",
+    "feet_on_ground.at_most": "refused from the number of feet on, see tests/assertions/test_legs.py",
+}
+"""Upper limits and tolerances without a greatest value, or that are tested elsewhere, and why."""
+
+_LOWER: Final = frozenset(
+    {
+        *("contact.at_least", "grasped.at_least", "clearance.at_least", "feet_on_ground.at_least"),
+        *("support_margin.at_least", "joint.at_least", "joint.near", "sensor.at_least", "clearance.at_most"),
+        *(f"{name}.at_least" for name in ("travel", "path_length")),
+        *(f"{name}.for" for name in ("settled", "contact", "stops_before", "grasped")),
+        *(f"{name}.{axis}" for name in ("reach", "final_pose") for axis in ("x", "y", "z", "yaw")),
+        *("follow_path.path", "follow_path.end", "final_pose.orientation", "object.reach"),
+    }
+)
+"""Goals and places: beyond what is possible, they fail."""
+
+
+def test_each_limit_of_an_assertion_is_tested_or_has_a_reason() -> None:
+    numeric = {
+        f"{entry.name}.{key.name}"
+        for entry in catalogue.assertions()
+        for key in entry.fields
+        if re.search(r"[(][a-zA-Z]|number|[{]", key.takes)
+    }
+    stated = {
+        f"{name}.{key}"
+        for expect in (*_LIMITS, *LIMITS_OF_RUNS)
+        for name, keys in yaml.safe_load(expect).items()
+        if isinstance(keys, dict)
+        for key in keys
+    }
+    alike = {"stay_within.y", "stay_within.z", "joint.tolerance"}
+    assert numeric == (numeric & stated) | alike | _LOWER | set(_UNLIMITED)
 
 
 @pytest.mark.parametrize("expect", _LIMITS)
@@ -589,16 +656,16 @@ def test_a_limit_beyond_what_any_run_reaches_is_refused(
     head = "# sim-action golden trajectory 1: turtlebot3_burger\ntime_s,x_m,y_m,z_m,yaw_rad\n"
     (tmp_path / "golden.csv").write_text(f"{head}0.0,0.0,0.0,0.0,0.0\n0.1,0.1,0.0,0.0,0.0\n")
     key, multiple = _LIMITS[expect]
-    physics = "" if key == "half a turn" else f"physics: {{{key}: {most}}}\n"
-    reachable = (math.pi if key == "half a turn" else most) * multiple
+    physics = "" if key in _CONSTANTS else f"physics: {{{key}: {most}}}\n"
+    reachable = _CONSTANTS.get(key, most) * multiple
 
     def text(limit: float) -> str:
         stated = expect.replace("START + LIMIT", f"{start + limit:.4f}").replace("LIMIT", f"{limit:.4f}")
         stated = stated.replace("-1000000", f"{start - 2 * limit:.4f}")
         placed = f"model: turtlebot3_burger\n  pose: {{x: {start}}}\n"
-        return scenario(stated, WALL + physics).replace("model: turtlebot3_burger\n", placed)
+        return scenario(stated, _WORLD + physics).replace("model: turtlebot3_burger\n", placed)
 
     refused = errors(tmp_path, text(reachable * beyond))
     assert {rule for _, rule in refused} <= {"unreachable-limit", "unreachable-target"}
     assert len(refused) == 1
-    assert load(tmp_path, text(0.4 * most if multiple > 1 else 0.4 * reachable))
+    assert load(tmp_path, text(0.4 * min(most, reachable)))

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
 
 from sim_action.core.errors import InvalidScenario
 from sim_action.engines import installed
@@ -57,6 +59,26 @@ def world(more: str) -> str:
     return f"{BURGER}{DRIVE}world: {{{more}}}\n"
 
 
+PUSHES: Final = objects("{name: crate, box: [0.2, 0.2, 0.2], mass: 200 g, pose: {x: 0.25, z: 0.1}}")
+HUSKY: Final = "robot: {model: husky_a200}\n" + DRIVE
+CRATE: Final = objects("{name: crate, box: [0.2, 0.2, 0.2], mass: 1 kg, pose: {x: 2, y: 1}}")
+MOVING: Final = """\
+from sim_action import Verdict
+
+
+class AtOnce:
+    kind = "goal"
+
+    def judge(self, trace):
+        return Verdict(passed=bool(trace.base_position_xyz[-1, 0] >= -0.01))
+
+
+class Later(AtOnce):
+    def judge(self, trace):
+        return Verdict(passed=bool(trace.base_position_xyz[-1, 0] >= 0.1))
+"""
+
+
 class Kind(NamedTuple):
     """The rule for a kind of lie; and lies and honest scenarios: a head and what it expects."""
 
@@ -99,8 +121,10 @@ KINDS: Final[Mapping[str, Kind]] = {
             (DRIVES, "stl: always (clearance > 30 cm or speed < 1 cm/s)"),
             (DRIVES, "stl: always (not (x > 1 m and speed > 0.5 m/s))"),
             (DRIVES, "stl: always (tilt < 5 deg or speed < 0.3 m/s)"),
+            (BUMPER, "stl: always (bump.force < 50 N)"),
         ),
         (
+            (BUMPER.replace("x: 2", "x: 0.3"), "stl: always (bump.force < 500 N)"),
             (DRIVES, "stl: always (x < 0.1 m or speed > 0.1 m/s)"),
             (DRIVES, "stl: always (not (x > 0.1 m and abs(y) > 5 cm))"),
         ),
@@ -265,9 +289,11 @@ KINDS: Final[Mapping[str, Kind]] = {
         (
             (DRIVES, "not: {reach: {x: 50, y: 0}}"),
             (DRIVES, "not: {final_pose: {x: 50}}"),
-            (DRIVES, "any_of: [{reach: {x: 3, y: 0}}, {travel: {at_most: 1 m}}]"),
+            (DRIVES, "any_of: [{reach: {x: 9, y: 0}}, {travel: {at_most: 1 m}}]"),
+            (DRIVES, "final_pose: {x: 0.3, y: 0, tolerance: 9 m}"),
         ),
         (
+            (DRIVES, "final_pose: {x: 0.3, y: 0, tolerance: 30 cm}"),
             (DRIVES, "not: {reach: {x: 1, y: 0}}"),
             (
                 DRIVES.replace("burger", "burger, pose: {x: 90}").replace("x: 2}", "x: 92}"),
@@ -275,6 +301,83 @@ KINDS: Final[Mapping[str, Kind]] = {
             ),
             (DRIVES, "any_of: [{reach: {x: 0.1, y: 0}}, {reach: {x: 1, y: 0}}]"),
             (GUARD, "all_of: [{not: {reach: {x: 1, y: 0}}}, {travel: {at_most: 1 cm}}]"),
+        ),
+    ),
+    "a distance that no run drives in its time": Kind(
+        "limit-beyond-range",
+        (
+            (DRIVES, "travel: {at_most: 10 m}"),
+            (DRIVES, "path_length: {at_most: 50 m}"),
+            (DRIVES, "not: {travel: {at_least: 10 m}}"),
+            (DRIVES, "all_of: [{path_length: {at_most: 50 m}}, {travel: {at_least: 10 cm}}]"),
+            (DRIVES, "stay_within: {x: [-100 m, 100 m], y: [-20, 20]}"),
+            (DRIVES, "follow_path: {path: [{x: 0, y: 0}, {x: 0.3, y: 0}], max_error: 20 m}"),
+            (DRIVES, "stl: always (x < 50 m and abs(y) < 30 m)"),
+            (DRIVES, "stl: always (travel + abs(y) < 99 m)"),
+            (DRIVES, "follow_path: {path: [{x: 0, y: 0}, {x: 0.001, y: 0}], max_error: 50 cm}"),
+            (DRIVES, "max_speed: {linear: 50 m/s}"),
+            (DRIVES, "energy: {at_most: 100 kJ}"),
+            (DRIVES, "matches: {trace: golden.csv, position: 50 m, duration: 10 s}"),
+            (DRIVES, "joint: {name: wheel_left_joint, at_most: 100000 deg}"),
+            (DRIVES, "not: {joint: {name: wheel_left_joint, at_least: 100000 deg}}"),
+            (DRIVES, "joint_within: {position: {'wheel_*_joint': [-100000 deg, 100000 deg]}}"),
+            (DRIVES, "stl: always (position(wheel_left_joint) < 100000 deg)"),
+            (DRIVES + "sensors: [odometry]\n", "odometry_error: {position: 5 km}"),
+            (PUSHES, "object: {name: crate, stay_within: {x: [-500, 500]}}"),
+            (PUSHES, "object: {name: crate, moved: {at_most: 1 km}}"),
+            (PUSHES, "not: {object: {name: crate, reach: {x: 500, y: 0}}}"),
+            (HUSKY, "travel: {at_most: 3 m}"),
+        ),
+        (
+            (HUSKY, "travel: {at_most: 1.7 m}"),
+            (DRIVES, "stl: always (x < 3 m)"),
+            (DRIVES, "travel: {at_most: 5 m}"),
+            (DRIVES, "not: {reach: {x: 4, y: 3}}"),
+            (DRIVES, "stay_within: {x: [-4 m, 5 m], y: [-5 m, 5 m]}"),
+            (DRIVES, "joint: {name: wheel_left_joint, at_most: 3600 deg}"),
+            (PUSHES, "object: {name: crate, stay_within: {x: [-1 m, 3 m]}}"),
+            (DRIVES, "travel: {at_most: 1 m}"),
+            (DRIVES, "travel: {at_least: 10 cm, at_most: 50 m}"),
+            (DRIVES, "stay_within: {x: [-100 m, 100 m], y: [-0.2, 0.2]}"),
+            (DRIVES, "stl: always (x < 50 m and abs(y) < 30 cm)"),
+            (world("disturbances: [{at: 0.3 s, for: 0.1 s, force: [0, 5, 0]}]"), "travel: {at_most: 50 m}"),
+        ),
+    ),
+    "true before anything moved": Kind(
+        "judged-once",
+        (
+            (DRIVES, "stl: eventually (x >= 0 m)"),
+            (DRIVES, "stl: eventually (speed < 1 cm/s or x > 1 m)"),
+            (DRIVES, "stl: (speed < 1 m/s) until (travel < 10 cm)"),
+            (DRIVES, "stl: 'always[0 s, 0 s] (clearance > 10 cm)'"),
+            (DRIVES, "stl: x < 10 cm"),
+            (DRIVES, "not: {stl: always (x < -1 m)}"),
+            (DRIVES, "any_of: [{stl: eventually (x >= -1 cm)}, {travel: {at_least: 5 m}}]"),
+            (DRIVES, "assertion: moving.py:AtOnce"),
+        ),
+        (
+            (DRIVES, "stl: eventually (x >= 10 cm)"),
+            (DRIVES, "stl: eventually (x >= 0 m and speed > 10 cm/s)"),
+            (DRIVES, "stl: 'eventually[0.2 s, 0.6 s] (x >= 0 m)'"),
+            (DRIVES, "stl: always (x < 0.5 m)"),
+            (DRIVES, "any_of: [{stl: always (x < -1 m)}, {travel: {at_least: 10 cm}}]"),
+            (DRIVES, "assertion: moving.py:Later"),
+        ),
+    ),
+    "an object that stays where it is": Kind(
+        "object-never-moved",
+        (
+            (CRATE, "not: {object: {name: crate, reach: {x: 3, y: 1}}}"),
+            (CRATE, "all_of: [{not: {object: {name: crate, reach: {x: 3, y: 1}}}}, upright]"),
+            (CRATE.replace("x: 2", "x: 20"), "object: {name: crate, moved: {at_most: 1 cm}}"),
+        ),
+        (
+            (CRATE, "object: {name: crate, moved: {at_most: 1 cm}}"),
+            (CRATE, "any_of: [{object: {name: crate, reach: {x: 3, y: 1}}}, {travel: {at_least: 10 cm}}]"),
+            (
+                CRATE.replace("y: 1", "y: 0").replace("x: 2", "x: 0.3"),
+                "not: {object: {name: crate, reach: {x: 3, y: 1}}}",
+            ),
         ),
     ),
     "nothing drives the robot": Kind(
@@ -313,8 +416,13 @@ KINDS: Final[Mapping[str, Kind]] = {
             (DRIVES, "stl: always (force(wall) < 10 N)"),
             (DRIVES, "all_of: [{stl: always (force(wall) < 10 N)}, upright]"),
             (BUMPER, "sensor: {name: bump, reading: force, at_most: 50 N}"),
+            (DRIVES, "not: {contact: {with: wall, at_least: 5000 N}}"),
+            (DRIVES, "all_of: [{not: {contact: {with: wall, impulse: {at_least: 5 N s}}}}, upright]"),
         ),
         (
+            (DRIVES, "not: {contact: {with: wall}}"),
+            (DRIVES, "not: {not: {not: {contact: {with: wall}}}}"),
+            (DRIVES, "any_of: [{contact: {with: wall, at_least: 5 N}}, {travel: {at_least: 10 cm}}]"),
             (DRIVES.replace("x: 2", "x: 0.3"), "all_of: [{contact: {with: wall, at_most: 500 N}}, upright]"),
             (DRIVES.replace("x: 2", "x: 0.3"), "stl: always (force(wall) < 500 N)"),
             (BUMPER.replace("x: 2", "x: 0.3"), "sensor: {name: bump, reading: force, at_most: 500 N}"),
@@ -355,13 +463,14 @@ def golden(folder: Path, name: str, speed: float, end: float) -> None:
     (folder / name).write_text(head + rows)
 
 
-def rules(folder: Path, head: str, expect: str, engine: str) -> set[str]:
+def rules(folder: Path, head: str, expect: str, engine: str, time_limit: float = 1.2) -> set[str]:
     """Return the rules that refuse a scenario, or that its run has findings of; "failed" if it did not pass."""
     golden(folder, "golden.csv", 0.19, 6.0)
     golden(folder, "short.csv", 0.19, 1.2)
     golden(folder, "rest.csv", 0.0, 1.2)
     (folder / "guard.py").write_text(SCRIPT)
-    text = f"name: a\nbackend: {engine}\n{head}expect:\n  - {expect}\ntime_limit: 1.2 s\n"
+    (folder / "moving.py").write_text(MOVING)
+    text = f"name: a\nbackend: {engine}\n{head}expect:\n  - {expect}\ntime_limit: {time_limit} s\n"
     try:
         loaded = load(folder, text)
     except InvalidScenario as error:
@@ -389,3 +498,46 @@ def test_a_pass_that_was_not_earned_has_a_finding(
 @pytest.mark.parametrize(("head", "expect"), [case for kind in KINDS.values() for case in kind.honest])
 def test_an_honest_scenario_has_none(head: str, expect: str, engine: str, tmp_path: Path) -> None:
     assert rules(tmp_path, head, expect, engine) == set()
+
+
+LIMITS_OF_RUNS: Final[Mapping[str, float]] = {
+    "travel: {at_most: LIMIT m}": 1,
+    "not: {travel: {at_least: LIMIT m}}": 1,
+    "path_length: {at_most: LIMIT m}": 1,
+    "stay_within: {x: [-LIMIT, LIMIT], y: [-LIMIT, LIMIT]}": 1,
+    "not: {reach: {x: LIMIT m, y: 0}}": 1.02,
+    "final_pose: {x: 0, y: 0, tolerance: LIMIT m}": 1,
+    "follow_path: {path: [{x: 0, y: 0}, {x: 9000, y: 0}], max_error: LIMIT m, rms: LIMIT m}": 1,
+    "matches: {trace: rest.csv, position: LIMIT m, duration: 9 s}": 1.1,
+    "odometry_error: {position: LIMIT m}": 2,
+    "stl: always (x < LIMIT m)": 1,
+    "stl: always (travel < LIMIT m and abs(y) < LIMIT m)": 1,
+    "object: {name: crate, moved: {at_most: LIMIT m}}": 1,
+    "object: {name: crate, stay_within: {y: [-LIMIT, LIMIT]}}": 1,
+    "not: {object: {name: crate, reach: {x: LIMIT m, y: 0}}}": 1.15,
+    "joint: {name: wheel_left_joint, at_most: LIMIT rad}": 1 / 0.033,
+    "joint_within: {position: {wheel_left_joint: [-LIMIT, LIMIT rad]}}": 1 / 0.033,
+    "stl: always (position(wheel_left_joint) < LIMIT rad)": 1 / 0.033,
+    "energy: {at_most: LIMIT J}": 2 * 10 * 100 / (1.5 * 3.3),
+}
+"""A limit -> the multiple of the distance of a robot that runs away which no run exceeds."""
+
+
+@pytest.mark.parametrize("expect", LIMITS_OF_RUNS)
+@pytest.mark.parametrize("engine", installed())
+@settings(
+    max_examples=2,
+    phases=[Phase.generate],
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    deadline=None,
+)
+@given(speed=st.floats(0.05, 0.3), time_limit=st.floats(0.3, 0.6), beyond=st.floats(1.3, 1000))
+def test_a_limit_beyond_a_robot_that_runs_away_has_a_finding(
+    expect: str, engine: str, tmp_path: Path, *, speed: float, time_limit: float, beyond: float
+) -> None:
+    far = 1.5 * 100 * 0.033 * time_limit * LIMITS_OF_RUNS[expect]
+    head = PUSHES.replace("linear: 0.2", f"linear: {speed}") + "sensors: [odometry]\n"
+    for share in (beyond, 0.9):
+        asked = re.sub(r"LIMIT(?! )", f"{share * far}", expect).replace("LIMIT", f"{share * far}")
+        findings = rules(tmp_path, head, asked, engine, time_limit)
+        assert bool(findings & {"limit-beyond-range", "unreachable-limit"}) == (share > 1), (share, findings)

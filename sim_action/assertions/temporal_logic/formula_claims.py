@@ -49,14 +49,16 @@ from sim_action.robot.model.robot_model import WORLD, RobotModel
 from sim_action.sensors import sensor_named
 from sim_action.state.readings import DISTANCES, ReadingColumn
 from sim_action.world import GROUND, Physics
-from sim_action.world.claims import IN_RANGE, ClaimFinding, Findings, Setting
-from sim_action.world.link_range import ROUNDING_M, joint_range, range_of
+from sim_action.world.claims import IN_RANGE, ClaimFinding, Findings, JudgedRun, Setting
+from sim_action.world.link_range import ROUNDING_M, joint_range, joint_range_in, range_of
 
 if TYPE_CHECKING:
     from sim_action.state.trace import Trace
     from sim_action.world.scene import Scene
 
 _AXES: Final = "xyz"
+# N: a contact sensor that reads less felt nothing.
+_FELT_N: Final = 1e-3
 # m: in a formula, an infinite range is 1e9 m.
 _IN_RANGE_M: Final = 1e8
 _OPPOSITE: Final[dict[Relation, Relation]] = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
@@ -101,14 +103,19 @@ def premises(formula: Formula) -> tuple[Premise, ...]:
     """Return the premises that make a formula true if they never hold, also of `or` and `not (a and b)` in `always`.
 
     `always (a or b)` says nothing about b if a always holds by itself: its premises are `not a` and `not b`. A distance
-    of a sensor is compared only if something is in range.
+    of a sensor is compared only if something is in range, and its force only if it felt one.
     """
     seen = (
         Premise(Comparison(signal, "<", Number(_IN_RANGE_M)), Interval(), signal.names[0])
         for signal in signals_of(formula)
         if signal.source == "sensor" and signal.name in DISTANCES and "max" not in signal.names
     )
-    return (*seen, *_premises(formula, Interval(0.0, 0.0), contrary=False, throughout=False))
+    felt = (
+        Premise(Comparison(signal, ">", Number(_FELT_N)), Interval())
+        for signal in signals_of(formula)
+        if signal.source == "sensor" and signal.name == "force"
+    )
+    return (*seen, *felt, *_premises(formula, Interval(0.0, 0.0), contrary=False, throughout=False))
 
 
 def _premises(formula: Formula, when: Interval, *, contrary: bool, throughout: bool) -> Iterator[Premise]:
@@ -227,6 +234,21 @@ def audit_forces(formula: Formula, trace: Trace) -> Findings:
             use = f"let it touch {body}, or use no_collision if it must not"
             yield ClaimFinding("never-touched", (), f"{message}; {use}")
             return
+
+
+def audit_distances(formula: Formula, run: JudgedRun) -> Findings:
+    """Yield a formula that is true wherever the base drives, and its joints turn, in the time limit."""
+    far, start = run.far, run.scene.placement
+    near = {"travel": (0.0, far), "speed": (0.0, run.top_speed)}
+    near |= {axis: (begin - far, begin + far) for axis, begin in (("x", start.x), ("y", start.y))}
+
+    def possible(signal: Signal) -> Range:
+        if signal.joint:
+            return joint_range_in(run, signal.joint, signal.name)
+        return near.get(signal.name, ANYTHING) if signal.source == "robot" else possible_in_scene(run.scene, signal)
+
+    if not can_be(formula, possible, true=False):
+        yield run.never_so_far("give smaller limits, or more time")
 
 
 def _bare_joint_angles(formula: Formula, model: RobotModel) -> Findings:

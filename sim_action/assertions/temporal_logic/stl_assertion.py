@@ -24,6 +24,7 @@ from sim_action.assertions.temporal_logic.formula import (
 )
 from sim_action.assertions.temporal_logic.formula_claims import (
     asks_for_rest,
+    audit_distances,
     audit_forces,
     audit_formula,
     audit_formula_of_robot,
@@ -168,6 +169,7 @@ class Stl(Assertion):
         # A premise that never held is a finding of its own.
         if run.verdict.status == "passed" and not run.lacks_premise:
             yield from audit_forces(self.parsed, run.trace)
+            yield from audit_distances(self.parsed, run)
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:

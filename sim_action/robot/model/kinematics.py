@@ -211,6 +211,7 @@ class Mobility:
         acceleration: m/s^2, limit of the forward acceleration.
         turn_acceleration: rad/s^2, limit of the angular acceleration when it turns in place.
         wheelbase: m, from the fixed axle to the steered one; 0 if no wheel is steered.
+        fastest: m/s, the speed at the rim of the fastest wheel at the limit of its joint; inf without such limits.
     """
 
     heading: float = 0.0
@@ -219,6 +220,7 @@ class Mobility:
     acceleration: float = 1.0
     turn_acceleration: float = 1.0
     wheelbase: float = 0.0
+    fastest: float = math.inf
 
     @property
     def turns_in_place(self) -> bool:
