@@ -7,10 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal, Self, get_args
 
-from pydantic import Field, JsonValue
+from pydantic import AfterValidator, Field, JsonValue
 
 from sim_action.core.errors import ExitCode, InternalError, InvalidScenario, Location, MissingScenario, Problem
-from sim_action.core.field_types import FrozenModel
+from sim_action.core.field_types import MAX_TEXT, FrozenModel
 from sim_action.core.provenance import Provenance
 from sim_action.core.wording import escaped_line
 from sim_action.scenario.model import Severity, Unexercised
@@ -27,7 +27,13 @@ Count = Annotated[int, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
-class GateStatistics(FrozenModel):
+def _bounded(location: Location) -> Location:
+    if len(location.file) > MAX_TEXT:
+        raise ValueError(f"the name of a file has more than {MAX_TEXT} characters")
+    return location
+
+
+class GateStatistics(FrozenModel, str_max_length=MAX_TEXT):
     """The counts of a gate.
 
     Attributes:
@@ -104,7 +110,7 @@ NOT_FOUND: Final = "not found"
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
-class Failure(FrozenModel):
+class Failure(FrozenModel, str_max_length=MAX_TEXT):
     """The reason why a scenario has no verdict.
 
     Attributes:
@@ -117,7 +123,7 @@ class Failure(FrozenModel):
     kind: FailureKind
     title: str
     message: str
-    location: Location | None = None
+    location: Annotated[Location, AfterValidator(_bounded)] | None = None
     details: str = ""
     time: float | None = None
 
@@ -127,14 +133,14 @@ class Failure(FrozenModel):
         return cls(kind=fault.kind, title=fault.title, message=str(fault), details=fault.details)
 
 
-class Diagnostic(FrozenModel):
+class Diagnostic(FrozenModel, str_max_length=MAX_TEXT):
     """A message that the engine printed while it loaded or simulated."""
 
     level: Literal["warning", "error", "note"]
     message: str
 
 
-class Scope(FrozenModel):
+class Scope(FrozenModel, str_max_length=MAX_TEXT):
     """The keys of an expectation that say what part of a run it judges.
 
     Attributes:
@@ -196,7 +202,7 @@ def _allowed(assertion: Assertion) -> set[str]:
     return found.union(*(_allowed(part) for _, part in getattr(assertion, "placed_parts", ())))
 
 
-class ExpectationOutcome(FrozenModel):
+class ExpectationOutcome(FrozenModel, str_max_length=MAX_TEXT):
     """One expectation and its verdict.
 
     Attributes:
@@ -208,7 +214,7 @@ class ExpectationOutcome(FrozenModel):
     name: str
     assertion: str
     severity: Severity
-    location: Location
+    location: Annotated[Location, AfterValidator(_bounded)]
     verdict: Verdict
     unexercised: Unexercised = "error"
     scope: Scope | None = None
@@ -248,7 +254,7 @@ class ExpectationOutcome(FrozenModel):
         return self.status == "warned"
 
 
-class Measurement(FrozenModel):
+class Measurement(FrozenModel, str_max_length=MAX_TEXT):
     """A value that a run measured for information. It has no limit, so it is neither a pass nor a failure.
 
     Attributes:
@@ -274,7 +280,7 @@ def status_of(expectations: Iterable[ExpectationOutcome]) -> Status:
     return next((status for status in _WORSE if status in statuses), "passed")
 
 
-class Repeats(FrozenModel):
+class Repeats(FrozenModel, str_max_length=MAX_TEXT):
     """The repeated runs of one scenario, each in a fresh interpreter.
 
     Attributes:
@@ -290,7 +296,7 @@ class Repeats(FrozenModel):
     replay: str | None = None
 
 
-class Outcome(FrozenModel):
+class Outcome(FrozenModel, str_max_length=MAX_TEXT):
     """The result of running one scenario.
 
     Attributes:

@@ -18,7 +18,7 @@ from pydantic_core import PydanticSerializationError
 
 from sim_action.core.discovery import paths_of, unique
 from sim_action.core.errors import ExitCode, UsageError
-from sim_action.core.field_types import FrozenModel
+from sim_action.core.field_types import MAX_TEXT, FrozenModel
 from sim_action.core.files import read_at_most, whole_file
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
@@ -111,7 +111,7 @@ _FORMER_ENDS: Final = {
 """The values of `end` in version 1 -> those since version 2."""
 
 
-class Results(FrozenModel):
+class Results(FrozenModel, str_max_length=MAX_TEXT):
     """The results of one call of `sim-action`; `results.json` is this object as JSON.
 
     Attributes:

@@ -275,6 +275,37 @@ def test_a_broken_one_is_named_in_one_line(shards: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("change", "place"),
+    [
+        ({"name": "x" * 200_001}, "outcomes.0.name"),
+        ({"notes": ["short", "x" * 200_001]}, "outcomes.0.notes.1"),
+        (
+            {
+                "failures": [
+                    {
+                        "kind": "crash",
+                        "title": "",
+                        "message": "",
+                        "location": {"file": "x" * 200_001, "line": 1, "column": 1},
+                    }
+                ]
+            },
+            "outcomes.0.failures.0.location",
+        ),
+    ],
+)
+def test_texts_have_a_limit(shards: Path, change: dict[str, object], place: str) -> None:
+    path = shards / "1" / "results.json"
+    written = json.loads(path.read_text())
+    written["outcomes"][0] |= change
+    path.write_text(json.dumps(written))
+    message = refused("shards/1")
+    assert message.startswith(f"shards/1/results.json is not a valid results file: {place}")
+    assert "200000 characters" in message
+    assert len(message) < 300
+
+
+@pytest.mark.parametrize(
     "change",
     [
         {"expectations": []},

@@ -278,11 +278,12 @@ def _recorded(storages: Sequence[_Storage], wanted: Wanted) -> Recorded:
     content_of, decoded = TYPES[connections[0].msgtype].content, _decoder(connections)
     rows: list[TimedRow] = []
     read = 0
+    too_many = f"the log has more than {MAX_ROWS:,} messages of '{topic}': keep only the part to replay"
+    if sum(connection.msgcount for connection in connections) > MAX_ROWS:
+        raise RecordingError(too_many)
     for connection, receipt, data in (each for storage in storages for each in _messages(storage, connections)):
         if read == MAX_ROWS:
-            raise RecordingError(
-                f"the log has more than {MAX_ROWS:,} messages of '{topic}': keep only the part to replay"
-            )
+            raise RecordingError(too_many)
         read += 1
         try:
             message = decoded(connection, data)
