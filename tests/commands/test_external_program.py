@@ -38,6 +38,7 @@ from sim_action.state.command import JointTargets, LinkWrench, commands_of, is_f
 from sim_action.state.observation import Contact, JointState, LinkState, Observation
 from sim_action.state.readings import ContactReading, ImuReading, OdometryReading, Reading
 from tests.scenarios import LEAST, load, told
+from tests.soak import examples
 from tests.traces import START, scene
 
 COMMANDS = "  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n"
@@ -575,6 +576,7 @@ answers = st.fixed_dictionaries(
 )
 
 
+@examples(100)
 @given((json_values | answers).map(lambda value: json.dumps(value).encode()) | st.binary())
 @example(b'{"twist": {"linear": 1e308}}')
 def test_whatever_is_answered_is_a_command_or_an_error(line: bytes) -> None:

@@ -23,6 +23,7 @@ from tests.integration.github import (
     Runner,
     base_python,
 )
+from tests.soak import soaked
 
 CUBE = """<mujoco><worldbody>
 <body name="cube"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="1"/></body></worldbody>
@@ -202,7 +203,10 @@ def test_other_machines_are_told_what_to_do_before_anything_is_installed(
     assert "macos-latest" in annotation.message
 
 
-@pytest.mark.parametrize(("system", "arch"), [("Linux", "ARM64"), ("macOS", "ARM64"), ("Windows", "X64")])
+@pytest.mark.parametrize(
+    ("system", "arch"),
+    soaked([("Linux", "ARM64"), ("macOS", "ARM64"), ("Windows", "X64")], short=[("Windows", "X64")]),
+)
 def test_machines_for_which_an_engine_has_wheels_are_let_in(
     tmp_path: Path, runner_temp: Path, system: str, arch: str
 ) -> None:
@@ -224,8 +228,8 @@ def test_set_up_time_is_told(runner: Runner) -> None:
     "settings",
     [
         {"PIP_TARGET": "elsewhere"},
-        {"PIP_PREFIX": "elsewhere", "PIP_USER": "1"},
-        {"PIP_ROOT": "elsewhere", "PIP_DRY_RUN": "1"},
+        pytest.param({"PIP_PREFIX": "elsewhere", "PIP_USER": "1"}, marks=pytest.mark.soak),
+        pytest.param({"PIP_ROOT": "elsewhere", "PIP_DRY_RUN": "1"}, marks=pytest.mark.soak),
         {"PIP_REQUIRE_VIRTUALENV": "true", "PIP_PYTHON": "/nowhere"},
     ],
     ids="+".join,

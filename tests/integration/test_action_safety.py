@@ -59,10 +59,10 @@ HOSTILE_CHOICES = [
 CHATTER = "::error::forged\n##[error]forged\n::set-output name=conclusion::forged\n::stop-commands::forged\n"
 
 
-# Each text comes once in the short form, each choice once with one of the texts.
+# Each text comes once in the short form, every other choice once with one of the texts.
 SOME_HOSTILE = [HOSTILE[0], HOSTILE[5], HOSTILE[7]]
 HOSTILE_BY_CHOICE = list(itertools.product(CHOICES, HOSTILE_CHOICES))
-SOME_HOSTILE_BY_CHOICE = list(zip(CHOICES, itertools.cycle(HOSTILE_CHOICES), strict=False))
+SOME_HOSTILE_BY_CHOICE = list(zip(CHOICES, itertools.cycle(HOSTILE_CHOICES), strict=False))[::2]
 
 
 @pytest.mark.parametrize("text", soaked(HOSTILE, short=[*SOME_HOSTILE, HOSTILE[8]]))

@@ -220,6 +220,7 @@ def test_a_caller_that_is_killed_leaves_no_worker_behind(tmp_path: Path) -> None
     wait_until(lambda: gone(pids))
 
 
+@pytest.mark.soak
 def test_a_scenario_that_kills_its_worker_three_times_is_an_error(tmp_path: Path) -> None:
     script(tmp_path, "kills", KILLS)
     (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=1))
@@ -284,7 +285,7 @@ def test_a_cluster_that_is_there_runs_scenarios_and_keeps_their_workspace(tmp_pa
     project.mkdir()
     (project / "drives.sim.yml").write_text(DRIVES.format(samples=2))
     with worker(scheduler, tmp_path / "scratch"):
-        results = [run(project, "--cluster", scheduler, "--output-dir", "there") for _ in range(2)]
+        results = [run(project, "--cluster", scheduler, "--no-report", "--output-dir", "there") for _ in range(2)]
         assert [result.returncode for result in results] == [0, 0], results[0].stderr
         assert len(list((tmp_path / "scratch").rglob("drives.sim.yml"))) == 1
 

@@ -83,8 +83,8 @@ FOLLOWERS: Final = (
     ),
 )
 KNOWN: Final = {known.name: known for known in (BURGER, *ROBOTS)}
-# Both husky and r2d2 have skid steer; r2d2 takes three times as long.
-MARKS: Final = {"burger": (), "r2d2": (pytest.mark.pybullet, pytest.mark.soak)}
+# Both husky and r2d2 have skid steer; r2d2 takes three times as long. The car drives in test_drives.py, too.
+MARKS: Final = {"burger": (), **dict.fromkeys(("r2d2", "racecar"), (pytest.mark.pybullet, pytest.mark.soak))}
 
 
 def run(folder: Path, follower: Follower, engine: str) -> SimulationRun:

@@ -100,10 +100,13 @@ ROBOTS_DRIVEN: Final = (
     ),
 )
 
+# Both husky and r2d2 have skid steer; r2d2 takes three times as long.
+MARKS: Final = {"burger": (), "r2d2": (pytest.mark.pybullet, pytest.mark.soak)}
+
 every_robot = pytest.mark.parametrize(
     "robot",
     [
-        pytest.param(robot, marks=() if robot.name == "burger" else pytest.mark.pybullet, id=robot.name)
+        pytest.param(robot, marks=MARKS.get(robot.name, (pytest.mark.pybullet,)), id=robot.name)
         for robot in ROBOTS_DRIVEN
     ],
 )

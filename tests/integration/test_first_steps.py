@@ -6,6 +6,8 @@ import re
 import subprocess
 from pathlib import Path
 
+import pytest
+
 from tests.integration.conftest import ACTION
 from tests.integration.github import CacheStore, WorkflowResult, run_workflow
 
@@ -21,6 +23,7 @@ def named(path: str) -> str:
     return text
 
 
+@pytest.mark.soak
 def test_a_new_repository_goes_green_red_and_green_again(tmp_path: Path, runner_temp: Path) -> None:
     repository = tmp_path / "robot"
     for path in (WORKFLOW, SCENARIO):

@@ -125,7 +125,7 @@ def end(trace: Trace) -> tuple[float, float, float]:
 
 
 @on_every_engine
-@pytest.mark.parametrize("turned", TURNS)
+@pytest.mark.parametrize("turned", [TURNS[0], *(pytest.param(turned, marks=pytest.mark.soak) for turned in TURNS[1:])])
 def test_a_motion_ends_at_the_same_place_in_every_form(
     engine: str, turned: tuple[float, float], tmp_path: Path
 ) -> None:

@@ -178,6 +178,7 @@ def test_a_base_run(tmp_path: Path) -> None:
     assert looked(tmp_path / "new/report.html", *checks) == dict.fromkeys(checks, "")
 
 
+@pytest.mark.soak
 def test_a_base_run_that_ended_earlier(tmp_path: Path) -> None:
     before, now = (
         outcome("a.sim.yml").model_copy(
@@ -195,6 +196,7 @@ def test_a_report_in_a_notebook(broken: Path, tmp_path: Path) -> None:
     look("links in the frame of a notebook stay in it", tmp_path / "notebook.html")
 
 
+@pytest.mark.soak
 def test_an_outcome_in_a_notebook(tmp_path: Path) -> None:
     ran = outcome("cart.sim.yml").model_copy(update={"replay": kept(drive(), tmp_path, "cart")})
     made = outcome_page(ran, report_options(tmp_path))
@@ -229,6 +231,7 @@ def test_a_run_that_goes_on(tmp_path: Path) -> None:
         assert looked(server.address, LIVE) == {LIVE: ""}
 
 
+@pytest.mark.soak
 def test_runs_that_part(tmp_path: Path) -> None:
     flaky = WALL.format(name="burger", more="", limit="2 s").replace("twist: [{linear: 1.0}]", "script: wanders.py")
     (tmp_path / "a.sim.yml").write_text(flaky, encoding="utf-8")
@@ -239,6 +242,7 @@ def test_runs_that_part(tmp_path: Path) -> None:
     look("opens where runs parted", tmp_path / "sim-results/report.html")
 
 
+@pytest.mark.soak
 def test_a_run_that_breaks_off(tmp_path: Path) -> None:
     breaks = WALL.format(name="burger", more="", limit="30 s").replace("twist: [{linear: 1.0}]", "script: breaks.py")
     (tmp_path / "a.sim.yml").write_text(breaks, encoding="utf-8")
@@ -249,6 +253,7 @@ def test_a_run_that_breaks_off(tmp_path: Path) -> None:
     look("opens where it broke off", tmp_path / "sim-results/report.html")
 
 
+@pytest.mark.soak
 def test_a_contact_without_a_force(tmp_path: Path) -> None:
     (tmp_path / "robot.urdf").write_text(ARM.format(inertial=INERTIAL, base=BASE), encoding="utf-8")
     scenario = """\
@@ -332,6 +337,7 @@ def test_runs_of_one_name(tmp_path: Path) -> None:
     assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
 
 
+@pytest.mark.soak
 def test_words_of_plots(tmp_path: Path) -> None:
     """Limits near each other at the bottom and at the top, and small numbers with a sign."""
     replay = drive()
@@ -361,6 +367,7 @@ def test_a_gate(tmp_path: Path) -> None:
     assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
 
 
+@pytest.mark.soak
 def test_folded_runs(tmp_path: Path) -> None:
     gate = inconclusive_gate()
     scenarios = [outcome(f"{name}.sim.yml") for name in ("first", "second")]

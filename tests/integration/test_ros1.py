@@ -64,7 +64,8 @@ def changed(path: Path, old: str, new: str) -> None:
 
 
 # The others pass below, without the command.
-@pytest.mark.parametrize("name", soaked(TESTS, short=["stop_before_wall"]))
+@pytest.mark.soak
+@pytest.mark.parametrize("name", TESTS)
 def test_examples_pass(name: str, tmp_path: Path) -> None:
     done = rostest(tmp_path, EXAMPLES, "robot_driver", f"{name}.test")
 
@@ -167,15 +168,36 @@ MOVER, TEST, LAUNCH = (f"src/robot_driver/{name}" for name in ("mover.py", "test
 @pytest.mark.parametrize(
     ("file", "old", "new", "causes"),
     [
-        pytest.param(TEST, "rospy.sleep(0.5)", "import time; time.sleep(600)", ["time"], id="the test hangs"),
+        pytest.param(
+            TEST,
+            "rospy.sleep(0.5)",
+            "import time; time.sleep(600)",
+            ["time"],
+            id="the test hangs",
+            marks=pytest.mark.soak,
+        ),
         pytest.param(MOVER, "    rate =", "    1 / 0\n    rate =", ["mover", "ZeroDivisionError"], id="a node crashes"),
         pytest.param(MOVER, "import rospy", "import rospy_", ["mover", "No module named 'rospy_'"], id="no module"),
         pytest.param(LAUNCH, 'pkg="robot_driver" name="mover"', 'pkg="robo" name="mover"', ["robo"], id="no package"),
         pytest.param(LAUNCH, 'type="mover.py"', 'type="moover.py"', ["moover.py"], id="no node of this name"),
         pytest.param(LAUNCH, "turtlebot3_empty_world", "turtlebot3_house", ["turtlebot3_house"], id="no launch file"),
         pytest.param(LAUNCH, "</launch>", "", ["no element found"], id="no XML"),
-        pytest.param(TEST, "def look(self, states):", "def look(self, states:", ["SyntaxError"], id="a syntax error"),
-        pytest.param(MOVER, "import rospy", "import time; time.sleep(600)", ["mover"], id="a node never comes up"),
+        pytest.param(
+            TEST,
+            "def look(self, states):",
+            "def look(self, states:",
+            ["SyntaxError"],
+            id="a syntax error",
+            marks=pytest.mark.soak,
+        ),
+        pytest.param(
+            MOVER,
+            "import rospy",
+            "import time; time.sleep(600)",
+            ["mover"],
+            marks=pytest.mark.soak,
+            id="a node never comes up",
+        ),
     ],
 )
 def test_what_goes_wrong_is_named(file: str, old: str, new: str, causes: list[str], tmp_path: Path) -> None:

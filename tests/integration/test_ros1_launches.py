@@ -183,7 +183,8 @@ def test_a_launch_whose_required_node_does_not_exist_is_an_error(tmp_path: Path)
     assert "src/parts/a.launch:3" in printed
 
 
-@pytest.mark.parametrize("program", soaked(["roslaunch", "rostest"], short=["roslaunch"]))
+@pytest.mark.soak
+@pytest.mark.parametrize("program", ["roslaunch", "rostest"])
 def test_a_world_file_that_does_not_exist_is_an_error(program: str, tmp_path: Path) -> None:
     test = TEST.format(name="waits", s=0.2) if program == "rostest" else ""
     files = {"a.launch": LOSING_WORLD.format(name="yrad", test=test), "worlds/yard.world": YARD, "waits.py": WAITS}
@@ -286,6 +287,7 @@ rostest.rosrun("parts", "rates", Rates)
 """
 
 
+@pytest.mark.soak
 def test_the_plugins_of_robotis_have_their_rates_wheel_positions_and_covariances(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -424,7 +426,12 @@ def test_files_are_launched_together_with_cameras_and_stand_ins_for_the_publishe
     ("launch", "title", "message"),
     [
         (WORLD, "no robot", "no node of the launch spawns a robot, and the world has none"),
-        (f'{WORLD}<node name="d" pkg="parts" type="dies.py"/>', "no robot", "no node has spawned a robot within 10 s"),
+        pytest.param(
+            f'{WORLD}<node name="d" pkg="parts" type="dies.py"/>',
+            "no robot",
+            "no node has spawned a robot within 10 s",
+            marks=pytest.mark.soak,
+        ),
         ('<node name="d" pkg="parts" type="dies.py"/>', "launch error", "the launch starts no simulation"),
     ],
     ids=["only a world", "no spawner", "no simulation"],

@@ -16,6 +16,7 @@ from sim_action.results.results_json import Results
 from tests.integration.marked_processes import processes_of, wait_for
 from tests.patience import PATIENCE, wait_until
 from tests.ros.ros1.launches import ROOT, needs_ros, package
+from tests.soak import soaked
 
 pytestmark = needs_ros
 
@@ -84,7 +85,7 @@ def ended_by(folder: Path, end: Callable[[int], None], program: str = "rostest")
     return code, outcome
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", soaked([signal.SIGINT, signal.SIGTERM], short=[signal.SIGTERM]))
 def test_an_interrupted_call_reports_and_leaves_nothing(tmp_path: Path, number: signal.Signals) -> None:
     code, outcome = ended_by(tmp_path, lambda call: os.kill(call, number))
 
@@ -120,6 +121,7 @@ def test_whatever_is_killed_nothing_is_left_and_there_is_a_report(tmp_path: Path
     assert cause in outcome.failures[0].message
 
 
+@pytest.mark.soak
 def test_without_its_master_a_launch_is_over_and_nothing_of_it_is_left(tmp_path: Path) -> None:
     code, outcome = ended_by(tmp_path, lambda _: os.kill(called(tmp_path, "rosmaster"), signal.SIGKILL), "roslaunch")
 

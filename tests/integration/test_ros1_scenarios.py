@@ -17,6 +17,7 @@ from tests.integration.marked_processes import wait_for
 from tests.integration.test_examples import ROOT, sim_action
 from tests.patience import PATIENCE, wait_until
 from tests.ros.ros1.launches import needs_ros, package
+from tests.soak import soaked
 
 pytestmark = needs_ros
 
@@ -388,7 +389,7 @@ def test_nodes_hear_of_the_robot_and_its_sensors(tmp_path: Path) -> None:
     }
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize("number", soaked([signal.SIGINT, signal.SIGKILL], short=[signal.SIGKILL]))
 def test_nothing_of_a_run_is_left_whoever_ends_it(number: signal.Signals, tmp_path: Path) -> None:
     begun = tmp_path / "begun"
     more = "expect: [no_collision]\ntime_limit: 1000 s\nwall_limit: 500 s\n"

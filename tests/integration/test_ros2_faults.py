@@ -15,6 +15,7 @@ import pytest
 from sim_action.runner.isolation.process_control import processes
 from tests.patience import PATIENCE, wait_until
 from tests.ros.ros2.nodes import needs_ros2, outcomes, scenario, variables
+from tests.soak import soaked
 
 pytestmark = needs_ros2
 
@@ -169,7 +170,7 @@ def test_a_run_goes_on_with_what_it_heard(tmp_path: Path, monkeypatch: pytest.Mo
 HANGS: Final = 'import time\nopen("up", "w").close()\ntime.sleep(600)\n'
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", soaked([signal.SIGINT, signal.SIGTERM], short=[signal.SIGTERM]))
 def test_an_interrupted_command_leaves_nothing(tmp_path: Path, number: signal.Signals) -> None:
     hang = {"text": HANGS} if number == signal.SIGINT else {"timer": 'open("up", "w").close(); time.sleep(600)'}
     faulty(tmp_path, "slow", **hang)

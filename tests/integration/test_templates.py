@@ -249,6 +249,7 @@ def test_reusable_workflow_hands_back_what_came_of_it(run_template: RunTemplate,
     assert "simulation ended as failure, 1 failed, 0 not exercised, 0 without a verdict" in result.jobs["follow-up"].log
 
 
+@pytest.mark.soak
 @needs_ros
 def test_rostest(run_template: RunTemplate, repository: Path) -> None:
     package = repository / "catkin_ws/src/my_turtlebot_sim"

@@ -20,7 +20,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
+import pytest
+
 import sim_action
+from sim_action.cli.main import leave, main
 
 ROOT: Final = Path(__file__).parents[2]
 
@@ -31,10 +34,13 @@ class WarmCommandLine:
     def __init__(self) -> None:
         self._server: subprocess.Popen[str] | None = None
 
-    def call(self, folder: Path, arguments: tuple[str, ...], environment: dict[str, str]) -> tuple[int, str, str]:
-        """Run `sim-action` in a folder; return its exit code and what it printed on both streams."""
+    def call(
+        self, folder: Path, arguments: tuple[str, ...], environment: dict[str, str], program: str = "sim-action"
+    ) -> tuple[int, str, str]:
+        """Run `sim-action`, or `pytest`, in a folder; return its exit code and what it printed on both streams."""
         with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as error:
             asked = {
+                "program": program,
                 "arguments": arguments,
                 "folder": str(folder),
                 "environment": environment,
@@ -104,8 +110,6 @@ def _import_everything() -> None:
 
 
 def _become(asked: dict[str, Any]) -> NoReturn:
-    from sim_action.cli.main import main
-
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     for number, path in enumerate(asked["streams"], 1):
         os.dup2(os.open(path, os.O_WRONLY | os.O_APPEND), number)
@@ -115,6 +119,10 @@ def _become(asked: dict[str, Any]) -> NoReturn:
     sys.path[0] = asked["folder"]
     sys.argv = [str(ROOT / "sim_action/__main__.py"), *asked["arguments"]]
     sys.stdin, sys.stdout, sys.stderr = (os.fdopen(number, "rww"[number], closefd=False) for number in range(3))
+    if asked["program"] == "pytest":
+        # An interpreter reads it when it starts.
+        sys.path[1:1] = os.environ["PYTHONPATH"].split(os.pathsep)
+        leave(pytest.main(asked["arguments"]))
     main()
 
 

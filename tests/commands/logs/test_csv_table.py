@@ -14,6 +14,7 @@ from sim_action.commands.logs import Content, JointColumn, csv_table
 from sim_action.commands.logs.csv_table import MAX_BYTES, MAX_COLUMNS, Header, HeaderError, Table
 from sim_action.core.errors import RecordingError
 from sim_action.core.geometry import Twist
+from tests.soak import examples
 
 TimedContent = tuple[float, Content]
 
@@ -191,6 +192,7 @@ def files(draw: st.DrawFn) -> bytes:
     return (text[:start] + draw(st.sampled_from(("", "", "0", "-", ".5", "\n", '"', " ", ","))) + text[end:]).encode()
 
 
+@examples(100)
 @given(files())
 def test_whatever_a_file_holds_it_is_a_log_or_an_error_for_people(data: bytes) -> None:
     try:
