@@ -8,6 +8,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
+from xml.sax.saxutils import quoteattr
 
 import pytest
 
@@ -115,7 +116,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     }
     package(tmp_path, "nosy", files)
     Path("nosy_node.py").write_text(mark(tmp_path, "ros2"))
-    Path("nosy.launch.py").write_text(mark(tmp_path, "ros2_launch"))
+    (tmp_path / "launch/nosy.launch.py").write_text(mark(tmp_path, "ros2_launch"))
+    evaluated = f'$(eval \'open("{tmp_path}/marker", "a").write("ros2_eval ")\')'
+    (tmp_path / "mark.sh").write_text(f"echo ros2_command >> '{tmp_path}/marker'\n")
+    texts = (evaluated, f"$(command 'sh {tmp_path}/mark.sh')")
+    (tmp_path / "launch/nosy.launch.xml").write_text(
+        f"<launch>{''.join(f'<log message={quoteattr(text)}/>' for text in texts)}</launch>"
+    )
     return tmp_path
 
 
@@ -178,9 +185,12 @@ def test_nodes_run_where_they_are_allowed(folder: Path) -> None:
 def test_nodes_of_ros_2_run_where_they_are_allowed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, value in variables().items():
         monkeypatch.setenv(name, value)
-    Path("ros2.sim.yml").write_text(case("ros2", commands=NODES["ros2"]))
-    call(["run", "--no-report", "ros2.sim.yml"])
-    assert "ros2" in markers(folder)
+    for path in folder.glob("*.sim.yml"):
+        path.unlink()
+    for name in ("ros2", "ros2_launch", "ros2_texts"):
+        Path(f"{name}.sim.yml").write_text(case(name, commands=NODES[name]))
+    call(["run", "--no-report", "."])
+    assert {"ros2", "ros2_launch", "ros2_eval", "ros2_command"} <= markers(folder)
 
 
 def test_other_subcommands_run_no_code_anywhere(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -194,7 +204,8 @@ def test_other_subcommands_run_no_code_anywhere(folder: Path, capsys: pytest.Cap
 NODES: Final = {
     "ros1": "commands: {rate: 10 Hz, ros1: {nodes: [nosy/nosy.py]}}",
     "ros2": "commands: {rate: 10 Hz, ros2: {nodes: [./nosy_node.py]}}",
-    "ros2_launch": "commands: {rate: 10 Hz, ros2: {launch: [./nosy.launch.py]}}",
+    "ros2_launch": "commands: {rate: 10 Hz, ros2: {launch: [nosy, nosy.launch.py]}}",
+    "ros2_texts": "commands: {rate: 10 Hz, ros2: {launch: [nosy, nosy.launch.xml]}}",
 }
 
 

@@ -79,7 +79,7 @@ def workspace(folder: Path, **launches: str) -> None:
     (folder / ".git").mkdir()
 
 
-@needs_launch
+@needs_ros2
 def test_launched_nodes_have_the_same_result_every_time(tmp_path: Path) -> None:
     workspace(tmp_path, chain=CHAIN)
     for number in "12":
@@ -135,7 +135,7 @@ FAILING = {
 """Name -> body of the launch file, a part of the message, and the line that it names."""
 
 
-@needs_launch
+@needs_ros2
 def test_one_message_says_why_a_launch_failed(tmp_path: Path) -> None:
     workspace(tmp_path, **{name: body for name, (body, _, _) in FAILING.items()})
     for name in FAILING:
@@ -148,7 +148,9 @@ def test_one_message_says_why_a_launch_failed(tmp_path: Path) -> None:
         name: messages[name] in outcome["failures"][0]["message"] for name, outcome in found.items()
     } == dict.fromkeys(messages, True), {name: outcome["failures"] for name, outcome in found.items()}
     lines = {name: (outcome["failures"][0]["location"] or {}).get("line") for name, outcome in found.items()}
-    assert lines == {"argument": 4, **{name: line for name, (_, _, line) in FAILING.items()}}
+    # launch does not know where an action stands; the reader without it does.
+    named = {"package": 13, "program": 13, "start": 13} if missing_launch() else {}
+    assert lines == {"argument": 4, **{name: line for name, (_, _, line) in FAILING.items()}, **named}
 
 
 DESCRIBES = """\
@@ -251,9 +253,8 @@ def test_a_launch_test_gets_the_robot_that_it_spawns(tmp_path: Path) -> None:
 
 @needs_ros2
 @pytest.mark.skipif(not missing_launch(), reason="launch is installed")
-def test_a_ros_without_launch_is_explained(tmp_path: Path) -> None:
-    workspace(tmp_path, chain=CHAIN)
-    scenario(tmp_path, "chain", "{launch: [robot, chain.launch.py]}", PATIENT)
-    (failure,) = outcomes(tmp_path, ".")["chain"]["failures"]
-    assert "launch files need the Python package" in failure["message"]
-    assert "list the nodes under 'nodes'" in failure["message"]
+def test_a_part_that_only_launch_has_is_named(tmp_path: Path) -> None:
+    workspace(tmp_path, container=LIST.format("EmitEvent(event=LogInfo(msg=''))"))
+    scenario(tmp_path, "container", "{launch: [robot, container.launch.py]}", PATIENT)
+    (failure,) = outcomes(tmp_path, ".")["container"]["failures"]
+    assert "the event 'launch.actions.LogInfo' of EmitEvent needs the Python package 'launch'" in failure["message"]

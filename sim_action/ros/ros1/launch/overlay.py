@@ -32,7 +32,7 @@ PACKAGE_ROOT: Final = str(Path(__file__).resolve().parents[4])
 """The folder from which sim_action is imported."""
 
 _PROGRAMS: Final = "sim_action.ros.ros1.launch.programs"
-_XACRO: Final = "sim_action.ros.ros1.launch.xacro"
+_XACRO: Final = "sim_action.ros.xacro"
 # Package and name of a node -> module that runs instead, and its first arguments.
 _NODES: Final = {
     ("gazebo_ros", "gzserver"): f"{_PROGRAMS} gzserver",

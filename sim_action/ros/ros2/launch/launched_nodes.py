@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import signal
+import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -37,7 +39,7 @@ if TYPE_CHECKING:
     from sim_action.ros.ros2.packages import Packages
 
 
-_LAUNCHER: Final = Path(__file__).with_name("launcher.py")
+_LAUNCHER: Final = Path(__file__).with_name("declared_launch.py")
 # Wall time for reading a launch file and starting its processes, and for a timer that is due.
 _MAX_START_S: Final = 60.0
 # Wall time for nodes that save something at the end.
@@ -161,6 +163,8 @@ class LaunchedNodes:
         path.write_text(json.dumps(task), encoding="utf-8")
         prefixes = (str(write_prefix(folder.path / "gazebo")), folder.environment.get("AMENT_PREFIX_PATH", ""))
         folder.environment["AMENT_PREFIX_PATH"] = os.pathsep.join(filter(None, prefixes))
+        # Last: a real one counts.
+        folder.environment["PATH"] = os.pathsep.join((folder.environment["PATH"], str(_write_xacro(folder.path))))
         # All output of nodes, wherever the launch file sends it.
         folder.environment["OVERRIDE_LAUNCH_PROCESS_OUTPUT"] = "both"
         return folder.start("ros2 launch", [str(self._spec.python), str(_LAUNCHER), str(path)])
@@ -358,13 +362,24 @@ class LaunchErrors:
         return None
 
 
+def _write_xacro(folder: Path) -> Path:
+    """Write a program `xacro`, which many launch files call, and return its folder."""
+    programs = folder / "programs"
+    programs.mkdir()
+    path, root = programs / "xacro", shlex.quote(str(Path(__file__).parents[4]))
+    own = f"exec env -u LD_LIBRARY_PATH PYTHONPATH={root} {shlex.quote(sys.executable)}"
+    path.write_text(f'#!/bin/sh\n{own} -m sim_action.ros.xacro "$@"\n', encoding="utf-8")
+    path.chmod(0o755)
+    return programs
+
+
 def text_of(process: str, output: str) -> str:
     """Return the lines that one process has printed."""
     prefix = f"[{process}] "
     return "\n".join(line.removeprefix(prefix) for line in output.splitlines() if line.startswith(prefix))
 
 
-def _why_refused(event: Event) -> str:
+def _why_refused(event: Event) -> str:  # noqa: PLR0911 - one for each kind
     near = did_you_mean(event.name, event.names)
     if event.kind == "package":
         return f"there is no package '{event.name}' in the workspace or ROS 2{near}"
@@ -378,4 +393,7 @@ def _why_refused(event: Event) -> str:
         return f"it has no argument '{event.name}'{near}"
     if event.kind == "start":
         return f"'{event.name}' cannot be started: {event.message}"
+    if event.kind == "unsupported":
+        lacks = "which this ROS 2 lacks (the wheels on PyPI have none)"
+        return f"{event.message} needs the Python package 'launch', {lacks}: use ROS 2 of /opt/ros or RoboStack"
     return f"{event.kind}: {event.message.partition(chr(10))[0]}"

@@ -1,8 +1,8 @@
 """The launcher: the real LaunchService or launch_testing in ROS's Python, with events as lines of JSON.
 
-It imports nothing of this package, and runs on the Python of ROS, which may be an old one. Every process of a launch is
-prepared by one method of `launch`, wherever its action stands: in an included file, a group, an event handler, XML or
-YAML. There each node gets its own clock and sim time.
+declared_launch.py runs it where `launch` is installed, on the Python of ROS, which may be an old one; only the modules
+beside it are imported. Every process of a launch is prepared by one method of `launch`, wherever its action stands: in
+an included file, a group, an event handler, XML or YAML. There each node gets its own clock and sim time.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import os
 import signal
 import sys
 import threading
-import traceback
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +27,8 @@ from launch.substitutions import LaunchConfiguration
 from launch.utilities import perform_substitutions, type_utils
 from launch_ros.actions import Node, ROSTimer
 from launch_ros.substitutions import ExecutableInPackage
+
+from sim_action.ros.ros2.launch.declared_table import LaunchError, stand_in_of
 
 # The times in s that a node may take to leave after SIGINT, and after SIGTERM.
 _TIMEOUTS = {"sigterm_timeout": "2", "sigkill_timeout": "0.5"}
@@ -206,7 +207,7 @@ class _Launcher:
         command: list[str] = details["cmd"]
         words = [word for word in command if word.strip()]
         role = {"process": details["name"], "program": words[0], "node": _full_name(action)}
-        stand_in = self._stand_in(words[0])
+        stand_in = stand_in_of(self._task["stand_ins"], words[0])
         if stand_in is not None:
             self._events.tell("left out", **role, args=words[1:])
             command[:] = stand_in
@@ -215,13 +216,6 @@ class _Launcher:
             command += ["--ros-args", "-r", self._next_clock(), "-p", "use_sim_time:=true"]
         self._roles.append((command, role))
         self._starting.append(command)
-
-    def _stand_in(self, program: str) -> list[str] | None:
-        """Return the command that runs instead of a program: by PACKAGE/PROGRAM, by its package, or by its name."""
-        known = self._task["stand_ins"]
-        package, is_of_package, _ = program.partition("/")
-        keys = (program, package) if is_of_package and package else (Path(program).name,)
-        return next((known[key] for key in keys if key in known), None)
 
     def _next_clock(self) -> str:
         topic = self._task["clock"].format(self._clocks)
@@ -297,15 +291,8 @@ def _is_ros2_run(action: Any, words: list[str]) -> bool:
 
 def _explained(error: BaseException) -> dict[str, Any]:
     """Return the kind of an exception, its message, and the places in files that led to it, the last one last."""
-    while error.__cause__ is not None:
-        error = error.__cause__
-    # The text of a KeyError is the representation of its argument.
-    message = str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
-    places = [[frame.filename, frame.lineno] for frame in traceback.extract_tb(error.__traceback__)]
-    if isinstance(error, SyntaxError):
-        places.append([error.filename or "", error.lineno or 0])
-    names = sorted(get_packages_with_prefixes()) if isinstance(error, PackageNotFoundError) else []
-    return {"kind": type(error).__name__, "message": message, "places": places, "names": names}
+    refusal = LaunchError.of(error)
+    return {**refusal.event, "places": refusal.places}
 
 
 def _launched(task: dict[str, Any]) -> int:

@@ -1,4 +1,4 @@
-"""The overlay's program `xacro`: expands a file in the same way as the robot models of scenarios, and prints URDF.
+"""The program `xacro` of launch files: expands a file as the robot models of scenarios are, and prints URDF.
 
 It accepts the command line that launch files use: `xacro [--inorder] [-o FILE] FILE [NAME:=VALUE ...]`.
 """
@@ -18,7 +18,7 @@ from sim_action.robot.documents.packages import Packages
 from sim_action.robot.reading.xacro_documents import UnknownArgument, XacroError
 from sim_action.robot.reading.xacro_expansion import Expansion, expand
 
-_FALLBACKS: Final = Path(__file__).parent / "packages"
+_FALLBACKS: Final = Path(__file__).parent / "ros1/launch/packages"
 
 
 def main(words: Sequence[str] | None = None) -> int:

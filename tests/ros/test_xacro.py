@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.ros.ros1.launch.xacro import _FALLBACKS, main
+from sim_action.ros.xacro import _FALLBACKS, main
 
 FILE = """\
 <robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -68,7 +68,6 @@ def test_a_model_that_is_not_here_is_told_with_what_to_do(capsys: pytest.Capture
 def test_it_imports_nothing_of_scenarios() -> None:
     # Each launch file of a robot calls it, and waits.
     code = (
-        "import sys, sim_action.ros.ros1.launch.xacro; "
-        "print(sorted({'pydantic', 'numpy', 'sim_action.world'} & set(sys.modules)))"
+        "import sys, sim_action.ros.xacro; print(sorted({'pydantic', 'numpy', 'sim_action.world'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
