@@ -18,6 +18,7 @@ from tests.onnx_files import linear
 from tests.patience import PATIENCE
 from tests.ros.ros1.launches import needs_ros, package
 from tests.ros.ros2.nodes import needs_ros2, variables
+from tests.ros.ros2.prefixes import source
 from tests.soak import soaked
 
 ROOT: Final = Path(__file__).resolve().parents[2]
@@ -116,13 +117,14 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     }
     package(tmp_path, "nosy", files)
     Path("nosy_node.py").write_text(mark(tmp_path, "ros2"))
-    (tmp_path / "launch/nosy.launch.py").write_text(mark(tmp_path, "ros2_launch"))
     evaluated = f'$(eval \'open("{tmp_path}/marker", "a").write("ros2_eval ")\')'
     (tmp_path / "mark.sh").write_text(f"echo ros2_command >> '{tmp_path}/marker'\n")
-    texts = (evaluated, f"$(command 'sh {tmp_path}/mark.sh')")
-    (tmp_path / "launch/nosy.launch.xml").write_text(
-        f"<launch>{''.join(f'<log message={quoteattr(text)}/>' for text in texts)}</launch>"
-    )
+    texts = "".join(f"<log message={quoteattr(text)}/>" for text in (evaluated, f"$(command 'sh {tmp_path}/mark.sh')"))
+    launches = {
+        "launch/nosy.launch.py": mark(tmp_path, "ros2_launch"),
+        "launch/nosy.launch.xml": f"<launch>{texts}</launch>",
+    }
+    source(tmp_path, "nosy2", {"setup.py": "from setuptools import setup\n\nsetup()\n", **launches})
     return tmp_path
 
 
@@ -204,8 +206,8 @@ def test_other_subcommands_run_no_code_anywhere(folder: Path, capsys: pytest.Cap
 NODES: Final = {
     "ros1": "commands: {rate: 10 Hz, ros1: {nodes: [nosy/nosy.py]}}",
     "ros2": "commands: {rate: 10 Hz, ros2: {nodes: [./nosy_node.py]}}",
-    "ros2_launch": "commands: {rate: 10 Hz, ros2: {launch: [nosy, nosy.launch.py]}}",
-    "ros2_texts": "commands: {rate: 10 Hz, ros2: {launch: [nosy, nosy.launch.xml]}}",
+    "ros2_launch": "commands: {rate: 10 Hz, ros2: {launch: [nosy2, nosy.launch.py]}}",
+    "ros2_texts": "commands: {rate: 10 Hz, ros2: {launch: [nosy2, nosy.launch.xml]}}",
 }
 
 
