@@ -1,8 +1,8 @@
 """The output folder of a call: making it, locking it for one call at a time, and removing files of the earlier call.
 
 The lock is a record lock of POSIX on a file that holds the process id. A forked child does not inherit it, and the
-system releases it when the process ends in any way, so a lock is never stale. On Linux, the file also takes up the
-space that the results will need, so that traces and other files of runs leave it free.
+system releases it when the process ends in any way, so a lock is never stale. The file also takes up the space that the
+results will need, so that traces and other files of runs leave it free.
 """
 
 from __future__ import annotations
@@ -51,6 +51,8 @@ _PARTS_OF_RESERVE: Final = 16
 # Above this, a lack of space has another cause, such as too many files, and files of runs would be lost for nothing.
 _LEAST_FREE_BYTES: Final = 64_000_000
 
+_BLOCK_BYTES: Final = 1_000_000
+
 # A process may lock a file that it has locked already, so the folders that this process has locked are known here.
 _locked: Final[set[str]] = set()
 
@@ -87,10 +89,9 @@ class Room:
     def reserve(self, outcomes: int) -> None:
         """Reserve space for so many outcomes, or warn that there is none."""
         size = _BYTES_OF_CALL + outcomes * _BYTES_OF_OUTCOME
-        # Other systems have no such call; there, files of runs make room.
-        if sys.platform == "linux" and self._lock is not None:
+        if self._lock is not None:
             try:
-                os.posix_fallocate(self._lock, 0, size)
+                _allocate(self._lock, size)
             except OSError as error:
                 self.release()
                 if error.errno in _DISK_FULL:
@@ -132,6 +133,21 @@ class Room:
                 os.ftruncate(self._lock, max(size, len(f"{os.getpid()}\n")))
         self._reserved = size
         return True
+
+
+def _allocate(descriptor: int, size: int) -> None:
+    """Let a file take up so many bytes at least. Raise OSError."""
+    if sys.platform == "linux":
+        os.posix_fallocate(descriptor, 0, size)
+    else:
+        write_zeros(descriptor, size)
+
+
+def write_zeros(descriptor: int, size: int) -> None:
+    """Lengthen a file with zeros; other systems than Linux have no call for it. Raise OSError."""
+    end = os.lseek(descriptor, 0, os.SEEK_END)
+    while end < size:
+        end += os.write(descriptor, bytes(min(_BLOCK_BYTES, size - end)))
 
 
 @contextmanager

@@ -28,6 +28,7 @@ from sim_action.results.output_folder import (
     locked,
     remove_earlier_files,
     remove_unfinished_files,
+    write_zeros,
 )
 from sim_action.results.results_json import Results
 from tests.outcomes import outcome, report_options
@@ -264,8 +265,14 @@ def fill_disk(path: Path) -> int:
 
 @pytest.mark.process
 @mounts
-def test_files_of_runs_leave_the_space_of_the_verdicts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("has_call", [True, False])
+def test_files_of_runs_leave_the_space_of_the_verdicts(
+    has_call: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The journal and the reports fit on a disk that a trace and a file of the user have filled."""
+    if not has_call:
+        # As on other systems, which write zeros.
+        monkeypatch.setattr(os, "posix_fallocate", lambda descriptor, _, size: write_zeros(descriptor, size))
     ended = [outcome(f"{number}.sim.yml") for number in range(20)]
     header = Header.of_call(map(Planned.of, ended), ["traces/a.npz"])
     with mounted(tmp_path / "small", "size=1500k") as folder, locked(folder) as room:
@@ -307,7 +314,6 @@ def test_a_disk_without_a_reserve_loses_the_largest_files_of_runs(
 
 
 @pytest.mark.process
-@pytest.mark.skipif(sys.platform != "linux", reason="the reserve needs posix_fallocate")
 def test_the_process_of_a_lock_with_a_reserve_is_named(tmp_path: Path) -> None:
     with locked(tmp_path) as room:
         room.reserve(10)
