@@ -19,7 +19,6 @@ from sim_action.robot.model.findings import RULES
 from sim_action.scenario.loading import load_scenario
 from tests.examples import EXAMPLES
 from tools.docs.generate import pages
-from tools.docs.generators.actions import MOST_USED
 from tools.docs.generators.scenario import FAMILIES, example
 from tools.docs.robots import without_figures
 
@@ -88,7 +87,6 @@ def test_what_was_found_of_a_robot_is_explained() -> None:
 
 def test_the_readme_is_short() -> None:
     assert len(README.encode()) <= MAX_README_BYTES
-    assert len(MOST_USED) == 8
 
 
 @in_each_page
@@ -179,12 +177,11 @@ def test_examples_check_what_their_names_say(name: Path) -> None:
 
 
 @pytest.mark.parametrize("name", list(ASSERTIONS))
-def test_the_page_of_each_assertion_says_when_it_passes_fails_and_is_not_exercised(name: str) -> None:
+def test_the_page_of_each_assertion_says_when_it_passes(name: str) -> None:
     reference = ASSERTIONS.load(name).reference
     page = PAGES[f"docs/scenario/assertions-{reference.page}.md"]
     assert f"\n## `{name}`\n" in page
-    sentences = [reference.passed, reference.failed] if reference.kind != "invariant" else [reference.passed]
-    assert all(f": {sentence}\n" in page for sentence in sentences)
+    assert f": {reference.passed}\n" in page
 
 
 def test_the_first_scenario_of_the_reference_loads(tmp_path: Path) -> None:

@@ -28,7 +28,6 @@ BLOCK = re.compile(r"(<!-- generated: ([a-z-]+)((?: [\w./-]+)*) -->\n).*?(<!-- e
 
 BLOCKS: dict[str, Callable[..., str]] = {
     "inputs": actions.inputs,
-    "most-used-inputs": lambda: actions.inputs("action.yml", *actions.MOST_USED),
     "outputs": actions.outputs,
     "templates": actions.templates,
     "command-line": command_line.commands,

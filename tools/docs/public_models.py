@@ -16,8 +16,8 @@ from typing import Final
 
 from tools.bench.robots import DATA
 from tools.docs.generate import BLOCK
-from tools.docs.generators.markdown import table
-from tools.docs.survey import HEAD, Survey, row, share, surveyed
+from tools.docs.generators.markdown import bullets, table
+from tools.docs.survey import Survey, row, share, surveyed
 
 PAGE: Final = Path(__file__).resolve().parents[2] / "docs/models/public.md"
 
@@ -152,23 +152,35 @@ def collections(folder: Path) -> Iterator[tuple[str, str, Path]]:
 def page(found: Mapping[str, tuple[str, list[Survey]]]) -> str:
     """Return the text of the page; `found`: name of each collection -> commit and results."""
     everything = [result for _, results in found.values() for result in results]
-    counts = [(name, commit, *share(results)) for name, (commit, results) in found.items()]
+    counts = [(name, *_counts(results)) for name, (_, results) in found.items()]
     blocks = {
         "collections": table(
-            ("repository", "commit", "models", "load", "complete", "complete ones that load"),
-            [*counts, ("all", "", *share(everything))],
+            ("repository", "models", "load", "of the complete ones"), [*counts, ("all", *_counts(everything))]
         ),
-        "public-models": table(HEAD, (row(result, _name(name, result)) for name, result in _shown(found))),
-        "refusals": table(("rule", "models", "for example"), _refusals(found)),
+        "public-models": bullets(_models(found)),
+        "refusals": bullets(_refusals(found)),
     }
     text = PAGE.read_text(encoding="utf-8")
     return BLOCK.sub(lambda match: f"{match[1]}{blocks[match[2]]}{match[4]}", text)
 
 
-def _name(collection: str, result: Survey) -> str:
-    path = Path(result.model)
-    stem = path.parent.name if path.stem == "model" else path.stem.removesuffix(".urdf")
-    return f"{stem}<br>`{collection.rpartition('/')[2]}/{result.model}`"
+def _counts(results: list[Survey]) -> tuple[str, str, str]:
+    models, load, _, complete = share(results)
+    return models, load, complete.partition("(")[2].rstrip(")")
+
+
+def _models(found: Mapping[str, tuple[str, list[Survey]]]) -> Iterator[tuple[str, str]]:
+    """Yield what becomes of models, with their names."""
+    names: dict[str, dict[str, None]] = {}
+    for _, result in _shown(found):
+        _, loads, _, needs, *_ = row(result, "")
+        kind = "loads" if result.loads else "refused"
+        needed = f"{kind}; needs {needs.replace('<br>', ', ')}" if needs not in {"none", ""} else kind
+        fate = needed if result.loads or needs else f"refused: {loads.removeprefix('no: ')}"
+        path = Path(result.model)
+        name = path.parent.name if path.stem == "model" else path.stem.removesuffix(".urdf")
+        names.setdefault(fate, {})[name] = None
+    return ((fate, ", ".join(several)) for fate, several in names.items())
 
 
 def _shown(found: Mapping[str, tuple[str, list[Survey]]]) -> Iterator[tuple[str, Survey]]:
@@ -177,17 +189,14 @@ def _shown(found: Mapping[str, tuple[str, list[Survey]]]) -> Iterator[tuple[str,
         yield from ((name, result) for result in results if result.model in wanted)
 
 
-def _refusals(found: Mapping[str, tuple[str, list[Survey]]]) -> Iterator[tuple[str, ...]]:
-    """Yield the rules for which complete models are refused, the most frequent first."""
-    counts, examples = Counter[str](), dict[str, str]()
-    for name, (_, results) in found.items():
+def _refusals(found: Mapping[str, tuple[str, list[Survey]]]) -> Iterator[tuple[str, str]]:
+    """Yield the rules for which complete models are refused, the most frequent first, and their numbers."""
+    counts = Counter[str]()
+    for _, results in found.values():
         for result in results:
             if result.is_complete and not result.loads and not result.is_part:
-                rules = ", ".join(f"`{rule}`" for rule in dict.fromkeys(rule for rule, _ in result.reasons))
-                counts[rules] += 1
-                examples.setdefault(rules, f"`{name.rpartition('/')[2]}/{result.model}`")
-    for rules, count in counts.most_common():
-        yield rules, str(count), examples[rules]
+                counts[", ".join(f"`{rule}`" for rule in dict.fromkeys(rule for rule, _ in result.reasons))] += 1
+    return ((rules, str(count)) for rules, count in counts.most_common())
 
 
 def main() -> None:

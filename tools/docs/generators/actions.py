@@ -10,24 +10,28 @@ import yaml
 
 from tools.docs.generators.markdown import bullets, escaped
 
+ALIKE = 9  # words
 ROOT = Path(__file__).resolve().parents[3]
-# The inputs that the README shows. The action has more: docs/workflow/inputs.md.
-MOST_USED = ("scenario", "working-directory", "backend", "only", "repeat", "jobs", "extras", "allow-scripts")
 
 
-def inputs(action: str, *names: str) -> str:
-    """Return the list of an action's inputs, or of the named ones only. Removed inputs are left out.
+def inputs(action: str) -> str:
+    """Return the list of an action's inputs. Removed inputs are left out.
 
     Inputs that another action shares with `action.yml` are only named.
     """
     read = _read(action)["inputs"].items()
     entries = {name: _input(entry) for name, entry in read if "deprecationMessage" not in entry}
     main = _read("action.yml")["inputs"]
-    same = [n for n, text in entries.items() if action != "action.yml" and n in main and _input(main[n]) == text]
-    shown = bullets((f"`{name}`", entries[name]) for name in names or entries if name not in same)
+    same = [n for n, text in entries.items() if action != "action.yml" and n in main and _is_alike(text, main[n])]
+    shown = bullets((f"`{name}`", entries[name]) for name in entries if name not in same)
     if same:
         shown += f"- {', '.join(f'`{name}`' for name in same)}: as in [the main action](/docs/workflow/inputs.md)\n"
     return shown
+
+
+def _is_alike(text: str, entry: dict[str, str]) -> bool:
+    """Return True if a text begins as the one of an input: both do the same, with the words of their action."""
+    return text.split()[:ALIKE] == _input(entry).split()[:ALIKE]
 
 
 def _input(entry: dict[str, str]) -> str:

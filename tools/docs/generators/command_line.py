@@ -33,7 +33,7 @@ def _section(command: click.Command, shared: set[tuple[str, str]], seen: set[str
     usage = " ".join(["sim-action", command.name or "", *map(_argument, arguments)])
     paragraphs = [" ".join(paragraph.split()) for paragraph in (command.help or "").strip().split("\n\n")]
     options = _options(command)
-    fresh = [text for text in paragraphs if text not in seen and not text.startswith("Exit code: as for")]
+    fresh = [text for text in paragraphs if text not in seen and not text.startswith("Exit code")]
     seen.update(fresh[1:])
     parts = [f"## `sim-action {command.name}`\n", *(f"{escaped(text)}\n" for text in fresh)]
     if arguments:

@@ -44,7 +44,8 @@ BLOCKS: Final = {
 """A family -> the top-level key of a scenario below which its parts stand."""
 MIN_WORDS_REPEATED: Final = 4  # of a key that a later section only names
 ENDED_EARLY: Final = "The run ended before `after`."
-SI: Final = re.compile(r"(?<=[a-z]) \([^,()]*\)")  # the unit after a quantity; scenario/index.md has all of them
+SI: Final = re.compile(r"(?<=[a-z]) \([^,()]*\)|, (?:-[\d,]{6,} to|at most) [\d,]{6,}(?: (?!default)[\w/]+)?")
+"""The unit after a quantity, which scenario/index.md has, and bounds far beyond a robot."""
 MAX_LINES_SHOWN: Final = 40  # of a CSV file that an example names
 
 WORLDS: Final = Table[type[BaseModel]](
@@ -78,6 +79,13 @@ READINGS: Final = (
     readings.CameraImage,
 )
 JUDGE_TYPES: Final = (Trace, LinkMotion, Verdict)
+# Attributes that neither controllers nor classes of users need.
+_INTERNAL: Final[dict[type, frozenset[str]]] = {
+    JointTargets: frozenset({"base", "motions", "wrenches"}),
+    Contact: frozenset({"normal_xyz"}),
+    Verdict: frozenset({"body", "cut_off", "goal", "inconclusive", "joint", "judged"}),
+    Trace: frozenset({"bodies", "clearances", "first", "kinematics", "link_contacts", "rows", "self_contacts"}),
+}
 # Types whose properties and methods are listed too.
 _WITH_MEMBERS: Final = (Trace, LinkMotion)
 
@@ -119,22 +127,18 @@ def assertion_sections(page: str) -> str:
 
 
 def _verdicts(reference: Reference) -> str:
-    _, kind, passed, failed, not_exercised = reference
-    rows = [("**passed**", passed)]
-    rows += [("**failed**", failed)] * (kind != "invariant")  # one that did not hold throughout
-    rows += [("**not exercised**", not_exercised)] * (not_exercised != ENDED_EARLY)
-    return bullets(rows)
+    _, _, passed, _, not_exercised = reference
+    return bullets([("**passed**", passed), ("**not exercised**", not_exercised)][: 1 + (not_exercised != ENDED_EARLY)])
 
 
 def assertions() -> str:
-    """Return the list of assertions: a link to the section, the kind, the requirement."""
+    """Return the list of assertions by their pages: links to the sections, and the kinds."""
     references = {name: ASSERTIONS.load(name).reference for name in ASSERTIONS}
-    rows = (
-        (f"[`{entry.name}`](assertions-{of.page}.md#{entry.name}) ({of.kind})", entry.summary)
-        for entry in catalogue.assertions()
-        for of in (references[entry.name],)
-    )
-    return bullets(rows)
+    by_page: dict[str, list[str]] = {}
+    for name, of in references.items():
+        link = f"[`{name}`](assertions-{of.page}.md#{name}) ({of.kind})"
+        by_page.setdefault(of.page, []).append(link)
+    return bullets((f"**{page}**", ", ".join(links)) for page, links in by_page.items())
 
 
 def parts_module() -> str:
@@ -255,7 +259,11 @@ def attributes(*types: type) -> str:
 def _type_section(kind: type) -> str:
     text, _, listed = (inspect.getdoc(kind) or "").partition("\nAttributes:\n")
     heads = re.findall(r"^ {4}(\w[\w, ]*): (.*(?:\n {8}.*)*)", listed, re.MULTILINE)
-    rows = [(f"`{name}`", " ".join(meaning.split())) for name, meaning in (*heads, *_members(kind))]
+    rows = [
+        (f"`{name}`", " ".join(meaning.split()))
+        for name, meaning in (*heads, *_members(kind))
+        if re.split(r"\W", name)[0] not in _INTERNAL.get(kind, ())
+    ]
     return f"### `{kind.__name__}`\n\n{text.rstrip()}\n" + (f"\n{bullets(rows)}" if rows else "")
 
 
