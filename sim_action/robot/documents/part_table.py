@@ -3,10 +3,14 @@
 A table is the file `parts_FORMAT.json` in this folder. It maps places to rows of effect, names and text:
 
 - place: the tag of an element, or `parent/tag` where a tag has several meanings; `*`: every place.
-- effect: "read"; "harmless": the motion is the same without it; "reported": a finding names it; "refused".
+- effect: "read"; "harmless": the motion is the same without it; "reported": a finding names it; "moving": one names it
+  in a model that moves; "refused".
 - names: child elements, and attributes as `@name`, separated by commas; `*`: all others. `name=1|true` lists the values
   with which a reported part has no effect.
 - text: the function or class that reads the part; the reason why it is harmless or refused; the consequence.
+
+The table "world" has the rows in which models of a world differ from a robot in SDF; "gazebo_ros" those of the plugins
+that ROS 1 replaces, their sensors (`PLUGIN/sensor`), and the <gazebo> of a URDF in a launch.
 """
 
 from __future__ import annotations
@@ -21,8 +25,8 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.records import dataclass, field
 
-Effect = Literal["read", "harmless", "reported", "refused"]
-Format = Literal["urdf", "sdf", "mjcf", "srdf"]
+Effect = Literal["read", "harmless", "reported", "moving", "refused"]
+Format = Literal["urdf", "sdf", "world", "gazebo_ros", "mjcf", "srdf"]
 
 _MAX_SHOWN: Final = 60
 
@@ -39,9 +43,10 @@ class PartRow:
     text: str
     neutral: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
-    def is_lost(self, name: str, value: str) -> bool:
-        """Return True if a part with this value is reported."""
-        return self.effect == "reported" and not any(_is_equal(value, usual) for usual in self.neutral.get(name, ()))
+    def is_lost(self, name: str, value: str, *, moves: bool = True) -> bool:
+        """Return True if a part with this value is reported, in a model that moves or does not."""
+        lost = ("reported", "moving") if moves else ("reported",)
+        return self.effect in lost and not any(_is_equal(value, usual) for usual in self.neutral.get(name, ()))
 
 
 class Unread(NamedTuple):
@@ -113,10 +118,10 @@ class PartTable:
 def part_table(name: Format) -> PartTable:
     """Return the table of a format."""
     data = json.loads((Path(__file__).parent / f"parts_{name}.json").read_text(encoding="utf-8"))
-    places: dict[str, dict[str, PartRow]] = {}
+    places: dict[str, Mapping[str, PartRow]] = {**part_table("sdf").places} if name == "world" else {}
     for names, rows in data.items():
         found = {part: row for row in (_row(*row) for row in rows) for part in row.names}
-        places |= dict.fromkeys(names.split(", "), found)
+        places |= {place: {**places.get(place, {}), **found} for place in names.split(", ")}
     read = {
         place: frozenset(part[1:] for part, row in rows.items() if part[0] == "@" and row.effect == "read")
         for place, rows in places.items()

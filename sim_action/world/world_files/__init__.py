@@ -25,8 +25,7 @@ from sim_action.robot.model.findings import Finding, refuse_errors
 from sim_action.robot.reading.sdf.composition import Entry
 from sim_action.robot.reading.sdf.worlds import SdfWorld, base_pose, is_ground, read_sdf_world
 from sim_action.world import GRAVITY, Ground, World
-from sim_action.world.world_files.losses import Loss, LossList
-from sim_action.world.world_files.tags import HARMLESS_WORLD_PLUGINS, lost_tags
+from sim_action.world.world_files.losses import HARMLESS_WORLD_PLUGINS, Loss, LossList, lost_parts
 from sim_action.world.world_files.world_bodies import BodyReader, ReadBody
 from sim_action.world.world_files.world_shapes import ShapeReader, said
 
@@ -116,7 +115,7 @@ class _WorldReader:
     def read(self, is_robot: Callable[[Entry], bool]) -> WorldFile:
         """Read the world; problems become findings."""
         element = self._world.element
-        for tag, message in lost_tags(element):
+        for tag, message in lost_parts(element):
             self._losses.add(tag, message)
         if self._world.version > NEWEST:
             own, newest = (".".join(map(str, version)) for version in (self._world.version, NEWEST))
@@ -188,17 +187,10 @@ class _WorldReader:
             self._losses.add(include, message)
 
     def _note_state(self, state: Element | None) -> None:
-        """Note the losses in a <state>."""
-        if state is None:
-            return
-        for tag, message in lost_tags(state):
-            if len(tag) or tag.text:
-                self._losses.add(tag, message)
-        for model in state.findall("model"):
-            for tag, message in lost_tags(model, "state/model"):
-                self._losses.add(tag, message)
-            for link in model.findall("link"):
-                for tag, message in lost_tags(link, "state/link"):
+        """Note the losses in the models of a <state>."""
+        for model in () if state is None else state.findall("model"):
+            for holder in (model, *model.findall("link")):
+                for tag, message in lost_parts(holder, f"state/{holder.tag}"):
                     self._losses.add(tag, message)
 
     def _read_model(self, model: Entry, is_robot: Callable[[Entry], bool]) -> Iterator[ReadBody]:

@@ -9,6 +9,7 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.errors import Location
 from sim_action.core.field_types import FrozenModel
+from sim_action.robot.documents.part_table import part_table
 
 _STATED: Final = re.compile(r"<(\w+)>[^<]*</\1>")
 
@@ -52,6 +53,39 @@ class LossList:
         """Add a remark at an element."""
         place = self.places.get(element)
         self.found.append(Loss(message=message, location=place, kind=kind, is_remark=True))
+
+
+HARMLESS_WORLD_PLUGINS: Final[Mapping[str, str]] = {
+    "gazebo_ros_api_plugin": "its services and topics are those of sim-action",
+    "gazebo_ros_paths_plugin": "it sets search paths, which sim-action takes from packages",
+    "gazebo_ros_init": "it starts ROS 2 in Gazebo",
+    "gazebo_ros_factory": "it spawns models for nodes of ROS 2",
+    **{
+        f"{generation}-{system}-system": "it runs a part of Gazebo itself"
+        for generation in ("gz-sim", "ignition-gazebo")
+        for system in ("physics", "user-commands", "scene-broadcaster", "sensors", "imu", "contact", "log")
+    },
+}
+"""Plugin of a world -> the reason why its absence is not a loss."""
+
+_APART: Final = frozenset({"model", "include", "link"})
+"""Elements whose parts are looked at with their own models."""
+
+
+def lost_parts(holder: Element, place: str = "", *, moves: bool = False) -> Iterator[tuple[Element, str]]:
+    """Yield each lost part of an element and of all below it, with the message about it.
+
+    :param place: of the element in the table, if not its tag. moves: True if its model moves.
+    """
+    table = part_table("world")
+    for part in table.unread(holder, place or holder.tag, _APART):
+        is_nothing = part.place == "state" and not (len(part.element) or part.value)
+        is_fixed = part.name == "joint" and part.element.get("type") == "fixed" and holder.tag != "world"
+        if part.row is None:
+            name = part.stated if part.name.startswith("@") else f"<{part.name}>"
+            yield part.element, f"{name} of <{part.place.rpartition('/')[2]}> is not supported and has no effect"
+        elif part.row.is_lost(part.name, part.value, moves=moves) and not (is_fixed or is_nothing):
+            yield part.element, f"{part.stated} is not simulated: {part.row.text}"
 
 
 _MAX_KINDS: Final = 50

@@ -28,8 +28,7 @@ from sim_action.robot.reading.sdf.worlds import SdfWorld
 from sim_action.world import Body, Inertia
 from sim_action.world.mass_properties import displaced, symmetric, turned_tensor, uniform_properties
 from sim_action.world.parts import Part
-from sim_action.world.world_files.losses import LossList
-from sim_action.world.world_files.tags import lost_tags, lost_tags_below
+from sim_action.world.world_files.losses import LossList, lost_parts
 from sim_action.world.world_files.world_shapes import MAX_FRICTION, PlacedShape, ShapeReader, said
 
 LINK_SEPARATOR: Final = "/"
@@ -76,7 +75,7 @@ class BodyReader:
     def bodies(self, model: Entry) -> Iterator[ReadBody]:
         """Yield the bodies of a model; the ground is none. Raises SdfProblem."""
         assert model.scope is not None
-        self._note_lost_tags(model, model.scope)
+        self._note_lost_parts(model, model.scope)
         groups = [(group, self._shapes_of(model, group)) for group in _groups(model.scope)]
         shaped = [(group, shapes) for group, shapes in groups if shapes]
         for group, shapes in shaped:
@@ -92,19 +91,19 @@ class BodyReader:
                 name = f"{model.name}{LINK_SEPARATOR}{own}"
                 yield self._body(model, name, group, shapes, self._world.link_pose(model, first))
 
-    def _note_lost_tags(self, model: Entry, scope: Scope) -> None:
+    def _note_lost_parts(self, model: Entry, scope: Scope) -> None:
         for inner in scope.scopes():
-            for tag, message in lost_tags(inner.element, moves=not inner.static):
+            for tag, message in lost_parts(inner.element, moves=not inner.static):
                 self._losses.add(tag, message, model.name)
         for each in (model, *scope.all_of("model")):
             if each.element.tag == "include":
-                for tag, message in lost_tags(each.element):
+                for tag, message in lost_parts(each.element):
                     self._losses.add(tag, message, model.name)
         for link in scope.all_of("link"):
             for sensor in link.element.findall("sensor"):
                 kind = "a sensor of a body measures nothing: only the robot has sensors"
                 self._losses.remark(sensor, f"{kind} ('{model.name}')", kind)
-            for tag, message in lost_tags_below(link.element, moves=not link.owner.static):
+            for tag, message in lost_parts(link.element, moves=not link.owner.static):
                 self._losses.add(tag, message, model.name)
 
     def note_contact_bits(self, models: Iterable[Entry]) -> None:

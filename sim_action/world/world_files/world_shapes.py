@@ -21,8 +21,7 @@ from sim_action.world import MeshFile, Shape
 from sim_action.world.parts import Part, SurfacePart, moved
 from sim_action.world.shape_files.mesh_file import read_mesh_parts
 from sim_action.world.shape_files.shape_error import ShapeError
-from sim_action.world.world_files.losses import LossList
-from sim_action.world.world_files.tags import lost_tags
+from sim_action.world.world_files.losses import LossList, lost_parts
 
 _LENGTH_TOLERANCE_M: Final = 1e-3
 
@@ -138,7 +137,7 @@ class ShapeReader:
     def _mesh(
         self, mesh: Element, at: Pose, collision: Element, link: Entry, owner: str, *, moves: bool
     ) -> Iterator[PlacedShape]:
-        for tag, message in lost_tags(mesh):
+        for tag, message in lost_parts(mesh):
             self.losses.add(tag, message, owner)
         uri = text_of(mesh, "uri")
         stated = mesh.find("scale")

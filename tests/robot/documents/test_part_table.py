@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element
 
 import pytest
 
-import sim_action.robot
+import sim_action
 from sim_action.core.errors import ModelError
 from sim_action.core.workspace import Workspace
 from sim_action.robot.documents.part_table import ALL, Format, PartRow, part_table
@@ -140,7 +140,7 @@ def test_the_table_has_every_part_of_the_specification(kind: Format) -> None:
 
 @pytest.mark.parametrize("kind", get_args(Format))
 def test_what_reads_a_part_exists(kind: Format) -> None:
-    code = "".join(path.read_text() for path in Path(sim_action.robot.__file__).parent.rglob("*.py"))
+    code = "".join(path.read_text() for path in Path(sim_action.__file__).parent.rglob("*.py"))
     defined = set(re.findall(r"^ *(?:def|class) (\w+)", code, re.MULTILINE))
     rows = {row for rows in part_table(kind).places.values() for row in rows.values()}
     assert {row.text for row in rows if row.effect == "read"} <= defined

@@ -68,20 +68,24 @@ def rules() -> str:
 
 def parts(name: Format) -> str:
     """Return the elements and attributes of a format that are not read, by the effect and its reason."""
+    # The rows of worlds are those in which they differ from SDF.
+    shared = part_table("sdf").places if name == "world" else {}
     places: dict[PartRow, list[str]] = {}
     for place, by_name in part_table(name).places.items():
         for row in dict.fromkeys(by_name.values()):
-            if row.effect != "read":
+            if row.effect != "read" and row not in shared.get(place, {}).values():
                 at = "" if place == ALL else f"{place}/"
                 places.setdefault(row, []).append(", ".join(f"`{at}{part}`" for part in row.names))
-    by_effect: dict[str, dict[str, list[str]]] = {"refused": {}, "reported": {}, "harmless": {}}
+    by_effect: dict[str, dict[str, list[str]]] = {"refused": {}, "reported": {}, "moving": {}, "harmless": {}}
     for row, names in places.items():
         reason = "not listed" if row.effect == "harmless" else escaped(row.text.replace("{} of ", ""))
         by_effect[row.effect].setdefault(reason, []).extend(names)
     lists = {
         effect: [(", ".join(dict.fromkeys(at)), text) for text, at in of.items()] for effect, of in by_effect.items()
     }
-    shown = [f"**{effect}**\n\n{bullets(lists[effect])}" for effect in ("refused", "reported") if lists[effect]]
+    shown = [
+        f"**{effect}**\n\n{bullets(lists[effect])}" for effect in ("refused", "reported", "moving") if lists[effect]
+    ]
     return "\n".join([*shown, *(f"**harmless**\n\n{names}\n" for names, _ in lists["harmless"])])
 
 

@@ -1,4 +1,4 @@
-"""The table of the tags of worlds: what is lost, and what has no effect."""
+"""The table of the parts of worlds: what is lost, and what has no effect."""
 
 from __future__ import annotations
 
@@ -8,46 +8,42 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.world.world_files import tags
-from sim_action.world.world_files.tags import lost_tags, lost_tags_below
+from sim_action.world.world_files.losses import lost_parts
 
 
 def lost(text: str, *, moves: bool = False) -> list[str]:
-    return [message for _, message in lost_tags_below(ET.fromstring(text), moves=moves)]
-
-
-def test_every_row_that_is_not_read_has_a_reason() -> None:
-    for holder, rows in tags._TAGS.items():
-        for tag, row in rows.items():
-            assert bool(row.reason) == (row.effect != "read"), (holder, tag)
-            assert not row.neutral or row.effect == "lost", (holder, tag)
+    return [message for _, message in lost_parts(ET.fromstring(text), moves=moves)]
 
 
 def test_what_is_only_drawn_or_set_for_the_engine_of_gazebo_is_not_lost() -> None:
-    drawn = (
-        "light",
-        "scene",
-        "gui",
-        "physics",
-        "road",
-        "magnetic_field",
-        "atmosphere",
-        "spherical_coordinates",
-        "wind",
-    )
+    drawn = ("light", "scene", "gui", "physics", "road", "magnetic_field", "atmosphere", "wind")
     world = "".join(f"<{tag}><inside>1</inside></{tag}>" for tag in drawn)
-    assert list(lost_tags(ET.fromstring(f"<world>{world}</world>"))) == []
+    assert list(lost_parts(ET.fromstring(f"<world>{world}</world>"))) == []
 
 
 @pytest.mark.parametrize("kind", ["fixed", "revolute"])
 def test_a_joint_between_models_is_lost(kind: str) -> None:
     world = ET.fromstring(f"<world><joint type='{kind}'/></world>")
-    assert [message for _, message in lost_tags(world)] == ["<joint> is not simulated: the models are not joined"]
+    assert [message for _, message in lost_parts(world)] == ["<joint> is not simulated: the models are not joined"]
 
 
-def test_an_unknown_tag_is_lost() -> None:
-    (message,) = lost("<link><gravitty>0</gravitty></link>")
-    assert message == "<gravitty> of <link> is not supported and has no effect"
+@pytest.mark.parametrize(
+    ("model", "message"),
+    [
+        ("<link><gravitty>0</gravitty></link>", "<gravitty> of <link> is not supported and has no effect"),
+        ("<link mas='1'/>", '<link mas="1"> of <link> is not supported and has no effect'),
+        ("<link><pose unit='m'/></link>", '<pose unit="m"> of <pose> is not supported and has no effect'),
+        ("<link><inertial><mas>1</mas></inertial></link>", "<mas> of <inertial> is not supported and has no effect"),
+        (
+            "<link><inertial><fluid_added_mass/></inertial></link>",
+            "<fluid_added_mass> is not simulated: there is no water",
+        ),
+        ("<state><insertions/></state>", None),
+        ("<state><insertions><model/></insertions></state>", "<insertions> is not simulated: its models are missing"),
+    ],
+)
+def test_an_unknown_part_is_lost_wherever_it_is(model: str, message: str | None) -> None:
+    assert lost(model) == [message] * (message is not None)
 
 
 @pytest.mark.parametrize(
@@ -97,5 +93,5 @@ def test_any_other_value_is_lost(value: float) -> None:
 
 def test_an_element_does_not_move_unless_it_is_said_to() -> None:
     link = ET.fromstring("<link><gravity>0</gravity></link>")
-    assert list(lost_tags(link)) == []
-    assert len(list(lost_tags(link, moves=True))) == 1
+    assert list(lost_parts(link)) == []
+    assert len(list(lost_parts(link, moves=True))) == 1
