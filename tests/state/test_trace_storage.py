@@ -16,13 +16,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra import numpy as numpy_strategies
 
 from sim_action.state.observation import SelfContact
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import BodyRecord, SensorRecord
-from sim_action.state.trace_storage import TraceError, load_trace, packed, save_arrays, save_trace
-from tests.soak import examples
+from sim_action.state.trace_storage import TraceError, load_trace, save_trace
 from tests.traces import SEEN, assert_same, columns, contact, trace
 
 
@@ -201,55 +199,3 @@ def test_objects_have_the_times_of_their_trace(tmp_path: Path) -> None:
             assert list(load_trace(tmp_path / "trace.npz").objects) == ["cube"]
     with pytest.raises(TraceError, match="the object 'cube' has other times than the trace"):
         load_trace(tmp_path / "trace.npz")
-
-
-KINDS = st.one_of(
-    numpy_strategies.floating_dtypes(),
-    numpy_strategies.integer_dtypes(),
-    numpy_strategies.boolean_dtypes(),
-    numpy_strategies.unicode_string_dtypes(),
-)
-NAMES = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0/\\"), min_size=1, max_size=12)
-
-
-def of_numpy(named: dict[str, Any]) -> bytes:
-    file = io.BytesIO()
-    np.savez(file, **named)
-    return file.getvalue()
-
-
-@examples(100)
-@given(
-    st.dictionaries(
-        NAMES.filter(lambda name: name not in {"file", "allow_pickle"}),
-        numpy_strategies.arrays(KINDS, numpy_strategies.array_shapes(min_dims=0, min_side=0)),
-        max_size=5,
-    )
-)
-def test_the_bytes_are_those_of_numpy(named: dict[str, Any]) -> None:
-    assert packed(named) == of_numpy(named)
-
-
-@pytest.mark.parametrize(
-    "array",
-    [
-        pytest.param(np.arange(12.0).reshape(3, 4)[:, 1:3], id="columns of a table"),
-        pytest.param(np.arange(12.0).reshape(3, 4).T, id="stored by columns"),
-        pytest.param(np.asfortranarray(np.arange(24).reshape(2, 3, 4)), id="stored by columns, three axes"),
-        pytest.param(np.arange(12.0)[::-2], id="backwards"),
-        pytest.param(np.broadcast_to(1.5, (3, 2)), id="one number everywhere"),
-        pytest.param(np.array([1.5], dtype=">f8"), id="another byte order"),
-    ],
-)
-def test_arrays_that_are_no_row_of_memory(array: Any) -> None:
-    named = {"before": np.zeros(3), "it": array}
-    assert packed(named) == of_numpy(named)
-    with np.load(io.BytesIO(packed(named))) as stored:
-        assert np.array_equal(stored["it"], array)
-
-
-@pytest.mark.parametrize("count", [3, 200_000])
-def test_a_file_of_any_size_is_that_of_numpy(count: int, tmp_path: Path) -> None:
-    named = {"it": np.arange(float(count))}
-    save_arrays(named, tmp_path / "it.npz")
-    assert (tmp_path / "it.npz").read_bytes() == of_numpy(named)
