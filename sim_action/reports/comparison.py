@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
-from typing import Final, Literal, TextIO
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final, Literal, TextIO, get_args
 
 from pydantic import JsonValue
 
 from sim_action.core import units
-from sim_action.core.records import dataclass
-from sim_action.core.wording import counted, shortened, shown
-from sim_action.reports.console import BAD, GOOD, Console, Line, Sign, open_console
-from sim_action.reports.escaping import markdown_text
+from sim_action.core.wording import counted, shown
+from sim_action.reports.console import open_console
 from sim_action.reports.formatting import measurements, moment, quantity, speed_text
-from sim_action.reports.github.markdown import code, paragraphs, row, table
+from sim_action.reports.github.markdown import fitting, markdown_row, markdown_rows, paragraphs
 from sim_action.reports.statuses import STATUS_DISPLAYS
+from sim_action.reports.table import Row, Table
 from sim_action.results.comparison import Change, ChangeKind, Comparison, SmallerMargin
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.paired_comparison import CONFIDENCE, GateComparison, MarginLoss, Rate, RateChange
@@ -32,18 +31,19 @@ from sim_action.results.weaker_checks import (
 from sim_action.results.written_files import COMPARED
 from sim_action.scenario.variations.gate import GATE, percent
 
-Look = Literal["bad", "warning", "note", "good"]
+Look = Literal["failed", "warned", "information", "passed"]
+"""The status of a change, the worst first."""
 
 _LOOKS: Final[dict[ChangeKind, Look]] = {
-    "newly fails": "bad",
-    "flaky": "bad",
-    "not run": "warning",
-    "removed": "warning",
-    "not repeated": "warning",
-    "fails differently": "note",
-    "still fails": "note",
-    "fixed": "good",
-    "new": "good",
+    "newly fails": "failed",
+    "flaky": "failed",
+    "not run": "warned",
+    "removed": "warned",
+    "not repeated": "warned",
+    "fails differently": "information",
+    "still fails": "information",
+    "fixed": "passed",
+    "new": "passed",
 }
 _WEAKER: Final[dict[WeakerKind, str]] = {
     "removed": "no longer checked",
@@ -55,38 +55,31 @@ _WEAKER: Final[dict[WeakerKind, str]] = {
     "stated": "states something else",
 }
 _CLAIMS: Final[dict[tuple[ClaimKind, bool], tuple[Look, str]]] = {
-    ("removed", True): ("warning", "no longer checked"),
-    ("limit", True): ("warning", "weaker limit"),
-    ("confidence", True): ("warning", "less confidence"),
-    ("limit", False): ("note", "stricter limit"),
-    ("stated", True): ("warning", "states something else"),
-    ("stated", False): ("note", "states something else"),
-    ("confidence", False): ("note", "more confidence"),
+    ("removed", True): ("warned", "no longer checked"),
+    ("limit", True): ("warned", "weaker limit"),
+    ("confidence", True): ("warned", "less confidence"),
+    ("limit", False): ("information", "stricter limit"),
+    ("stated", True): ("warned", "states something else"),
+    ("stated", False): ("information", "states something else"),
+    ("confidence", False): ("information", "more confidence"),
 }
 """The looks and names of the changes of a gate's claims, by kind and `is_weaker`."""
 _MAX_KINDS: Final = 3
-_ORDER: Final[tuple[Look, ...]] = ("bad", "warning", "note", "good")
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One change of one scenario, with unescaped texts.
-
-    Attributes:
-        what: the kind of change, such as "newly fails".
-        detail: the reason or the values before and now; may be empty.
-    """
-
-    look: Look
-    what: str
-    outcome: Outcome
-    detail: str
 
 
 def rows(comparison: Comparison) -> list[Row]:
     """Return the changes, the worst first, otherwise in the order of the runs; unchanged passes have no row."""
-    found = [each for change in comparison.changes for each in rows_of(change)]
-    return sorted(found, key=lambda each: _ORDER.index(each.look))
+    every = [row for change in comparison.changes for row in rows_of(change)]
+    return sorted(every, key=lambda row: get_args(Look).index(row.status))
+
+
+def _row(look: Look, kind: str, outcome: Outcome, detail: str) -> Row:
+    """Return one change of one scenario; `detail`: the reason, or the values before and now, or empty."""
+    return Row(look, outcome.name, detail, kind=kind, location=outcome.location, stands_out=True)
+
+
+def _table(shown: Sequence[Row]) -> Table:
+    return Table("Scenario", tuple(shown), message="What happened", kind="Change")
 
 
 def headline(comparison: Comparison) -> str:
@@ -110,7 +103,7 @@ def headline(comparison: Comparison) -> str:
 
 
 def _warning_kinds(comparison: Comparison) -> str:
-    found = dict.fromkeys(each.what for each in rows(comparison) if each.look == "warning")
+    found = dict.fromkeys(row.kind for row in rows(comparison) if row.status == "warned")
     first, left = list(found)[:_MAX_KINDS], len(found) - _MAX_KINDS
     return f"{', '.join(first)}{f' and {left} more' if left > 0 else ''}"
 
@@ -129,56 +122,56 @@ NOTHING_COMPARED: Final = (
 def rows_of(change: Change) -> Iterator[Row]:
     """Yield the rows of one scenario or gate."""
     if look := _LOOKS.get(change.kind):
-        yield Row(look, change.kind, change.outcome, _detail(change))
+        yield _row(look, change.kind, change.outcome, _detail(change))
     if change.gate is not None:
         yield from _rows_of_runs(change.gate, change.outcome)
     for missed in change.missed:
         what = "no longer checked" if missed.verdict.status == "not_exercised" else "no longer holds"
-        yield Row("warning", what, change.outcome, f"{missed.name}: {missed.verdict.message}")
+        yield _row("warned", what, change.outcome, f"{missed.name}: {missed.verdict.message}")
     for weaker in change.weaker:
-        yield Row("warning", _WEAKER[weaker.kind], change.outcome, _weaker_text(weaker))
+        yield _row("warned", _WEAKER[weaker.kind], change.outcome, _weaker_text(weaker))
     yield from (_row_of_claim(claim, change.outcome) for claim in change.claims)
     for smaller in change.smaller_margins:
-        yield Row("warning", "margin shrinks", change.outcome, _margins_text(smaller))
+        yield _row("warned", "margin shrinks", change.outcome, _margins_text(smaller))
     elsewhere = "" if change.processors is None else " (different CPUs: before {}, now {})".format(*change.processors)
     if slower := change.slower:
         told = f"{speed_text(slower.old)}, now {speed_text(slower.new)}{elsewhere}"
-        yield Row("note" if elsewhere else "warning", "slower", change.outcome, told)
+        yield _row("information" if elsewhere else "warned", "slower", change.outcome, told)
     for was, now in change.stricter:
         # A default name has the limit.
         is_known = now.name == was.name or quantity(was.verdict.limit, was.verdict.unit) in was.name
         names = now.name if is_known else f"{now.name}; was: {was.name}"
-        yield Row("note", "stricter limit", change.outcome, f"{names}; {limits_text(was, now)}")
+        yield _row("information", "stricter limit", change.outcome, f"{names}; {limits_text(was, now)}")
     for old, new in change.renamed:
-        yield Row("note", "check renamed", change.outcome, f"{new}; was: {old}")
+        yield _row("information", "check renamed", change.outcome, f"{new}; was: {old}")
     # If the verdict changed, a different motion is expected.
     rate_changed = change.gate is not None and change.gate.rate is not None and change.gate.rate.direction is not None
     if change.moves_differently and change.kind in ("still passes", "still fails") and not rate_changed:
         share = f"{change.gate.moved} of {counted(change.gate.pairs, 'pair')} have a " if change.gate else ""
         detail = f"{share}different digest with the same seed on the same engine{elsewhere}"
-        yield Row("note", "moves differently", change.outcome, detail)
+        yield _row("information", "moves differently", change.outcome, detail)
 
 
 def _row_of_claim(claim: ClaimChange, outcome: Outcome) -> Row:
     look, what = _CLAIMS[claim.kind, claim.is_weaker]
-    return Row(look, what, outcome, claim_text(claim))
+    return _row(look, what, outcome, claim_text(claim))
 
 
 def _rows_of_runs(gate: GateComparison, outcome: Outcome) -> Iterator[Row]:
     """Yield the rows of the runs of a gate, without those of weaker checks."""
     if not gate.same_draws:
-        yield Row("warning", "samples differ", outcome, unpaired_text(gate))
+        yield _row("warned", "samples differ", outcome, unpaired_text(gate))
     if rate := gate.rate:
         if rate.direction is not None:
-            look: Look = "bad" if rate.direction == "fell" else "good"
-            yield Row(look, f"pass rate {rate.direction}", outcome, rate_change_text(rate))
+            look: Look = "failed" if rate.direction == "fell" else "passed"
+            yield _row(look, f"pass rate {rate.direction}", outcome, rate_change_text(rate))
         elif rate.worse or rate.better:
-            yield Row("note", "no change shown", outcome, no_change_text(rate))
+            yield _row("information", "no change shown", outcome, no_change_text(rate))
     for margin in gate.margins:
-        yield Row("warning", "margins shrink", outcome, mean_margins_text(margin))
+        yield _row("warned", "margins shrink", outcome, mean_margins_text(margin))
     if gate.left_out:
         detail = f"{gate.left_out} of {gate.left_out + gate.pairs} samples: no verdict before or now"
-        yield Row("note", "not compared", outcome, detail)
+        yield _row("information", "not compared", outcome, detail)
 
 
 def _detail(change: Change) -> str:
@@ -269,62 +262,41 @@ def _margins_text(smaller: SmallerMargin) -> str:
     return f"{smaller.expectation}: margin {old}{of_old}, now {new}{of_new}"
 
 
-_SIGNS: Final[dict[Look, Sign]] = {
-    "bad": BAD,
-    "warning": Sign("!", "!", "⚠️", "yellow"),
-    "note": Sign("·", "-", "📝", "dim"),
-    "good": GOOD,
-}
 _MAX_TERMINAL_ROWS: Final = 200
-_MAX_TERMINAL_TEXT: Final = 300
 
 
 def print_comparison(comparison: Comparison, environment: Mapping[str, str], stream: TextIO | None = None) -> None:
     """Print the changes to a stream (default: standard output), the worst last, then the counts."""
+    every = rows(comparison)
     with open_console(stream or sys.stdout, environment) as shown:
-        for line in _terminal_lines(comparison, shown):
+        if len(every) > _MAX_TERMINAL_ROWS:
+            shown.print((f"{len(every) - _MAX_TERMINAL_ROWS} more changes are not shown", "dim"))
+        for line in _table(every[:_MAX_TERMINAL_ROWS][::-1]).lines(shown):
             shown.print(*line)
-
-
-def _terminal_lines(comparison: Comparison, shown: Console) -> Iterator[Line]:
-    found = rows(comparison)
-    if len(found) > _MAX_TERMINAL_ROWS:
-        yield [(f"{len(found) - _MAX_TERMINAL_ROWS} more changes are not shown", "dim")]
-    listed = found[:_MAX_TERMINAL_ROWS]
-    width = max((len(each.what) for each in listed), default=0)
-    for each in reversed(listed):
-        sign = _SIGNS[each.look]
-        yield [
-            (f"{sign.on(shown)} {each.what.ljust(width)}  ", sign.style),
-            (each.outcome.name, "bold"),
-            (f"  {each.outcome.location}" if each.outcome.location else "", "dim"),
-            (f"  {shortened(each.detail, _MAX_TERMINAL_TEXT)}" if each.detail else "", ""),
-        ]
-    if comparison.is_empty:
-        yield [(NOTHING_COMPARED, BAD.style)]
-    bad = comparison.failures or comparison.is_empty
-    worst: Look = "bad" if bad else "warning" if comparison.warnings else "good"
-    yield [(headline(comparison), _SIGNS[worst].style)]
+        bad = comparison.failures or comparison.is_empty
+        style = STATUS_DISPLAYS["failed" if bad else "warned" if comparison.warnings else "passed"].style
+        if comparison.is_empty:
+            shown.print((NOTHING_COMPARED, style))
+        shown.print((headline(comparison), style))
 
 
 MAX_CHARACTERS: Final = 60_000
 """The largest size of the Markdown; GitHub accepts 65,536 characters in a comment."""
 
 _FRAME_CHARACTERS: Final = 2_000
-_MAX_MARKDOWN_TEXT: Final = 300
-_MAX_NAME: Final = 100
 
 
 def comparison_markdown(comparison: Comparison) -> str:
     """Return a headline and a table of the changes, the worst first, as GitHub-flavoured Markdown for a comment."""
-    found = rows(comparison)
-    written = _fitting_rows(found)
+    every = rows(comparison)
+    table = _table(every)
+    written = fitting((markdown_row(table, row) for row in every), MAX_CHARACTERS - _FRAME_CHARACTERS)
     parts = [
         f"## {_title(comparison)}",
         f"**{headline(comparison)}**, {COMPARED}",
         f"{NOTHING_COMPARED[0].upper()}{NOTHING_COMPARED[1:]}." if comparison.is_empty else "",
-        table(("", "Change", "Scenario", "What happened"), written) if written else "",
-        f"_{len(found) - len(written)} more changes are not shown._" if len(found) > len(written) else "",
+        markdown_rows(table, written),
+        f"_{len(every) - len(written)} more changes are not shown._" if len(every) > len(written) else "",
     ]
     return paragraphs(*parts) + "\n"
 
@@ -343,28 +315,6 @@ def _title(comparison: Comparison) -> str:
     if count := comparison.warnings:
         return f"⚠️ Nothing newly fails, {count} {'warning' if count == 1 else 'warnings'}"
     return "✅ Nothing newly fails"
-
-
-def _fitting_rows(found: list[Row]) -> list[str]:
-    written, room = [], MAX_CHARACTERS - _FRAME_CHARACTERS
-    for each in found:
-        line = _markdown_row(each)
-        room -= len(line) + 1
-        if room < 0:
-            break
-        written.append(line)
-    return written
-
-
-def _markdown_row(each: Row) -> str:
-    name = f"**{_markdown_cell(each.outcome.name, _MAX_NAME)}**"
-    if each.outcome.file:
-        name += f"<br><sub>{code(shortened(each.outcome.file, _MAX_NAME))}</sub>"
-    return row(_SIGNS[each.look].icon, each.what, name, _markdown_cell(each.detail, _MAX_MARKDOWN_TEXT))
-
-
-def _markdown_cell(text: str, most: int) -> str:
-    return markdown_text(shortened(text, most))
 
 
 # A smaller p-value is shown as a bound.

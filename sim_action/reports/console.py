@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from types import MappingProxyType
 from typing import Final, TextIO
 
-from sim_action.core.records import dataclass
 from sim_action.reports.escaping import log_text
+from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS, StatusDisplay
 
 Line = Sequence[tuple[str, str]]
 """The parts of a line and their styles."""
@@ -32,25 +32,8 @@ _CODES: Final = MappingProxyType(
 _PLAIN_TERMINALS: Final = ("dumb", "unknown")
 
 
-@dataclass(frozen=True, slots=True)
-class Sign:
-    """The sign of a kind of entry: a character for terminals with and without Unicode, an emoji, and a style."""
-
-    symbol: str
-    ascii_symbol: str
-    icon: str
-    style: str
-
-    def on(self, console: Console) -> str:
-        """Return the character for a console."""
-        return self.symbol if console.can_show(_SIGNS) else self.ascii_symbol
-
-
-GOOD: Final = Sign("✓", "+", "✅", "green")
-BAD: Final = Sign("✗", "x", "❌", "bold red")
-
-_SIGNS: Final = "✗·✓"
-"""A console that cannot show one of these characters gets those of ASCII for all signs."""
+_ALL_SYMBOLS: Final = "".join(display.symbol for display in (*STATUS_DISPLAYS.values(), INFORMATION))
+"""A console that cannot show one of these characters gets those of ASCII for all statuses."""
 
 
 class Console:
@@ -71,6 +54,10 @@ class Console:
     def can_show(self, symbols: str) -> bool:
         """Return True if the encoding has all of these characters."""
         return log_text(symbols, self.encoding) == symbols
+
+    def mark(self, display: StatusDisplay) -> tuple[str, str]:
+        """Return the symbol of a status, with a space behind it, and its style."""
+        return f"{display.symbol if self.can_show(_ALL_SYMBOLS) else display.ascii_symbol} ", display.style
 
     def _styled(self, text: str, style: str) -> str:
         text, code = self._shown(text), _CODES[style]

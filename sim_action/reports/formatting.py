@@ -10,7 +10,7 @@ from sim_action.core.errors import ExitCode
 from sim_action.core.provenance import Provenance
 from sim_action.core.wording import counted, shortened
 from sim_action.reports.escaping import one_line
-from sim_action.reports.statuses import STATUS_DISPLAYS
+from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.outcome import Outcome, Status
 from sim_action.results.results_json import Results, Shard
 from sim_action.state.verdict import Verdict
@@ -36,6 +36,32 @@ def taken_over_text(taken_over: int, results: Results) -> str:
     """Return how many outcomes come from an earlier call, such as "212 of 300 scenarios taken over ..."."""
     what = "run" if any(outcome.is_sample for outcome in results.outcomes) else "scenario"
     return f"{taken_over} of {counted(len(results.runs), what)} taken over from the earlier run"
+
+
+def run_headline(results: Results) -> tuple[str, str]:
+    """Return the emoji and the words of a headline, such as "2 of 5 scenarios did not pass"."""
+    total, passed, left = results.total, results.count("passed"), results.count("skipped")
+    gates = sum(outcome.statistics is not None for outcome in results.verdicts)
+    one = "gate" if gates else "scenario"
+    several = "scenarios" if not gates else "gates" if gates == total else "scenarios and gates"
+    if not total:
+        return _headline_without_verdicts(results)
+    if results.conclusion == "cancelled":
+        return "🛑", f"Interrupted: {passed} of {total} {several} had passed"
+    bad = total - passed - left
+    icon, ending = ("❌", "did not pass") if bad or left else ("✅", "passed")
+    if total == 1 and not left:
+        return icon, f"The {one} {ending}"
+    start = f"{bad} of {total}" if bad or left else f"All {total}"
+    return icon, f"{start} {several} {ending}{f', and {left} were not run' if left else ''}"
+
+
+def _headline_without_verdicts(results: Results) -> tuple[str, str]:
+    good = results.exit_code is ExitCode.PASSED
+    if results.outcomes:
+        runs = f"No verdicts here: {counted(len(results.outcomes), 'run')} for sim-action merge"
+        return (INFORMATION.icon, runs) if good else ("❌", f"{runs}, and not all of them could run")
+    return ("✅", f"No scenarios for {results.shard or 'this part'}") if good else ("⚠️", "No scenarios were run")
 
 
 def counts_text(results: Results) -> str:
@@ -98,6 +124,29 @@ def provenance_rows(provenance: Provenance | None) -> dict[str, str]:
     versions = f"sim-action {provenance.sim_action}, Python {provenance.python}{numpy}{packages}"
     build = {"build": provenance.engine_build} if provenance.engine_build else {}
     return {**build, "cpu": provenance.cpu, "versions": versions, "system": provenance.platform}
+
+
+def run_facts(outcome: Outcome, results: Results | None = None) -> dict[str, str]:
+    """Return label -> value of the details of a run, without empty ones; `results`: the call that it belongs to."""
+    runs = f", {outcome.repeats.count} runs" if outcome.repeats else ""
+    versions = "" if results is None else f"sim-action {results.sim_action}, Python {results.python}"
+    facts = {
+        "variation": ", ".join(f"{varied.key} = {varied.value}" for varied in outcome.variation),
+        "ended by": outcome.end or "",
+        "sim time": quantity(outcome.sim_time, "s"),
+        "speed": speed_text(outcome.real_time_factor),
+        # It covers more than the simulation loop, to which the speed refers.
+        "wall time": f"{quantity(outcome.wall_time, 's')} (with start-up{runs})" if outcome.wall_time else "",
+        "travelled": quantity(outcome.travelled, "m"),
+        "engine": outcome.engine or "",
+        "seed": "" if outcome.seed is None else str(outcome.seed),
+        "digest": outcome.digest or "",
+        "repeated": repeats_text(outcome),
+        **(provenance_rows(outcome.provenance) or {"versions": versions}),
+        "trace": outcome.trace or "",
+        "recordings": ", ".join(outcome.recordings),
+    }
+    return {name: value for name, value in facts.items() if value}
 
 
 def shard_text(shard: Shard) -> str:

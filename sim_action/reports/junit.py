@@ -282,8 +282,8 @@ def _output_of_gate(group: ScenarioGroup) -> Iterator[str]:
     yield from (f"- {group.values(run)} {run.ending}" for run in bad[:_MAX_RUNS_OF_GATE])
     if len(bad) > _MAX_RUNS_OF_GATE:
         yield f"- {len(bad) - _MAX_RUNS_OF_GATE} more, see {RESULTS_FILE}"
-    for expected, run, runs in group.warned:
-        yield f"warning: {expected.name}: {group.share_text(run, expected, runs)}"
+    for expected, share in group.warned:
+        yield f"warning: {expected.name}: {share}"
     for warning, runs in group.warnings:
         yield f"warning: {warning.location}: {group.warning_text(warning, runs)}"
     yield from (f"note: {note}" for note in dict.fromkeys(note for run in group.outcomes for note in run.model_notes))

@@ -9,20 +9,30 @@ from typing import Final, TextIO
 from sim_action.core.errors import Location
 from sim_action.core.wording import counted, shortened
 from sim_action.reports import ReportOptions
-from sim_action.reports.console import BAD, GOOD, Console, Line, Sign, open_console
+from sim_action.reports.console import Console, Line, open_console
 from sim_action.reports.escaping import markdown_block, markdown_text
 from sim_action.reports.github.annotations import Annotation, print_annotations
 from sim_action.reports.github.job_summary import MAX_BYTES, append_summary
-from sim_action.reports.github.markdown import code, fitting, folded, message_text, paragraphs, row, source_link, table
+from sim_action.reports.github.markdown import (
+    code,
+    fitting,
+    folded,
+    markdown_table,
+    message_text,
+    paragraphs,
+    source_link,
+)
 from sim_action.reports.github.step_outputs import append_outputs
 from sim_action.reports.statuses import Level
+from sim_action.reports.table import Row, Table
 from sim_action.results.artifacts import REPORT_FILE
+from sim_action.results.outcome import DisplayStatus
 from sim_action.results.proof import Finding, MutantResult, Proof, ProvenExpectation, ProvenScenario
 
-_SIGNS: Final[dict[Finding, Sign]] = {
-    "notices": GOOD,
-    "checks nothing": BAD,
-    "unknown": Sign("·", "-", "❔", "dim"),
+_STATUSES: Final[dict[Finding, DisplayStatus]] = {
+    "notices": "passed",
+    "checks nothing": "failed",
+    "unknown": "not_exercised",
 }
 _MOST_NAMES: Final = 6
 _MOST_SENSITIVITY: Final = 10.0
@@ -63,31 +73,45 @@ def _of_scenario(scenario: ProvenScenario, shown: Console) -> Iterator[Line]:
         yield [("  not mutated: ", "yellow"), (scenario.reason, "")]
         if scenario.location is not None and scenario.location.line is not None:
             yield [("      ", ""), (str(scenario.location), "cyan")]
-    else:
-        for expected in scenario.expectations:
-            sign = _SIGNS[expected.finding]
-            finding = f": {finding_text(expected, scenario)}"
-            yield [(f"  {sign.on(shown)} ", sign.style), (expected.name, ""), (finding, "")]
-            if expected.finding == "checks nothing":
-                yield [("      ", ""), (str(expected.location), "cyan")]
-        yield from _of_mutants(scenario)
-
-
-def _of_mutants(scenario: ProvenScenario) -> Iterator[Line]:
+        return
+    yield from expectation_table(scenario).lines(shown, "  ")
     for suggestion, survivors in by_suggestion(scenario):
-        yield from _of_survivors(suggestion, survivors)
-    for words, mutants in (
-        ("unnoticed, with little other motion", [each for each in scenario.with_status("survived") if not each.change]),
-        ("no effect", scenario.with_status("no effect")),
-    ):
-        if mutants:
-            yield [(f"  {words}: {', '.join(each.name for each in mutants)}", "dim")]
+        rows = tuple(Row("warned", survivor.name, survivor_text(survivor)) for survivor in survivors)
+        yield from Table("Mutant", rows).lines(shown, "  ")
+        yield [(f"      {suggestion_title(suggestion, survivors)}", "dim")]
+        yield from ([("        ", ""), (line, "cyan")] for line in suggestion.splitlines())
+    yield from ([(f"  {words}: {names}", "dim")] for words, names in other_mutants(scenario) if words != "noticed")
+
+
+def expectation_table(scenario: ProvenScenario) -> Table:
+    """Return the findings on the expectations of a scenario."""
+    rows = (
+        Row(
+            _STATUSES[expected.finding],
+            expected.name,
+            finding_text(expected, scenario),
+            location=expected.location,
+            stands_out=expected.finding == "checks nothing",
+        )
+        for expected in scenario.expectations
+    )
+    return Table("Expectation", tuple(rows), message="Finding")
+
+
+def other_mutants(scenario: ProvenScenario) -> Iterator[tuple[str, str]]:
+    """Yield the mutants without a remark: those that were noticed, changed little, did nothing or could not run."""
+    groups = {
+        "noticed": scenario.with_status("noticed"),
+        "unnoticed, with little other motion": [
+            each for each in scenario.with_status("survived") if each.change is None
+        ],
+        "no effect": scenario.with_status("no effect"),
+    }
+    yield from ((words, ", ".join(each.name for each in mutants)) for words, mutants in groups.items() if mutants)
     for mutant in scenario.with_status("could not run"):
-        yield [(f"  could not run: {mutant.name}: {shortened(mutant.reason, _MOST_TEXT)}", "dim")]
-    if scenario.left_out:
-        yield [(f"  {counted(scenario.left_out, 'mutant')} left out", "yellow")]
-    if scenario.unfinished:
-        yield [(f"  {counted(scenario.unfinished, 'mutant')} had not ended when the call was interrupted", "yellow")]
+        yield "could not run", f"{mutant.name}: {shortened(mutant.reason, _MOST_TEXT)}"
+    counts = {"left out": scenario.left_out, "not ended": scenario.unfinished}
+    yield from ((words, counted(count, "mutant")) for words, count in counts.items() if count)
 
 
 def by_suggestion(scenario: ProvenScenario) -> list[tuple[str, list[MutantResult]]]:
@@ -143,15 +167,6 @@ def _share(sensitivity: float) -> str:
 def _names(names: Sequence[str]) -> str:
     more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
     return ", ".join(names[:_MOST_NAMES]) + more
-
-
-def _of_survivors(suggestion: str, survivors: Sequence[MutantResult]) -> Iterator[Line]:
-    """Yield the mutants that one expectation would have noticed, and then this expectation; or those without one."""
-    for survivor in survivors:
-        yield [("  ! ", "yellow"), (survivor.name, ""), (f": {survivor_text(survivor)}", "")]
-    yield [(f"      {suggestion_title(suggestion, survivors)}", "dim")]
-    for line in suggestion.splitlines():
-        yield [("        ", ""), (line, "cyan")]
 
 
 _MAX_NAME: Final = 100
@@ -211,17 +226,9 @@ def _section(scenario: ProvenScenario, options: ReportOptions) -> str:
     if not scenario.is_proven:
         where = "" if scenario.location is None else f"<br>{source_link(options, scenario.location)}"
         parts.append(f"not mutated: {message_text(scenario.reason)}{where}")
-    if scenario.expectations:
-        rows = (_row(expected, scenario, options) for expected in scenario.expectations)
-        parts.append(table(("", "Expectation", "Finding"), rows))
+    parts.append(markdown_table(expectation_table(scenario), options))
     parts += _survivors(scenario)
     return paragraphs(*parts)
-
-
-def _row(expected: ProvenExpectation, scenario: ProvenScenario, options: ReportOptions) -> str:
-    name = markdown_text(shortened(expected.name, _MAX_NAME))
-    place = f"<br>{source_link(options, expected.location)}" if expected.finding == "checks nothing" else ""
-    return row(_SIGNS[expected.finding].icon, name + place, message_text(finding_text(expected, scenario)))
 
 
 def _survivors(scenario: ProvenScenario) -> Iterator[str]:

@@ -10,7 +10,7 @@ from sim_action.core.errors import ExitCode, Location
 from sim_action.core.records import dataclass
 from sim_action.core.wording import counted
 from sim_action.reports.formatting import moment, quantity
-from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS, StatusDisplay
+from sim_action.reports.statuses import STATUS_DISPLAYS, RowStatus
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOutcome, Outcome
 from sim_action.scenario.variations.gate import PlannedGate, percent
 from sim_action.world.claims import AuditWarning
@@ -45,9 +45,9 @@ class ScenarioGroup:
         return tuple(outcome for outcome in self.outcomes if outcome.exit_code > ExitCode.FAILED)
 
     @property
-    def display(self) -> StatusDisplay:
-        """The display of the status; that of an information for runs that another call judges."""
-        return INFORMATION if self.is_part and not self.could_not_run else STATUS_DISPLAYS[self.status]
+    def row_status(self) -> RowStatus:
+        """The status; "information" for runs that another call judges."""
+        return "information" if self.is_part and not self.could_not_run else self.status
 
     @property
     def gate_text(self) -> str:
@@ -98,19 +98,19 @@ class ScenarioGroup:
             return f"{counted(len(statuses), 'run')} failed"
         return f"{counted(len(statuses), 'run')} did not pass: {told}" if statuses else ""
 
-    def share_text(self, run: Outcome, expected: ExpectationOutcome, runs: int) -> str:
-        """Return the number of runs in which an expectation did not hold, and the worst of them; see `warned`."""
-        return f"not in {runs} of {len(self.outcomes)} runs; the worst, {self.values(run)}: {expected.verdict.message}"
-
     @property
-    def warned(self) -> tuple[tuple[ExpectationOutcome, Outcome, int], ...]:
-        """The expectations that did not hold but may: the worst of each, its run, and the number of runs."""
+    def warned(self) -> tuple[tuple[ExpectationOutcome, str], ...]:
+        """The expectations that did not hold but may: the worst of each, and the number of runs with the worst one."""
         found: dict[tuple[str, Location], list[tuple[ExpectationOutcome, Outcome]]] = {}
         for outcome in self.outcomes:
             for expected in outcome.expectations:
                 if expected.warned:
                     found.setdefault((expected.name, expected.location), []).append((expected, outcome))
-        return tuple((*min(same, key=lambda pair: relative_margin(pair[0])), len(same)) for same in found.values())
+        worst = ((*min(same, key=lambda pair: relative_margin(pair[0])), len(same)) for same in found.values())
+        return tuple(
+            (expected, f"not in {runs} of {len(self.outcomes)} runs; the worst, {self.values(run)}: {expected.message}")
+            for expected, run, runs in worst
+        )
 
     @property
     def worst(self) -> Outcome:

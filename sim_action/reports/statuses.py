@@ -142,3 +142,11 @@ INFORMATION: Final = StatusDisplay(
     style="cyan",
 )
 """The display of a measurement, which is neither a pass nor a failure."""
+
+RowStatus = DisplayStatus | Literal["information"]
+"""The status of a row in a table."""
+
+
+def display_of(status: RowStatus) -> StatusDisplay:
+    """Return the display of the status of a row."""
+    return INFORMATION if status == "information" else STATUS_DISPLAYS[status]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Final, TextIO
 
@@ -13,10 +13,8 @@ from sim_action.reports.console import Console, open_console
 from sim_action.reports.escaping import plain_text
 from sim_action.reports.formatting import (
     counts_text,
-    judged_text,
-    measurements,
-    provenance_rows,
     repeats_text,
+    run_facts,
     shard_text,
     speed_text,
     taken_over_text,
@@ -24,13 +22,13 @@ from sim_action.reports.formatting import (
 )
 from sim_action.reports.links import stored_trace
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
-from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS, StatusDisplay
+from sim_action.reports.statuses import STATUS_DISPLAYS, RowStatus, StatusDisplay, display_of
+from sim_action.reports.table import NUMBERS, Row, Table, expectation_rows
 from sim_action.results.artifacts import REPORT_FILE
-from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOutcome, Failure, Outcome
+from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Failure, Outcome
 from sim_action.results.results_json import RESULTS_FILE, Results
-from sim_action.scenario.variations.gate import GATE, PlannedGate
+from sim_action.scenario.variations.gate import PlannedGate
 
-_ALL_SYMBOLS: Final = "".join(display.symbol for display in (*STATUS_DISPLAYS.values(), INFORMATION)) + "│"
 _BEST_FIRST: Final = tuple(reversed(WORST_FIRST))
 _MAX_MODEL_NOTES: Final = 6
 _MAX_VARIATIONS: Final = 20
@@ -58,8 +56,7 @@ class _Printer:
         self._console = console
         self._options = options
         self._verbosity = options.verbosity
-        self._shows_symbols = console.can_show(_ALL_SYMBOLS)
-        self._bar = "│" if self._shows_symbols else "|"
+        self._bar = "│" if console.can_show("│") else "|"
         self._margin = ""
         self._announced = set[str]()
 
@@ -87,17 +84,16 @@ class _Printer:
         self._line()
 
     def _heading(self, look: StatusDisplay, name: str, file: str, rest: str = "") -> None:
-        self._line("", self._mark(look), (name, "bold"), (file, "dim"), (rest, ""))
+        self._line("", self._console.mark(look), (name, "bold"), (file, "dim"), (rest, ""))
 
-    def _symbol(self, look: DisplayStatus) -> tuple[str, str]:
-        return self._mark(STATUS_DISPLAYS[look])
-
-    def _mark(self, display: StatusDisplay) -> tuple[str, str]:
-        return f"{display.symbol if self._shows_symbols else display.ascii_symbol} ", display.style
+    def _table(self, rows: Sequence[Row]) -> None:
+        is_verbose = self._verbosity == "verbose"
+        for line in Table("", tuple(rows), NUMBERS).lines(self._console, f"{self._margin}  ", verbose=is_verbose):
+            self._console.print(*line)
 
     def _gate(self, group: ScenarioGroup, file: str) -> None:
         """Print a gate: what it claims and found, and the runs that did not pass; all runs if verbose."""
-        self._heading(group.display, group.name, file, _after(group.gate_text))
+        self._heading(display_of(group.row_status), group.name, file, _after(group.gate_text))
         for stopped in group.could_not_run[:1] if group.is_part else ():
             self._outcome(stopped)
         if group.gate is not None:
@@ -106,9 +102,7 @@ class _Printer:
             self._variations(group)
         elif self._verbosity != "quiet":
             self._runs_of_gate(group)
-            for expected, run, runs in group.warned:
-                seen = group.share_text(run, expected, runs)
-                self._line("  ", self._symbol("warned"), (expected.name, ""), (f": {seen}", ""))
+            self._table([Row("warned", expected.name, share) for expected, share in group.warned])
         self._warnings(group)
 
     def _runs_of_gate(self, group: ScenarioGroup) -> None:
@@ -146,12 +140,11 @@ class _Printer:
         if outcome.status == "skipped":
             self._line("  ", (" ".join(outcome.notes), "dim"))
             return
-        for expected in outcome.causes_first:
-            if self._verbosity != "quiet" or expected in outcome.causes:
-                self._expectation(outcome, expected)
-        for measured in outcome.measurements:
-            if self._verbosity != "quiet":
-                self._line("  ", self._mark(INFORMATION), (measured.name, ""), (f": {measured.message}", ""))
+        is_quiet = self._verbosity == "quiet"
+        shown = [each for each in outcome.causes_first if not is_quiet or each in outcome.causes]
+        self._table(expectation_rows(outcome, shown))
+        if not is_quiet:
+            self._table([Row("information", each.name, each.message) for each in outcome.measurements])
         for failure in outcome.failures:
             self._failure(failure)
         if self._verbosity == "verbose" and outcome.statistics is None:
@@ -162,9 +155,9 @@ class _Printer:
         strict = any(outcome.strict for outcome in group.outcomes)
         if self._verbosity == "quiet" and not strict:
             return
-        for warning, runs in group.warnings:
-            self._line("  ", self._symbol("failed" if strict else "warned"), (group.warning_text(warning, runs), ""))
-            self._line("      ", (str(warning.location), "cyan"))
+        texts = ((group.warning_text(*pair), pair[0].location) for pair in group.warnings)
+        status: RowStatus = "failed" if strict else "warned"
+        self._table([Row(status, text, location=place, stands_out=True) for text, place in texts])
 
     def _model_notes(self, group: ScenarioGroup) -> None:
         """Print the notes on the robot model, each once for all scenarios."""
@@ -196,19 +189,6 @@ class _Printer:
             for name, path in _files(results, self._options):
                 self._line("", (f"{name:<10} {path}", "dim"))
 
-    def _expectation(self, outcome: Outcome, expected: ExpectationOutcome) -> None:
-        verdict, verbose = expected.verdict, self._verbosity == "verbose"
-        message = outcome.message_of(expected)
-        self._line("  ", self._symbol(expected.display_status), (expected.name, ""), (f": {message}", ""))
-        # The message of a gate has its numbers; its margin is that of a bound, not of the measured rate.
-        measured = "" if expected.assertion == GATE else measurements(verdict)
-        if measured and (expected.status != "passed" or verbose):
-            self._line("      ", (measured, "dim"))
-        if verbose and (judged := judged_text(verdict)):
-            self._line("      ", (judged, "dim"))
-        if expected.status != "passed":
-            self._line("      ", (str(expected.location), "cyan"))
-
     def _failure(self, failure: Failure) -> None:
         self._line("  ", (failure.title, "bold red"), (f": {failure.message}", ""))
         if failure.location is not None:
@@ -217,22 +197,12 @@ class _Printer:
             self._block("details", failure.details)
 
     def _run_details(self, outcome: Outcome) -> None:
-        ran = {
-            "end": outcome.end,
-            "speed": speed_text(outcome.real_time_factor),
-            "engine": outcome.engine,
-            **provenance_rows(outcome.provenance),
-            "seed": outcome.seed,
-            "digest": outcome.digest,
-            "trace": stored_trace(outcome, self._options.folder),
-        }
-        for name, value in ran.items():
-            if value not in (None, ""):
-                self._line("  ", (f"{name:<8} {value}", "dim"))
-        for note in outcome.notes:
-            self._line("  ", (f"note     {note}", "dim"))
-        for diagnostic in outcome.diagnostics:
-            self._line("  ", (f"{diagnostic.level:<8} {diagnostic.message}", "dim"))
+        trace = stored_trace(outcome, self._options.folder)
+        facts = run_facts(outcome) | ({} if trace is None else {"trace": str(trace)})
+        notes = [("note", note) for note in outcome.notes]
+        notes += [(diagnostic.level, diagnostic.message) for diagnostic in outcome.diagnostics]
+        for name, value in (*facts.items(), *notes):
+            self._line("  ", (f"{name:<10} {value}", "dim"))
         if output := user_output(outcome):
             self._block("output", output)
 

@@ -21,7 +21,7 @@ from sim_action.core.wording import escaped_line, log_line, system_reason
 from sim_action.reports import ReportOptions, ReportRequest, workspace_of
 from sim_action.reports.escaping import log_text, one_line
 from sim_action.reports.scenario_groups import grouped_scenarios
-from sim_action.reports.statuses import STATUS_DISPLAYS
+from sim_action.reports.statuses import STATUS_DISPLAYS, display_of
 from sim_action.results.artifacts import REPORT_FILE, RUN_FILE_FOLDERS, with_existing_files
 from sim_action.results.journal import JOURNAL_FILE, manifest
 from sim_action.results.outcome import Outcome
@@ -346,7 +346,7 @@ def _verdicts(results: Results) -> Iterator[str]:
         yield "there are no verdicts: no scenario was run"
     for group in grouped_scenarios(results.outcomes, results.gates):
         if group.is_part:
-            yield log_line(f"{group.display.word}  {one_line(group.name)}  {one_line(group.ending)}")
+            yield log_line(f"{display_of(group.row_status).word}  {one_line(group.name)}  {one_line(group.ending)}")
     for outcome in results.verdicts:
         reason = one_line(_first_reason(outcome))
         parts = (STATUS_DISPLAYS[outcome.status].word, one_line(outcome.name), reason)

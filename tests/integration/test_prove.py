@@ -231,7 +231,7 @@ def test_a_budget_takes_the_most_telling_mutants(tmp_path: Path, capsys: pytest.
     (scenario,) = proof(path, "--budget", "1 us")["scenarios"]
     assert (scenario["mutants"], scenario["left_out"]) == ([], 16)
     assert [each["finding"] for each in scenario["expectations"]] == ["unknown", "unknown"]
-    assert "16 mutants left out" in capsys.readouterr().out
+    assert "left out: 16 mutants" in capsys.readouterr().out
     assert len(proof(path, "--budget", "1 h", "--only", "silenced")["scenarios"][0]["mutants"]) == 1
 
 

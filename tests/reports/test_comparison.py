@@ -91,8 +91,8 @@ def test_an_expectation_that_is_no_longer_judged_is_a_warning() -> None:
     read = like(unread, verdict=replace(travel.verdict, message="at least 0.3 m"))
     before = like(accepted, expectations=(travel, read))
     (row,) = rows(compare_outcomes([before], [accepted]))
-    assert (row.look, row.what) == ("warning", "no longer checked")
-    assert row.detail.startswith("range stays above 0.2 m: never checked: sensor 'lidar' had no reading")
+    assert (row.status, row.kind) == ("warned", "no longer checked")
+    assert row.message.startswith("range stays above 0.2 m: never checked: sensor 'lidar' had no reading")
 
 
 @pytest.mark.parametrize(
@@ -114,16 +114,16 @@ def test_a_scope_that_demands_less_is_a_warning(goal: bool, old: Scope, new: Sco
         return like(passed, expectations=(judged,))
 
     (row,) = rows(compare_outcomes([scoped(old)], [scoped(new)]))
-    assert (row.look, row.what) == ("warning", "allows more" if new.allowed else "weaker window")
-    assert row.detail == f"{expected.name}: {told}"
+    assert (row.status, row.kind) == ("warned", "allows more" if new.allowed else "weaker window")
+    assert row.message == f"{expected.name}: {told}"
 
 
 def test_a_digest_is_news_where_the_verdict_is_none() -> None:
     passed, failed = SAMPLES["passed"].outcomes[0], SAMPLES["failed"].outcomes[2]
     again = like(passed, digest="f1")
-    assert [row.what for row in rows(compare_outcomes([passed], [again]))] == ["moves differently"]
+    assert [row.kind for row in rows(compare_outcomes([passed], [again]))] == ["moves differently"]
     worse = like(failed, digest="f1")
-    assert [row.what for row in rows(compare_outcomes([passed], [worse]))] == ["newly fails"]
+    assert [row.kind for row in rows(compare_outcomes([passed], [worse]))] == ["newly fails"]
 
 
 def test_a_flaky_scenario_is_in_the_title() -> None:
@@ -226,15 +226,15 @@ def test_a_gate_that_needs_less_confidence_is_a_warning() -> None:
     old, new = (judged(verdicts([True] * 40), confidence=confidence) for confidence in (0.95, 0.8))
     gates = [planned(40, confidence=0.95)], [planned(40, confidence=0.8)]
     (row,) = rows(compare_outcomes(old, new, gates=gates))
-    assert (row.look, row.what, row.detail) == ("warning", "less confidence", "passes: confidence 80 %, was 95 %")
+    assert (row.status, row.kind, row.message) == ("warned", "less confidence", "passes: confidence 80 %, was 95 %")
 
 
 @pytest.mark.parametrize(
     ("old", "new", "look", "what", "detail"),
     [
-        (0.9, 0.8, "warning", "weaker limit", "passes: at least 80 %, was at least 90 %"),
-        (0.8, 0.9, "note", "stricter limit", "passes: at least 90 %, was at least 80 %"),
-        (0.9, None, "warning", "no longer checked", "passes: removed from the gate, was at least 90 %"),
+        (0.9, 0.8, "warned", "weaker limit", "passes: at least 80 %, was at least 90 %"),
+        (0.8, 0.9, "information", "stricter limit", "passes: at least 90 %, was at least 80 %"),
+        (0.9, None, "warned", "no longer checked", "passes: removed from the gate, was at least 90 %"),
     ],
 )
 def test_a_claim_that_moved_is_shown_with_both_values(
@@ -245,7 +245,7 @@ def test_a_claim_that_moved_is_shown_with_both_values(
     gates = [stated(quantile=quantile, passes=rate and {"at_least": rate}) for rate in (old, new)]
     before, now = ([judged_gate(gate, runs), *runs] for gate in gates)
     (row,) = rows(compare_outcomes(before, now, gates=([gates[0]], [gates[1]])))
-    assert (row.look, row.what, row.detail) == (look, what, detail)
+    assert (row.status, row.kind, row.message) == (look, what, detail)
 
 
 @pytest.mark.parametrize(
@@ -259,13 +259,13 @@ def test_a_claim_that_moved_is_shown_with_both_values(
 def test_the_change_of_a_rate_in_words(old: int, new: int, told: str) -> None:
     before, now = (judged(verdicts([sample < passed for sample in range(100)])) for passed in (old, new))
     (row,) = rows(compare_outcomes(before, now))
-    assert row.detail == f"the pass rate {told}"
+    assert row.message == f"the pass rate {told}"
 
 
 def test_other_draws_are_counted_of_all_runs() -> None:
     before, now = (judged(verdicts([True] * count)) for count in (50, 60))
     (row,) = rows(compare_outcomes(before, now))
-    assert row.detail.startswith("only 50 of 60 runs have the same draws, so the runs are not compared; unpaired")
+    assert row.message.startswith("only 50 of 60 runs have the same draws, so the runs are not compared; unpaired")
 
 
 @pytest.mark.parametrize(
@@ -277,4 +277,4 @@ def test_a_goal_that_was_met_before_has_no_margin(goal: bool, told: str) -> None
     travel = passed.expectations[0]
     met = _named("a", _with(passed, _renamed(travel, travel.name, verdict=replace(travel.verdict, goal=goal))))
     (row,) = rows(compare_outcomes([met], [_named("a", failed)]))
-    assert row.detail.endswith(f"; before: {told}")
+    assert row.message.endswith(f"; before: {told}")

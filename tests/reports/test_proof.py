@@ -43,14 +43,14 @@ def test_the_report() -> None:
         "  unnoticed, with little other motion: c",
         "  no effect: d",
         "  could not run: e: script error: stuck",
-        "  2 mutants left out",
+        "  left out: 2 mutants",
         "",
         "burger fails  b.sim.yml",
         "  not mutated: failed (travelled 1 m)",
         "      b.sim.yml:6:5",
         "",
         "lamp  c.sim.yml",
-        "  · settled: unknown: no mutant changed the run",
+        "  ∅ settled: unknown: no mutant changed the run",
         "",
         headline(PROOF),
     ]
@@ -104,7 +104,7 @@ def test_an_interruption_is_told() -> None:
     scenario = like(PROVEN, unfinished=3)
     interrupted = like(PROOF, interrupted=True, scenarios=(scenario,))
     print_proof(interrupted, {}, stream)
-    assert "  3 mutants had not ended when the call was interrupted\n" in stream.getvalue()
+    assert "  not ended: 3 mutants\n" in stream.getvalue()
     assert headline(interrupted).startswith("interrupted before 3 mutants had ended: 1 expectation checks nothing")
     complete = like(PROOF, interrupted=True)
     assert headline(complete).startswith("interrupted: 1 expectation")
@@ -135,7 +135,8 @@ NOTICED = like(UNKNOWN, name="good", expectations=(expected("reach", finding="no
 def test_the_summary_has_what_to_do_first(tmp_path: Path) -> None:
     text = proof_summary(proof(NOTICED, PROVEN, FAILED), options(tmp_path))
     assert text.startswith("## ❌ 1 expectation checks nothing\n\n1 expectation checks nothing, 2 notice something, ")
-    assert "| ❌ | upright<br><code>a.sim.yml:8</code> | checks nothing here: 5 mutants changed the run" in text
+    row = "| ❌ | **upright**<br><sub><code>a.sim.yml:8</code></sub> | checks nothing here: 5 mutants changed the run"
+    assert row in text
     pasted = "This expectation would have noticed them:\n\n```yaml\n- reach: {x: 1}\n  before: 2\n```"
     assert text.count(pasted) == 1
     assert "not mutated: failed (travelled 1 m)<br><code>b.sim.yml:6</code>" in text

@@ -147,7 +147,7 @@ def test_a_change_of_status_fails_unless_it_was_bad_before(old: Status, new: Sta
     assert (compared.failures == 1) == (new == "flaky" or (new in bad and old not in bad))
     assert (compared.count("fixed") == 1) == (new == "passed" and old in bad and old != "flaky")
     for each in rows(compared):
-        assert "not_exercised" not in each.what + each.detail
+        assert "not_exercised" not in each.kind + each.message
 
 
 @pytest.mark.parametrize(

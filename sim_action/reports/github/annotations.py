@@ -88,8 +88,7 @@ def _of_gate(group: ScenarioGroup, options: ReportOptions) -> Iterator[Annotatio
             message += f"; the worst run, {group.values(run)}: {run.ending}{replayed}"
         place = next(filter(None, places), stopped.location if group.planned is None else group.planned.location)
         yield Annotation(level, f"{group.name}: {STATUS_DISPLAYS[group.status].word}", message, place)
-    for expected, run, runs in group.warned:
-        message = group.share_text(run, expected, runs)
+    for expected, message in group.warned:
         yield Annotation("warning", f"{group.name}: {expected.name}", message, expected.location)
     for warning, runs in group.warnings:
         message = group.warning_text(warning, runs)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import islice
 from pathlib import Path
 from typing import Final
 
-from sim_action.core.errors import ExitCode
 from sim_action.core.files import append_whole
+from sim_action.core.records import replace
 from sim_action.core.wording import counted, shortened
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.reports import ReportOptions
@@ -17,9 +16,9 @@ from sim_action.reports.escaping import markdown_block, markdown_text
 from sim_action.reports.formatting import (
     counts_text,
     moment,
-    provenance_rows,
-    quantity,
     repeats_text,
+    run_facts,
+    run_headline,
     shard_text,
     speed_text,
     taken_over_text,
@@ -28,25 +27,25 @@ from sim_action.reports.formatting import (
 from sim_action.reports.gate_chances import chance_tables
 from sim_action.reports.github.markdown import (
     MAX_IN_MESSAGE,
-    code,
     code_of_link,
     dotted,
     fitting,
     folded,
     left_out_note,
+    markdown_row,
+    markdown_rows,
+    markdown_table,
     message_text,
     paragraphs,
-    row,
     shell_block,
     size_of,
     source_link,
-    table,
-    unwrapped,
 )
 from sim_action.reports.github.mermaid_chart import chart, load_replay, signal_of_verdict
 from sim_action.reports.links import reason_time, replay_link, rerun_command
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, worst_first
-from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
+from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS, RowStatus, display_of
+from sim_action.reports.table import NUMBERS, Row, Table, expectation_rows
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 
@@ -83,13 +82,14 @@ def summary(results: Results, options: ReportOptions, most_bytes: int = MAX_BYTE
     room = most_bytes - _FRAME
     if room < 0:
         return ""
-    rows = fitting((_overview_row(group, options) for group in found), int(room * _OVERVIEW_SHARE))
+    overview = (markdown_row(_OVERVIEW, _overview_row(group), options) for group in found)
+    rows = fitting(overview, int(room * _OVERVIEW_SHARE))
     written = (_scenario_section(group, options, drawn=number < _MAX_DRAWN) for number, group in enumerate(found))
     sections = fitting(written, room - size_of(rows))
     unfolded = sum(group.status != "passed" for group in found[: len(sections)])
     measured = "gates and scenarios" if results.gates else "scenarios"
     parts = [
-        f"## {_run_headline(results)}",
+        f"## {' '.join(run_headline(results))}",
         _counts(results, options.taken_over),
         *_overview(found, rows),
         *sections[:unfolded],
@@ -99,38 +99,6 @@ def summary(results: Results, options: ReportOptions, most_bytes: int = MAX_BYTE
         _unshown_scenarios(len(found) - len(sections)),
     ]
     return paragraphs(*parts) + "\n\n"
-
-
-def _run_headline(results: Results) -> str:
-    left = results.count("skipped")
-    bad = results.total - results.count("passed") - left
-    several, one = _nouns(results)
-    if not results.total:
-        return _headline_without_verdicts(results)
-    if results.conclusion == "cancelled":
-        return f"🛑 Interrupted: {results.count('passed')} of {results.total} {several} had passed"
-    if left:
-        return f"❌ {bad} of {results.total} {several} did not pass, and {left} were not run"
-    if not bad:
-        return f"✅ The {one} passed" if results.total == 1 else f"✅ All {results.total} {several} passed"
-    return f"❌ The {one} did not pass" if results.total == 1 else f"❌ {bad} of {results.total} {several} did not pass"
-
-
-def _headline_without_verdicts(results: Results) -> str:
-    good = results.exit_code is ExitCode.PASSED
-    if results.outcomes:
-        runs = f"{counted(len(results.outcomes), 'run')} for sim-action merge"
-        icon = INFORMATION.icon if good else "❌"
-        return f"{icon} No verdicts here: {runs}" + ("" if good else ", and not all of them could run")
-    return f"✅ No scenarios for {results.shard or 'this part'}" if good else "⚠️ No scenarios were run"
-
-
-def _nouns(results: Results) -> tuple[str, str]:
-    """Return the noun for the judged items, in the plural and in the singular."""
-    gates = sum(outcome.statistics is not None for outcome in results.verdicts)
-    if not gates:
-        return "scenarios", "scenario"
-    return ("gates", "gate") if gates == results.total else ("scenarios and gates", "gate")
 
 
 def _counts(results: Results, taken_over: int | None) -> str:
@@ -148,21 +116,21 @@ def _overview(found: list[ScenarioGroup], rows: list[str]) -> Iterable[str]:
     unfolded = len(rows)
     if unfolded > _MAX_UNFOLDED:
         unfolded = sum(group.status != "passed" for group in found[:unfolded])
-    columns = ("", "Scenario", "Result", " Sim time", " Speed")
-    if rows[:unfolded]:
-        yield table(columns, rows[:unfolded])
+    yield markdown_rows(_OVERVIEW, rows[:unfolded])
     if rows[unfolded:]:
-        yield folded(f"{counted(len(rows) - unfolded, 'scenario')} passed", table(columns, rows[unfolded:]))
+        yield folded(f"{counted(len(rows) - unfolded, 'scenario')} passed", markdown_rows(_OVERVIEW, rows[unfolded:]))
     if len(found) > len(rows):
         left = len(found) - len(rows)
         yield f"_{counted(left, 'more scenario')} {'is' if left == 1 else 'are'} not shown in this table._"
 
 
-def _overview_row(group: ScenarioGroup, options: ReportOptions) -> str:
-    file = source_link(options, group.location)
-    name = f"**{markdown_text(group.name)}**" + (f"<br><sub>{file}</sub>" if file else "")
+_OVERVIEW: Final = Table("Scenario", (), (" Sim time", " Speed"), message="Result")
+
+
+def _overview_row(group: ScenarioGroup) -> Row:
     speed = "" if group.varies else speed_text(group.worst.real_time_factor).removesuffix(" real time")
-    return row(group.display.icon, name, _group_gist(group), unwrapped(moment(_total_sim_time(group))), speed)
+    values = (moment(_total_sim_time(group)), speed)
+    return Row(group.row_status, group.name, _group_gist(group), values, location=group.location, stands_out=True)
 
 
 def _unshown_scenarios(count: int) -> str:
@@ -177,7 +145,6 @@ _MAX_FAILURES: Final = 20
 _MAX_IN_BLOCK: Final = 4_000
 _MAX_REMARKS: Final = 50
 _MAX_CHARTS: Final = 2
-_DIGEST_DIGITS: Final = 12
 
 
 def _scenario_section(group: ScenarioGroup, options: ReportOptions, *, drawn: bool = False) -> str:
@@ -192,18 +159,18 @@ def _scenario_section(group: ScenarioGroup, options: ReportOptions, *, drawn: bo
 
 
 def _group_gist(group: ScenarioGroup) -> str:
-    """Return the most important fact about a scenario as Markdown."""
+    """Return the most important fact about a scenario."""
     if group.gate is not None or group.is_part:
-        return message_text(group.ending)
+        return group.ending
     if not group.varies:
         return _gist(group.worst)
     if group.status == "passed":
         return _variations_headline(group)
-    return f"{group.passed}; worst: {markdown_text(group.values(group.worst))} {_gist(group.worst)}"
+    return f"{group.passed}; worst: {group.values(group.worst)} {_gist(group.worst)}"
 
 
 def _variations_headline(group: ScenarioGroup) -> str:
-    worst = f"; worst: {markdown_text(group.worst_text)}" if group.status != "skipped" else ""
+    worst = f"; worst: {group.worst_text}" if group.status != "skipped" else ""
     return f"{group.passed}{worst}"
 
 
@@ -216,23 +183,17 @@ def _varied(group: ScenarioGroup, options: ReportOptions, *, drawn: bool) -> str
     """Return a table of the variations, with the passed ones folded, and the section of the worst variation."""
     ordered = group.worst_first()
     unhappy = [outcome for outcome in ordered if outcome.display_status != "passed"]
-    rows = [
-        row(
-            STATUS_DISPLAYS[outcome.display_status].icon,
-            markdown_text(group.values(outcome)),
-            _gist(outcome),
-            unwrapped(moment(outcome.sim_time)),
-        )
+    rows = tuple(
+        Row(outcome.display_status, group.values(outcome), _gist(outcome), (moment(outcome.sim_time),))
         for outcome in ordered[: max(len(unhappy), _MAX_ROWS)]
-    ]
-    columns = ("", "Variation", "Result", " Sim time")
+    )
     passed = f"{counted(len(ordered) - len(unhappy), 'variation')} that passed"
     bad, good = rows[: len(unhappy)][:_MAX_ROWS], rows[len(unhappy) :]
+    table = Table("Variation", bad, (" Sim time",), message="Result", rest=good, rest_title=passed)
     parts = [
-        f"### {STATUS_DISPLAYS[group.status].icon} {markdown_text(group.name)}: {_variations_headline(group)}",
+        f"### {STATUS_DISPLAYS[group.status].icon} {markdown_text(f'{group.name}: {_variations_headline(group)}')}",
         dotted(source_link(options, group.location), markdown_text(group.engines)),
-        table(columns, bad) if bad else "",
-        folded(passed, table(columns, good)) if good else "",
+        markdown_table(table),
         left_out_note(len(ordered), len(bad) + len(good), "variation"),
         _outcome_section(group.worst, options, drawn=drawn) if group.status not in ("passed", "skipped") else "",
     ]
@@ -278,17 +239,17 @@ def _reproduction(outcome: Outcome, options: ReportOptions) -> str:
 
 def _gist(outcome: Outcome) -> str:
     if outcome.status == "skipped":
-        return message_text(" ".join(outcome.notes))
+        return " ".join(outcome.notes)
     reasons = [f"{failure.title}: {failure.message}" for failure in outcome.failures]
     reasons += [expected.verdict.message for expected in outcome.causes]
     reasons += map(str, outcome.failing_warnings)
     reasons = reasons or [expected.verdict.message for expected in outcome.causes_first if expected.warned]
     reasons = reasons or [str(warning) for warning in outcome.warnings]
     if reasons:
-        more = f" <sub>(and {len(reasons) - 1} more)</sub>" if len(reasons) > 1 else ""
-        return message_text(reasons[0]) + more
+        more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
+        return shortened(reasons[0], MAX_IN_MESSAGE - len(more)) + more
     if len(outcome.expectations) == 1:
-        return message_text(outcome.expectations[0].verdict.message)
+        return outcome.expectations[0].message
     return f"{len(outcome.expectations)} expectations held"
 
 
@@ -322,10 +283,12 @@ def _expectations(outcome: Outcome, options: ReportOptions) -> str:
     """Return a table of the expectations that did not hold; the others are folded, or shown if all held."""
     missed = outcome.not_passed
     held = [expected for expected in outcome.expectations if expected.status == "passed"]
-    if not missed or not held:
-        return _table(outcome, missed or held, options)
-    fold = folded(f"{counted(len(held), 'expectation')} held", _table(outcome, held, options))
-    return paragraphs(_table(outcome, missed, options), fold)
+    first, rest = (expectation_rows(outcome, part[:_MAX_ROWS], options) for part in (missed, held))
+    table = Table("Expectation", first or rest, NUMBERS, rest=rest if first else ())
+    notes = (left_out_note(len(part), _MAX_ROWS, "expectation") for part in (missed, held))
+    return paragraphs(
+        markdown_table(replace(table, rest_title=f"{counted(len(held), 'expectation')} held"), options), *notes
+    )
 
 
 def _measurements(outcome: Outcome, options: ReportOptions) -> str:
@@ -343,24 +306,6 @@ def _replay_note(outcome: Outcome, options: ReportOptions, time: float | None) -
     return f"<br>replay: {code_of_link(link)}" if link else ""
 
 
-def _table(outcome: Outcome, expectations: Sequence[ExpectationOutcome], options: ReportOptions) -> str:
-    if not expectations:
-        return ""
-    rows = (_row(outcome, expected, options) for expected in expectations[:_MAX_ROWS])
-    columns = ("", "Expectation", " Measured", " Limit", " Margin", " At")
-    return paragraphs(table(columns, rows), left_out_note(len(expectations), _MAX_ROWS, "expectation"))
-
-
-def _row(outcome: Outcome, expected: ExpectationOutcome, options: ReportOptions) -> str:
-    verdict = expected.verdict
-    icon = STATUS_DISPLAYS[expected.display_status].icon
-    what = f"**{markdown_text(expected.name)}**<br>{message_text(outcome.message_of(expected))}"
-    if expected.status != "passed":
-        what += f"<br>{source_link(options, expected.location)}{_replay_note(outcome, options, verdict.time)}"
-    numbers = (quantity(value, verdict.unit) for value in (verdict.measured, verdict.limit, verdict.margin))
-    return row(icon, what, *map(unwrapped, numbers), unwrapped(moment(verdict.time)))
-
-
 def _run_details(outcome: Outcome) -> str:
     items = [f"- {remark}" for remark in _remarks(outcome)]
     if output := user_output(outcome):
@@ -371,16 +316,8 @@ def _run_details(outcome: Outcome) -> str:
 
 
 def _remarks(outcome: Outcome) -> Iterator[str]:
-    for name, told in provenance_rows(outcome.provenance).items():
-        yield f"{name}: {markdown_text(told)}"
-    if outcome.seed is not None:
-        yield f"seed: {outcome.seed}"
-    if outcome.digest:
-        yield f"digest: {code(outcome.digest[:_DIGEST_DIGITS])}"
-    for varied in outcome.variation:
-        yield f"{code(varied.key)}: {code(json.dumps(varied.value))}"
-    if outcome.trace:
-        yield f"trace: {code(outcome.trace)}"
+    for name, value in run_facts(outcome).items():
+        yield f"{name}: {message_text(value)}"
     for note in (*outcome.model_notes, *outcome.notes)[:_MAX_REMARKS]:
         yield f"note: {message_text(note)}"
     for diagnostic in outcome.diagnostics[:_MAX_REMARKS]:
@@ -398,14 +335,23 @@ _MAX_WARNINGS: Final = 20
 def gate_section(group: ScenarioGroup, options: ReportOptions) -> str:
     """Return the section of a gate, or of runs that another call judges, without the details of any run."""
     bad = group.not_passed
-    rows = [_gate_run_row(group, run, options) for run in bad[:_MAX_RUNS]]
-    warnings = list(_gate_warnings(group, options))
+    rows = tuple(
+        Row(
+            run.display_status,
+            group.values(run),
+            run.ending,
+            (moment(run.sim_time),),
+            replay=replay_link(run, options, reason_time(run)),
+        )
+        for run in bad[:_MAX_RUNS]
+    )
+    warnings, icon = list(_gate_warnings(group, options)), display_of(group.row_status).icon
     parts = [
-        f"### {group.display.icon} {markdown_text(group.name)}: {markdown_text(group.rate_text or group.gate_text)}",
+        f"### {icon} {markdown_text(f'{group.name}: {group.rate_text or group.gate_text}')}",
         dotted(*_gate_subtitle(group, options)),
         *_gate_claims(group, options),
         f"{markdown_text(group.not_passed_text)}; the worst first:" if bad else "",
-        table(("Run", "Result", " Sim time"), rows) if rows else "",
+        markdown_table(Table("Run", rows, (" Sim time",), message="Result")),
         left_out_note(len(bad), _MAX_RUNS, "run"),
         "\n".join(warnings[:_MAX_WARNINGS]),
         left_out_note(len(warnings), _MAX_WARNINGS, "warning"),
@@ -430,16 +376,12 @@ def _gate_claims(group: ScenarioGroup, options: ReportOptions) -> Iterator[str]:
     for failure in group.gate.failures:
         place = "" if failure.location is None else f"<br>\n{source_link(options, failure.location)}"
         yield f"**{message_text(failure.title)}**: {message_text(failure.message)}{place}"
-    if group.gate.expectations:
-        found = (
-            row(
-                STATUS_DISPLAYS[expected.status].icon,
-                f"**{markdown_text(expected.name)}**<br>{source_link(options, expected.location)}",
-                message_text(expected.verdict.message),
-            )
-            for expected in group.gate.expectations
-        )
-        yield table(("", "Claim", "Found"), found)
+    claims = expectation_rows(group.gate, group.gate.expectations)
+    yield markdown_table(Table("Claim", claims, message="Found"), options)
+
+
+# The statuses of the rows of a table of chances; a test that stops early also has the mean number of runs.
+_OF_CHANCES: Final[tuple[RowStatus, ...]] = ("passed", "inconclusive", "failed", "information")
 
 
 def _gate_chances(group: ScenarioGroup) -> str:
@@ -447,22 +389,16 @@ def _gate_chances(group: ScenarioGroup) -> str:
     if group.planned is None:
         return ""
     (told,) = chance_tables([group.planned])
-    rows = (row(*map(markdown_text, each)) for each in told.rows)
-    columns = ("A robot that is ... good", *(f" {rate}" for rate in told.columns))
-    parts = [table(columns, rows) if told.rows else "", *map(markdown_text, told.remarks)]
+    rows = (Row(status, row[0], values=row[1:]) for status, row in zip(_OF_CHANCES, told.rows, strict=False))
+    table = Table("A robot that is ... good", tuple(rows), tuple(f" {rate}" for rate in told.columns))
+    parts = [markdown_table(table), *map(markdown_text, told.remarks)]
     return folded("The chances of robots with known rates", paragraphs(*parts))
-
-
-def _gate_run_row(group: ScenarioGroup, run: Outcome, options: ReportOptions) -> str:
-    seen = _replay_note(run, options, reason_time(run))
-    return row(markdown_text(group.values(run)), f"{message_text(run.ending)}{seen}", unwrapped(moment(run.sim_time)))
 
 
 def _gate_warnings(group: ScenarioGroup, options: ReportOptions) -> Iterator[str]:
     """Yield the entries of a list: each warning once for all runs."""
     icon = STATUS_DISPLAYS["warned"].icon
-    for expected, run, runs in group.warned:
-        seen = message_text(f"{expected.name}: {group.share_text(run, expected, runs)}")
-        yield f"- {icon} {seen}<br>{source_link(options, expected.location)}"
+    for expected, share in group.warned:
+        yield f"- {icon} {message_text(f'{expected.name}: {share}')}<br>{source_link(options, expected.location)}"
     for warning, runs in group.warnings:
         yield f"- {icon} {message_text(group.warning_text(warning, runs))}<br>{source_link(options, warning.location)}"

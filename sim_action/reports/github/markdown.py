@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
+from functools import partial
 from typing import Final
 
 from sim_action.core.errors import Location
@@ -10,6 +11,7 @@ from sim_action.core.wording import counted, shortened
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_block, markdown_text
 from sim_action.reports.links import file_and_line, source_url
+from sim_action.reports.table import Row, Table, value_text
 
 MAX_IN_MESSAGE: Final = 500
 """The largest number of characters of a message in a table or list."""
@@ -25,15 +27,30 @@ def code_of_link(link: str) -> str:
     return "&#35;".join(map(markdown_text, link.split("#"))).join(("<code>", "</code>"))
 
 
-def table(columns: Sequence[str], markdown_rows: Iterable[str]) -> str:
-    """Return a table; columns whose title begins with a space hold numbers and are right-aligned."""
-    rules = ["---:" if title.startswith(" ") else "---" for title in columns]
-    return "\n".join([row(*(title.strip() for title in columns)), row(*rules), *markdown_rows])
+def markdown_table(table: Table, options: ReportOptions | None = None) -> str:
+    """Return a table, with its rest folded; empty without rows. See `markdown_row`."""
+    written = partial(markdown_row, table, options=options)
+    shown, rest = (markdown_rows(table, map(written, rows)) for rows in (table.rows, table.rest))
+    return paragraphs(shown, folded(table.rest_title, rest) if rest else "")
 
 
-def row(*markdown_cells: str) -> str:
-    """Return a row of a table."""
-    return f"| {' | '.join(markdown_cells)} |"
+def markdown_rows(table: Table, rows: Iterable[str]) -> str:
+    """Return the titles of a table and some of its rows, which are Markdown; empty without rows."""
+    written = list(rows)
+    titles = ("", *table.titles)
+    rules = ("---:" if title.startswith(" ") else "---" for title in titles)
+    return "\n".join([_cells(title.strip() for title in titles), _cells(rules), *written]) if written else ""
+
+
+def markdown_row(table: Table, row: Row, options: ReportOptions | None = None) -> str:
+    """Return a row of a table; `options`: those of the links to places. Without them, places are not linked."""
+    place = f"<sub>{source_link(options, row.location)}</sub>" if row.stands_out and row.location is not None else ""
+    replay = f"replay: {code_of_link(row.replay)}" if row.replay else ""
+    name, message = f"**{message_text(row.name)}**" if row.name else "", message_text(row.message)
+    below = ((name, place), (message, replay)) if table.message else ((name, message, place, replay),)
+    texts = ("<br>".join(filter(None, lines)) for lines in below)
+    kind = (row.kind,) if table.kind else ()
+    return _cells((row.display.icon, *kind, *texts, *(unwrapped(value_text(value)) for value in table.values_of(row))))
 
 
 def unwrapped(text: str) -> str:
@@ -61,13 +78,17 @@ def shell_block(command: str) -> str:
     return markdown_block(command, "sh")
 
 
-def source_link(options: ReportOptions, location: Location | None) -> str:
-    """Return `path:line`, linked to the file at the tested commit if it is known; empty for None."""
-    if location is None:
-        return ""
+def source_link(options: ReportOptions | None, location: Location | None) -> str:
+    """Return `path:line`, linked to the file at the tested commit if it is known; empty for no location."""
+    if location is None or options is None:
+        return "" if location is None else code(str(location))
     shown = code(file_and_line(options.workspace, location))
     url = source_url(location, options)
     return f"[{shown}]({url})" if url else shown
+
+
+def _cells(markdown: Iterable[str]) -> str:
+    return f"| {' | '.join(markdown)} |"
 
 
 def fitting(written: Iterable[str], most_bytes: int) -> list[str]:

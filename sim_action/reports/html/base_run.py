@@ -104,9 +104,9 @@ def _scenario_change(change: Change) -> ScenarioChange:
 def _words(change: Change) -> Iterator[str]:
     """Yield each change in words. The reason why a scenario fails is left out: it stands below."""
     for row in rows_of(change):
-        has_detail = row.detail and row.what not in ("newly fails", "still fails")
-        yield f"{row.what}: {row.detail}" if has_detail else row.what
-        if row.what == "newly fails" and (before := before_text(change)):
+        has_detail = row.message and row.kind not in ("newly fails", "still fails")
+        yield f"{row.kind}: {row.message}" if has_detail else row.kind
+        if row.kind == "newly fails" and (before := before_text(change)):
             yield before
 
 

@@ -12,8 +12,14 @@ from functools import lru_cache
 from importlib.resources import files
 from typing import Final
 
+from sim_action.core.errors import Location
 from sim_action.core.records import dataclass
+from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import plain_text
+from sim_action.reports.formatting import moment
+from sim_action.reports.links import file_and_line, source_url
+from sim_action.reports.statuses import RowStatus, display_of
+from sim_action.reports.table import Row, Table
 
 SCRIPTS: Final = (
     "dom.js",
@@ -267,11 +273,61 @@ def values(named: Iterable[tuple[str, str]], kind: str) -> Html:
     return element("dl", *pairs, class_=kind) if pairs else Html("")
 
 
-def table(titles: Iterable[str], rows: Html, *, kind: str | None = None, around: str = "wide") -> Html:
+def table(titles: Iterable[str], rows: Html, *, around: str = "wide") -> Html:
     """Return a table; its first column has no title."""
     head = element("tr", element("td"), *(element("th", title, scope="col") for title in titles))
-    whole = element("table", element("thead", head), element("tbody", rows), class_=kind)
+    whole = element("table", element("thead", head), element("tbody", rows))
     return element("div", whole, class_=around)
+
+
+def status_mark(status: RowStatus, *, neutral: bool = False) -> Html:
+    """Return the symbol of a status; assistive technology reads its word. `neutral`: without its colour."""
+    display = display_of(status)
+    kind = "mark" if neutral else f"mark {status}"
+    return element("span", display.symbol, class_=kind, role="img", aria_label=display.word)
+
+
+def source(location: Location | None, options: ReportOptions) -> Html:
+    """Return `path:line`, linked to the file at the tested commit if it is known; empty for None."""
+    if location is None:
+        return Html("")
+    shown = element("code", file_and_line(options.workspace, location))
+    url = source_url(location, options)
+    return element("a", shown, href=url, rel="noreferrer") if url else shown
+
+
+def value_link(value: str | float) -> str:
+    """Return a value of a row; a sim time in s moves the replay of its article there."""
+    return value if isinstance(value, str) else element("span", moment(value), class_="moment", data_time=value)
+
+
+def html_table(shown: Table, options: ReportOptions, *, around: str = "wide") -> Html:
+    """Return a table with its rest in a fold; empty without rows."""
+    first, rest = (joined(*(html_row(shown, row, options) for row in rows)) for rows in (shown.rows, shown.rest))
+    titles = tuple(title.strip() for title in shown.titles)
+    fold = element("summary", shown.rest_title), table(titles, rest, around=around)
+    return joined(
+        table(titles, first, around=around) if first else "",
+        element("details", *fold, class_="rest") if rest else "",
+    )
+
+
+def html_row(shown: Table, row: Row, options: ReportOptions | None, *more: Html) -> Html:
+    """Return a row of a table, followed by more cells."""
+    place = "" if options is None else source(row.location, options)
+    about = [element("span", part) for part in (place, row.note) if part]
+    small = (" ", element("small", Html(" · ".join(about)), class_="faint")) if about else ()
+    name = element("a", row.name, href=f"#{row.link}") if row.link else element("span", row.name)
+    message = element("td", row.message, class_="finding", data_title=shown.message) if shown.message else ""
+    values = zip(shown.columns, shown.values_of(row), strict=True)
+    return element(
+        "tr",
+        element("td", status_mark(row.status, neutral=row.is_neutral)),
+        element("th", name, *small, scope="row"),
+        message,
+        *(element("td", value_link(value), data_title=title.strip()) for title, value in values),
+        *more,
+    )
 
 
 def article(identity: str, kind: str, header: Sequence[str], body: Html) -> Html:

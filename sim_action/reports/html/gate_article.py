@@ -16,18 +16,19 @@ from sim_action.reports.html.document import (
     element,
     faint,
     heading,
+    html_table,
     joined,
-    reason,
     reasons,
-    table,
+    source,
     titled,
     values,
 )
-from sim_action.reports.html.scenario_article import failure_sections, source, status_line, status_mark
+from sim_action.reports.html.scenario_article import failure_sections, status_line
 from sim_action.reports.html.sweep import Parameter, parameters
 from sim_action.reports.scenario_groups import ScenarioGroup, nearest_expectation
 from sim_action.reports.statuses import STATUS_DISPLAYS
-from sim_action.results.outcome import ExpectationOutcome, GateStatistics, Outcome
+from sim_action.reports.table import Row, Table, expectation_rows
+from sim_action.results.outcome import GateStatistics, Outcome
 from sim_action.scenario.variations.gate import PlannedGate, percent
 
 SHOWN_RUNS: Final = 20
@@ -63,13 +64,14 @@ def gate_article(
         _origin_line(group, options),
         element("p", since, class_="since") if since else "",
     )
+    conditions = Table("Condition", expectation_rows(gate, gate.expectations), message="Found")
     body = joined(
         rate_figure(statistics, group.planned, kind) if statistics is not None and statistics.runs else "",
         reasons(failure_sections(gate, options)),
-        titled("Conditions", _conditions(gate.expectations)),
+        titled("Conditions", html_table(conditions, options)),
         _counts(statistics) if statistics is not None else "",
         _plot_place(place),
-        _runs(group, place),
+        _runs(group, place, options),
     )
     return article(place.identity, f"group {kind}", header, body)
 
@@ -82,20 +84,12 @@ def variations_article(group: ScenarioGroup, place: GroupPlace, options: ReportO
         heading(place.identity, one_line(group.name)),
         _origin_line(group, options),
     )
-    return article(place.identity, f"group {kind}", header, joined(_plot_place(place), _runs(group, place)))
+    return article(place.identity, f"group {kind}", header, joined(_plot_place(place), _runs(group, place, options)))
 
 
 def _origin_line(group: ScenarioGroup, options: ReportOptions) -> Html:
     parts = [source(group.location, options), counted(len(group.outcomes), "run"), group.engines]
     return faint(Html(" · ".join(element("span", part) for part in parts if part)))
-
-
-def _conditions(judged: Sequence[ExpectationOutcome]) -> Html:
-    sections = []
-    for expected in judged:
-        title = element("h3", status_mark(expected.status), " ", one_line(expected.name))
-        sections.append(reason(expected.status, title, expected.verdict.message))
-    return reasons(sections)
 
 
 def _counts(statistics: GateStatistics) -> Html:
@@ -193,26 +187,27 @@ def _label(x: float, y: float, anchor: str, words: str) -> Html:
 _MAX_TEXT: Final = 40
 
 
-def _runs(group: ScenarioGroup, place: GroupPlace) -> Html:
-    """Return the runs as tables, the worst first; those after the first ones are in a fold."""
+def _runs(group: ScenarioGroup, place: GroupPlace, options: ReportOptions) -> Html:
+    """Return the runs, the worst first; those after the first ones are in a fold."""
     runs = [run for run in group.worst_first() if id(run) in place.ids]
-    varied = {id(run): index for index, run in enumerate(group.outcomes)}
     columns = parameters(group.outcomes)
-    rows = [_row(run, varied[id(run)], columns, place) for run in runs]
+    numbers = {id(run): number for number, run in enumerate(group.outcomes)}
+    ids = place.ids
+    rows = tuple(run_row(run, numbers[id(run)], columns, ids[id(run)], *_nearest(run, place)) for run in runs)
+    table = Table(
+        "Run",
+        rows[:SHOWN_RUNS],
+        (*(column.label for column in columns), "Nearest limit", "Margin", "Replay"),
+        rest=rows[SHOWN_RUNS:],
+        rest_title=f"All {len(runs)} runs",
+    )
     left = len(group.outcomes) - len(runs)
-    rest = rows[SHOWN_RUNS:]
-    fold = element("details", element("summary", f"All {len(runs)} runs"), _table(columns, rest), class_="rest")
     more = faint(f"{counted(left, 'more run')} in results.json.") if left else ""
-    return titled("Runs, the worst first", _table(columns, rows[:SHOWN_RUNS]), fold if rest else "", more)
+    return titled("Runs, the worst first", html_table(table, options, around="wide runs"), more)
 
 
-def _table(columns: Sequence[Parameter], rows: Sequence[Html]) -> Html:
-    titles = ("Run", *(column.label for column in columns), "Nearest limit", "Margin", "Replay")
-    return table(titles, joined(*rows), around="wide runs")
-
-
-def _row(run: Outcome, index: int, columns: Sequence[Parameter], place: GroupPlace) -> Html:
-    identity = place.ids[id(run)]
+def _nearest(run: Outcome, place: GroupPlace) -> tuple[str, str, str]:
+    """Return the expectation that is nearest to its limit, its margin, and whether the page has a replay."""
     expected = nearest_expectation(run)
     verdict = None if expected is None else expected.verdict
     nearest = next((failure.title for failure in run.failures), "") if expected is None else one_line(expected.name)
@@ -220,18 +215,13 @@ def _row(run: Outcome, index: int, columns: Sequence[Parameter], place: GroupPla
     margin = "" if verdict is None or verdict.unit == "contacts" else quantity(verdict.margin, verdict.unit)
     if verdict is not None and verdict.status == "passed" and verdict.goal:
         margin = f"at {moment(verdict.time)}" if verdict.time is not None else quantity(verdict.margin, verdict.unit)
-    replay = "" if run.status == "skipped" else "yes" if identity in place.replayed else "not in this report"
-    named = {"Nearest limit": nearest, "Margin": margin, "Replay": replay}
-    cells = (element("td", words, data_title=title) for title, words in named.items())
-    return element("tr", *run_cells(run, index, columns, identity), *cells)
+    replay = "" if run.status == "skipped" else "yes" if place.ids[id(run)] in place.replayed else "not in this report"
+    return nearest, margin, replay
 
 
-def run_cells(run: Outcome, index: int, columns: Sequence[Parameter], identity: str) -> list[Html]:
-    """Return the first cells of the row of a run: its status, the link to its article, and its parameters."""
-    link = element("a", f"run {index + 1}", href=f"#{identity}")
-    texts = ((column.label, shortened(column.texts[index], _MAX_TEXT)) for column in columns)
-    return [
-        element("td", status_mark(run.display_status, neutral=run.is_sample)),
-        element("th", link, scope="row"),
-        *(element("td", text, data_title=label) for label, text in texts),
-    ]
+def run_row(run: Outcome, index: int, columns: Sequence[Parameter], identity: str, *values: str) -> Row:
+    """Return the row of a run: its status, the link to its article, its parameters, and more values."""
+    texts = (shortened(column.texts[index], _MAX_TEXT) for column in columns)
+    return Row(
+        run.display_status, f"run {index + 1}", values=(*texts, *values), link=identity, is_neutral=run.is_sample
+    )

@@ -11,8 +11,7 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import counted
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import first_message
-from sim_action.reports.html.document import Html, element, joined
-from sim_action.reports.html.scenario_article import status_mark
+from sim_action.reports.html.document import Html, element, joined, status_mark
 from sim_action.reports.html.sweep import has_plot
 from sim_action.reports.scenario_groups import ScenarioGroup, worst_first
 from sim_action.results.artifacts import namesake_number

@@ -10,7 +10,7 @@ from typing import Final
 from sim_action.core.errors import Location
 from sim_action.core.files import whole_file
 from sim_action.core.records import dataclass
-from sim_action.core.wording import counted, shortened
+from sim_action.core.wording import counted
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.replay_file import ReplayReader
 from sim_action.reports import ReportOptions
@@ -24,10 +24,12 @@ from sim_action.reports.html.document import (
     encoded,
     faint,
     heading,
+    html_table,
     joined,
     reason,
     reasons,
-    table,
+    source,
+    status_mark,
     titled,
     values,
 )
@@ -35,22 +37,22 @@ from sim_action.reports.html.ghosts import Ghost, ghost
 from sim_action.reports.html.navigation import PageEntry, list_link
 from sim_action.reports.html.replay_blocks import ReplayBlocks, page_json, replay_id, stored_replay
 from sim_action.reports.html.report import index_entry
-from sim_action.reports.html.scenario_article import drawn, source, status_mark
+from sim_action.reports.html.scenario_article import drawn
 from sim_action.reports.html.top_view import SceneOutlines
-from sim_action.reports.proof import by_suggestion, finding_text, headline, suggestion_title, survivor_text
+from sim_action.reports.proof import (
+    by_suggestion,
+    expectation_table,
+    headline,
+    other_mutants,
+    suggestion_title,
+    survivor_text,
+)
 from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.outcome import DisplayStatus, Outcome
-from sim_action.results.proof import Finding, MutantResult, Proof, ProvenExpectation, ProvenScenario
+from sim_action.results.proof import MutantResult, Proof, ProvenScenario
 
 MAX_SCENARIOS: Final = 500
 """The number of scenarios on a page, those with remarks first; further ones are only counted."""
-
-_MARKS: Final[dict[Finding, DisplayStatus]] = {
-    "notices": "passed",
-    "checks nothing": "failed",
-    "unknown": "not_exercised",
-}
-_MAX_REASON: Final = 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,8 +221,8 @@ def _scenario_article(runs: _Runs, still: Html, options: ReportOptions) -> Html:
     )
     body = joined(
         _reasons(scenario, links, options),
-        _expectations(scenario, options),
-        titled("Mutants", values(_others(scenario), "facts")),
+        titled("Expectations", html_table(expectation_table(scenario), options)),
+        titled("Mutants", values(other_mutants(scenario), "facts")),
         titled("The run without a mutant", element("div", still, class_="stage") if still else ""),
     )
     return article(entry.identity, entry.status, header, body)
@@ -251,41 +253,6 @@ def _suggestion(suggestion: str, survivors: Sequence[MutantResult]) -> Html:
         return title
     shown = element("pre", element("code", suggestion), tabindex="0")
     return joined(title, element("div", shown, class_="command"))
-
-
-def _expectations(scenario: ProvenScenario, options: ReportOptions) -> Html:
-    rows = Html("".join(_expectation_row(expected, scenario, options) for expected in scenario.expectations))
-    return titled("Expectations", table(("Expectation", "Finding"), rows, kind="findings") if rows else "")
-
-
-def _expectation_row(expected: ProvenExpectation, scenario: ProvenScenario, options: ReportOptions) -> Html:
-    return element(
-        "tr",
-        element("td", status_mark(_MARKS[expected.finding])),
-        element(
-            "th",
-            element("span", expected.name),
-            " ",
-            element("small", source(expected.location, options), class_="faint"),
-            scope="row",
-        ),
-        element("td", finding_text(expected, scenario), data_title="Finding"),
-    )
-
-
-def _others(scenario: ProvenScenario) -> Iterator[tuple[str, str]]:
-    """Yield the mutants without a remark: those that were noticed, changed little, did nothing or could not run."""
-    little = [each for each in scenario.with_status("survived") if each.change is None]
-    named = {
-        "noticed": scenario.with_status("noticed"),
-        "unnoticed, with little other motion": little,
-        "no effect": scenario.with_status("no effect"),
-    }
-    yield from ((words, ", ".join(mutant.name for mutant in mutants)) for words, mutants in named.items())
-    for mutant in scenario.with_status("could not run"):
-        yield "could not run", f"{mutant.name}: {shortened(mutant.reason, _MAX_REASON)}"
-    counts = {"left out": scenario.left_out, "not ended": scenario.unfinished}
-    yield from ((words, str(count)) for words, count in counts.items() if count)
 
 
 def _survivor_article(entry: PageEntry, result: MutantResult, original: PageEntry, still: Html) -> Html:

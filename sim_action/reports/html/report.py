@@ -13,7 +13,7 @@ from sim_action.core.files import whole_file
 from sim_action.recording.replay.replay_file import ReplayReader
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
-from sim_action.reports.formatting import counts_text, shard_text, speed_text
+from sim_action.reports.formatting import counts_text, run_headline, shard_text, speed_text
 from sim_action.reports.html.document import Html, Page, element, encoded, joined
 from sim_action.reports.html.gate_article import GroupPlace, gate_article, variations_article
 from sim_action.reports.html.ghosts import Ghost, GhostSources
@@ -62,7 +62,7 @@ def page(results: Results, options: ReportOptions) -> Page:
         written[-1] = written[-1].removesuffix(b"\n")
     body = (encoded(head), *written, b"</main></div>")
     shared = {"meshes": blocks.shared} if blocks.meshes else {}
-    title = f"{page_headline(results)} · sim-action"
+    title = f"{run_headline(results)[1]} · sim-action"
     index = page_json(
         {
             "scenarios": [
@@ -174,19 +174,6 @@ def _moment(time: float | None) -> float | None:
     return time if time is not None and isfinite(time) else None
 
 
-def page_headline(results: Results) -> str:
-    """Return the headline: the number of scenarios that did not pass."""
-    bad = results.total - results.count("passed") - results.count("skipped")
-    if not results.total:
-        return "No scenarios were run"
-    noun = "gate" if all(outcome.statistics is not None for outcome in results.verdicts) else "scenario"
-    if results.conclusion == "cancelled":
-        return f"Interrupted: {results.count('passed')} of {results.total} {noun}s had passed"
-    if not bad:
-        return f"The {noun} passed" if results.total == 1 else f"All {results.total} {noun}s passed"
-    return f"The {noun} did not pass" if results.total == 1 else f"{bad} of {results.total} {noun}s did not pass"
-
-
 def page_head(results: Results, base: Base | None = None) -> Html:
     """Return the head of the page: headline, counts, speed and version, and the changes since an earlier run."""
     speed = f" ({speed_text(results.real_time_factor)})" if results.real_time_factor else ""
@@ -199,7 +186,7 @@ def page_head(results: Results, base: Base | None = None) -> Html:
     kind = "passed" if results.conclusion == "success" else worst if worst in open_kinds else "failed"
     return element(
         "header",
-        element("h1", page_headline(results), class_=kind),
+        element("h1", run_headline(results)[1], class_=kind),
         element("p", " · ".join(told), class_="faint"),
         compared,
         class_="run",

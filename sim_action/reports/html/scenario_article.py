@@ -7,17 +7,13 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from sim_action.core import units
-from sim_action.core.errors import Location
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.sightings import BlindData, ObstacleData, SightingData
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import (
-    judged_text,
     moment,
-    provenance_rows,
-    quantity,
-    repeats_text,
+    run_facts,
     speed_text,
     user_output,
 )
@@ -28,16 +24,20 @@ from sim_action.reports.html.document import (
     element,
     faint,
     heading,
+    html_table,
     joined,
     reason,
     reasons,
-    table,
+    source,
+    status_mark,
     titled,
+    value_link,
     values,
 )
 from sim_action.reports.html.top_view import SceneOutlines, drawing
-from sim_action.reports.links import file_and_line, rerun_command, source_url
+from sim_action.reports.links import rerun_command
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
+from sim_action.reports.table import NUMBERS, Table, expectation_rows, numbers
 from sim_action.results.outcome import DisplayStatus, ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 from sim_action.state.verdict import Verdict
@@ -110,7 +110,6 @@ def drawn(replay: Replay, outcome: Outcome, outlines: SceneOutlines) -> Html:
     return element("figure", drawing(replay, outcome, outlines), element("figcaption", words), class_="still")
 
 
-_NUMBERS = ("Measured", "Limit", "Margin", "Decided")
 _MAX_FAILURES = 20
 _MAX_WARNINGS = 100
 _MAX_MEASUREMENTS = 100
@@ -134,33 +133,22 @@ def failure_sections(outcome: Outcome, options: ReportOptions) -> list[Html]:
     return [*sections, faint(f"{left} more errors are in results.json.")] if left > 0 else sections
 
 
-def status_mark(status: DisplayStatus, *, neutral: bool = False) -> Html:
-    """Return the symbol of a status; assistive technology reads its word. `neutral`: without its colour."""
-    display = STATUS_DISPLAYS[status]
-    kind = "mark" if neutral else f"mark {status}"
-    return element("span", display.symbol, class_=kind, role="img", aria_label=display.word)
-
-
 def expectations(outcome: Outcome, options: ReportOptions) -> Html:
     """Return the table of all expectations in the order of the scenario file."""
     if not outcome.expectations:
         return Html("")
-    rows = joined(*(_expectation_row(expected, options) for expected in outcome.expectations))
-    return titled("Expectations", table(("Expectation", *_NUMBERS), rows))
+    rows = expectation_rows(outcome, outcome.expectations)
+    return titled("Expectations", html_table(Table("Expectation", rows, NUMBERS), options))
 
 
 def measurements(outcome: Outcome) -> Html:
     """Return the values that were measured without a limit; empty if there are none."""
-    mark = element("span", INFORMATION.symbol, class_="mark", role="img", aria_label=INFORMATION.word)
+    mark = status_mark("information", neutral=True)
     items = [
-        element("li", mark, " ", each.message, " ", _moment_link(each.time))
+        element("li", mark, " ", each.message, " ", "" if each.time is None else value_link(each.time))
         for each in outcome.measurements[:_MAX_MEASUREMENTS]
     ]
     return titled(INFORMATION.headline, bullets(items, "measured"))
-
-
-def _moment_link(time: float | None) -> Html:
-    return Html("") if time is None else element("span", moment(time), class_="moment", data_time=time)
 
 
 def _failure_section(failure: Failure, options: ReportOptions) -> Html:
@@ -168,7 +156,7 @@ def _failure_section(failure: Failure, options: ReportOptions) -> Html:
         "failed",
         element("h3", failure.title),
         failure.message,
-        values([("at", _moment_link(failure.time))], "figures"),
+        values([("at", "" if failure.time is None else value_link(failure.time))], "figures"),
         faint(source(failure.location, options)),
         element("pre", failure.details) if failure.details.strip() else "",
     )
@@ -193,35 +181,12 @@ def _warning_section(warning: AuditWarning, outcome: Outcome, options: ReportOpt
 
 def _figures(verdict: Verdict) -> Html:
     """Return measured value, limit, missing margin and sim time, as far as they exist."""
-    measured, limit = _apart(verdict)
+    measured, limit, _, time = numbers(verdict)
     # The number of contacts above a limit of zero repeats the measured value.
     margin = 0.0 if verdict.margin is None or verdict.unit == "contacts" else verdict.margin
     missed = units.display(-margin, verdict.unit) if margin < 0 else ""
-    named = {"measured": measured, "limit": limit, "missed by": missed, "at": _moment_link(verdict.time)}
+    named = {"measured": measured, "limit": limit, "missed by": missed, "at": value_link(time)}
     return values(named.items(), "figures")
-
-
-def _expectation_row(expected: ExpectationOutcome, options: ReportOptions) -> Html:
-    verdict = expected.verdict
-    measured, limit = _apart(verdict)
-    margin = "" if verdict.margin is None else units.display(verdict.margin, verdict.unit)
-    cells = dict(zip(_NUMBERS, (measured, limit, margin, _moment_link(verdict.time)), strict=True))
-    told = [element("span", part) for part in (source(expected.location, options), judged_text(verdict)) if part]
-    about = element("small", Html(" · ".join(told)), class_="faint")
-    return element(
-        "tr",
-        element("td", status_mark(expected.status)),
-        element("th", element("span", expected.name), " ", about, scope="row"),
-        *(element("td", told, data_title=title) for title, told in cells.items()),
-    )
-
-
-def _apart(verdict: Verdict) -> tuple[str, str]:
-    """Return measured value and limit with enough digits to differ; empty where there is none."""
-    if verdict.measured is not None and verdict.limit is not None:
-        return units.display_apart(verdict.measured, verdict.limit, verdict.unit)
-    measured, limit = ("" if v is None else units.display(v, verdict.unit) for v in (verdict.measured, verdict.limit))
-    return measured, limit
 
 
 _MAX_LINES = 200
@@ -235,7 +200,7 @@ def details(outcome: Outcome, results: Results, options: ReportOptions) -> Html:
         _said("Engine", said),
         _said("Notes", [("note", note) for note in (*outcome.model_notes, *outcome.notes)]),
         _printed(user_output(outcome)),
-        _facts(outcome, results),
+        titled("Run details", values(run_facts(outcome, results).items(), "facts")),
     )
 
 
@@ -258,45 +223,6 @@ def _said(title: str, remarks: Sequence[tuple[str, str]]) -> Html:
 
 def _printed(output: str) -> Html:
     return titled("Output of your code", element("pre", output, tabindex="0") if output.strip() else "")
-
-
-def _wall_time(outcome: Outcome) -> str:
-    """Return the wall time with a hint that it covers more than the simulation loop, to which the speed refers."""
-    if not outcome.wall_time:
-        return ""
-    runs = f", {outcome.repeats.count} runs" if outcome.repeats else ""
-    return f"{quantity(outcome.wall_time, 's')} (with start-up{runs})"
-
-
-def _facts(outcome: Outcome, results: Results) -> Html:
-    named = {
-        "variation": ", ".join(f"{varied.key} = {varied.value}" for varied in outcome.variation),
-        "ended by": outcome.end or "",
-        "sim time": quantity(outcome.sim_time, "s"),
-        "speed": speed_text(outcome.real_time_factor),
-        "wall time": _wall_time(outcome),
-        "travelled": quantity(outcome.travelled, "m"),
-        "engine": outcome.engine or "",
-        "seed": "" if outcome.seed is None else str(outcome.seed),
-        "digest": outcome.digest or "",
-        "repeated": repeats_text(outcome),
-        **(
-            provenance_rows(outcome.provenance)
-            or {"versions": f"sim-action {results.sim_action}, Python {results.python}"}
-        ),
-        "trace": outcome.trace or "",
-        "recordings": ", ".join(outcome.recordings),
-    }
-    return titled("Run details", values(named.items(), "facts"))
-
-
-def source(location: Location | None, options: ReportOptions) -> Html:
-    """Return `path:line`, linked to the file at the tested commit if it is known; empty for None."""
-    if location is None:
-        return Html("")
-    shown = element("code", file_and_line(options.workspace, location))
-    url = source_url(location, options)
-    return element("a", shown, href=url, rel="noreferrer") if url else shown
 
 
 _AHEAD_DEG: Final = 0.5
@@ -334,7 +260,7 @@ def _obstacle(obstacle: ObstacleData, replay: Replay) -> Html:
             told += [", then by " if number == 0 else ", ", *_sighting(sighting)]
         told += [f"; {', '.join(map(_blind, obstacle.blind))} did not see it"] if obstacle.blind else []
     if obstacle.touched is not None:
-        told += ["; the robot touched it at ", _moment(obstacle.touched)]
+        told += ["; the robot touched it at ", value_link(obstacle.touched)]
         if obstacle.seen and obstacle.seen[0].time < obstacle.touched:
             # The difference of the times as they are shown.
             told.append(f", {moment(round(obstacle.touched, 2) - round(obstacle.seen[0].time, 2))} later")
@@ -343,7 +269,7 @@ def _obstacle(obstacle: ObstacleData, replay: Replay) -> Html:
 
 def _sighting(sighting: SightingData) -> list[str]:
     kept = "" if sighting.every == 1 else f", 1 of {sighting.every} readings looked at"
-    told = [f"{one_line(sighting.sensor)} ({one_line(sighting.kind)}{kept}) at ", _moment(sighting.time)]
+    told = [f"{one_line(sighting.sensor)} ({one_line(sighting.kind)}{kept}) at ", value_link(sighting.time)]
     if sighting.distance is not None:
         where = "" if sighting.angle is None else f" {direction(sighting.angle)}"
         told.append(f", {units.display(sighting.distance, 'm')} away{where}")
@@ -363,7 +289,3 @@ def direction(angle: float) -> str:
 def _blind(lidar: BlindData) -> str:
     kept = "" if lidar.every == 1 else f", 1 of {lidar.every} readings looked at"
     return f"{one_line(lidar.sensor)} (lidar{kept})"
-
-
-def _moment(time: float) -> Html:
-    return element("span", moment(time), class_="moment", data_time=time)

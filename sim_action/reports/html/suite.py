@@ -10,13 +10,25 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 from sim_action.core.wording import counted, shortened
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment, quantity
-from sim_action.reports.html.document import Html, article, bullets, element, heading, joined, table, titled
-from sim_action.reports.html.gate_article import run_cells
+from sim_action.reports.html.document import (
+    Html,
+    article,
+    bullets,
+    element,
+    heading,
+    html_row,
+    joined,
+    status_mark,
+    table,
+    titled,
+)
+from sim_action.reports.html.gate_article import run_row
 from sim_action.reports.html.navigation import PagePlan
 from sim_action.reports.html.scenario_article import first_seen_words
 from sim_action.reports.html.sweep import parameters
 from sim_action.reports.scenario_groups import ScenarioGroup, nearest_expectation, relative_margin
 from sim_action.reports.statuses import STATUS_DISPLAYS
+from sim_action.reports.table import Table
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOutcome, Outcome
 from sim_action.state.verdict import Verdict
 
@@ -167,13 +179,9 @@ class _SuiteTable:
         else:
             name, nearest = name_cell(shown, self._plan.ids[id(shown)]), nearest_cell(shown)
         changed = "" if change is None else shortened(change.gist, _MAX_CHANGE)
-        display = group.display
         return element(
             "tr",
-            element(
-                "td",
-                element("span", display.symbol, class_=f"mark {group.status}", role="img", aria_label=display.word),
-            ),
+            element("td", status_mark(group.row_status)),
             name,
             nearest,
             duration_cell("Sim time", _sim_time(group)),
@@ -316,11 +324,13 @@ def runs_table(
     columns = parameters(group.outcomes)
     numbers = {id(run): number for number, run in enumerate(group.outcomes)}
     longest = max(run.wall_time for run in group.outcomes)
-    titles = ("Run", *(column.label for column in columns), "Nearest limit", "Sim time", "Wall time", "Path")
+    shown = Table("Run", (), tuple(column.label for column in columns))
+    titles = (*shown.titles, "Nearest limit", "Sim time", "Wall time", "Path")
     rows = (
-        element(
-            "tr",
-            *run_cells(run, numbers[id(run)], columns, ids[id(run)]),
+        html_row(
+            shown,
+            run_row(run, numbers[id(run)], columns, ids[id(run)]),
+            None,
             nearest_cell(run),
             duration_cell("Sim time", run.simulated),
             duration_cell("Wall time", run.wall_time, longest),

@@ -1,0 +1,154 @@
+"""Tables of reports: rows with a status, a place, links and notes. No text in them is escaped.
+
+One table has three writers: `Table.lines` for a terminal, `markdown_table` for GitHub and `html_table` for the page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+from sim_action.core import units
+from sim_action.core.errors import Location
+from sim_action.core.records import dataclass
+from sim_action.core.wording import shortened
+from sim_action.reports import ReportOptions
+from sim_action.reports.console import Console, Line
+from sim_action.reports.formatting import judged_text, moment
+from sim_action.reports.links import replay_link
+from sim_action.reports.statuses import RowStatus, StatusDisplay, display_of
+from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.scenario.variations.gate import GATE
+from sim_action.state.verdict import Verdict
+
+# The largest number of characters of a message on the line of its row.
+_MAX_TEXT: Final = 300
+
+NUMBERS: Final = (" Measured", " Limit", " Margin", " At")
+"""The columns of the numbers of a verdict."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A row of a table.
+
+    Attributes:
+        status: the status, whose symbol begins the row.
+        name: the subject, such as an expectation.
+        message: the finding.
+        values: the texts of the further columns; a number is a sim time in s, which the page links to the replay.
+        kind: the kind of the row, such as "newly fails".
+        location: the place in the scenario file.
+        stands_out: True if every report shows the place and the values, not only the page.
+        note: a remark of minor importance; Markdown has no room for it.
+        replay: the link to the moment in the replay.
+        link: the element id of the article in the page.
+        is_neutral: True if the symbol has no colour, because the row does not count by itself.
+    """
+
+    status: RowStatus
+    name: str
+    message: str = ""
+    values: tuple[str | float, ...] = ()
+    kind: str = ""
+    location: Location | None = None
+    stands_out: bool = False
+    note: str = ""
+    replay: str = ""
+    link: str = ""
+    is_neutral: bool = False
+
+    @property
+    def display(self) -> StatusDisplay:
+        """The display of the status."""
+        return display_of(self.status)
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Rows with the titles of their columns.
+
+    Attributes:
+        name: the title of the names.
+        rows: the rows that are shown at once.
+        columns: the titles of the values; one that begins with a space is right-aligned.
+        message: the title of the messages; empty: a message stands below its name, and the page omits it.
+        kind: the title of the kinds; empty: no row has one.
+        rest: the rows in a fold.
+        rest_title: the title of the fold.
+    """
+
+    name: str
+    rows: tuple[Row, ...]
+    columns: tuple[str, ...] = ()
+    message: str = ""
+    kind: str = ""
+    rest: tuple[Row, ...] = ()
+    rest_title: str = ""
+
+    @property
+    def titles(self) -> tuple[str, ...]:
+        """The titles of all columns after that of the symbols."""
+        return (*filter(None, (self.kind, self.name, self.message)), *self.columns)
+
+    def values_of(self, row: Row) -> tuple[str | float, ...]:
+        """Return a value for each column; empty for those that the row lacks."""
+        return (*row.values, *("" for _ in self.columns))[: len(self.columns)]
+
+    def lines(self, console: Console, indent: str = "", *, verbose: bool = False) -> Iterator[Line]:
+        """Yield the lines for a terminal: a row with a kind on one line, others with their place and values below.
+
+        `verbose`: the values and notes of all rows are shown.
+        """
+        width = max((len(row.kind) for row in self.rows), default=0)
+        for row in (*self.rows, *self.rest):
+            if self.kind:
+                parts = (row.location, shortened(row.message, _MAX_TEXT))
+                place, message = (f"  {part}" if part else "" for part in parts)
+                start = [console.mark(row.display), (f"{row.kind.ljust(width)}  ", row.display.style)]
+                yield [*start, (row.name, "bold"), (place, "dim"), (message, "")]
+                continue
+            message = f": {row.message}" if row.message else ""
+            yield [(indent, ""), console.mark(row.display), (row.name, ""), (message, "")]
+            pairs = zip(self.columns, row.values, strict=False)
+            values = ", ".join(f"{title.strip().lower()} {value_text(value)}" for title, value in pairs if value != "")
+            shown = [(values, "dim")] if verbose or row.stands_out else []
+            shown += [(row.note, "dim")] if verbose else []
+            shown += [(str(row.location), "cyan")] if row.location is not None and row.stands_out else []
+            yield from ([(f"{indent}    ", ""), part] for part in shown if part[0])
+
+
+def value_text(value: str | float) -> str:
+    """Return a value of a row as text."""
+    return value if isinstance(value, str) else moment(value)
+
+
+def expectation_rows(
+    outcome: Outcome, expectations: Iterable[ExpectationOutcome], options: ReportOptions | None = None
+) -> tuple[Row, ...]:
+    """Return the rows of expectations; `options`: those of the links to the replay."""
+    return tuple(
+        Row(
+            expected.display_status,
+            expected.name,
+            outcome.message_of(expected),
+            # The message of a gate has its numbers; its margin is that of a bound, not of the measured rate.
+            () if expected.assertion == GATE else numbers(expected.verdict),
+            location=expected.location,
+            stands_out=not is_fine,
+            note=judged_text(expected.verdict),
+            replay="" if options is None or is_fine else replay_link(outcome, options, expected.verdict.time),
+        )
+        for expected, is_fine in ((expected, expected.status == "passed") for expected in expectations)
+    )
+
+
+def numbers(verdict: Verdict) -> tuple[str, str, str, str | float]:
+    """Return measured value and limit with enough digits to differ, margin and time; empty where there is none."""
+    measured, limit, margin = (
+        "" if value is None else units.display(value, verdict.unit)
+        for value in (verdict.measured, verdict.limit, verdict.margin)
+    )
+    if verdict.measured is not None and verdict.limit is not None:
+        measured, limit = units.display_apart(verdict.measured, verdict.limit, verdict.unit)
+    return measured, limit, margin, "" if verdict.time is None else verdict.time
