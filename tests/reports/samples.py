@@ -71,7 +71,7 @@ PASSED = Outcome(
     trace="traces/burger-drives-straight.npz",
 )
 HOSTILE = (
-    'a|b <b>&</b> `x` @octocat #1 [l](http://x.y) *_~$ ]]> "q"\n::error::forged ##[error]x\x1b[31m \x00\u202e\ud800'
+    'a|b <b>&</b> `x` @octocat #1 [l](http://x.y) *_~$ ]]> "q"\n::error::forged ##[error]x\x1b[31m \x00\u202e'
 )
 
 SKIPPED = Outcome(
