@@ -237,6 +237,7 @@ def test_a_node_that_never_waits_costs_lock_step_and_that_is_told(tmp_path: Path
     assert run.end == "test finished", findings.text
 
 
+@pytest.mark.soak
 def test_a_plugin_that_is_not_known_is_named(tmp_path: Path) -> None:
     workspace = copied(tmp_path)
     lay_out(workspace)

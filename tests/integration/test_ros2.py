@@ -32,6 +32,7 @@ rclpy.spin(Failing())
 """
 
 
+@pytest.mark.soak
 def test_a_node_that_raises_or_ends_is_named(tmp_path: Path) -> None:
     endings = {"dies": "os._exit(3)", "killed": "os.kill(os.getpid(), 9)", "leaves": "os._exit(0)"}
     (tmp_path / "failing.py").write_text(FAILING)

@@ -91,7 +91,7 @@ def test_a_node_hears_several_topics_in_the_same_order_every_time(tmp_path: Path
     (tmp_path / "several.py").write_text(SEVERAL)
     scenario(tmp_path, "several", "{nodes: [./several.py]}", "expect:\n  - travel: {at_least: 0.1 m}\n", 1.0)
 
-    outcome = outcomes(tmp_path, ".", "--no-report", "--repeat", "3")["several"]
+    outcome = outcomes(tmp_path, ".", "--no-report", "--repeat", "2")["several"]
 
     assert (outcome["status"], outcome["repeats"]["digests"]) == ("passed", 1), outcome
 
