@@ -96,6 +96,14 @@ def node(kind: str, inputs: Sequence[str], outputs: Sequence[str], attributes: b
     )
 
 
+def subgraph(name: str, nodes: Sequence[bytes], inputs: Mapping[str, int], outputs: Mapping[str, int]) -> bytes:
+    """Return an attribute of If, Loop or Scan; `inputs` and `outputs`: name -> kind. Inputs are single numbers."""
+    ends = ((field, key, kind) for field, values in ((11, inputs), (12, outputs)) for key, kind in values.items())
+    graph = b"".join(part(1, each) for each in nodes) + part(2, name)
+    graph += b"".join(part(field, value_info(key, () if field == 11 else None, kind)) for field, key, kind in ends)
+    return part(5, part(1, name) + part(6, graph) + number(20, 5))
+
+
 def model(
     nodes: Sequence[bytes],
     inputs: Mapping[str, Shape],

@@ -47,10 +47,12 @@ _HIDING: Final = frozenset(
     }
 )
 # Numbers of fields in ONNX files.
-_GRAPH, _GRAPH_NODE, _GRAPH_OUTPUT = 7, 1, 12
-_NODE_INPUT, _NODE_OUTPUT, _NODE_OPERATION = 1, 2, 4
+_GRAPH, _GRAPH_NODE, _GRAPH_TENSOR, _GRAPH_INPUT, _GRAPH_OUTPUT = 7, 1, 5, 11, 12
+_NODE_INPUT, _NODE_OUTPUT, _NODE_OPERATION, _NODE_ATTRIBUTE = 1, 2, 4, 5
+_FUNCTION, _FUNCTION_NODE, _ATTRIBUTE_GRAPH, _ATTRIBUTE_GRAPHS, _TENSOR_NAME = 25, 7, 6, 11, 8
 TOO_MUCH_MEMORY: Final = "needs more memory than a network of its size may use"
 _MAX_DATA_FILES: Final = 1000
+_MAX_FIELDS: Final = 200_000
 _MAX_MESSAGE_CHARS: Final = 300
 
 
@@ -151,6 +153,7 @@ class Session:
         shapes: name of an input -> the shape in which it is given its values; known after `fit`.
         batch: the number of equal samples in a run: more than 1 if the file declares the number of the training.
         hidden: inner values that can be NaN while every output is finite, such as the input of ArgMax.
+        blind: operations that hide a NaN of a value inside a subgraph or function, which cannot be an output.
     """
 
     def __init__(self, workspace: Workspace, file: str, limit: Callable[[int], None] = lambda _: None) -> None:
@@ -165,8 +168,9 @@ class Session:
         # onnxruntime may read these weights until it is closed.
         self._data = _data_files(content, Path(file).parent, workspace, limit)
         self.size = len(content) + sum(map(len, self._data.values()))
-        hidden, outputs = _hidden(content)
-        if added := hidden - outputs:
+        selections = _selections(content)
+        self.blind = sorted(selections.blind)
+        if added := selections.watched - selections.outputs:
             limit(2 * self.size)
             # Parts of a message are merged: these become more outputs of the same graph.
             content += _field(
@@ -192,7 +196,7 @@ class Session:
         except Exception as error:  # noqa: BLE001 - its errors have no common class
             raise NetworkProblem(_reason(error)) from None
         results = {each.name: _tensor(each) for each in self._session.get_outputs()}
-        self.hidden = [name for name, each in results.items() if name in hidden and each.type in FLOATS]
+        self.hidden = [name for name, each in results.items() if name in selections.watched and each.type in FLOATS]
         self.network = Network(
             {each.name: _tensor(each) for each in self._session.get_inputs()},
             {name: each for name, each in results.items() if name not in added},
@@ -306,39 +310,90 @@ def _locations(content: bytes) -> Iterator[str]:
         yield content[match.end() : match.end() + size].decode("utf-8", errors="replace")
 
 
-def _hidden(content: bytes) -> tuple[set[str], set[str]]:
-    """Return the computed inputs of operations that hide NaN, outside subgraphs, and the outputs of the network."""
+@dataclass(frozen=True, slots=True)
+class _Selections:
+    """The values of a network that operations which hide NaN read.
+
+    Attributes:
+        watched: computed values of the main graph that such an operation reads, also one in a subgraph.
+        blind: such operations in subgraphs and functions that read a value which is computed there.
+        outputs: of the network.
+    """
+
+    watched: frozenset[str] = frozenset()
+    blind: frozenset[str] = frozenset()
+    outputs: frozenset[str] = frozenset()
+
+
+def _selections(content: bytes) -> _Selections:
     if not any(kind in content for kind in _HIDING):
-        return set(), set()
+        return _Selections()
     try:
-        graphs = _fields(content, _GRAPH)
+        # Slices of a view are no copies.
+        model = memoryview(content)
+        graphs, functions = _fields(model, _GRAPH), _fields(model, _FUNCTION)
+        outside = {name for graph in graphs for key in (_GRAPH_INPUT, _GRAPH_TENSOR) for name in _named(graph, key)}
+        outputs = {name for graph in graphs for name in _named(graph, _GRAPH_OUTPUT)}
         nodes = [node for graph in graphs for node in _fields(graph, _GRAPH_NODE)]
-        hiding = [node for node in nodes if not _HIDING.isdisjoint(_fields(node, _NODE_OPERATION))]
-        hidden = {name for node in hiding for name in _names(node, _NODE_INPUT)}
-        computed = {name for node in nodes for name in _names(node, _NODE_OUTPUT)}
-        outputs = {name for graph in graphs for each in _fields(graph, _GRAPH_OUTPUT) for name in _names(each, 1)}
+        computed = {name for node in nodes for name in _texts(node, _NODE_OUTPUT)}
+        inner = [(node, True) for function in functions for node in _fields(function, _FUNCTION_NODE)]
+        inner += [(part, False) for node in nodes for part in _inner_nodes(node)]
+        watched = {name for node in nodes if _hides(node) for name in _texts(node, _NODE_INPUT)}
+        blind = set[str]()
+        for node, in_function in inner:  # grows
+            inner += [(part, in_function) for part in _inner_nodes(node)]
+            if not _hides(node):
+                continue
+            reads = set(filter(None, _texts(node, _NODE_INPUT)))
+            if in_function or not reads <= computed | outside:
+                blind.update(_texts(node, _NODE_OPERATION))
+            if not in_function:
+                watched |= reads
     except (IndexError, KeyError, UnicodeDecodeError):
-        return set(), set()  # a damaged file, which onnxruntime refuses
-    return hidden & computed, outputs
+        return _Selections()  # a damaged file, which onnxruntime refuses
+    return _Selections(frozenset(watched & computed), frozenset(blind), frozenset(outputs))
 
 
-def _names(message: bytes, wanted: int) -> list[str]:
-    return [name.decode() for name in _fields(message, wanted)]
+def _hides(node: memoryview) -> bool:
+    return not _HIDING.isdisjoint(_fields(node, _NODE_OPERATION))
 
 
-def _fields(message: bytes, wanted: int) -> list[bytes]:
-    """Return the texts or messages of one number in a protocol buffer. Raise IndexError, KeyError if it is damaged."""
-    contents, place = list[bytes](), 0
-    while place < len(message):
+def _inner_nodes(node: memoryview) -> Iterator[memoryview]:
+    """Yield the nodes of the subgraphs of If, Loop or Scan."""
+    for attribute in _fields(node, _NODE_ATTRIBUTE):
+        for key in (_ATTRIBUTE_GRAPH, _ATTRIBUTE_GRAPHS):
+            for graph in _fields(attribute, key):
+                yield from _fields(graph, _GRAPH_NODE)
+
+
+def _named(graph: memoryview, wanted: int) -> Iterator[str]:
+    """Yield the names of the inputs, outputs or weights of a graph."""
+    for part in _fields(graph, wanted):
+        yield from _texts(part, _TENSOR_NAME if wanted == _GRAPH_TENSOR else 1)
+
+
+def _texts(message: memoryview, wanted: int) -> list[str]:
+    return [str(text, "utf-8") for text in _fields(message, wanted)]
+
+
+def _fields(message: memoryview, wanted: int) -> list[memoryview]:
+    """Return the texts or messages of one number in a protocol buffer. Raise NetworkProblem.
+
+    Raise IndexError, KeyError if it is damaged.
+    """
+    contents, place = list[memoryview](), 0
+    for _ in range(_MAX_FIELDS):
+        if place >= len(message):
+            return contents
         key, begin = _varint(message, place)
         size, begin = _varint(message, begin) if key & 7 in {0, 2} else ({1: 8, 5: 4}[key & 7], begin)
         place = begin + (size if key & 7 else 0)
         if key == wanted << 3 | 2:
             contents.append(message[begin:place])
-    return contents
+    raise NetworkProblem(f"has more than {_MAX_FIELDS:,} fields in one message beside an operation such as ArgMax")
 
 
-def _varint(message: bytes, place: int) -> tuple[int, int]:
+def _varint(message: memoryview, place: int) -> tuple[int, int]:
     """Return a number of at most 10 bytes, and the place after it. Raise IndexError."""
     length = next(index for index in range(11) if message[place + index] < 0x80 or index == 10) + 1
     return sum((byte & 0x7F) << 7 * index for index, byte in enumerate(message[place : place + length])), place + length

@@ -458,6 +458,9 @@ class PolicyCommands(CommandSource):
         policy = NetworkController(self.policy, session, inputs, fixed, self.state, output, self.action, layout.joints)
         motors = Motors.of(self.action, layout)
         saturation = Saturation(scene.model, self.policy)
+        if session.blind:
+            where = "inside a subgraph or a function of the network, where NaN cannot be watched: its result hides them"
+            saturation.notes.append(f"{self.policy} has {', '.join(session.blind)} {where}")
         period = round(self.tick_rate(scene.physics.rate) / self.rate)
         ticks = iter(range(1 << 62))
 

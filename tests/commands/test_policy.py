@@ -21,7 +21,23 @@ from sim_action.state.observation import JointState, Observation
 from sim_action.state.readings import ImuReading
 from sim_action.world import Physics, World
 from sim_action.world.scene import Fitting, Scene
-from tests.onnx_files import DOUBLE, FLOAT, INT64, TEXT, in_process, integer, linear, model, node, recurrent, tensor
+from tests.onnx_files import (
+    BOOL,
+    DOUBLE,
+    FLOAT,
+    INT64,
+    TEXT,
+    in_process,
+    integer,
+    linear,
+    model,
+    node,
+    number,
+    part,
+    recurrent,
+    subgraph,
+    tensor,
+)
 from tests.scenarios import told
 
 ARM = Path(__file__).parents[2] / "examples/commands/arm.urdf"
@@ -280,6 +296,44 @@ def test_nan_inside_a_network_that_picks_its_action_is_an_error(
     with pytest.raises(ScriptError) as raised:
         controller.command(NOW)
     assert "returned nan for its inner value 'scores'" in str(raised.value)
+
+
+def picking(where: str, *, inside: bool) -> bytes:
+    """Return a network whose ArgMax is in a subgraph or a function; it reads a value from outside, or of its own."""
+    score = node("Gemm", ["x", "w", "b"], ["scores"])
+    pick = [*([score] if inside else []), node("ArgMax", ["scores"], ["i"], integer("axis", 1))]
+    weights = [tensor("w", (1, 3), [0, 0, 0]), tensor("b", (3,), [0, math.nan, 1]), tensor("yes", (), [1], BOOL)]
+    rest = b""
+    if where == "If":
+        branches = (subgraph(name, pick, {}, {"i": INT64}) for name in ("then_branch", "else_branch"))
+        outer = [node("If", ["yes"], ["y"], b"".join(branches))]
+    elif where == "Loop":
+        weights += [tensor("n", (), [1], INT64), tensor("v", (), [0], INT64)]
+        body = [node("Identity", ["go"], ["more"]), *pick]
+        body_of = subgraph("body", body, {"k": INT64, "go": BOOL, "u": INT64}, {"more": BOOL, "i": INT64})
+        outer = [node("Loop", ["n", "yes", "v"], ["y"], body_of)]
+    else:
+        reads = ["x", "w", "b"] if inside else ["scores"]
+        outer = [node("Pick", reads, ["y"], part(7, "own"))]
+        names = b"".join((*(part(4, each) for each in reads), part(5, "i"), *(part(7, each) for each in pick)))
+        rest = part(25, part(1, "Pick") + names + part(9, number(2, 17)) + part(10, "own"))
+        rest += part(8, part(1, "own") + number(2, 1))
+    nodes = [*([] if inside else [score]), *outer]
+    return model(nodes, {"x": (1, 1)}, {"y": None}, weights, kinds={"y": INT64}, rest=rest)
+
+
+@pytest.mark.parametrize("inside", [False, True])
+@pytest.mark.parametrize("where", ["If", "Loop", "function"])
+def test_nan_before_a_choice_in_a_subgraph_is_an_error_or_has_a_note(where: str, inside: bool, folder: Path) -> None:
+    action = {"joints": "effort", "choices": tuple((each, 0, 0) for each in range(3))}
+    controller = opened(folder, picking(where, inside=inside), observation=("time",), action=action)
+    if inside or where == "function":
+        assert controller.command(NOW)
+        assert "has ArgMax inside a subgraph or a function of the network" in "".join(controller.notes)
+        return
+    assert not controller.notes
+    with pytest.raises(ScriptError, match="returned nan for its inner value 'scores'"):
+        controller.command(NOW)
 
 
 @pytest.mark.parametrize(
