@@ -83,8 +83,8 @@ FOLLOWERS: Final = (
     ),
 )
 KNOWN: Final = {known.name: known for known in (BURGER, *ROBOTS)}
-# Both husky and r2d2 have skid steer; r2d2 takes three times as long. The car drives in test_drives.py, too.
-MARKS: Final = {"burger": (), **dict.fromkeys(("r2d2", "racecar"), (pytest.mark.pybullet, pytest.mark.soak))}
+# How those of the soak drive is tried in test_drives.py.
+IN_SOAK: Final = (pytest.mark.pybullet, pytest.mark.soak)
 
 
 def run(folder: Path, follower: Follower, engine: str) -> SimulationRun:
@@ -120,7 +120,7 @@ def nearest_in_turn(places: list[Point], points: list[Point], within: float) -> 
 @on_every_engine
 @pytest.mark.parametrize(
     "follower",
-    [pytest.param(each, marks=MARKS.get(each.name, pytest.mark.pybullet), id=each.name) for each in FOLLOWERS],
+    [pytest.param(each, marks=() if each.name == "burger" else IN_SOAK, id=each.name) for each in FOLLOWERS],
 )
 def test_it_follows_five_waypoints(follower: Follower, engine: str, tmp_path: Path) -> None:
     done = run(tmp_path, follower, engine)

@@ -334,23 +334,16 @@ def test_programs_that_misbehave_from_the_start_cost_their_own_scenario_and_noth
         assert cause in failure.message
 
 
-def test_what_a_program_leaves_behind_is_ended_and_costs_no_verdict(tmp_path: Path) -> None:
-    (tmp_path / "ctl.py").write_text(PYTHON.replace("import json, sys\n", f"import json, os, sys, time\n{LEAVE}"))
-    write(tmp_path, "untidy", "process: python ctl.py")
+def test_what_outlives_a_run_is_ended_and_costs_no_verdict(tmp_path: Path) -> None:
+    head = "import json, os, sys, time\n"
+    (tmp_path / "leaves.py").write_text(PYTHON.replace("import json, sys\n", f"{head}{LEAVE}"))
+    (tmp_path / "stays.py").write_text(PYTHON.replace("import json, sys\n", head) + "time.sleep(600)\n")
+    for name in ("leaves", "stays"):
+        write(tmp_path, name, f"process: python {name}.py")
     outcomes = run(tmp_path)
     assert processes_of(tmp_path) == []
-    assert outcomes["untidy"].status == "passed"
-    assert any("that its script left behind" in note for note in outcomes["untidy"].notes)
-
-
-def test_a_program_that_stays_after_the_end_is_ended_and_costs_no_verdict(tmp_path: Path) -> None:
-    (tmp_path / "ctl.py").write_text(
-        PYTHON.replace("import json, sys\n", "import json, sys, time\n") + "time.sleep(600)\n"
-    )
-    write(tmp_path, "stays", "process: python ctl.py")
-    outcomes = run(tmp_path)
-    assert processes_of(tmp_path) == []
-    assert outcomes["stays"].status == "passed"
+    assert (outcomes["leaves"].status, outcomes["stays"].status) == ("passed", "passed")
+    assert any("that its script left behind" in note for note in outcomes["leaves"].notes)
 
 
 def test_a_call_that_is_killed_outright_leaves_no_program(tmp_path: Path) -> None:
@@ -378,21 +371,18 @@ def test_programs_are_refused_where_scripts_are(tmp_path: Path) -> None:
     assert "scripts are not allowed to run here" in failure.message
 
 
-def test_a_program_does_not_get_our_own_modules_which_may_be_for_another_python(tmp_path: Path) -> None:
-    (tmp_path / "ctl.py").write_text("import os\nopen('seen', 'w').write(os.environ['PYTHONPATH'])\n" + PYTHON)
-    write(tmp_path, "sees", "process: python ctl.py")
-    assert run(tmp_path)["sees"].status == "passed"
-    assert (tmp_path / "seen").read_text() == environment(tmp_path)["PYTHONPATH"]
+SEEN: Final = """\
+import os
+open("seen", "w").write(f"{os.environ['PYTHONPATH']} {os.environ.get('GITHUB_TOKEN', 'none')}")
+"""
 
 
-SEEN: Final = "import os\nopen('seen', 'w').write(os.environ.get('GITHUB_TOKEN', 'none'))\n"
-
-
-def test_a_program_sees_no_tokens(tmp_path: Path) -> None:
+def test_a_program_sees_no_tokens_and_none_of_our_modules_which_may_be_for_another_python(tmp_path: Path) -> None:
     (tmp_path / "ctl.py").write_text(SEEN + PYTHON)
     write(tmp_path, "curious", "process: python ctl.py")
-    run(tmp_path, variables={**environment(tmp_path), "GITHUB_TOKEN": "secret"})
-    assert (tmp_path / "seen").read_text() == "none"
+    outcomes = run(tmp_path, variables={**environment(tmp_path), "GITHUB_TOKEN": "secret"})
+    assert outcomes["curious"].status == "passed"
+    assert (tmp_path / "seen").read_text() == f"{environment(tmp_path)['PYTHONPATH']} none"
 
 
 # Scripts run as on the other one in test_other_systems.py.
