@@ -112,7 +112,7 @@ rclpy.spin(Smoother())
 def scenario(folder: Path, name: str, ros2: str, more: str = "", seconds: float = 2.0) -> None:
     """Write a scenario of a robot that nodes drive."""
     text = f"name: {name}\nrobot: {{model: turtlebot3_burger}}\ncommands:\n  ros2: {ros2}\n"
-    more = more or "expect:\n  - path_length: {at_most: 10 m}\n"
+    more = more or f"expect:\n  - path_length: {{at_most: {2 * seconds:g} m}}\n"
     (folder / f"{name}.sim.yml").write_text(f"{text}{more}time_limit: {seconds} s\n", encoding="utf-8")
 
 
