@@ -244,6 +244,7 @@ def _followers() -> list[Case]:
         model, name = followers(loads, in_series=in_series), f"follower of {what}"
         moves = Setup(model, 3.0, {**points, **_ALLOW}, robot)
         keys: dict[str, Any] = {"group": GROUP, "unit": "rad", "kind": "bound", "truth": 0.0, "family": name}
+        keys["quick"] = what != "2 kg twice as far that its leader carries"
         most = math.radians(0.05)
         cases.append(Case(f"{name}: lag behind it", setups=(moves,), measure=behind(ratios), tolerance=most, **keys))
         # With level loads: each turns by its multiplier, and a load on the leader by one more.

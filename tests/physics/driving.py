@@ -42,7 +42,7 @@ def _cars() -> list[Case]:
             setup = driven(model, {"linear": speed, "angular": turn}, 6.0)
             name = f"{what} at {speed:g} m/s and {turn:g} rad/s"
             figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "family": name, "bundled": bundled}
-            figures |= {"kind": "analytic", "quick": what == "car" or turn < 0}
+            figures |= {"kind": "analytic", "quick": what == "car" or (bundled and turn < 0)}
             size = abs(turn)
             cases.append(
                 Case(
