@@ -78,8 +78,12 @@ def read_log(path: Path, name: str, wanted: Wanted) -> Recorded:
             recorded = _recorded(storages, wanted)
         except (RecordingError, MemoryError):
             raise
-        except Exception:
-            holes = [hole for storage in storages for hole in _holes_cut_out(storage, wanted.topic)]
+        except Exception as damage:
+            try:
+                holes = [hole for storage in storages for hole in _holes_cut_out(storage, wanted.topic)]
+            except AttributeError:
+                # This version of rosbags keeps its index elsewhere: the log is read as it is, or not at all.
+                raise damage from None
             if not holes:
                 raise
             notes += holes

@@ -16,7 +16,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from sim_action.commands.logs import Content, Steering, Trajectory
+from sim_action.commands.logs import Content, Steering, Trajectory, rosbag
 from sim_action.commands.logs.ros_messages import TWISTS, TYPES, MessageError, MessageType, Wanted
 from sim_action.commands.logs.rosbag import files_of, path_problem, read_log
 from sim_action.core.errors import RecordingError, RunError
@@ -452,6 +452,20 @@ def test_a_hole_in_a_log_with_a_good_index_is_counted(log: str, tmp_path: Path) 
     assert set(recorded.rows) < set(whole)
     (note,) = recorded.notes
     assert note == f"{log} is damaged in the middle: {lost} messages of '/cmd_vel' are lost, the others were read"
+
+
+def test_a_library_without_the_index_gives_the_error_of_the_damage(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = mcap_file(tmp_path / "a.mcap", drive([(n / 10, n / 10_000, 0.1) for n in range(20_000)]))
+    data = bytearray(path.read_bytes())
+    middle = len(data) * 2 // 5
+    data[middle : middle + 4096] = bytes(4096)
+    path.write_bytes(data)
+    monkeypatch.setattr(rosbag, "_is_readable", lambda reader, _: reader.no_such_attribute)
+    with pytest.raises(RecordingError, match="monday: the log cannot be read: ") as raised:
+        read_log(path, "monday", Wanted("/cmd_vel"))
+    assert "no_such_attribute" not in str(raised.value)
 
 
 def test_a_database_with_a_page_of_rubbish_is_read_before_it(tmp_path: Path) -> None:
