@@ -163,10 +163,7 @@ class RootMeanSquareMonitor(Monitor):
     moments: int = 0
     end: float | None = None
 
-    @property
-    @override
-    def state(self) -> State:
-        return State.HOLDS
+    state = State.HOLDS
 
     @override
     def observe(self, trace: Trace) -> Self:

@@ -62,10 +62,7 @@ class FinalPose(PoseTarget):
             return f"({', '.join(f'{value:g}' for value in self.coordinates.values())})"
         return ", ".join(f"{axis} = {units.display(value, 'm')}" for axis, value in self.coordinates.items())
 
-    @property
-    @override
-    def is_over_time(self) -> bool:
-        return False
+    is_over_time: ClassVar[bool] = False
 
     @override
     def range_claims(self, limits: LinkRange) -> Findings:
@@ -143,10 +140,8 @@ class FinalPoseMonitor(Monitor):
     angle_error: float = 0.0
     end: float | None = None
 
-    @property
-    def state(self) -> State:
-        """See Monitor.state. It stays open until the end, because the pose may still change."""
-        return State.HOLDS
+    # It stays open until the end, because the pose may still change.
+    state = State.HOLDS
 
     @override
     def observe(self, trace: Trace) -> Self:

@@ -282,10 +282,7 @@ class JointWithin(Assertion):
             f"{self.key} " + ", ".join(f"{what} {lower} to {upper}" for what, lower, upper in bounds)
         )
 
-    @property
-    @override
-    def step_memory_s(self) -> float:
-        return 0.1
+    step_memory_s: ClassVar[float] = 0.1
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield unknown joints, and units that do not fit their type."""

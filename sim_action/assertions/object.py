@@ -245,10 +245,8 @@ class ObjectAssertion(Assertion):
         appears = next((body.appears or 0.0 for body in scene.world.objects if body.name == self.name), 0.0)
         return ObjectMonitor(self, scene, start, appears)
 
-    @property
-    def is_explicit(self) -> bool:
-        """See Assertion.is_explicit. An object that comes to rest must have moved, not only the robot."""
-        return False
+    # An object that comes to rest must have moved, not only the robot.
+    is_explicit: ClassVar[bool] = False
 
     @override
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:

@@ -102,10 +102,7 @@ class UserAssertion(Assertion):
             )
         return data
 
-    @property
-    @override
-    def is_over_time(self) -> bool:
-        return False
+    is_over_time: ClassVar[bool] = False
 
     @property
     def file(self) -> str:

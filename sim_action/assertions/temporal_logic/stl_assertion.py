@@ -138,11 +138,8 @@ class Stl(Assertion):
         for at, message in found:
             yield (), f"{message}; {place(self.formula, at)}"
 
-    @property
-    @override
-    def is_over_time(self) -> bool:
-        # A formula without "always" is about one moment.
-        return False
+    # A formula without "always" is about one moment.
+    is_over_time: ClassVar[bool] = False
 
     @override
     def limits_motion(self, scene: Scene) -> bool:
