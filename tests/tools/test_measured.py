@@ -21,9 +21,9 @@ def test_rows_show_ratio_goal_times_and_circumstances(monkeypatch: pytest.Monkey
     long = replace(step, name="many", ours=30.0, theirs=40.0, date="2026-01-03", rounds=9)
     monkeypatch.setattr(by_hand, "load", lambda: [ROW, step, long])
     assert by_hand.costs().splitlines()[2:] == [
-        "| one | **1.25** | <= 1 | 500 ms | 400 ms | 2.00 |",
-        "| step | 1.04 | <= 1.05 | 52 µs | 50 µs |  |",
-        "| many | 0.75 | <= 1.05 | 30.0 s | 40.0 s |  |",
+        "| one | **1.25** | <= 1 | 500 ms | 400 ms |",
+        "| step | 1.04 | <= 1.05 | 52 µs | 50 µs |",
+        "| many | 0.75 | <= 1.05 | 30.0 s | 40.0 s |",
         "",
         "- 2026-01-02, a machine; sim-action 1; medians of 7 runs: one; step.",
         "- 2026-01-03, a machine; sim-action 1; medians of 9 runs: many.",

@@ -16,7 +16,7 @@ from typing import Final
 
 from tools.bench.robots import DATA
 from tools.docs.generate import BLOCK
-from tools.docs.generators.markdown import bullets, table
+from tools.docs.generators.markdown import bullets
 from tools.docs.survey import Survey, row, share, surveyed
 
 PAGE: Final = Path(__file__).resolve().parents[2] / "docs/models/public.md"
@@ -152,21 +152,15 @@ def collections(folder: Path) -> Iterator[tuple[str, str, Path]]:
 def page(found: Mapping[str, tuple[str, list[Survey]]]) -> str:
     """Return the text of the page; `found`: name of each collection -> commit and results."""
     everything = [result for _, results in found.values() for result in results]
-    counts = [(name, *_counts(results)) for name, (_, results) in found.items()]
+    models, load, _, complete = share(everything)
+    summary = f"{models} models in {len(found)} repositories; {load} load, and {complete} of the complete ones.\n"
     blocks = {
-        "collections": table(
-            ("repository", "models", "load", "of the complete ones"), [*counts, ("all", *_counts(everything))]
-        ),
+        "collections": summary,
         "public-models": bullets(_models(found)),
         "refusals": bullets(_refusals(found)),
     }
     text = PAGE.read_text(encoding="utf-8")
     return BLOCK.sub(lambda match: f"{match[1]}{blocks[match[2]]}{match[4]}", text)
-
-
-def _counts(results: list[Survey]) -> tuple[str, str, str]:
-    models, load, _, complete = share(results)
-    return models, load, complete.partition("(")[2].rstrip(")")
 
 
 def _models(found: Mapping[str, tuple[str, list[Survey]]]) -> Iterator[tuple[str, str]]:

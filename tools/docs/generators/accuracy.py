@@ -92,7 +92,7 @@ _SHOWN: Final = {
     "s": (1000, "ms"),
 }
 _SMALLEST: Final = 0.01
-_NEAR: Final = 0.3
+_NEAR: Final = 0.5
 """The share of the tolerance from which a row is shown."""
 
 

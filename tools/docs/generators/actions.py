@@ -42,17 +42,22 @@ def _input(entry: dict[str, str]) -> str:
 
 
 def outputs(action: str) -> str:
-    """Return the list of an action's outputs."""
-    return bullets((f"`{name}`", _description(entry)) for name, entry in _read(action)["outputs"].items())
+    """Return the list of an action's outputs; those that `action.yml` has, too, are only named."""
+    main = _read("action.yml")["outputs"] if action != "action.yml" else {}
+    entries = _read(action)["outputs"]
+    shown = bullets((f"`{name}`", _description(entry)) for name, entry in entries.items() if name not in main)
+    same = [f"`{name}`" for name in entries if name in main]
+    return shown + (f"- {', '.join(same)}: as in [the main action](/docs/workflow/outputs.md)\n" if same else "")
 
 
 def templates() -> str:
-    """Return the list of workflow templates: a link, and the first comment of the file."""
+    """Return the list of workflow templates: a link, and the first sentence of the file."""
     rows = []
     for path in sorted(ROOT.glob("examples/workflows/*.yml"), key=lambda path: (path.stem != "simulation", path.stem)):
         head = itertools.takewhile(lambda line: line.startswith("#"), path.read_text(encoding="utf-8").splitlines())
         _, _, purpose = " ".join(line.lstrip("# ") for line in head).partition(": ")
-        rows.append((f"[`{path.name}`](/{path.relative_to(ROOT)})", purpose[:1].upper() + purpose[1:]))
+        sentence, _, _ = purpose.partition(". ")
+        rows.append((f"[`{path.name}`](/{path.relative_to(ROOT)})", sentence[:1].upper() + sentence[1:]))
     return bullets(rows)
 
 

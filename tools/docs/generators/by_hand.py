@@ -16,21 +16,19 @@ def costs() -> str:
     rows = load()
     if not rows:
         return "No figures have been saved yet.\n"
-    head = ("job", "CPU, by hand = 1", "goal", "CPU, sim-action", "CPU, the other", "wall time, by hand = 1")
+    head = ("job", "CPU, by hand = 1", "goal", "CPU, sim-action", "CPU, the other")
     return "\n".join([table(head, map(_cells, rows)), *_circumstances(rows)]) + "\n"
 
 
 def _cells(row: Row) -> tuple[str, ...]:
     ratio = f"{row.ratio:.2f}"
     missed = row.ratio > row.goal
-    wall = "" if row.wall is None else f"{row.wall:.2f}"
     return (
         row.name,
         f"**{ratio}**" if missed else ratio,
         f"<= {row.goal:g}",
         _time(row.ours),
         _time(row.theirs),
-        wall,
     )
 
 

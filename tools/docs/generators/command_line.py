@@ -23,7 +23,8 @@ def commands() -> str:
     counted = Counter(option for command in program.commands.values() for option in _options(command))
     shared = {option for option, number in counted.items() if number >= MIN_SHARED}
     listed = [option for option in counted if option in shared]
-    head = f"## Shared options\n\nThe sections below only name these options:\n\n{bullets(listed)}\n"
+    shared_text = "Several commands take these; `sim-action COMMAND --help` lists all options of one:"
+    head = f"## Shared options\n\n{shared_text}\n\n{bullets(listed)}\n"
     seen: set[str] = set()
     return head + "\n".join(_section(command, shared, seen) for command in program.commands.values())
 
@@ -39,10 +40,6 @@ def _section(command: click.Command, shared: set[tuple[str, str]], seen: set[str
     if arguments:
         parts.append(f"```text\n{usage}\n```\n")
     own = bullets(option for option in options if option not in shared)
-    if names := [
-        f"`{option.opts[-1]}`" for option in _shown(command) if (f"`{_names(option)}`", _help(option)) in shared
-    ]:
-        own += f"- {', '.join(names)}: [shared options](#shared-options)\n"
     return "\n".join([*parts, *([own] if own else [])])
 
 

@@ -67,7 +67,7 @@ def rules() -> str:
 
 
 def parts(name: Format) -> str:
-    """Return the elements and attributes of a format that are not read, by the effect and its reason."""
+    """Return the parts of a format that are refused or reported, by the reason."""
     # The rows of worlds are those in which they differ from SDF.
     shared = part_table("sdf").places if name == "world" else {}
     places: dict[PartRow, list[str]] = {}
@@ -76,17 +76,15 @@ def parts(name: Format) -> str:
             if row.effect != "read" and row not in shared.get(place, {}).values():
                 at = "" if place == ALL else f"{place}/"
                 places.setdefault(row, []).append(", ".join(f"`{at}{part}`" for part in row.names))
-    by_effect: dict[str, dict[str, list[str]]] = {"refused": {}, "reported": {}, "moving": {}, "harmless": {}}
+    by_effect: dict[str, dict[str, list[str]]] = {"refused": {}, "reported": {}, "moving": {}}
     for row, names in places.items():
-        reason = "not listed" if row.effect == "harmless" else escaped(row.text.replace("{} of ", ""))
-        by_effect[row.effect].setdefault(reason, []).extend(names)
-    lists = {
-        effect: [(", ".join(dict.fromkeys(at)), text) for text, at in of.items()] for effect, of in by_effect.items()
-    }
-    shown = [
-        f"**{effect}**\n\n{bullets(lists[effect])}" for effect in ("refused", "reported", "moving") if lists[effect]
-    ]
-    return "\n".join([*shown, *(f"**harmless**\n\n{names}\n" for names, _ in lists["harmless"])])
+        if row.effect in by_effect:  # harmless parts are listed by `inspect --losses`
+            by_effect[row.effect].setdefault(escaped(row.text.replace("{} of ", "")), []).extend(names)
+    return "\n".join(
+        f"**{effect}**\n\n" + bullets((", ".join(dict.fromkeys(names)), text) for text, names in rows.items())
+        for effect, rows in by_effect.items()
+        if rows
+    )
 
 
 def claim_rules() -> str:
@@ -96,11 +94,14 @@ def claim_rules() -> str:
 
 
 def _by_level(rules: Mapping[str, tuple[str, str]]) -> str:
-    """Return the lists of rules with one effect each."""
+    """Return the lists of rules with one effect each; the message of a refusal explains its rule."""
+    by_effect: dict[str, list[tuple[str, str]]] = {}
+    for name, (summary, effect) in rules.items():
+        by_effect.setdefault(effect, []).append((f"`{name}`", summary))
     return "\n".join(
-        f"{effect[:1].upper()}{effect[1:]}:\n\n"
-        + bullets((f"`{name}`", summary) for name, (summary, level) in rules.items() if level == effect)
-        for effect in dict.fromkeys(level for _, level in rules.values())
+        f"{effect[:1].upper()}{effect[1:]}"
+        + (f": {', '.join(name for name, _ in listed)}.\n" if effect == "refused" else f":\n\n{bullets(listed)}")
+        for effect, listed in by_effect.items()
     )
 
 

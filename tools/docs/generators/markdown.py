@@ -7,8 +7,8 @@ from collections.abc import Iterable
 
 def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     """Return a Markdown table; a pipe in a cell is escaped."""
-    lines = [head, tuple("---" for _ in head), *rows]
-    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n"
+    first, *others = ("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in (head, *rows))
+    return "\n".join([first, f"|{'---|' * len(head)}", *others]) + "\n"
 
 
 def bullets(rows: Iterable[tuple[str, str]]) -> str:

@@ -14,7 +14,7 @@ from sim_action.app import catalogue
 from sim_action.assertions import ASSERTIONS, Reference
 from sim_action.cli.init import files
 from sim_action.commands import COMMANDS
-from sim_action.commands.robot_description import JointDescription, RobotDescription
+from sim_action.commands.robot_description import RobotDescription
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.registry import Table
@@ -29,7 +29,7 @@ from sim_action.state.observation import Contact, JointState, LinkState, Observa
 from sim_action.state.trace import Trace
 from sim_action.state.transmission import Transmission
 from sim_action.state.verdict import Verdict
-from sim_action.world import Body, Ground, Patch, Physics, World
+from sim_action.world import Body, Ground, Physics, World
 from tools.docs.generators.markdown import bullets, fenced
 
 ROOT: Final = Path(__file__).resolve().parents[3]
@@ -69,7 +69,7 @@ FAMILIES: Final[dict[str, Table[Any]]] = {
 
 CONTROLLER_TYPES: Final = (
     *(Observation, Pose, Twist, JointState, LinkState, Contact, JointTargets, LinkWrench),
-    *(RobotDescription, JointDescription),
+    RobotDescription,
 )
 READINGS: Final = (
     readings.ContactReading,
@@ -95,7 +95,6 @@ _PARTS_OF_A_SCENARIO: Final = (
     ("robot.pose.", Placement),
     ("world.", World),
     ("world.ground.", Ground),
-    ("world.patches[].", Patch),
     ("world.objects[].", Body),
     ("physics.", Physics),
     ("trace.", TraceSettings),
@@ -127,8 +126,12 @@ def assertion_sections(page: str) -> str:
 
 
 def _verdicts(reference: Reference) -> str:
-    _, _, passed, _, not_exercised = reference
-    return bullets([("**passed**", passed), ("**not exercised**", not_exercised)][: 1 + (not_exercised != ENDED_EARLY)])
+    """Return when an assertion passes, unless its first sentence says so, and when it is not exercised."""
+    repeats = reference.kind == "invariant" and "](" not in reference.passed
+    rows = [("**passed**", reference.passed)] * (not repeats)
+    never = re.sub(r",? (?:or|Or) the run ended before `after`", "", reference.not_exercised)
+    rows += [("**not exercised**", never)] * (never != ENDED_EARLY)
+    return bullets(rows)
 
 
 def assertions() -> str:

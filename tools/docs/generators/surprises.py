@@ -44,13 +44,13 @@ HEADS: Final = {
     "right": "sim-action does what the model or the scenario says, although these libraries alone do not",
     "note": "sim-action decides, and a note in the result says how",
     "refused": "The scenario is refused, or the run is an error, with the reason",
-    "unused": "sim-action does not use this, or has no key for it",
 }
 
 
 def rows() -> str:
-    """Return the lists of surprises, by what sim-action does."""
-    by_effect = {does: [row for row in surprises() if row.does == does] for does in HEADS}
+    """Return the lists of surprises, by what sim-action does; of those it does right, the ones with a script."""
+    shown_rows = [row for row in surprises() if row.script or row.does != "right"]
+    by_effect = {does: [row for row in shown_rows if row.does == does] for does in HEADS}
     return "\n".join(
         f"## {HEADS[does]}\n\n{''.join(map(_entry, by_effect[does]))}" for does in HEADS if by_effect[does]
     )
