@@ -52,7 +52,7 @@ _NODE_INPUT, _NODE_OUTPUT, _NODE_OPERATION, _NODE_ATTRIBUTE = 1, 2, 4, 5
 _FUNCTION, _FUNCTION_NODE, _ATTRIBUTE_GRAPH, _ATTRIBUTE_GRAPHS, _TENSOR_NAME = 25, 7, 6, 11, 8
 TOO_MUCH_MEMORY: Final = "needs more memory than a network of its size may use"
 _MAX_DATA_FILES: Final = 1000
-_MAX_FIELDS: Final = 200_000
+_MAX_FIELDS: Final = 100_000
 _MAX_MESSAGE_CHARS: Final = 300
 
 
@@ -395,6 +395,8 @@ def _fields(message: memoryview, wanted: int) -> list[memoryview]:
 
 def _varint(message: memoryview, place: int) -> tuple[int, int]:
     """Return a number of at most 10 bytes, and the place after it. Raise IndexError."""
+    if message[place] < 0x80:
+        return message[place], place + 1
     length = next(index for index in range(11) if message[place + index] < 0x80 or index == 10) + 1
     return sum((byte & 0x7F) << 7 * index for index, byte in enumerate(message[place : place + length])), place + length
 
