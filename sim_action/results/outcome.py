@@ -33,6 +33,16 @@ def _bounded(location: Location) -> Location:
     return location
 
 
+def _short(text: str) -> str:
+    if len(text) > MAX_TEXT:
+        raise ValueError(f"the text has more than {MAX_TEXT} characters")
+    return text
+
+
+_ShortText = Annotated[str, AfterValidator(_short)]
+"""A text of user code: it may have a lone surrogate, which the limits of pydantic refuse."""
+
+
 class GateStatistics(FrozenModel, str_max_length=MAX_TEXT):
     """The counts of a gate.
 
@@ -110,7 +120,7 @@ NOT_FOUND: Final = "not found"
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
-class Failure(FrozenModel, str_max_length=MAX_TEXT):
+class Failure(FrozenModel):
     """The reason why a scenario has no verdict.
 
     Attributes:
@@ -121,10 +131,10 @@ class Failure(FrozenModel, str_max_length=MAX_TEXT):
     """
 
     kind: FailureKind
-    title: str
-    message: str
+    title: _ShortText
+    message: _ShortText
     location: Annotated[Location, AfterValidator(_bounded)] | None = None
-    details: str = ""
+    details: _ShortText = ""
     time: float | None = None
 
     @classmethod
