@@ -41,15 +41,14 @@ def surprises() -> Sequence[Surprise]:
 
 
 HEADS: Final = {
-    "right": "sim-action does what the model or the scenario says, although these libraries alone do not",
     "note": "sim-action decides, and a note in the result says how",
     "refused": "The scenario is refused, or the run is an error, with the reason",
 }
 
 
 def rows() -> str:
-    """Return the lists of surprises, by what sim-action does; of those it does right, the ones with a script."""
-    shown_rows = [row for row in surprises() if row.script or row.does != "right"]
+    """Return the lists of surprises, by what sim-action does; those it does right are in the scripts of findings/."""
+    shown_rows = [row for row in surprises() if row.does != "right"]
     by_effect = {does: [row for row in shown_rows if row.does == does] for does in HEADS}
     return "\n".join(
         f"## {HEADS[does]}\n\n{''.join(map(_entry, by_effect[does]))}" for does in HEADS if by_effect[does]
