@@ -48,6 +48,7 @@ SUBCOMMANDS: Final[Mapping[str, Subcommand]] = MappingProxyType(
         "rostest": Subcommand("ros", "Run a rostest of ROS 1.", _LAUNCHES, handles_signals=True),
         "roslaunch": Subcommand("ros", "Run a ROS 1 launch file.", _LAUNCHES, handles_signals=True),
         "launchtest": Subcommand("ros", "Run a launch test of ROS 2 (experimental).", _LAUNCHES, handles_signals=True),
+        "ros2": Subcommand("ros", "Build the messages of a ROS 2 workspace on the wheels."),
         "init": Subcommand("init", "Create an example scenario and a workflow."),
         "inspect": Subcommand("inspect", "Show and check a robot model."),
         "explain": Subcommand("listings", "Explain an assertion, command source, drive, sensor or key."),

@@ -1,4 +1,4 @@
-"""`sim-action rostest`, `roslaunch` and `launchtest`."""
+"""`sim-action rostest`, `roslaunch`, `launchtest` and `ros2`."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from sim_action.cli.options import (
     with_options,
 )
 from sim_action.core.errors import ExitCode, UsageError
+from sim_action.core.wording import log_line
 from sim_action.engines import ENGINES
 
 if TYPE_CHECKING:
@@ -166,6 +167,36 @@ def launchtest(**flags: Any) -> ExitCode:
             strict=flags["strict"],
         )
         return launch_test.run(request, report_request(flags), interruption)
+
+
+@click.command()
+@click.argument("action", type=click.Choice(("prepare",)), metavar="prepare")
+@click.argument("workspace", default=".", type=click.Path(exists=True, file_okay=False))
+@code_flags
+def ros2(**flags: Any) -> ExitCode:
+    """Build the packages of a ROS 2 workspace that have messages of their own, into its install folder.
+
+    For the wheels of PyPI, which have no colcon. Packages that have not changed are not built again. Packages in Python
+    need no build; code in C++ is not built.
+
+    Exit code: 0 all are built; 2 a package cannot be built, or ROS 2 is missing.
+    """
+    from pathlib import Path
+
+    workspace = Path(flags["workspace"]).resolve()
+    code_permissions(flags, [workspace]).require_scripts("ros2 prepare runs the build files of packages")
+    if sys.platform != "linux":
+        raise UsageError("the wheels of ROS 2 are for Linux")
+    from sim_action.core.content_cache import cache_folder
+    from sim_action.ros.ros2.installation import find_ros
+    from sim_action.ros.ros2.preparation import prepare
+
+    cache = cache_folder("ros2")
+    if cache is None:
+        raise UsageError("builds need a cache folder; set XDG_CACHE_HOME")
+    for line in prepare(workspace, find_ros(), cache):
+        click.echo(log_line(line))
+    return ExitCode.PASSED
 
 
 def _called(program: Program, flags: dict[str, Any]) -> ExitCode:

@@ -73,6 +73,7 @@ CALLS: Final[Mapping[str, list[str]]] = {
     "rostest": ["rostest", "--no-report", "nosy", "nosy.test"],
     "roslaunch": ["roslaunch", "--no-report", "--sim-time-limit", "1", "nosy", "nosy.launch"],
     "launchtest": ["launchtest", "--no-report", "nosy", "nosy_test.py"],
+    "ros2": ["ros2", "prepare", "."],
     "init": ["init", "new"],
     "inspect": ["inspect", "nosy.urdf.xacro"],
     "models": ["models"],
@@ -81,6 +82,7 @@ CALLS: Final[Mapping[str, list[str]]] = {
     "sensors": ["sensors"],
     "schema": ["schema"],
     "explain": ["explain", "upright"],
+    "guide": ["guide"],
     "doctor": ["doctor"],
 }
 LAUNCH: Final = """\
@@ -91,7 +93,7 @@ LAUNCH: Final = """\
 </launch>
 """
 NODE: Final = "#!/usr/bin/env python\nimport sys\nkind = sys.argv[1]\n{mark}"
-GATED: Final = ("run", "prove", "rostest", "roslaunch", "launchtest", "inspect")
+GATED: Final = ("run", "prove", "rostest", "roslaunch", "launchtest", "ros2", "inspect")
 """The subcommands that run code of the repository."""
 
 

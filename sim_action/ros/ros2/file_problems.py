@@ -53,7 +53,11 @@ def file_problems(spec: Ros2Nodes, workspace: Workspace) -> SpecProblems:
     except PathError as error:
         yield ("workspace",), f"{error}{_build_hint(spec.workspace, workspace)}"
         return
-    packages = Packages.around(folder, _installation()[0])
+    try:
+        packages = Packages.around(folder, _installation()[0])
+    except PathError as error:
+        yield ("workspace",) if spec.workspace is not None else (), str(error)
+        return
     if spec.workspace is not None and not packages.installed and not packages.sources:
         yield ("workspace",), f"'{spec.workspace}' has no packages; {BUILD} in the workspace, or name another folder"
     elif spec.launch:

@@ -442,6 +442,10 @@ def _found_below(folder: Path) -> dict[str, Path]:
     if not folder.is_dir():
         return {}
     found = folders_below(folder, inside_packages=False).packages
+    for name, folders in found.items():
+        if len(folders) > 1:
+            places = " and ".join(map(str, folders[:3]))
+            raise PathError(f"there are {len(folders)} packages '{name}': {places}; remove or rename one")
     return {name: folders[0] for name, folders in found.items()}
 
 

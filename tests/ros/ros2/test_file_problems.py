@@ -120,6 +120,15 @@ def test_a_package_that_is_not_built_says_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("with_ros")
+def test_two_packages_of_one_name_are_named(tmp_path: Path) -> None:
+    for folder in ("a", "b"):
+        manifest(tmp_path / "src" / folder, "twice", "ament_python")
+    message = f"there are 2 packages 'twice': {tmp_path}/src/a and {tmp_path}/src/b; remove or rename one"
+    assert message in only(tmp_path, "twice/node")
+    assert message in only(tmp_path, "twice/node", workspace=".")
+
+
+@pytest.mark.usefixtures("with_ros")
 def test_a_workspace_that_is_not_built_says_so(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     absent = only(tmp_path, "p/e", workspace="install")

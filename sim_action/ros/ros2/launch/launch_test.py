@@ -23,7 +23,7 @@ from sim_action.core.field_types import Placement
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean, escaped_line, warn
-from sim_action.core.workspace import Workspace
+from sim_action.core.workspace import PathError, Workspace
 from sim_action.engines import AutoOrEngine
 from sim_action.reports import ReportRequest
 from sim_action.reports.writing import open_reports, write_reports
@@ -195,7 +195,10 @@ def _outcome(request: LaunchTestRequest, interruption: Interruption, started: fl
 def _test_file(request: LaunchTestRequest) -> tuple[Path, Packages]:
     """Return the test and the packages. Raise InvalidScenario."""
     root = request.workspace.resolve()
-    packages = Packages.around(workspace_of(None, Workspace(root, root)), find_ros())
+    try:
+        packages = Packages.around(workspace_of(None, Workspace(root, root)), find_ros())
+    except PathError as error:
+        raise _invalid(request, str(error)) from None
     source, prefix = packages.sources.get(request.package), packages.prefix(request.package)
     if source is None and prefix is None:
         hint = did_you_mean(request.package, packages.names)

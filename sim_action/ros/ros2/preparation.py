@@ -1,0 +1,265 @@
+"""The build of a workspace's own messages on the wheels of ROS 2, which `sim-action ros2 prepare` does.
+
+The packages are built one after the other with the generators of the wheels, into the `install` folder of the workspace
+as colcon would do it, so everything that looks for packages finds them. A package is built again when its files, those
+that it needs, or the wheels have changed. Packages in Python need no build; those with code in C++ are not built.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator, Mapping
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+from typing import Final
+from xml.etree import ElementTree as ET
+
+from sim_action.core.errors import Location, UsageError
+from sim_action.core.files import read_at_most
+from sim_action.core.records import dataclass
+from sim_action.core.wording import counted, did_you_mean
+from sim_action.robot.documents.package_search import PACKAGE_FILE, folders_below
+from sim_action.ros.ros2.installation import Ros2
+from sim_action.ros.ros2.packages import INSTALL
+
+GENERATORS: Final = (
+    *("ament-cmake", "ament-cmake-core", "ament-cmake-export-definitions", "ament-cmake-export-dependencies"),
+    *("ament-cmake-export-include-directories", "ament-cmake-export-interfaces", "ament-cmake-export-libraries"),
+    *("ament-cmake-export-link-flags", "ament-cmake-export-targets", "ament-cmake-gen-version-h"),
+    *("ament-cmake-include-directories", "ament-cmake-libraries", "ament-cmake-python", "ament-cmake-ros"),
+    *("ament-cmake-target-dependencies", "ament-cmake-test", "ament-cmake-version", "ament-cmake-gtest"),
+    *("ament-cmake-gmock", "ament-cmake-pytest", "ament-package", "python-cmake-module"),
+    *("rosidl-core-generators", "rosidl-default-generators"),
+)
+"""The wheels that build messages, without `ros-DISTRIBUTION-`."""
+
+_PROGRAMS: Final = ("cmake", "ninja", "g++")
+_STAMP: Final = ".sim-action"
+_LAYOUT: Final = ".colcon_install_layout"
+_MAX_FILE_BYTES: Final = 1_000_000
+_LAST_LINES: Final = 20
+# The Python of the machine on which the wheels were built.
+_BUILDERS_PYTHON: Final = re.compile(r"/opt/python/cp\d+-cp\d+/(include|lib)/python3\.\d+(?:/site-packages)?")
+_DEPENDS: Final = ("depend", "build_depend", "build_export_depend", "exec_depend", "run_depend")
+_INTERFACES: Final = re.compile(r"\brosidl_generate_interfaces\s*\(")
+_PLAIN: Final = frozenset(
+    {
+        *("bool", "byte", "char", "float32", "float64", "string", "wstring"),
+        *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
+    }
+)
+_FIELD: Final = re.compile(
+    r"(?P<type>[A-Za-z][\w/]*)(?:<=\d+)?(?:\[(?:<=)?\d*\])?\s+(?P<name>[A-Za-z]\w*)\s*(?P<rest>=.*|\S.*)?"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A package in source; `needs`: the packages that its package.xml names, `has_messages`: it must be built here."""
+
+    name: str
+    folder: Path
+    needs: frozenset[str]
+    has_messages: bool
+
+
+def sources_in(workspace: Path) -> dict[str, Source]:
+    """Return the packages of a workspace, each after those that it needs. Raise UsageError."""
+    below = workspace / "src" if (workspace / "src").is_dir() else workspace
+    sources = {}
+    for name, folders in folders_below(below, inside_packages=False).packages.items():
+        if len(folders) > 1:
+            places = " and ".join(str(folder.relative_to(workspace)) for folder in folders[:3])
+            raise UsageError(f"the workspace has {len(folders)} packages '{name}': {places}; remove or rename one")
+        sources[name] = _source(name, folders[0])
+    if not sources:
+        raise UsageError(f"{workspace} has no packages: no folder has a {PACKAGE_FILE}")
+    graph = {name: sorted(source.needs & sources.keys() - {name}) for name, source in sorted(sources.items())}
+    try:
+        return {name: sources[name] for name in TopologicalSorter(graph).static_order()}
+    except CycleError as error:
+        raise UsageError(
+            f"packages need each other in a circle: {' -> '.join(error.args[1][::-1])}; remove one <depend>"
+        ) from None
+
+
+def _source(name: str, folder: Path) -> Source:
+    path = folder / PACKAGE_FILE
+    try:
+        root = ET.fromstring(_content(path))  # noqa: S314 - of the user's own package
+    except ET.ParseError as error:
+        place = Location(str(path), error.position[0])
+        raise UsageError(f"{place}: {PACKAGE_FILE} of '{name}' is not XML: {str(error).partition(':')[0]}") from None
+    needs = frozenset((element.text or "").strip() for tag in _DEPENDS for element in root.iter(tag))
+    return Source(
+        name, folder, needs, bool(_INTERFACES.search(_content(folder / "CMakeLists.txt").decode("utf-8", "replace")))
+    )
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return read_at_most(path, _MAX_FILE_BYTES) or b""
+    except OSError:
+        return b""
+
+
+def problems(sources: Mapping[str, Source], prefixes: tuple[Path, ...]) -> Iterator[tuple[str, Location]]:
+    """Yield what prevents a build, each with its place: packages that are missing, and messages that do not parse."""
+    for source in sources.values():
+        if not source.has_messages:
+            continue
+        for need in sorted(source.needs - sources.keys()):
+            if not any((prefix / "share" / need / PACKAGE_FILE).is_file() for prefix in prefixes):
+                remedy = (
+                    "add its source to src (with a .repos file: vcs import src < FILE.repos), or remove the <depend>"
+                )
+                message = f"'{source.name}' needs the package '{need}', which neither the workspace nor ROS 2 has"
+                yield f"{message}; {remedy}", Location(str(source.folder / PACKAGE_FILE), None)
+        for path in sorted(source.folder.rglob("*")):
+            if path.suffix in (".msg", ".srv", ".action") and path.parent.name == path.suffix[1:]:
+                yield from _problems_of_file(path, source, sources, prefixes)
+
+
+def _problems_of_file(
+    path: Path, source: Source, sources: Mapping[str, Source], prefixes: tuple[Path, ...]
+) -> Iterator[tuple[str, Location]]:
+    shares = {need: folder for need in source.needs for folder in _shares(need, sources, prefixes)}
+    for number, line in enumerate(_content(path).decode("utf-8", "replace").splitlines(), 1):
+        text = re.sub(r"#(?=(?:[^\"']|[\"'][^\"']*[\"'])*$).*", "", line).strip()
+        if not text or text == "---":
+            continue
+        place = Location(str(path), number)
+        match = _FIELD.fullmatch(text)
+        if match is None:
+            yield f"'{text}' is not a field of a message; write TYPE NAME, such as float64 speed", place
+            continue
+        owner, slash, short = match["type"].partition("/")
+        if not slash and owner not in _PLAIN and not (source.folder / "msg" / f"{owner}.msg").is_file():
+            own = {path.stem for path in source.folder.glob("msg/*.msg")}
+            yield f"there is no type '{owner}'{did_you_mean(owner, [*_PLAIN, *own])}", place
+        elif slash and owner != source.name:
+            name = short.rpartition("/")[2]
+            if owner not in shares:
+                yield f"the package '{owner}' of the type is not named by a <depend> in {PACKAGE_FILE}", place
+            elif not (shares[owner] / "msg" / f"{name}.msg").is_file():
+                names = [path.stem for path in shares[owner].glob("msg/*.msg")]
+                yield f"the package '{owner}' has no message '{name}'{did_you_mean(name, names)}", place
+
+
+def _shares(name: str, sources: Mapping[str, Source], prefixes: tuple[Path, ...]) -> Iterator[Path]:
+    if name in sources:
+        yield sources[name].folder
+    yield from (share for prefix in prefixes if (share := prefix / "share" / name).is_dir())
+
+
+def prepare(workspace: Path, ros: Ros2, cache: Path) -> Iterator[str]:
+    """Build the packages with messages that have changed, and yield a line about each package.
+
+    Raise UsageError. `cache`: a folder for the files of builds.
+    """
+    sources = sources_in(workspace)
+    if found := [f"{place}: {message}" for message, place in problems(sources, ros.prefixes)]:
+        raise UsageError("; ".join(found[:5]))
+    install = workspace / INSTALL
+    built = {name: source for name, source in sources.items() if source.has_messages}
+    for name in built:
+        if (install / name).exists() and not (install / name / _STAMP).is_file():
+            raise UsageError(f"{install / name} was built by another tool; build it with that, or remove the folder")
+    if built:
+        _require_tools(ros)
+        install.mkdir(exist_ok=True)
+        if not (install / _LAYOUT).exists():
+            (install / _LAYOUT).write_text("isolated\n", encoding="utf-8")
+    stamps: dict[str, str] = {}
+    for name, source in sources.items():
+        if name not in built:
+            yield f"{name}: needs no build, or has code in C++, which is not built here"
+            continue
+        stamps[name] = stamp = _stamp(source, ros, [stamps[need] for need in sorted(source.needs & stamps.keys())])
+        if _content(install / name / _STAMP).decode() == stamp:
+            yield f"{name}: unchanged"
+            continue
+        shutil.rmtree(install / name, ignore_errors=True)
+        _build(source, [install / other for other in built if (install / other).is_dir()], ros, cache, install / name)
+        (install / name / _STAMP).write_text(stamp, encoding="utf-8")
+        yield f"{name}: built"
+
+
+def _require_tools(ros: Ros2) -> None:
+    missing = [program for program in _PROGRAMS if shutil.which(program) is None]
+    if missing:
+        raise UsageError(
+            f"a build needs {', '.join(missing)}; run sudo apt-get install cmake ninja-build g++ (or pip install cmake "
+            "ninja)"
+        )
+    if not (ros.prefix / "share/rosidl_default_generators").is_dir() or not list(
+        ros.prefix.glob("lib/python3*/site-packages/catkin_pkg")
+    ):
+        wheels = " ".join(f"ros-{ros.distribution}-{name}" for name in GENERATORS)
+        raise UsageError(
+            f"{ros.prefix} has no generators of messages; run {ros.python} -m pip install {wheels} catkin_pkg 'empy<4'"
+        )
+
+
+def _stamp(source: Source, ros: Ros2, others: list[str]) -> str:
+    digest = hashlib.sha256(repr((str(ros.prefix), ros.distribution, others)).encode())
+    for path in sorted(source.folder.rglob("*")):
+        if path.is_file():
+            digest.update(repr((str(path.relative_to(source.folder)), _content(path))).encode())
+    return digest.hexdigest()
+
+
+def _prefix_of_builds(ros: Ros2, cache: Path) -> Path:
+    """Return a copy of the wheels' prefix whose CMake files name the Python here instead of the builder's."""
+    paths = "import sysconfig; paths = sysconfig.get_paths(); print(paths['include'], paths['purelib'], sep='\\n')"
+    done = subprocess.run(  # noqa: S603 - the Python of ROS 2
+        [str(ros.python), "-c", paths], capture_output=True, text=True, check=True
+    )
+    folders = dict(zip(("include", "lib"), done.stdout.splitlines(), strict=True))
+    prefix = cache / hashlib.sha256(f"{ros.prefix} {folders}".encode()).hexdigest()[:16]
+    shutil.rmtree(prefix, ignore_errors=True)
+    shutil.copytree(ros.prefix / "share", prefix / "share", symlinks=True)
+    for name in ("bin", "include", "lib", "tools"):
+        if (ros.prefix / name).is_dir():
+            (prefix / name).symlink_to(ros.prefix / name)
+    for path in prefix.glob("share/*/cmake/*.cmake"):
+        text = path.read_text(encoding="utf-8", errors="replace")
+        if _BUILDERS_PYTHON.search(text):
+            path.write_text(_BUILDERS_PYTHON.sub(lambda match: folders[match[1]], text), encoding="utf-8")
+    return prefix
+
+
+def _build(source: Source, others: list[Path], ros: Ros2, cache: Path, install: Path) -> None:
+    """Build a package into its own prefix. Raise UsageError with the last lines of what the build says."""
+    wheels = _prefix_of_builds(ros, cache)
+    paths = os.pathsep.join(map(str, (*others, wheels)))
+    folder = cache / f"{wheels.name}-{source.name}"
+    shutil.rmtree(folder, ignore_errors=True)
+    libraries = [str(other / "lib") for other in others]
+    python_paths = [str(path) for other in others for path in other.glob("lib/python3*/site-packages")]
+    environment = {
+        **os.environ,
+        **ros.variables,
+        "AMENT_PREFIX_PATH": paths,
+        "CMAKE_PREFIX_PATH": paths,
+        "LD_LIBRARY_PATH": os.pathsep.join([*libraries, ros.variables.get("LD_LIBRARY_PATH", "")]),
+        "PYTHONPATH": os.pathsep.join(filter(None, [*python_paths, ros.variables.get("PYTHONPATH", "")])),
+    }
+    configure = ["cmake", "-S", str(source.folder), "-B", str(folder), "-G", "Ninja", "-DBUILD_TESTING=OFF"]
+    configure += [f"-DCMAKE_INSTALL_PREFIX={install}", "-DCMAKE_BUILD_TYPE=Release"]
+    configure += [f"-D{name}={ros.python}" for name in ("Python3_EXECUTABLE", "PYTHON_EXECUTABLE")]
+    for command in (configure, ["cmake", "--build", str(folder), "--target", "install"]):
+        done = subprocess.run(  # noqa: S603 - the build files of the user, which the permission gate has let through
+            command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
+        )
+        if done.returncode:
+            lines = done.stdout.strip().splitlines()
+            shown = "\n".join(lines[-_LAST_LINES:])
+            place = re.search(rf"^({re.escape(str(source.folder))}[^:\s]*):(\d+)", done.stdout, re.MULTILINE)
+            location = Location(place[1], int(place[2])) if place else Location(str(source.folder), None)
+            count = counted(min(len(lines), _LAST_LINES), "line")
+            raise UsageError(f"{location}: the build of '{source.name}' failed; the last {count}:\n{shown}")
