@@ -58,9 +58,6 @@ class FrozenModel(BaseModel, metaclass=_model_type()):  # type: ignore[metaclass
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, defer_build=True)
 
 
-MAX_TEXT: Final = 200_000
-"""The most characters of a text in results, more than any run keeps: shards and journals may come from anyone."""
-
 BARE_ANGLE_RULE: Final = "bare angle rule"
 """The key, in a context of pydantic, of the rule that refuses angles without a unit beyond one turn."""
 

@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from sim_action.core.field_types import MAX_TEXT, FrozenModel
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.wording import escaped_line
 
 _CPU_INFO: Final = Path("/proc/cpuinfo")
@@ -27,7 +27,7 @@ _MAX_CHARS: Final = 200
 _DIGEST_DIGITS: Final = 12
 
 
-class Provenance(FrozenModel, str_max_length=MAX_TEXT):
+class Provenance(FrozenModel):
     """The machine and the software that made a run.
 
     Attributes:

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal, Self, get_args
 
-from pydantic import AfterValidator, Field, JsonValue
+from pydantic import Field, JsonValue
 
 from sim_action.core.errors import ExitCode, InternalError, InvalidScenario, Location, MissingScenario, Problem
-from sim_action.core.field_types import MAX_TEXT, FrozenModel
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.provenance import Provenance
 from sim_action.core.wording import escaped_line
 from sim_action.scenario.model import Severity, Unexercised
@@ -27,23 +27,7 @@ Count = Annotated[int, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
-def _bounded(location: Location) -> Location:
-    if len(location.file) > MAX_TEXT:
-        raise ValueError(f"the name of a file has more than {MAX_TEXT} characters")
-    return location
-
-
-def _short(text: str) -> str:
-    if len(text) > MAX_TEXT:
-        raise ValueError(f"the text has more than {MAX_TEXT} characters")
-    return text
-
-
-_ShortText = Annotated[str, AfterValidator(_short)]
-"""A text of user code: it may have a lone surrogate, which the limits of pydantic refuse."""
-
-
-class GateStatistics(FrozenModel, str_max_length=MAX_TEXT):
+class GateStatistics(FrozenModel):
     """The counts of a gate.
 
     Attributes:
@@ -131,10 +115,10 @@ class Failure(FrozenModel):
     """
 
     kind: FailureKind
-    title: _ShortText
-    message: _ShortText
-    location: Annotated[Location, AfterValidator(_bounded)] | None = None
-    details: _ShortText = ""
+    title: str
+    message: str
+    location: Location | None = None
+    details: str = ""
     time: float | None = None
 
     @classmethod
@@ -143,14 +127,14 @@ class Failure(FrozenModel):
         return cls(kind=fault.kind, title=fault.title, message=str(fault), details=fault.details)
 
 
-class Diagnostic(FrozenModel, str_max_length=MAX_TEXT):
+class Diagnostic(FrozenModel):
     """A message that the engine printed while it loaded or simulated."""
 
     level: Literal["warning", "error", "note"]
     message: str
 
 
-class Scope(FrozenModel, str_max_length=MAX_TEXT):
+class Scope(FrozenModel):
     """The keys of an expectation that say what part of a run it judges.
 
     Attributes:
@@ -212,7 +196,7 @@ def _allowed(assertion: Assertion) -> set[str]:
     return found.union(*(_allowed(part) for _, part in getattr(assertion, "placed_parts", ())))
 
 
-class ExpectationOutcome(FrozenModel, str_max_length=MAX_TEXT):
+class ExpectationOutcome(FrozenModel):
     """One expectation and its verdict.
 
     Attributes:
@@ -224,7 +208,7 @@ class ExpectationOutcome(FrozenModel, str_max_length=MAX_TEXT):
     name: str
     assertion: str
     severity: Severity
-    location: Annotated[Location, AfterValidator(_bounded)]
+    location: Location
     verdict: Verdict
     unexercised: Unexercised = "error"
     scope: Scope | None = None
@@ -264,7 +248,7 @@ class ExpectationOutcome(FrozenModel, str_max_length=MAX_TEXT):
         return self.status == "warned"
 
 
-class Measurement(FrozenModel, str_max_length=MAX_TEXT):
+class Measurement(FrozenModel):
     """A value that a run measured for information. It has no limit, so it is neither a pass nor a failure.
 
     Attributes:
@@ -290,7 +274,7 @@ def status_of(expectations: Iterable[ExpectationOutcome]) -> Status:
     return next((status for status in _WORSE if status in statuses), "passed")
 
 
-class Repeats(FrozenModel, str_max_length=MAX_TEXT):
+class Repeats(FrozenModel):
     """The repeated runs of one scenario, each in a fresh interpreter.
 
     Attributes:
@@ -306,7 +290,7 @@ class Repeats(FrozenModel, str_max_length=MAX_TEXT):
     replay: str | None = None
 
 
-class Outcome(FrozenModel, str_max_length=MAX_TEXT):
+class Outcome(FrozenModel):
     """The result of running one scenario.
 
     Attributes:

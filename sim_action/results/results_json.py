@@ -18,7 +18,7 @@ from pydantic_core import PydanticSerializationError
 
 from sim_action.core.discovery import paths_of, unique
 from sim_action.core.errors import ExitCode, UsageError
-from sim_action.core.field_types import MAX_TEXT, FrozenModel
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import read_at_most, whole_file
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
@@ -99,6 +99,8 @@ MAX_OUTCOMES: Final = 50_000
 """The largest number of outcomes that are merged or compared: they take half a minute and almost 1 GB of memory."""
 
 _MAX_BYTES: Final = 64_000_000
+# The most characters of a text, more than any run writes: shards may come from anyone.
+_MAX_TEXT: Final = 200_000
 
 _FIRST_VERSION: Final = 1
 _VERSION: Final = 5
@@ -111,7 +113,7 @@ _FORMER_ENDS: Final = {
 """The values of `end` in version 1 -> those since version 2."""
 
 
-class Results(FrozenModel, str_max_length=MAX_TEXT):
+class Results(FrozenModel):
     """The results of one call of `sim-action`; `results.json` is this object as JSON.
 
     Attributes:
@@ -215,8 +217,12 @@ class Results(FrozenModel, str_max_length=MAX_TEXT):
         """Read a `results.json` of this or a former format version. Raises UsageError if the file is not valid."""
         try:
             if (data := read_at_most(path, _MAX_BYTES)) is not None:
-                return cls._parsed(data)
-            reason = f"it is larger than {_MAX_BYTES / 1e6:g} MB"
+                results = cls._parsed(data)
+                if (place := _place_of_long_text(data)) is None:
+                    return results
+                reason = f"{place}: the text has more than {_MAX_TEXT} characters"
+            else:
+                reason = f"it is larger than {_MAX_BYTES / 1e6:g} MB"
         except OSError as error:
             reason = error.strerror or str(error)
         except ValidationError as error:
@@ -231,6 +237,25 @@ class Results(FrozenModel, str_max_length=MAX_TEXT):
             if (upgraded := _upgraded(data)) is None:
                 raise
             return cls.model_validate_json(upgraded)
+
+
+def _place_of_long_text(data: bytes) -> str | None:
+    """Return the path of a text longer than any run writes, in valid JSON; None if there is none."""
+    # Whole texts are compared only if there is so much between two quotes.
+    unescaped = data.replace(rb"\\", b"x").replace(rb"\"", b"x")
+    if max(map(len, unescaped.split(b'"'))) <= _MAX_TEXT:
+        return None
+    values: list[tuple[str, Any]] = [("", json.loads(data))]
+    while values:
+        path, value = values.pop()
+        if isinstance(value, str) and len(value) > _MAX_TEXT:
+            return path
+        if isinstance(value, list | dict):
+            below = value.items() if isinstance(value, dict) else enumerate(value)
+            for key, part in below:
+                inner = f"{path}.{key}" if path else f"{key}"
+                values += [(inner, part), (path, key)]
+    return None
 
 
 def _json(model: FrozenModel) -> str:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Self
 
 from sim_action.core import units
 from sim_action.core.errors import Location
-from sim_action.core.field_types import MAX_TEXT, FrozenModel
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_document import Document, KeyPath
@@ -228,7 +228,7 @@ class ClaimFinding:
         return AuditWarning(rule=self.rule, message=self.message, location=document.location(self.path))
 
 
-class AuditWarning(FrozenModel, str_max_length=MAX_TEXT):
+class AuditWarning(FrozenModel):
     """A part of the scenario that checked nothing in this run, found by a rule of the audit of claims.
 
     Attributes:

@@ -70,7 +70,9 @@ PASSED = Outcome(
     notes=("recognised: diff drive, wheels 0.033 m, 0.16 m apart",),
     trace="traces/burger-drives-straight.npz",
 )
-HOSTILE = 'a|b <b>&</b> `x` @octocat #1 [l](http://x.y) *_~$ ]]> "q"\n::error::forged ##[error]x\x1b[31m \x00\u202e'
+HOSTILE = (
+    'a|b <b>&</b> `x` @octocat #1 [l](http://x.y) *_~$ ]]> "q"\n::error::forged ##[error]x\x1b[31m \x00\u202e\ud800'
+)
 
 SKIPPED = Outcome(
     name="burger circles",

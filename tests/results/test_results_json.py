@@ -290,8 +290,13 @@ def test_a_broken_one_is_named_in_one_line(shards: Path) -> None:
                     }
                 ]
             },
-            "outcomes.0.failures.0.location",
+            "outcomes.0.failures.0.location.file",
         ),
+        (
+            {"surroundings": {"allowed": [], "stated": {"world.x": "x" * 200_001}}},
+            "outcomes.0.surroundings.stated.world.x",
+        ),
+        ({"surroundings": {"allowed": [], "stated": {"\\" * 200_001: 1}}}, "outcomes.0.surroundings.stated"),
     ],
 )
 def test_texts_have_a_limit(shards: Path, change: dict[str, object], place: str) -> None:
