@@ -18,9 +18,9 @@ from typing_extensions import override
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines.body_control import MAX_ATTRACTION_M, BodyControl, RobotInertia, Target, base_wrench
-from sim_action.engines.mujoco.compiled_scene import CompiledScene
 from sim_action.engines.mujoco.names import engine_name
 from sim_action.engines.mujoco.queries import Objects
+from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.state.command import BasePush
 from sim_action.world import GROUND
 

@@ -27,10 +27,10 @@ from sim_action.engines.clearances import ClearanceRecorder
 from sim_action.engines.engine import NO_CHANNELS, Engine
 from sim_action.engines.joint_stops import JointStops
 from sim_action.engines.mujoco.body_control import BasePusher, MuJoCoBodyControl
-from sim_action.engines.mujoco.compiled_scene import CompiledScene
 from sim_action.engines.mujoco.motors import Motors
 from sim_action.engines.mujoco.names import with_user_names
 from sim_action.engines.mujoco.queries import Contacts, Distances, Links, Objects, Rays
+from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.engines.mujoco.sliding import SlidingContacts
 from sim_action.engines.observers import LazyContacts, Recorders, path_contacts
 from sim_action.engines.world_events import WorldEvents

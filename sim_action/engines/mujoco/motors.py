@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from sim_action.drives.wheels import held_joints
 from sim_action.engines.engine import UNLIMITED_EFFORT
-from sim_action.engines.mujoco.compiled_scene import IMPEDANCE, STEPS_TO_CONVERGE, CompiledScene, solver_parameters
 from sim_action.engines.mujoco.names import engine_name
+from sim_action.engines.mujoco.scene import IMPEDANCE, STEPS_TO_CONVERGE, CompiledScene, solver_parameters
 from sim_action.robot.model.robot_model import FOLLOWED, Joint, MotorKind, Reading, RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import FloatArray

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
-from sim_action.engines.mujoco.compiled_scene import CompiledScene
 from sim_action.engines.mujoco.geoms import wxyz
 from sim_action.engines.mujoco.names import engine_name
+from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.engines.observers import Nearest, ReadPoses
 from sim_action.state.observation import Clash, Contact, Overlap
 from sim_action.state.trace import FloatArray

@@ -31,8 +31,8 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
 from sim_action.core.records import dataclass
-from sim_action.engines.mujoco.compiled_scene import CompiledScene
 from sim_action.engines.mujoco.contact_pairs import CONTACT_IMPEDANCE
+from sim_action.engines.mujoco.scene import CompiledScene
 
 _MAX_REMEMBERED_SETS: Final = 256
 # Acceleration in m/s^2 that stops an approach, from which on a contact is an impact.

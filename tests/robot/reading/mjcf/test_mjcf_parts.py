@@ -129,7 +129,7 @@ def fields(model: Any) -> dict[str, bytes]:
 
 def simulated(folder: Path, text: str) -> tuple[dict[str, bytes], list[str]]:
     """Return the fields of the model that the engine simulates, and the notes."""
-    from sim_action.engines.mujoco.compiled_scene import CompiledScene
+    from sim_action.engines.mujoco.scene import CompiledScene
 
     (folder / "robot.xml").write_text(text)
     scene = build_scene(load(folder, SCENARIO))

@@ -33,7 +33,7 @@ def nothing_is_kept() -> Iterator[None]:
 @contextmanager
 def forgotten() -> Iterator[None]:
     """Compiles every scene anew, and forgets those of the context."""
-    from sim_action.engines.mujoco.compiled_scene import _Last
+    from sim_action.engines.mujoco.scene import _Last
 
     before, _Last._known = _Last._known, (None, "", None)
     yield
@@ -79,7 +79,7 @@ def test_motions_do_not_depend_on_the_scenes_before() -> None:
 
 
 def test_equal_scenes_are_compiled_twice_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
-    from sim_action.engines.mujoco.compiled_scene import CompiledScene
+    from sim_action.engines.mujoco.scene import CompiledScene
 
     compiled = []
     compile_scene = CompiledScene._compiled.__func__  # type: ignore[attr-defined]  # a class method
