@@ -42,7 +42,7 @@ def _input(entry: dict[str, str]) -> str:
 
 
 def outputs(action: str) -> str:
-    """Return the list of an action's outputs; those that `action.yml` has, too, are only named."""
+    """Return the list of an action's outputs; outputs of `action.yml` are only named."""
     main = _read("action.yml")["outputs"] if action != "action.yml" else {}
     entries = _read(action)["outputs"]
     shown = bullets((f"`{name}`", _description(entry)) for name, entry in entries.items() if name not in main)
