@@ -199,6 +199,7 @@ class DrivenNodes:
     Attributes:
         closing: what ends the nodes.
         transcript: all messages of nodes that command the robot.
+        has_heard: True after the first of these messages.
         not_reproducible: reasons why another run may differ.
         logged_errors: errors that nodes logged.
         notes: notes for the user, complete after `close`.
@@ -215,7 +216,7 @@ class DrivenNodes:
         self._largest: dict[str, int] = {}
         self._errors = LoggedErrors(scene.workspace.root)
         self.logged_errors = self._errors.messages
-        self._has_heard, self._finished = False, dict[int, str]()
+        self.has_heard, self._finished = False, dict[int, str]()
         self._misfits = list[str]()
         self._bridge, self._group = session.bridge, group
         self._forward = session.folder.forward
@@ -245,7 +246,7 @@ class DrivenNodes:
                 continue
             number = place - self._first_heard
             topic, node = self._senders[number]
-            self._has_heard = True
+            self.has_heard = True
             self.transcript.add(seen.time, topic, json.dumps(message, default=list).encode())
             self._commands.take(topic, message, node, seen)
         if round(seen.time * self._rate) % round(self._rate) == 0:
@@ -257,7 +258,7 @@ class DrivenNodes:
         reasons = list[str]()
         with suppress(BridgeEnded):
             graph = self._bridge.whole_graph()
-            if not self._has_heard:
+            if not self.has_heard:
                 reasons += unsent(graph, self._subscriptions)
             reasons += [*self._finished.values(), *self._misfits, *unheard(graph, self._published)]
         return "; ".join(reasons)

@@ -21,7 +21,7 @@ from sim_action.core.errors import (
 )
 from sim_action.core.field_types import Placement
 from sim_action.core.process import Interruption
-from sim_action.core.records import dataclass
+from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import did_you_mean, escaped_line, warn
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.engines import AutoOrEngine
@@ -48,7 +48,7 @@ from sim_action.scenario.model import DrivenRobot, Scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.verdict import Judged, Verdict
 from sim_action.world import Physics, World
-from sim_action.world.claims import NOT_SIMULATED
+from sim_action.world.claims import NOT_SIMULATED, AuditWarning
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -65,6 +65,9 @@ _POLL_S: Final = 0.01
 
 _PHYSICS_RATE_HZ: Final = 200.0
 _MAX_SIM_TIME_S: Final = 60.0
+
+# Rules about driving. A launch test may be about something else, and no file of it can allow a finding.
+_OF_DRIVING: Final = frozenset({"silent-controller", "drive-never-commanded"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,7 +242,7 @@ class _LaunchTest:
                 failure = Failure(kind="script", title=title, message=escaped_line(str(error)), location=place)
             undo.close()
             expectations = tuple(self._expectations(run.sim_time if run else None))
-        measured = _measured(run)
+        measured = _measured(run, Location(shown_path(self._file)))
         if failure is None and not expectations:
             message = "the test wrote no results: it has no method whose name begins with 'test', or it was interrupted"
             failure = Failure(kind="script", title="no test ran", message=message, location=Location(str(self._file)))
@@ -280,7 +283,9 @@ class _LaunchTest:
         launched.topics = robot_topics(asked, rate, scene)
         nodes = DrivenNodes(asked, rate, scene, session, launched)
         scenario = scenario.model_copy(update={"commands": (OpenCommands.of(controller_of(nodes), rate),)})
-        return simulate(scenario, scene, self._look_at_interruption)
+        run = simulate(scenario, scene, self._look_at_interruption)
+        left_out = frozenset[str]() if nodes.has_heard else _OF_DRIVING
+        return replace(run, findings=tuple(finding for finding in run.findings if finding.rule not in left_out))
 
     def _scene(self, robot: SpawnedRobot, workspace: Workspace) -> tuple[Scenario, Scene]:
         """Return the scenario of the spawned robot, and its scene. Raise ModelError."""
@@ -330,8 +335,8 @@ def _verdict(case: Case, sim_time: float | None) -> Verdict:
     return Verdict(passed=False, time=sim_time, message=said)
 
 
-def _measured(run: SimulationRun | None) -> dict[str, Any]:
-    """Return the fields of an outcome that are known from a run."""
+def _measured(run: SimulationRun | None, where: Location) -> dict[str, Any]:
+    """Return the fields of an outcome that are known from a run; `where`: the place of its warnings."""
     if run is None:
         return {}
     return {
@@ -342,4 +347,5 @@ def _measured(run: SimulationRun | None) -> dict[str, Any]:
         "engine": run.engine,
         "notes": run.notes,
         "model_notes": run.model_notes,
+        "warnings": tuple(AuditWarning(rule=each.rule, message=each.message, location=where) for each in run.findings),
     }

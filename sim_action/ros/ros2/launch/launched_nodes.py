@@ -179,7 +179,8 @@ class LaunchedNodes:
         self.await_programs()
         losses = list(lost_parts(self._left_out, self.topics.commands))
         if losses and not self._spec.allows_losses:
-            raise SourceProblem(f"{'; '.join(losses)}; to run without it, set allow_losses: true", _KEY)
+            remedy = "set allow_losses: true" if self._spec.results is None else "use --allow-losses"
+            raise SourceProblem(f"{'; '.join(losses)}; to run without it, {remedy}", _KEY)
         self.losses += losses
         if self._left_out:
             left = ", ".join(dict.fromkeys(each.program for each in self._left_out))
