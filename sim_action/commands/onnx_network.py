@@ -49,7 +49,7 @@ _HIDING: Final = frozenset(
 # Numbers of fields in ONNX files.
 _GRAPH, _GRAPH_NODE, _GRAPH_TENSOR, _GRAPH_INPUT, _GRAPH_OUTPUT = 7, 1, 5, 11, 12
 _NODE_INPUT, _NODE_OUTPUT, _NODE_OPERATION, _NODE_ATTRIBUTE = 1, 2, 4, 5
-_FUNCTION, _FUNCTION_NODE, _ATTRIBUTE_GRAPH, _ATTRIBUTE_GRAPHS, _TENSOR_NAME = 25, 7, 6, 11, 8
+_FUNCTION, _FUNCTION_NODE, _ATTRIBUTE_GRAPH, _TENSOR_NAME = 25, 7, 6, 8
 TOO_MUCH_MEMORY: Final = "needs more memory than a network of its size may use"
 _MAX_DATA_FILES: Final = 1000
 _MAX_FIELDS: Final = 100_000
@@ -332,38 +332,29 @@ def _selections(content: bytes) -> _Selections:
         # Slices of a view are no copies.
         model = memoryview(content)
         graphs, functions = _fields(model, _GRAPH), _fields(model, _FUNCTION)
-        outside = {name for graph in graphs for key in (_GRAPH_INPUT, _GRAPH_TENSOR) for name in _named(graph, key)}
         outputs = {name for graph in graphs for name in _named(graph, _GRAPH_OUTPUT)}
         nodes = [node for graph in graphs for node in _fields(graph, _GRAPH_NODE)]
         computed = {name for node in nodes for name in _texts(node, _NODE_OUTPUT)}
-        inner = [(node, True) for function in functions for node in _fields(function, _FUNCTION_NODE)]
-        inner += [(part, False) for node in nodes for part in _inner_nodes(node)]
-        watched = {name for node in nodes if _hides(node) for name in _texts(node, _NODE_INPUT)}
-        blind = set[str]()
-        for node, in_function in inner:  # grows
-            inner += [(part, in_function) for part in _inner_nodes(node)]
-            if not _hides(node):
-                continue
-            reads = set(filter(None, _texts(node, _NODE_INPUT)))
-            if in_function or not reads <= computed | outside:
-                blind.update(_texts(node, _NODE_OPERATION))
-            if not in_function:
-                watched |= reads
+        outer = {name for graph in graphs for key in (_GRAPH_INPUT, _GRAPH_TENSOR) for name in _named(graph, key)}
+        outer |= {"", *computed}
+        hiding = _hiding(nodes)
+        watched = {name for node in hiding for name in _texts(node, _NODE_INPUT)}
+        unseen = [node for node in hiding if not {*_texts(node, _NODE_INPUT)} <= outer]
+        unseen += _hiding([node for function in functions for node in _fields(function, _FUNCTION_NODE)])
+        blind = {name for node in unseen for name in _texts(node, _NODE_OPERATION)}
     except (IndexError, KeyError, UnicodeDecodeError):
         return _Selections()  # a damaged file, which onnxruntime refuses
     return _Selections(frozenset(watched & computed), frozenset(blind), frozenset(outputs))
 
 
-def _hides(node: memoryview) -> bool:
-    return not _HIDING.isdisjoint(_fields(node, _NODE_OPERATION))
-
-
-def _inner_nodes(node: memoryview) -> Iterator[memoryview]:
-    """Yield the nodes of the subgraphs of If, Loop or Scan."""
-    for attribute in _fields(node, _NODE_ATTRIBUTE):
-        for key in (_ATTRIBUTE_GRAPH, _ATTRIBUTE_GRAPHS):
-            for graph in _fields(attribute, key):
-                yield from _fields(graph, _GRAPH_NODE)
+def _hiding(nodes: list[memoryview]) -> list[memoryview]:
+    """Return the nodes that hide NaN, among nodes and those in their subgraphs, such as of If, Loop or Scan."""
+    everywhere = [*nodes]
+    for node in everywhere:  # grows
+        for attribute in _fields(node, _NODE_ATTRIBUTE):
+            for graph in _fields(attribute, _ATTRIBUTE_GRAPH):
+                everywhere += _fields(graph, _GRAPH_NODE)
+    return [node for node in everywhere if not _HIDING.isdisjoint(_fields(node, _NODE_OPERATION))]
 
 
 def _named(graph: memoryview, wanted: int) -> Iterator[str]:

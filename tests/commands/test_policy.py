@@ -312,6 +312,10 @@ def picking(where: str, *, inside: bool) -> bytes:
         body = [node("Identity", ["go"], ["more"]), *pick]
         body_of = subgraph("body", body, {"k": INT64, "go": BOOL, "u": INT64}, {"more": BOOL, "i": INT64})
         outer = [node("Loop", ["n", "yes", "v"], ["y"], body_of)]
+    elif where == "Scan":
+        weights += [tensor("steps", (1,), [0])]
+        body_of = subgraph("body", pick, {"step": FLOAT}, {"i": INT64})
+        outer = [node("Scan", ["steps"], ["y"], body_of + integer("num_scan_inputs", 1))]
     else:
         reads = ["x", "w", "b"] if inside else ["scores"]
         outer = [node("Pick", reads, ["y"], part(7, "own"))]
@@ -323,7 +327,7 @@ def picking(where: str, *, inside: bool) -> bytes:
 
 
 @pytest.mark.parametrize("inside", [False, True])
-@pytest.mark.parametrize("where", ["If", "Loop", "function"])
+@pytest.mark.parametrize("where", ["If", "Loop", "Scan", "function"])
 def test_nan_before_a_choice_in_a_subgraph_is_an_error_or_has_a_note(where: str, inside: bool, folder: Path) -> None:
     action = {"joints": "effort", "choices": tuple((each, 0, 0) for each in range(3))}
     controller = opened(folder, picking(where, inside=inside), observation=("time",), action=action)
