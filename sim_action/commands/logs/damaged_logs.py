@@ -15,6 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, Self, TypeVar
+from zlib import crc32
 
 from typing_extensions import override
 
@@ -140,23 +141,30 @@ class ScannedMcap(ScannedLog):
                 data = file.read(min(size, self._most))
                 self.cut = len(data) < size
                 if kind == _CHUNK:
-                    yield from _records_in(_chunk(data))
+                    yield from _records_in(_chunk(data, is_whole=not self.cut))
                 elif not self.cut:
                     yield kind, data
                 if self.cut or kind == _DATA_END:
                     return
 
 
-def _chunk(data: bytes) -> bytes:
-    """Return the decompressed records of a chunk; the beginning of them if it is cut off."""
+def _chunk(data: bytes, *, is_whole: bool) -> bytes:
+    """Return the decompressed records of a chunk; the beginning of them if it is cut off. Raises ValueError."""
     if len(data) < _CHUNK_HEAD.size:
         return b""
-    length = _CHUNK_HEAD.unpack_from(data)[-1]
+    *_, size, checksum, length = _CHUNK_HEAD.unpack_from(data)
     start = _CHUNK_HEAD.size + length
     compression, packed = data[_CHUNK_HEAD.size : start].decode(), data[start + 8 :]
     if compression == "lz4":
-        return _lz4(packed)
-    return bytes(zstd().ZstdDecompressor().decompress(packed)) if compression == "zstd" else packed
+        records = _lz4(packed)
+    elif compression == "zstd":
+        records = bytes(zstd().ZstdDecompressor().decompress(packed))
+    else:
+        records = packed
+    # A checksum of 0 means that there is none.
+    if is_whole and (len(records) != size or checksum not in (0, crc32(records))):
+        raise ValueError("a chunk is damaged")
+    return records
 
 
 def _records_in(data: bytes) -> Iterator[tuple[int, bytes]]:

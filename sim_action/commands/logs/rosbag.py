@@ -200,7 +200,6 @@ def _opened(file: Path, notes: list[str]) -> Iterator[_Storage]:
     """Open a file of a log; files of other forms are brought into one that `rosbags` reads. Notes are added."""
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
-    from rosbags.rosbag2 import ReaderError
 
     suffix = Path(file.name.removesuffix(".zstd").removesuffix(".active")).suffix
     journals = [journal for end in ("-wal", "-journal") if (journal := file.with_name(file.name + end)).is_file()]
@@ -214,8 +213,10 @@ def _opened(file: Path, notes: list[str]) -> Iterator[_Storage]:
             if suffix == ".mcap":
                 try:
                     with Reader2(file) as indexed:
-                        is_indexed = bool(indexed.message_count)
-                except (ReaderError, KeyError):
+                        is_indexed = _is_indexed(indexed)
+                except MemoryError:
+                    raise
+                except Exception:  # noqa: BLE001 - readers raise many types for damaged logs
                     is_indexed = False
                 if not is_indexed:
                     yield stack.enter_context(ScannedMcap(file))
@@ -224,7 +225,7 @@ def _opened(file: Path, notes: list[str]) -> Iterator[_Storage]:
             try:
                 reader = Reader1(file) if suffix == ".bag" else Reader2(file)
                 stack.enter_context(reader)
-            except Exception:  # noqa: BLE001 - readers raise many types for damaged logs
+            except Exception:  # noqa: BLE001 - see above
                 reader = stack.enter_context(SCANNERS[suffix](file))
             yield reader
     except (RecordingError, MemoryError):
@@ -232,6 +233,15 @@ def _opened(file: Path, notes: list[str]) -> Iterator[_Storage]:
     except Exception as error:  # noqa: BLE001 - see above
         what = str(error) or "the log is damaged"
         raise RecordingError(f"the log cannot be read: {type(error).__name__}: {what}") from None
+
+
+def _is_indexed(reader: Any) -> bool:
+    """Return True if the index of an MCAP file has all its messages; `rosbags` reads only those.
+
+    Messages outside of chunks have no index, and writers may leave out that of the messages in a chunk.
+    """
+    counts = [sum(chunk.channel_count.values()) for chunk in reader.storage.chunks]
+    return bool(counts) and all(counts) and sum(counts) == reader.message_count
 
 
 def _unpacked(file: Path, folder: Path) -> Path:
@@ -281,6 +291,7 @@ def _recorded(storages: Sequence[_Storage], wanted: Wanted) -> Recorded:
     clock = _clock_of(storages) if wanted.stamps == "clock" else None
     content_of, decoded = TYPES[connections[0].msgtype].content, _decoder(connections)
     rows: list[TimedRow] = []
+    receipts: list[int] = []
     read = 0
     too_many = f"the log has more than {MAX_ROWS:,} messages of '{topic}': keep only the part to replay"
     if sum(connection.msgcount for connection in connections) > MAX_ROWS:
@@ -294,15 +305,16 @@ def _recorded(storages: Sequence[_Storage], wanted: Wanted) -> Recorded:
             content = content_of(message, wanted)
             if content is not None:
                 rows.append((_stamp(message) if wanted.stamps == "header" else receipt, content))
+                receipts.append(receipt)
         except MessageError as error:
             raise RecordingError(f"message {read} of '{topic}': {error}") from None
     if not rows:
         empty = f"none of the {read} messages of '{topic}' has a finite value"
         raise RecordingError(empty if read else f"the log has no message of '{topic}'")
+    # The messages of an indexed file are in order, but files may overlap.
+    rows = [rows[place] for place in sorted(range(len(rows)), key=receipts.__getitem__)]
     if wanted.stamps == "header":
         _refuse_falling([time_ns for time_ns, _ in rows], topic)
-    # The messages of each file are in order, but the files may overlap.
-    rows.sort(key=lambda row: row[0])
     if clock is not None:
         rows = [(time_ns, content) for time_ns, (_, content) in zip(clock([t for t, _ in rows]), rows, strict=True)]
     return Recorded(tuple(rows), read=read, unused={"without a finite value": read - len(rows)})

@@ -130,17 +130,26 @@ def packed(path: Path, entries: Iterable[Entry], storage: StoragePlugin, suffix:
 
 def ros1_mcap(path: Path, entries: Iterable[Entry]) -> Path:
     """Write MCAP with messages of ROS 1, as `mcap convert` does."""
+    return plain_mcap(path, entries, ROS1)
+
+
+def plain_mcap(path: Path, entries: Iterable[Entry], store: Typestore = ROS2, **options: Any) -> Path:
+    """Write MCAP with the writer of the package mcap. Entries stay in their order."""
+    profile, encoding, serialize = (
+        ("ros1", "ros1", ROS1.serialize_ros1) if store is ROS1 else ("ros2", "cdr", store.serialize_cdr)
+    )
     with path.open("wb") as file:
-        writer: Any = McapWriter(file, compression=CompressionType.LZ4)
-        writer.start(profile="ros1")
+        writer: Any = McapWriter(file, compression=CompressionType.LZ4, **options)
+        writer.start(profile=profile)
         channels: dict[str, int] = {}
         for time, topic, type_name, make in entries:
             if topic not in channels:
-                text = ROS1.generate_msgdef(type_name)[0].encode()
-                schema = writer.register_schema(type_name.replace("/msg/", "/"), "ros1msg", text)
-                channels[topic] = writer.register_channel(topic, "ros1", schema)
+                text = store.generate_msgdef(type_name, ros_version=int(profile[-1]))[0].encode()
+                name = type_name.replace("/msg/", "/") if store is ROS1 else type_name
+                schema = writer.register_schema(name, f"{profile}msg", text)
+                channels[topic] = writer.register_channel(topic, encoding, schema)
             moment = START + round(time * 1e9)
-            writer.add_message(channels[topic], moment, bytes(ROS1.serialize_ros1(make(ROS1), type_name)), moment)
+            writer.add_message(channels[topic], moment, bytes(serialize(make(store), type_name)), moment)
         writer.finish()
     return path
 

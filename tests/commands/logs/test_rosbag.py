@@ -12,6 +12,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 import yaml
+from mcap.writer import IndexType
 from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -32,6 +33,7 @@ from tests.commands.logs.bags import (
     joint_state,
     joints,
     mcap_file,
+    plain_mcap,
     ros1_bag,
     ros2_bag,
     stamped,
@@ -343,6 +345,26 @@ def test_times_are_those_of_receipt_of_the_header_or_of_the_clock(tmp_path: Path
 
 
 @pytest.mark.parametrize(
+    "options",
+    [
+        {"use_chunking": False},
+        {"use_chunking": False, "use_statistics": False},
+        {"index_types": IndexType.CHUNK},
+        {"index_types": IndexType.MESSAGE},
+        {"index_types": IndexType.NONE},
+        {},
+    ],
+)
+def test_messages_of_mcap_with_and_without_an_index_are_those_of_their_times(
+    options: dict[str, Any], tmp_path: Path
+) -> None:
+    moments = [(2.0, 9.0), (0.0, 5.0), (3.0, 9.5), (1.0, 7.0)]
+    path = plain_mcap(tmp_path / "a.mcap", entries_at(*moments), chunk_size=200, **options)
+    times = {stamps: [time for time, _ in read(path, "/j", stamps=stamps)] for stamps in ("receipt", "header")}
+    assert times == {"receipt": [0.0, 1.0, 2.0, 3.0], "header": [0.0, 2.0, 4.0, 4.5]}
+
+
+@pytest.mark.parametrize(
     ("moments", "stamps", "message"),
     [
         ([(0.0, 5.0), (1.0, 4.0)], "header", "message 2 of '/j': its header.stamp is 1 s earlier"),
@@ -452,6 +474,24 @@ def test_a_hole_in_a_log_with_a_good_index_is_counted(log: str, tmp_path: Path) 
     assert set(recorded.rows) < set(whole)
     (note,) = recorded.notes
     assert note == f"{log} is damaged in the middle: {lost} messages of '/cmd_vel' are lost, the others were read"
+
+
+@pytest.mark.parametrize("index", [IndexType.CHUNK, IndexType.NONE])
+@pytest.mark.parametrize("damaged", ["name of the compression", "records"])
+def test_a_damaged_chunk_without_an_index_of_its_messages_is_noted(
+    index: IndexType, damaged: str, tmp_path: Path
+) -> None:
+    entries = drive([(n / 10, n / 10_000, 0.1) for n in range(200)])
+    path = plain_mcap(tmp_path / "a.mcap", entries, chunk_size=600, index_types=index)
+    whole = read_log(path, "whole", Wanted("/cmd_vel")).rows
+    data = bytearray(path.read_bytes())
+    place = data.index(b"lz4", len(data) // 3) + (0 if damaged == "name of the compression" else 60)
+    data[place : place + 3] = bytes(3)
+    path.write_bytes(data)
+    recorded = read_log(path, "monday", Wanted("/cmd_vel"))
+    assert recorded.rows == whole[: len(recorded.rows)]
+    assert 0 < len(recorded.rows) < len(whole) == 200
+    assert recorded.notes == (f"a.mcap {DAMAGED} ('mcap recover' repairs it)",)
 
 
 def test_a_library_without_the_index_gives_the_error_of_the_damage(
