@@ -411,10 +411,41 @@ def spec_errors(
 ) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """Yield each finding of pydantic about `data` as a sentence, with the path of its key."""
     hinted = FirstFew()
-    for details in error.errors(include_url=False):
-        # pydantic adds a step to the path of a bad key, which the file does not have.
-        path = details["loc"][:-1] if details["loc"][-1:] == (_BAD_KEY,) else details["loc"]
+    for path, details in _of_likely_members(data, error.errors(include_url=False)):
         yield path, _sentence(model, details, _as_written(data, details), hinted)
+
+
+def _of_likely_members(
+    data: object, listed: Sequence[ErrorDetails]
+) -> Iterator[tuple[tuple[str | int, ...], ErrorDetails]]:
+    """Yield the findings with their paths in the file; of a value that fits no member of a union, the likely ones.
+
+    pydantic lists the findings of each member, with a step for the member, which the file does not have.
+    """
+    placed = [(*_place(data, details["loc"]), details) for details in listed]
+    # The member of each union that goes deepest into the value has its shape.
+    likely: dict[tuple[str | int, ...], tuple[int, bool]] = {}
+    for path, union, details in placed:
+        if union is not None:
+            likely[union] = max(likely.get(union, (0, False)), (len(path), details["type"] not in _EXPECTED))
+    for path, union, details in placed:
+        if union is None or (len(path), details["type"] not in _EXPECTED) == likely[union]:
+            yield path, details
+
+
+def _place(data: Any, steps: tuple[str | int, ...]) -> tuple[tuple[str | int, ...], tuple[str | int, ...] | None]:
+    """Return the path of a finding in the file, and that of the union in which it is; None if it is in no union."""
+    path: list[str | int] = []
+    union: tuple[str | int, ...] | None = None
+    for step in steps:
+        is_in_file = isinstance(data, dict) and step in data
+        is_member = isinstance(step, str) and not is_in_file and ("[" in step or isinstance(data, str | float | int))
+        if is_member and step != _BAD_KEY:
+            union = union or tuple(path)
+        elif step != _BAD_KEY:
+            path.append(step)
+            data = data[step] if is_in_file or (isinstance(data, list) and step in range(len(data))) else None
+    return tuple(path), union
 
 
 def _as_written(data: Any, details: ErrorDetails) -> object:

@@ -123,8 +123,9 @@ def test_every_program_that_is_started_by_its_name_is_looked_up() -> None:
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if isinstance(node, ast.Call) and called(node.func) in BY_NAME:
                     found.add((path.relative_to(ROOT).as_posix(), called(node.func)))
-    # Both start code of the repository: the program of a `process`, and launch files of ROS.
+    # All start code of the repository: the program of a `process`, and launch files of ROS.
     assert found == {
         ("sim_action/commands/external_program.py", "which"),
+        ("sim_action/ros/ros2/launch/declared_parts.py", "which"),
         ("sim_action/runner/isolation/command_supervisor.py", "execvp"),
     }

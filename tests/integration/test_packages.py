@@ -169,7 +169,7 @@ def test_links_and_pictures_of_the_description_work_outside_of_the_repository(me
     assert re.findall(r"\]\((?!https://|#)[^)]*\)", text) == []
     assert re.findall(r"<(?:img|a)\b", text) == []
     tag = f"sim-action/sim-action/blob/v{__version__}"
-    assert f"[Glossary](https://github.com/{tag}/docs/glossary.md)" in text
+    assert f"[Cookbook](https://github.com/{tag}/docs/cookbook.md)" in text
     (picture,) = re.findall(r"!\[[^\]]*\]\((https://raw\.[^)]*)\)", text)
     path = picture.removeprefix(f"https://raw.githubusercontent.com/sim-action/sim-action/v{__version__}/")
     assert (ROOT / path).is_file()

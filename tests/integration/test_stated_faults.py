@@ -263,8 +263,10 @@ def test_a_range_that_a_bias_moves_out_of_range_is_infinite(engine: str, tmp_pat
         ("imu: {}", "{angular_velocity_xyz: [1, 2]}", "expected one number or 3 (x, y, z), found 2"),
         ("lidar: {}", "[0.1, 0.2]", "expected one number, found 2"),
         ("lidar: {}", "0 m", "an error of 0 changes nothing"),
-        ("lidar: {}", "3 kg", "kg"),
-        ("lidar: {}", "true", "biased"),
+        ("lidar: {}", "3 kg", "faults.0.biased: 'kg' is not a unit of"),
+        ("lidar: {}", "true", "faults.0.biased: expected length or force"),
+        ("lidar: {}", "[1, x]", "faults.0.biased.1: expected length or force"),
+        ("lidar: {}", "{ranges: [1, x]}", "faults.0.biased.ranges.1: expected length or force"),
         ("lidar: {}", "null", "a sensor needs exactly one of"),
         ("lidar: {}", "{}", "an error of 0 changes nothing"),
         ("lidar: {}", ".nan", "finite"),
@@ -276,6 +278,7 @@ def test_a_bias_that_no_sensor_can_have_is_refused(
     with pytest.raises(InvalidScenario) as error:
         sensed(engine, tmp_path / "it.sim.yml", sensor, f"{{sensor: it, at: 1 s, biased: {biased}}}")
     assert message in str(error.value)
+    assert len(error.value.problems) == 1
 
 
 @pytest.mark.parametrize(

@@ -139,7 +139,7 @@ def _is_equal(value: str, usual: str) -> bool:
     """Return True if two values are the same text, flag or numbers; one number stands for any count of it."""
     stated, wanted = _numbers(value), _numbers(usual)
     if stated is None or wanted is None:
-        return value.lower() == usual
+        return value.lower() == usual.lower()
     return stated == wanted or (len(wanted) == 1 and set(stated) == set(wanted))
 
 

@@ -20,6 +20,7 @@ from xml.etree import ElementTree as ET
 
 from sim_action.core.errors import Location, UsageError
 from sim_action.core.files import read_at_most
+from sim_action.core.process import program_on_path
 from sim_action.core.records import dataclass
 from sim_action.core.wording import counted, did_you_mean
 from sim_action.robot.documents.package_search import PACKAGE_FILE, folders_below
@@ -190,8 +191,7 @@ def prepare(workspace: Path, ros: Ros2, cache: Path) -> Iterator[str]:
 
 
 def _require_tools(ros: Ros2) -> None:
-    missing = [program for program in _PROGRAMS if shutil.which(program) is None]
-    if missing:
+    if missing := [program for program in _PROGRAMS if program_on_path(program) is None]:
         raise UsageError(
             f"a build needs {', '.join(missing)}; run sudo apt-get install cmake ninja-build g++ (or pip install cmake "
             "ninja)"
@@ -249,10 +249,11 @@ def _build(source: Source, others: list[Path], ros: Ros2, cache: Path, install: 
         "LD_LIBRARY_PATH": os.pathsep.join([*libraries, ros.variables.get("LD_LIBRARY_PATH", "")]),
         "PYTHONPATH": os.pathsep.join(filter(None, [*python_paths, ros.variables.get("PYTHONPATH", "")])),
     }
-    configure = ["cmake", "-S", str(source.folder), "-B", str(folder), "-G", "Ninja", "-DBUILD_TESTING=OFF"]
+    cmake = str(program_on_path("cmake"))
+    configure = [cmake, "-S", str(source.folder), "-B", str(folder), "-G", "Ninja", "-DBUILD_TESTING=OFF"]
     configure += [f"-DCMAKE_INSTALL_PREFIX={install}", "-DCMAKE_BUILD_TYPE=Release"]
     configure += [f"-D{name}={ros.python}" for name in ("Python3_EXECUTABLE", "PYTHON_EXECUTABLE")]
-    for command in (configure, ["cmake", "--build", str(folder), "--target", "install"]):
+    for command in (configure, [cmake, "--build", str(folder), "--target", "install"]):
         done = subprocess.run(  # noqa: S603 - the build files of the user, which the permission gate has let through
             command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
         )

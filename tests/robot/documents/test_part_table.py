@@ -215,7 +215,7 @@ def test_a_refused_shape_is_refused_by_name(kind: Format, tmp_path: Path) -> Non
     [
         ("true", "1", False), ("true", "True", False), ("true", "false", True), ("0", "0 0 0", False),
         ("0", "0 1", True), ("100000000", "1e8", False), ("inf", "INF", False), ("inf", "3", True), ("0", "zero", True),
-        ("0 0 0", "0", True),
+        ("0 0 0", "0", True), ("R8G8B8", "R8G8B8", False), ("R8G8B8", "r8g8b8", False), ("R8G8B8", "L8", True),
     ],
 )  # fmt: skip
 def test_a_usual_value_is_not_lost(usual: str, value: str, *, is_lost: bool) -> None:
