@@ -100,7 +100,7 @@ def test_launched_nodes_have_the_same_result_every_time(tmp_path: Path) -> None:
 
 
 # Sim time begins when all nodes are up, which may take long on a busy machine.
-PATIENT = "wall_limit: 600 s\nexpect:\n  - path_length: {at_most: 100 m}\n"
+PATIENT = "wall_limit: 600 s\nexpect:\n  - path_length: {at_most: 8 m}\n"
 
 LIST = "    return LaunchDescription([{}])\n"
 FAILING = {
