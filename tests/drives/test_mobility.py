@@ -37,8 +37,9 @@ STEERED = cart(*FRONT, wheel("c", -0.2, 0.2), wheel("d", -0.2, -0.2))
 @pytest.mark.parametrize(
     ("drive", "model", "mobility"),
     [
-        # 0.16 m between the wheels: rims that gain 1 m/s in a second turn it by 1 / 0.08 rad/s.
-        (BURGERS, burger(), Mobility(acceleration=1.0, turn_acceleration=12.5)),
+        # 0.16 m between the wheels: rims that gain 1 m/s in a second turn it by 1 / 0.08 rad/s. Wheels of 33 mm turn
+        # with 100 rad/s at most.
+        (BURGERS, burger(), Mobility(acceleration=1.0, turn_acceleration=12.5, fastest=3.3)),
         (SKID, FOUR_AHEAD, Mobility(ahead=-0.1, acceleration=0.3, turn_acceleration=0.3 / 0.6)),
         (SKID, TO_THE_LEFT, Mobility(heading=math.pi / 2, acceleration=0.3, turn_acceleration=0.3 / 0.6)),
         (MECANUM, cart(*FOUR), Mobility(turn_acceleration=1 / math.hypot(0.2, 0.3))),
