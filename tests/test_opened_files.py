@@ -47,6 +47,7 @@ GATED: Final = {
 
 OWN: Final = frozenset(
     {
+        "app/catalogue.py",
         "app/library_results.py",
         "commands/network_check.py",  # its own size in /proc
         "cli/pyproject.py",  # only if it lies in the workspace, with links resolved

@@ -188,13 +188,13 @@ def test_a_property_test_reaches_each_assertion(pytester: pytest.Pytester, short
         [
             "*test_seldom*",
             "an assertion needs 20% of the examples:",
-            "* of 50 examples reached: assert len(found) == number",
+            "* of 25 examples reached: assert len(found) == number",
             "*test_all_of_nothing*",
-            "0 of 50 examples reached: all((one > number for one in []))",
+            "0 of 25 examples reached: all((one > number for one in []))",
             "*test_in_a_loop*",
-            "0 of 50 examples reached: assert one",
+            "0 of 25 examples reached: assert one",
             "*test_in_no_context*",
-            "0 of 50 examples reached: pytest.raises(IndexError)",
+            "0 of 25 examples reached: pytest.raises(IndexError)",
             "*test_wrong*",
             # As pytest explains any assertion.
             "E*assert (2 [*] 2) < 3",
