@@ -103,8 +103,8 @@ def headline(comparison: Comparison) -> str:
 
 
 def _warning_kinds(comparison: Comparison) -> str:
-    found = dict.fromkeys(row.kind for row in rows(comparison) if row.status == "warned")
-    first, left = list(found)[:_MAX_KINDS], len(found) - _MAX_KINDS
+    kinds = dict.fromkeys(row.kind for row in rows(comparison) if row.status == "warned")
+    first, left = list(kinds)[:_MAX_KINDS], len(kinds) - _MAX_KINDS
     return f"{', '.join(first)}{f' and {left} more' if left > 0 else ''}"
 
 

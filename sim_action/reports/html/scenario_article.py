@@ -269,11 +269,11 @@ def _obstacle(obstacle: ObstacleData, replay: Replay) -> Html:
 
 def _sighting(sighting: SightingData) -> list[str]:
     kept = "" if sighting.every == 1 else f", 1 of {sighting.every} readings looked at"
-    told = [f"{one_line(sighting.sensor)} ({one_line(sighting.kind)}{kept}) at ", value_link(sighting.time)]
+    words = [f"{one_line(sighting.sensor)} ({one_line(sighting.kind)}{kept}) at ", value_link(sighting.time)]
     if sighting.distance is not None:
         where = "" if sighting.angle is None else f" {direction(sighting.angle)}"
-        told.append(f", {units.display(sighting.distance, 'm')} away{where}")
-    return told
+        words.append(f", {units.display(sighting.distance, 'm')} away{where}")
+    return words
 
 
 def direction(angle: float) -> str:

@@ -176,16 +176,18 @@ def prepare(workspace: Path, ros: Ros2, cache: Path) -> Iterator[str]:
         if not (install / _LAYOUT).exists():
             (install / _LAYOUT).write_text("isolated\n", encoding="utf-8")
     stamps: dict[str, str] = {}
+    wheels: Path | None = None
     for name, source in sources.items():
         if name not in built:
             yield f"{name}: needs no build, or has code in C++, which is not built here"
             continue
         stamps[name] = stamp = _stamp(source, ros, [stamps[need] for need in sorted(source.needs & stamps.keys())])
-        if _content(install / name / _STAMP).decode() == stamp:
+        if _content(install / name / _STAMP) == stamp.encode():
             yield f"{name}: unchanged"
             continue
         shutil.rmtree(install / name, ignore_errors=True)
-        _build(source, [install / other for other in built if (install / other).is_dir()], ros, cache, install / name)
+        wheels = wheels or _prefix_of_builds(ros, cache)
+        _build(source, [install / other for other in built if (install / other).is_dir()], ros, wheels, install / name)
         (install / name / _STAMP).write_text(stamp, encoding="utf-8")
         yield f"{name}: built"
 
@@ -209,7 +211,10 @@ def _stamp(source: Source, ros: Ros2, others: list[str]) -> str:
     digest = hashlib.sha256(repr((str(ros.prefix), ros.distribution, others)).encode())
     for path in sorted(source.folder.rglob("*")):
         if path.is_file():
-            digest.update(repr((str(path.relative_to(source.folder)), _content(path))).encode())
+            # Of a file too long to be read, the size and the time stand for its content.
+            state = path.stat()
+            content = _content(path) or (state.st_size, state.st_mtime_ns)
+            digest.update(repr((str(path.relative_to(source.folder)), content)).encode())
     return digest.hexdigest()
 
 
@@ -233,11 +238,13 @@ def _prefix_of_builds(ros: Ros2, cache: Path) -> Path:
     return prefix
 
 
-def _build(source: Source, others: list[Path], ros: Ros2, cache: Path, install: Path) -> None:
-    """Build a package into its own prefix. Raise UsageError with the last lines of what the build says."""
-    wheels = _prefix_of_builds(ros, cache)
+def _build(source: Source, others: list[Path], ros: Ros2, wheels: Path, install: Path) -> None:
+    """Build a package into its own prefix. Raise UsageError with the last lines of what the build says.
+
+    :param wheels: the prefix of `_prefix_of_builds`; the files of the build are beside it.
+    """
     paths = os.pathsep.join(map(str, (*others, wheels)))
-    folder = cache / f"{wheels.name}-{source.name}"
+    folder = wheels.with_name(f"{wheels.name}-{source.name}")
     shutil.rmtree(folder, ignore_errors=True)
     libraries = [str(other / "lib") for other in others]
     python_paths = [str(path) for other in others for path in other.glob("lib/python3*/site-packages")]

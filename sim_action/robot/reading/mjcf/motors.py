@@ -154,15 +154,15 @@ def largest_efforts(model: Any, motors: Mapping[str, Motor]) -> dict[str, float]
 
 def adhesion_of(model: Any) -> dict[str, tuple[str, float]]:
     """Return the name of each <adhesion> actuator -> its body, and its largest force in N."""
-    found = dict[str, tuple[str, float]]()
+    actuators = dict[str, tuple[str, float]]()
     for number in np.flatnonzero(model.actuator_trntype == _TRN.mjTRN_BODY).tolist():
         body, control = model.body(model.actuator_trnid[number, 0]).name, model.actuator_ctrladr[number]
         most = model.actuator_ctrlrange[control, 1] if model.actuator_ctrllimited[control] else math.inf
         most *= model.actuator_gainprm[number, 0]
         if model.actuator_forcelimited[number]:
             most = min(most, model.actuator_forcerange[number, 1])
-        found[model.actuator(number).name] = body, float(most)
-    return found
+        actuators[model.actuator(number).name] = body, float(most)
+    return actuators
 
 
 def keyframes_of(built: Built, joints: Iterable[Joint], free: str | None) -> dict[str, Keyframe]:

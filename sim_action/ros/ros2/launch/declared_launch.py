@@ -101,65 +101,64 @@ class _Launcher:
             self._handle_exit(*self._ended.pop(0))
         self.tell("calm", time=seconds, pid=os.getpid())
 
-    def _start(self, action: Part, known: dict[str, Any]) -> None:
-        words: list[str] = known["words"]
-        package = known["package"]
+    def _start(self, action: Part, facts: dict[str, Any]) -> None:
+        words: list[str] = facts["words"]
+        package = facts["package"]
         # A command with its arguments in one word, as shells take it.
-        program, *first = words[0].split() if known["shell"] else words[:1]
+        program, *first = words[0].split() if facts["shell"] else words[:1]
         key = f"{package}/{program}" if package else program
-        role: dict[str, Any] = {"process": f"{known['label'] or Path(program).name}-{next(self._numbers)}"}
-        role |= {"program": key, "node": known["node"]}
+        role: dict[str, Any] = {"process": f"{facts['label'] or Path(program).name}-{next(self._numbers)}"}
+        role |= {"program": key, "node": facts["node"]}
         stand_in = stand_in_of(self._task["stand_ins"], key)
         if stand_in is not None:
-            ros = known["ros_words"] or []
+            ros = facts["ros_words"] or []
             self.tell("left out", **role, args=[*first, *words[1:], *(["--ros-args", *ros] if ros else [])])
             if stand_in[0] != "sleep":
-                self._ended.append((action, {**known, **role}, 0))
+                self._ended.append((action, {**facts, **role}, 0))
             return
         if package:
             words[0] = role["program"] = program_path(program, package)
         is_run = (
-            known["ros_words"] is None and not known["shell"] and [Path(program).name, *words[1:2]] == ["ros2", "run"]
+            facts["ros_words"] is None and not facts["shell"] and [Path(program).name, *words[1:2]] == ["ros2", "run"]
         )
-        if known["ros_words"] is not None or is_run:
+        if facts["ros_words"] is not None or is_run:
             role["clock"] = next(self._clocks)
-            words += ["--ros-args", *(known["ros_words"] or [])]
+            words += ["--ros-args", *(facts["ros_words"] or [])]
             words += ["-r", f"/clock:={self._task['clock'].format(role['clock'])}", "-p", "use_sim_time:=true"]
         try:
             process = subprocess.Popen(  # noqa: S603 - what the launch file asks for
-                " ".join(words) if known["shell"] else [*known["prefix"], *words],
-                shell=known["shell"],
-                env=known["env"],
-                cwd=known["cwd"],
+                " ".join(words) if facts["shell"] else [*facts["prefix"], *words],
+                shell=facts["shell"],
+                env=facts["env"],
+                cwd=facts["cwd"],
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 stdin=subprocess.DEVNULL,
             )
         except OSError as error:
-            raise LaunchError("start", error.strerror or str(error), name=[*known["prefix"], *words][0]) from None
-        self._running.append((role["process"], process, action, {**known, **role}))
-        assert process.stdout is not None
+            raise LaunchError("start", error.strerror or str(error), name=[*facts["prefix"], *words][0]) from None
+        self._running.append((role["process"], process, action, {**facts, **role}))
         assert process.stdout is not None
         self._selector.register(process.stdout, selectors.EVENT_READ, role["process"])
         self.tell("process", **role, pid=process.pid)
         self._context.handle("OnProcessStart", action, process_name=role["process"], pid=process.pid)
 
-    def _handle_exit(self, action: Part, known: dict[str, Any], code: int) -> None:
-        more = {"process_name": known["process"], "returncode": code, "pid": 0}
-        self._context.follow(known["on_exit"], action=action, **more)
+    def _handle_exit(self, action: Part, facts: dict[str, Any], code: int) -> None:
+        more = {"process_name": facts["process"], "returncode": code, "pid": 0}
+        self._context.follow(facts["on_exit"], action=action, **more)
         self._context.handle("OnProcessExit", action, **more)
         self._visit(None)
 
     def _reap(self) -> None:
         """Handle processes that have ended: first their handlers, whose nodes sim time waits for."""
         for entry in [entry for entry in self._running if entry[1].poll() is not None]:
-            name, process, action, known = entry
+            name, process, action, facts = entry
             self._running.remove(entry)
             self._forward(process.stdout, name)
             if process.returncode == 0:
-                if known["respawn"]:
+                if facts["respawn"]:
                     raise unsupported(f"'respawn' of '{name}', which has ended,")
-                self._handle_exit(action, known, 0)
+                self._handle_exit(action, facts, 0)
             self.tell("died", process=name, pid=process.pid, exit_code=process.returncode)
 
     def _advance(self, seconds: float) -> None:

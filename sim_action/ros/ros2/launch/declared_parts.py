@@ -80,8 +80,10 @@ def _is_same(context: Context, left: Any, right: Any) -> bool:
 def _configuration(context: Context, variable_name: Any, default: Any = None) -> str:
     name = context.perform_substitution(variable_name)
     context.used.add(name)
-    if name in context.launch_configurations or default is not None:
-        return str(context.launch_configurations.get(name) or context.perform_substitution(default))
+    if name in context.launch_configurations:
+        return str(context.launch_configurations[name])
+    if default is not None:
+        return context.perform_substitution(default)
     raise LaunchError("SubstitutionFailure", f"launch configuration '{name}' does not exist")
 
 
@@ -151,10 +153,10 @@ row("launch_ros.substitutions.ExecutableInPackage", text="exec-in-pkg")(
 
 def program_path(program: str, package: str) -> str:
     """Return the path of an executable of a package. Raise LaunchError."""
-    known = get_packages_with_prefixes()
-    if package not in known:
-        raise LaunchError("package", name=package, names=sorted(known))
-    folder = Path(known[package], "lib", package)
+    prefixes = get_packages_with_prefixes()
+    if package not in prefixes:
+        raise LaunchError("package", name=package, names=sorted(prefixes))
+    folder = Path(prefixes[package], "lib", package)
     if os.access(path := folder / program, os.X_OK) and path.is_file():
         return str(path)
     names = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
@@ -412,7 +414,7 @@ def _node(
         raise unsupported(f"'{min(unknown)}' of Node")
     perform = context.perform_substitution
     owner = perform(package)
-    known = _process(context, cmd=[executable, *(arguments or ())], name=exec_name, **process)
+    facts = _process(context, cmd=[executable, *(arguments or ())], name=exec_name, **process)
     inner = None if namespace is None else perform(namespace)
     space = joined_namespace(context.launch_configurations.get("ros_namespace"), inner)
     stated = perform(name)
@@ -428,7 +430,7 @@ def _node(
         words += pair
     for one, other in remappings or ():
         words += ["-r", f"{perform(one)}:={perform(other)}"]
-    return {**known, "ros_words": words, "package": owner, "node": full_name}
+    return {**facts, "ros_words": words, "package": owner, "node": full_name}
 
 
 def _parameter_words(context: Context, values: Any, node: str) -> list[str]:

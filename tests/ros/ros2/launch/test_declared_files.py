@@ -95,6 +95,13 @@ STARTED: Final[dict[str, tuple[str, list[list[str]]]]] = {
         "launch:\n- node:\n    pkg: p\n    exec: e\n    param: [{name: a, value: '1'}, {name: b, value: 0.5}]\n",
         [["e", parameters(a="1"), parameters(b=0.5)]],
     ),
+    "empty.launch.py": (
+        PYTHON.format(
+            "DeclareLaunchArgument('a', default_value=''), "
+            "Node(package='p', executable='e', arguments=[LaunchConfiguration('a', default='x'), 'b'])"
+        ),
+        [["e", "b"]],
+    ),
     "values.launch.py": (
         PYTHON.format(
             "Node(package='p', executable='e', name='n', namespace='s', parameters=[{'a': '1', 'b': [1, 2.5], "
