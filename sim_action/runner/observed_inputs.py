@@ -15,6 +15,8 @@ from importlib.util import source_from_cache
 from pathlib import Path
 from typing import Any, Final
 
+from pydantic_core import PydanticSerializationError, to_json
+
 from sim_action.core.content_cache import cache_folder
 from sim_action.runner.job import Job
 
@@ -61,7 +63,12 @@ class ObservedInputs:
 
     def encoded(self) -> bytes:
         """Return the files as JSON."""
-        return json.dumps(self.files).encode()
+        try:
+            # User code may have replaced what `json` needs, and a verdict that is there must not be lost.
+            return to_json(self.files)
+        except PydanticSerializationError:
+            # The name of a file is not UTF-8.
+            return json.dumps(self.files).encode()
 
     def take(self, event: str, arguments: tuple[Any, ...]) -> None:
         """Take an audit event."""

@@ -129,6 +129,17 @@ def test_the_report_is_read_back(inputs: ObservedInputs, tmp_path: Path) -> None
     assert inputs_in(inputs.encoded()) == (str(tmp_path / "workspace" / "\udcff"),)
 
 
+def test_code_that_replaces_json_loses_no_verdict(
+    inputs: ObservedInputs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inputs.take("open", ("é.txt", "r", os.O_RDONLY))
+    with monkeypatch.context() as patch:
+        patch.setattr(json.JSONEncoder, "encode", None)
+        patch.delattr(json, "dumps")
+        written = inputs.encoded()
+    assert inputs_in(written) == (str(tmp_path / "workspace" / "é.txt"),)
+
+
 @given(st.lists(st.text() | st.integers(), max_size=5))
 def test_a_report_is_a_list_of_paths(report: list[str | int]) -> None:
     is_valid = all(isinstance(each, str) for each in report)
