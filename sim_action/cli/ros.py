@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
@@ -184,17 +185,19 @@ def ros2(**flags: Any) -> ExitCode:
     from pathlib import Path
 
     workspace = Path(flags["workspace"]).resolve()
-    code_permissions(flags, [workspace]).require_scripts("ros2 prepare runs the build files of packages")
+    permissions = code_permissions(flags, [workspace])
+    permissions.require_scripts("ros2 prepare runs the build files of packages")
     if sys.platform != "linux":
         raise UsageError("the wheels of ROS 2 are for Linux")
     from sim_action.core.content_cache import cache_folder
     from sim_action.ros.ros2.installation import find_ros
     from sim_action.ros.ros2.preparation import prepare
+    from sim_action.scenario.child_environment import code_environment
 
     cache = cache_folder("ros2")
     if cache is None:
         raise UsageError("builds need a cache folder; set XDG_CACHE_HOME")
-    for line in prepare(workspace, find_ros(), cache):
+    for line in prepare(workspace, find_ros(), cache, code_environment(os.environ, permissions.pass_env)):
         click.echo(log_line(line))
     return ExitCode.PASSED
 

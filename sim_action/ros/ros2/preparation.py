@@ -157,10 +157,10 @@ def _shares(name: str, sources: Mapping[str, Source], prefixes: tuple[Path, ...]
     yield from (share for prefix in prefixes if (share := prefix / "share" / name).is_dir())
 
 
-def prepare(workspace: Path, ros: Ros2, cache: Path) -> Iterator[str]:
+def prepare(workspace: Path, ros: Ros2, cache: Path, environment: Mapping[str, str]) -> Iterator[str]:
     """Build the packages with messages that have changed, and yield a line about each package.
 
-    Raise UsageError. `cache`: a folder for the files of builds.
+    Raise UsageError. `cache`: a folder for the files of builds; `environment`: the variables that builds may see.
     """
     sources = sources_in(workspace)
     if found := [f"{place}: {message}" for message, place in problems(sources, ros.prefixes)]:
@@ -187,7 +187,9 @@ def prepare(workspace: Path, ros: Ros2, cache: Path) -> Iterator[str]:
             continue
         shutil.rmtree(install / name, ignore_errors=True)
         wheels = wheels or _prefix_of_builds(ros, cache)
-        _build(source, [install / other for other in built if (install / other).is_dir()], ros, wheels, install / name)
+        others = [install / other for other in built if (install / other).is_dir()]
+        _build(source, others, wheels, install / name, ros=ros, environment=environment)
+        (install / name).mkdir(exist_ok=True)  # of a package that installs nothing
         (install / name / _STAMP).write_text(stamp, encoding="utf-8")
         yield f"{name}: built"
 
@@ -238,7 +240,9 @@ def _prefix_of_builds(ros: Ros2, cache: Path) -> Path:
     return prefix
 
 
-def _build(source: Source, others: list[Path], ros: Ros2, wheels: Path, install: Path) -> None:
+def _build(
+    source: Source, others: list[Path], wheels: Path, install: Path, *, ros: Ros2, environment: Mapping[str, str]
+) -> None:
     """Build a package into its own prefix. Raise UsageError with the last lines of what the build says.
 
     :param wheels: the prefix of `_prefix_of_builds`; the files of the build are beside it.
@@ -248,8 +252,8 @@ def _build(source: Source, others: list[Path], ros: Ros2, wheels: Path, install:
     shutil.rmtree(folder, ignore_errors=True)
     libraries = [str(other / "lib") for other in others]
     python_paths = [str(path) for other in others for path in other.glob("lib/python3*/site-packages")]
-    environment = {
-        **os.environ,
+    variables = {
+        **environment,
         **ros.variables,
         "AMENT_PREFIX_PATH": paths,
         "CMAKE_PREFIX_PATH": paths,
@@ -262,7 +266,7 @@ def _build(source: Source, others: list[Path], ros: Ros2, wheels: Path, install:
     configure += [f"-D{name}={ros.python}" for name in ("Python3_EXECUTABLE", "PYTHON_EXECUTABLE")]
     for command in (configure, [cmake, "--build", str(folder), "--target", "install"]):
         done = subprocess.run(  # noqa: S603 - the build files of the user, which the permission gate has let through
-            command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
+            command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
         )
         if done.returncode:
             lines = done.stdout.strip().splitlines()

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 from typing import Final
 
 import pytest
 
 from sim_action.core.errors import UsageError
-from sim_action.ros.ros2.installation import find_ros
+from sim_action.ros.ros2.installation import Ros2, find_ros
 from sim_action.ros.ros2.preparation import prepare, problems, sources_in
+from sim_action.scenario.child_environment import code_environment
 from tests.ros.ros2.nodes import needs_ros2, variables
 from tests.soak import soaked
 
@@ -116,6 +119,73 @@ def test_a_package_that_nobody_has_is_named(tmp_path: Path, prefix: Path) -> Non
     assert "'a' needs the package 'nowhere_msgs', which neither the workspace nor ROS 2 has; add its source" in found
 
 
+FAKE_CMAKE: Final = """\
+#!/bin/sh
+[ "$1" = --build ] || exit 0
+env > "$BUILT"
+[ -z "$FAILS" ] && exit
+seq 30
+echo "$FAILS: error"
+exit 1
+"""
+
+
+@pytest.fixture
+def wheels(tmp_path: Path, prefix: Path, monkeypatch: pytest.MonkeyPatch) -> Ros2:
+    """An installation with generators, and a cmake on PATH that only writes its variables."""
+    for folder in ("rclpy", "catkin_pkg"):
+        (prefix / "lib/python3.11/site-packages" / folder).mkdir(parents=True)
+    (prefix / "share/rosidl_default_generators").mkdir()
+    (prefix / "share/rclpy").mkdir()
+    (prefix / "share/rclpy/package.xml").touch()
+    for name in ("cmake", "ninja", "g++"):
+        program = tmp_path / "bin" / name
+        program.parent.mkdir(exist_ok=True)
+        program.write_text(FAKE_CMAKE)
+        program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}:{os.environ['PATH']}")
+    monkeypatch.setenv("SECRET", "s3cret")
+    return Ros2((prefix,), Path(sys.executable), "jazzy", "rmw_fastrtps_cpp", "here", {"ROS_DISTRO": "jazzy"})
+
+
+@pytest.mark.process
+def test_what_has_changed_is_built_in_order_and_sees_no_secret(tmp_path: Path, wheels: Ros2) -> None:
+    package = interfaces(tmp_path, "a", "b/Speed speed\n", "b")
+    interfaces(tmp_path, "b", "bool good\n")
+    seen = code_environment({**os.environ, "BUILT": str(tmp_path / "built")}, ["BUILT"])
+
+    def built() -> list[str]:
+        return list(prepare(tmp_path, wheels, tmp_path / "cache", seen))
+
+    assert built() == ["b: built", "a: built"]
+    variables = (tmp_path / "built").read_text()
+    assert "ROS_DISTRO=jazzy" in variables
+    assert f"AMENT_PREFIX_PATH={tmp_path}/install/b:" in variables
+    assert "s3cret" not in variables
+    assert built() == ["b: unchanged", "a: unchanged"]
+    (package / "large.dat").write_bytes(bytes(2_000_000))
+    assert built() == ["b: unchanged", "a: built"]
+    (package / "large.dat").write_bytes(bytes(2_000_001))
+    assert built() == ["b: unchanged", "a: built"]
+
+
+@pytest.mark.process
+def test_a_build_that_fails_shows_its_last_lines_and_its_place(
+    tmp_path: Path, wheels: Ros2, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = interfaces(tmp_path, "a", "bool good\n")
+    fails = {**os.environ, "BUILT": os.devnull, "FAILS": f"{package}/CMakeLists.txt:7"}
+    with pytest.raises(UsageError) as raised:
+        list(prepare(tmp_path, wheels, tmp_path / "cache", fails))
+    first, *lines = str(raised.value).splitlines()
+    assert first == f"{package}/CMakeLists.txt:7: the build of 'a' failed; the last 20 lines:"
+    assert lines == [*map(str, range(12, 31)), f"{package}/CMakeLists.txt:7: error"]
+    (tmp_path / "bin/ninja").unlink()
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    with pytest.raises(UsageError, match="a build needs ninja; run sudo apt-get install"):
+        list(prepare(tmp_path, wheels, tmp_path / "cache", {}))
+
+
 @needs_ros2
 @pytest.mark.parametrize("text", soaked(["geometry_msgs/Point where\n", "bool True\n"], short=[]))
 def test_messages_are_built_once_or_the_last_lines_are_told(text: str, tmp_path: Path) -> None:
@@ -125,8 +195,8 @@ def test_messages_are_built_once_or_the_last_lines_are_told(text: str, tmp_path:
         pytest.skip("the generators of messages are not installed")
     if "True" in text:
         with pytest.raises(UsageError, match="the build of 'my_msgs' failed; the last"):
-            list(prepare(tmp_path, ros, tmp_path / "cache"))
+            list(prepare(tmp_path, ros, tmp_path / "cache", os.environ))
         return
     for state in ("built", "unchanged"):
-        assert list(prepare(tmp_path, ros, tmp_path / "cache")) == [f"my_msgs: {state}"]
+        assert list(prepare(tmp_path, ros, tmp_path / "cache", os.environ)) == [f"my_msgs: {state}"]
     assert next((tmp_path / "install/my_msgs").glob("lib/python3*/site-packages/my_msgs/msg/_speed.py")).is_file()
