@@ -23,7 +23,6 @@ from tests.patience import PATIENCE, wait_until
 from tests.soak import soaked
 
 ROOT: Final = Path(__file__).parents[2]
-"""s; as long as no run of these takes."""
 
 QUICK: Final = """\
 name: a-quick
@@ -66,6 +65,17 @@ main()
 
 SIGNALS: Final = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT]
 ENVIRONMENT: Final = {**os.environ, "PYTHONPATH": str(ROOT), "GITHUB_ACTIONS": ""}
+
+
+@pytest.fixture(autouse=True)
+def _signals_are_not_ignored() -> Iterator[None]:
+    """Children inherit what is ignored here, as below `nohup` and in the background of a shell."""
+    ignored = [number for number in SIGNALS if signal.getsignal(number) is signal.SIG_IGN]
+    for number in ignored:
+        signal.signal(number, signal.SIG_DFL)
+    yield
+    for number in ignored:
+        signal.signal(number, signal.SIG_IGN)
 
 
 @pytest.fixture

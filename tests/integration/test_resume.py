@@ -50,7 +50,6 @@ def control(observation):
 """
 JOURNAL = Path("sim-results/results.jsonl")
 RESULTS = Path("sim-results/results.json")
-# s; long enough for every run.
 
 
 def command(folder: Path, *arguments: str, **variables: str) -> tuple[list[str], dict[str, Any]]:

@@ -40,7 +40,6 @@ def control(observation):
     log.write("on\\n")
     return Twist((1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 """
-# s; as long as nobody would wait for a line.
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent to a process of its own here")
 
