@@ -27,7 +27,7 @@ from sim_action.engines import ENGINES
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sim_action.ros.ros1.launch_request import Program
+    from sim_action.ros.launches import Program
 
 Command = Callable[..., ExitCode]
 
@@ -143,31 +143,7 @@ def launchtest(**flags: Any) -> ExitCode:
 
     Exit code: as for `run`.
     """
-    from pathlib import Path
-
-    from sim_action.core.process import Interruption
-
-    permissions = code_permissions(flags, [Path(flags["workspace"])])
-    permissions.require_scripts("launchtest runs nodes and launch files")
-    if sys.platform != "linux":
-        raise UsageError("nodes of ROS 2 need Linux: sim-action watches their threads in /proc")
-    _check(flags["arguments"])
-    with Interruption() as interruption:
-        from sim_action.ros.ros2.launch import launch_test
-
-        request = launch_test.LaunchTestRequest(
-            flags["package"],
-            flags["file"],
-            tuple(flags["arguments"]),
-            Path(flags["workspace"]),
-            flags["backend"] or "auto",
-            flags["seed"],
-            flags["sim_time_limit"],
-            allows_losses=flags["allow_losses"],
-            pass_env=permissions.pass_env,
-            strict=flags["strict"],
-        )
-        return launch_test.run(request, report_request(flags), interruption)
+    return _called("launchtest", flags)
 
 
 @click.command()
@@ -206,34 +182,41 @@ def _called(program: Program, flags: dict[str, Any]) -> ExitCode:
     from pathlib import Path
 
     from sim_action.core.process import Interruption
+    from sim_action.ros.launches import LaunchRequest, argument_problem
 
     permissions = code_permissions(flags, [Path(flags["workspace"])])
     permissions.require_scripts(f"{program} runs nodes and launch files")
     if sys.platform != "linux":
+        if program == "launchtest":
+            raise UsageError("nodes of ROS 2 need Linux: sim-action watches their threads in /proc")
         raise UsageError("ROS 1 needs Linux: its packages exist for Debian 12 and Ubuntu")
     more, arguments = _split(flags["arguments"]) if program == "roslaunch" else ((), flags["arguments"])
-    _check(arguments)
+    for problem in filter(None, map(argument_problem, arguments)):
+        raise click.BadArgumentUsage(problem)
+    request = LaunchRequest(
+        program,
+        flags["package"],
+        flags["file"],
+        tuple(arguments),
+        Path(flags["workspace"]),
+        flags["backend"] or "auto",
+        flags["seed"],
+        flags["sim_time_limit"],
+        flags.get("rtf"),
+        flags.get("wall_limit"),
+        replays=flags["report"],
+        allows_losses=flags["allow_losses"],
+        pass_env=permissions.pass_env,
+        more=more,
+        strict=flags["strict"],
+    )
     with Interruption() as interruption:
-        from sim_action.ros.ros1 import command
-        from sim_action.ros.ros1.launch_request import LaunchRequest
+        if program == "launchtest":
+            from sim_action.ros.ros2.launch import launch_test
 
-        request = LaunchRequest(
-            program,
-            flags["package"],
-            flags["file"],
-            tuple(arguments),
-            Path(flags["workspace"]),
-            flags["backend"] or "auto",
-            flags["seed"],
-            flags["sim_time_limit"],
-            flags["rtf"],
-            flags["wall_limit"],
-            replays=flags["report"],
-            allows_losses=flags["allow_losses"],
-            pass_env=permissions.pass_env,
-            more=more,
-            strict=flags["strict"],
-        )
+            return launch_test.run(request, report_request(flags), interruption)
+        from sim_action.ros.ros1 import command
+
         return command.run(request, report_request(flags), interruption)
 
 
@@ -243,10 +226,3 @@ def _split(words: Sequence[str]) -> tuple[tuple[tuple[str, str], ...], Sequence[
     if count % 2:
         raise click.BadArgumentUsage(f"'{words[count - 1]}' has no FILE; write PACKAGE FILE, or NAME:=VALUE")
     return tuple(itertools.pairwise(words[:count]))[::2], words[count:]
-
-
-def _check(arguments: Sequence[str]) -> None:
-    for argument in arguments:
-        name, sign, _ = argument.partition(":=")
-        if not (sign and name.isidentifier()):
-            raise click.BadArgumentUsage(f"'{argument}' is not an argument of a launch file; write NAME:=VALUE")

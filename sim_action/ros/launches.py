@@ -1,22 +1,27 @@
-"""Launches of either ROS: the keys that state them, the events of launchers, and the parts that get lost."""
+"""Launches of either ROS: keys and commands that request them, events of launchers, and the parts that get lost."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path, PurePath
-from typing import Any, Generic, TypeVar
+from typing import Any, Final, Generic, Literal, TypeVar
 
 from pydantic import PrivateAttr
 from typing_extensions import override
 
 from sim_action.commands import CommandSource, Controller
 from sim_action.core.field_types import FrozenModel
+from sim_action.core.records import dataclass
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.world.scene import Scene
 
 _Event = TypeVar("_Event", bound=FrozenModel)
+
+ALLOW_LOSSES: Final = "--allow-losses"
+
+Program = Literal["rostest", "roslaunch", "launchtest"]
 
 
 class EventFile(Generic[_Event]):
@@ -122,3 +127,74 @@ def lost_models(spawned: Sequence[tuple[str, bool]]) -> Iterator[str]:
     for place, (name, _) in enumerate(spawned):
         if place != robot:
             yield f"the model '{name}' is not spawned: the scenario has one robot, and its objects are in 'world'"
+
+
+@dataclass(frozen=True, slots=True)
+class LaunchRequest:
+    """The request of one call of rostest, roslaunch or launchtest.
+
+    Attributes:
+        package: package of the launch file or test.
+        file: its name in the package, or its path.
+        arguments: `NAME:=VALUE`.
+        more: package and name of each further launch file.
+        workspace: packages are in its `src`, or below it.
+        sim_time_limit: s of a simulation; None: the limits of the tests, or the default of the command.
+        real_time_factor: limit of the speed; None: as fast as the nodes can follow.
+        wall_limit: s of wall time for the whole call; None: enough for all tests, and time in which sim time moves on
+            does not count.
+        replays: True if replays are stored.
+        allows_losses: True if parts that are not simulated are warnings instead of errors.
+        pass_env: names of environment variables that nodes may see, in addition to the harmless ones.
+        strict: True if each warning fails the test or the launch.
+    """
+
+    program: Program
+    package: str
+    file: str
+    arguments: tuple[str, ...] = ()
+    workspace: Path = Path()
+    backend: str = "auto"
+    seed: int = 0
+    sim_time_limit: float | None = None
+    real_time_factor: float | None = None
+    wall_limit: float | None = None
+    replays: bool = True
+    allows_losses: bool = False
+    pass_env: tuple[str, ...] = ()
+    more: tuple[tuple[str, str], ...] = ()
+    strict: bool = False
+
+    @property
+    def files(self) -> tuple[tuple[str, str], ...]:
+        """Package and name of each launch file."""
+        return (self.package, self.file), *self.more
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The command line that repeats the call. Options come first, so that no argument is read as an option."""
+        files = (word for pair in self.files for word in pair)
+        return ("sim-action", self.program, *self._options(), *files, *self.arguments)
+
+    def _options(self) -> Iterator[str]:
+        """Yield the options that differ from their defaults."""
+        if self.workspace != Path():
+            yield from ("--workspace", str(self.workspace))
+        if self.backend != "auto":
+            yield from ("--backend", self.backend)
+        if self.seed:
+            yield from ("--seed", str(self.seed))
+        numbers = {
+            "--sim-time-limit": self.sim_time_limit,
+            "--rtf": self.real_time_factor,
+            "--wall-limit": self.wall_limit,
+        }
+        for option, number in numbers.items():
+            if number is not None:
+                yield from (option, repr(number).removesuffix(".0"))
+        if self.allows_losses:
+            yield ALLOW_LOSSES
+        if self.strict:
+            yield "--strict"
+        for name in self.pass_env:
+            yield from ("--pass-env", name)

@@ -17,7 +17,8 @@ from junitparser import JUnitXml
 
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
-from sim_action.ros.ros1.launch_request import TRACE_FILE, LaunchRequest, SimulationResult
+from sim_action.ros.launches import LaunchRequest
+from sim_action.ros.ros1.launch_request import TRACE_FILE, SimulationResult
 from sim_action.ros.ros1.verdicts.findings import Findings
 from sim_action.state.trace_storage import load_trace
 from tests.ros.ros1.launches import EXAMPLES, launched, needs_ros, rostest, told

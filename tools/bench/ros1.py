@@ -12,10 +12,11 @@ from typing import Final, NamedTuple
 
 from sim_action.core.errors import UsageError
 from sim_action.core.process import Interruption
+from sim_action.ros.launches import LaunchRequest
 from sim_action.ros.ros1.command import LaunchCall
 from sim_action.ros.ros1.installation import Ros, find_ros
 from sim_action.ros.ros1.launch.overlay import build_overlay
-from sim_action.ros.ros1.launch_request import PROCESS_FILE, RUN_FILE, LaunchRequest
+from sim_action.ros.ros1.launch_request import PROCESS_FILE, RUN_FILE
 
 EXAMPLES: Final = Path(__file__).resolve().parents[2] / "examples/ros1"
 ROUNDS: Final = 4

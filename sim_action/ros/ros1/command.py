@@ -22,11 +22,12 @@ from sim_action.results.journal import Header, Journal, Planned
 from sim_action.results.masking import Mask
 from sim_action.results.outcome import Outcome
 from sim_action.ros import node_start
+from sim_action.ros.launches import LaunchRequest
 from sim_action.ros.ros1.catkin_packages import find_launch_file
 from sim_action.ros.ros1.installation import Ros, find_ros
 from sim_action.ros.ros1.launch.launch_process import Launch, Watch, free_port
 from sim_action.ros.ros1.launch.overlay import Overlay, build_overlay, scratch_parent
-from sim_action.ros.ros1.launch_request import REPLAY_FILE, REQUEST_FILE, TRACE_FILE, LaunchRequest, SimulationRequest
+from sim_action.ros.ros1.launch_request import REPLAY_FILE, REQUEST_FILE, TRACE_FILE, SimulationRequest
 from sim_action.ros.ros1.verdicts.findings import LOGS, RESULTS, Findings, LaunchFolders, Run, collect_findings
 from sim_action.ros.ros1.verdicts.judge import Judge
 from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags, TestTag, test_tags

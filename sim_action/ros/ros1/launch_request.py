@@ -1,4 +1,4 @@
-"""The request of `sim-action rostest` or `roslaunch`, and the files of its folder: requests and results of simulations.
+"""The files in the folder of a call of `rostest` or `roslaunch`: requests and results of simulations.
 
 The command and the node `gazebo`, which roslaunch starts, exchange files in the folder of the call:
 
@@ -27,13 +27,11 @@ from pydantic import Field, ValidationError
 from sim_action.core.errors import Location
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import read_at_most
-from sim_action.core.records import dataclass
 from sim_action.core.wording import counted, escaped_line
 from sim_action.results.outcome import Failure
+from sim_action.ros.launches import ALLOW_LOSSES
 from sim_action.world.claims import NOT_SIMULATED, AuditWarning
 from sim_action.world.world_files.losses import Loss
-
-OPTION: Final = "--allow-losses"
 
 TITLE: Final = "not simulated"
 """The title of failures."""
@@ -55,13 +53,13 @@ _MOST_BYTES: Final = 16_000_000
 
 End = Literal["test finished", "nodes finished", "time limit", "failed"]
 
-Program = Literal["rostest", "roslaunch"]
-
 
 def loss_failures(losses: Iterable[Loss]) -> tuple[Failure, ...]:
     """Return a failure for each of the first losses, and one that counts the rest."""
     return tuple(
-        Failure(kind="invalid", title=TITLE, message=f"{loss.message}; to run without it: {OPTION}", location=place)
+        Failure(
+            kind="invalid", title=TITLE, message=f"{loss.message}; to run without it: {ALLOW_LOSSES}", location=place
+        )
         for loss, place in ((loss, loss.location) for loss in _first(losses))
     )
 
@@ -174,74 +172,3 @@ def run_folders(folder: Path) -> list[Path]:
     """Return the folders of all starts, in their order."""
     numbers = sorted(int(path.name) for path in folder.iterdir() if path.name.isdecimal() and path.is_dir())
     return [folder / str(number) for number in numbers]
-
-
-@dataclass(frozen=True, slots=True)
-class LaunchRequest:
-    """The request of one call of rostest or roslaunch.
-
-    Attributes:
-        package: package of the launch file.
-        file: name of the launch file in the package, or its path.
-        arguments: `NAME:=VALUE`.
-        more: package and name of each further launch file.
-        workspace: packages are in its `src`, or below it.
-        sim_time_limit: s of a simulation; None: the limits of the tests.
-        real_time_factor: limit of the speed; None: as fast as the nodes can follow.
-        wall_limit: s of wall time for the whole call; None: enough for all tests, and time in which sim time moves on
-            does not count.
-        replays: True if replays are stored.
-        allows_losses: True if parts that are not simulated are warnings instead of errors.
-        pass_env: names of environment variables that nodes may see, in addition to the harmless ones.
-        strict: True if each warning fails the test or the launch.
-    """
-
-    program: Program
-    package: str
-    file: str
-    arguments: tuple[str, ...] = ()
-    workspace: Path = Path()
-    backend: str = "auto"
-    seed: int = 0
-    sim_time_limit: float | None = None
-    real_time_factor: float | None = None
-    wall_limit: float | None = None
-    replays: bool = True
-    allows_losses: bool = False
-    pass_env: tuple[str, ...] = ()
-    more: tuple[tuple[str, str], ...] = ()
-    strict: bool = False
-
-    @property
-    def files(self) -> tuple[tuple[str, str], ...]:
-        """Package and name of each launch file."""
-        return (self.package, self.file), *self.more
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        """The command line that repeats the call. Options come first, so that no argument is read as an option."""
-        files = (word for pair in self.files for word in pair)
-        return ("sim-action", self.program, *self._options(), *files, *self.arguments)
-
-    def _options(self) -> Iterator[str]:
-        """Yield the options that differ from their defaults."""
-        if self.workspace != Path():
-            yield from ("--workspace", str(self.workspace))
-        if self.backend != "auto":
-            yield from ("--backend", self.backend)
-        if self.seed:
-            yield from ("--seed", str(self.seed))
-        numbers = {
-            "--sim-time-limit": self.sim_time_limit,
-            "--rtf": self.real_time_factor,
-            "--wall-limit": self.wall_limit,
-        }
-        for option, number in numbers.items():
-            if number is not None:
-                yield from (option, repr(number).removesuffix(".0"))
-        if self.allows_losses:
-            yield OPTION
-        if self.strict:
-            yield "--strict"
-        for name in self.pass_env:
-            yield from ("--pass-env", name)

@@ -13,10 +13,11 @@ import pytest
 
 from sim_action.core.errors import UsageError
 from sim_action.core.process import Interruption
+from sim_action.ros.launches import LaunchRequest
 from sim_action.ros.ros1.command import LaunchCall
 from sim_action.ros.ros1.installation import Ros, find_ros
 from sim_action.ros.ros1.launch.overlay import build_overlay
-from sim_action.ros.ros1.launch_request import LaunchRequest, SimulationResult
+from sim_action.ros.ros1.launch_request import SimulationResult
 from sim_action.ros.ros1.verdicts.findings import Findings
 from tests.ros_workspace import ros_package, written
 

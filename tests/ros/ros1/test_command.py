@@ -10,10 +10,10 @@ from click.testing import CliRunner
 from sim_action.cli.ros import rostest
 from sim_action.core.errors import Location
 from sim_action.core.records import replace
+from sim_action.ros.launches import LaunchRequest
 from sim_action.ros.ros1 import command
 from sim_action.ros.ros1.launch_request import (
     RUN_FILE,
-    LaunchRequest,
     SimulationResult,
     loss_failures,
     loss_warnings,
@@ -29,6 +29,8 @@ WALL = Loss(message="the wall is left out", location=Location("a.world", 3))
 def test_what_nobody_has_asked_for_is_not_typed_again() -> None:
     asked = LaunchRequest("rostest", "driver", "mover.test", ("speed:=1",))
     assert asked.words == ("sim-action", "rostest", "driver", "mover.test", "speed:=1")
+    asked = LaunchRequest("launchtest", "driver", "a.py", backend="mujoco", allows_losses=True)
+    assert asked.words == ("sim-action", "launchtest", "--backend", "mujoco", "--allow-losses", "driver", "a.py")
 
 
 def test_all_that_makes_the_run_what_it_is_is_typed_again() -> None:

@@ -18,10 +18,11 @@ from sim_action.core.version import __version__
 from sim_action.core.wording import escaped_line
 from sim_action.engines import ENGINES
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, status_of
+from sim_action.ros.launches import ALLOW_LOSSES, LaunchRequest
 from sim_action.ros.program_failures import exception_line, shown_path, signal_name, traceback_location
 from sim_action.ros.result_files import Case
 from sim_action.ros.ros1.command_source.file_problems import Packages, program_problem
-from sim_action.ros.ros1.launch_request import OPTION, TITLE, LaunchRequest, loss_failures, loss_warnings
+from sim_action.ros.ros1.launch_request import TITLE, loss_failures, loss_warnings
 from sim_action.ros.ros1.verdicts.findings import Findings, Run, TestFindings
 from sim_action.ros.ros1.verdicts.launch_output import (
     Death,
@@ -136,7 +137,9 @@ class Judge:
         ):
             about = {"status": "error", "failures": (cause_of(test, found, where),)}
         elif failed_nodes and not failed and not has_command and not self.request.allows_losses:
-            message = f"{failed_nodes[0]}; the robot received no command in the whole test; to run without it: {OPTION}"
+            message = (
+                f"{failed_nodes[0]}; the robot received no command in the whole test; to run without it: {ALLOW_LOSSES}"
+            )
             about = {"status": "error", "failures": (_failure("script", "a node died", message, where, found),)}
         else:
             own = (raised for raised in test.callbacks if raised.is_of(test.name) and not raised.is_assertion)

@@ -32,7 +32,7 @@ from sim_action.results.journal import Header, Journal, Planned
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, status_of
 from sim_action.robot.reading.loading import load_model
 from sim_action.ros import node_start
-from sim_action.ros.launches import OpenCommands
+from sim_action.ros.launches import LaunchRequest, OpenCommands
 from sim_action.ros.program_failures import shown_path, traceback_location
 from sim_action.ros.result_files import Case, read_suite
 from sim_action.ros.ros2.bridge_link import BridgeEnded, Endpoint
@@ -136,41 +136,7 @@ def _heard(topic: str, bridge: Bridge) -> str:
     raise ScriptError(f"no description of the robot arrived on {topic} within {_MAX_WAIT_S:g} s of wall time")
 
 
-@dataclass(frozen=True, slots=True)
-class LaunchTestRequest:
-    """The request of one call of launchtest.
-
-    Attributes:
-        file: name of the test in the package, or its path.
-        arguments: `NAME:=VALUE`.
-        sim_time_limit: s after which the simulation ends; None: 60.
-        allows_losses: True if parts that are not simulated are warnings instead of errors.
-        pass_env: names of environment variables that nodes may see, in addition to the harmless ones.
-        strict: True if each warning fails the test.
-    """
-
-    package: str
-    file: str
-    arguments: tuple[str, ...] = ()
-    workspace: Path = Path()
-    backend: str = "auto"
-    seed: int = 0
-    sim_time_limit: float | None = None
-    allows_losses: bool = False
-    pass_env: tuple[str, ...] = ()
-    strict: bool = False
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        """The command line that repeats the call."""
-        limit = ("--sim-time-limit", f"{self.sim_time_limit:g}") if self.sim_time_limit else ()
-        names = (word for name in self.pass_env for word in ("--pass-env", name))
-        strict = ("--strict",) if self.strict else ()
-        options = ("--workspace", str(self.workspace), "--seed", str(self.seed), *limit, *strict, *names)
-        return ("sim-action", "launchtest", *options, self.package, self.file, *self.arguments)
-
-
-def run(request: LaunchTestRequest, reports: ReportRequest, interruption: Interruption) -> ExitCode:
+def run(request: LaunchRequest, reports: ReportRequest, interruption: Interruption) -> ExitCode:
     """Run the test, write every report, and return the exit code. Raises UsageError."""
     started = time.monotonic()
     find_ros()
@@ -182,7 +148,7 @@ def run(request: LaunchTestRequest, reports: ReportRequest, interruption: Interr
         return write_reports(journal.close(), options)
 
 
-def _outcome(request: LaunchTestRequest, interruption: Interruption, started: float) -> Outcome:
+def _outcome(request: LaunchRequest, interruption: Interruption, started: float) -> Outcome:
     name = f"{request.package}/{request.file}"
     about: dict[str, Any] = {"name": name, "seed": request.seed, "call": request.words}
     try:
@@ -195,7 +161,7 @@ def _outcome(request: LaunchTestRequest, interruption: Interruption, started: fl
     return outcome.judged_strictly(NOT_SIMULATED) if request.strict else outcome
 
 
-def _test_file(request: LaunchTestRequest) -> tuple[Path, Packages]:
+def _test_file(request: LaunchRequest) -> tuple[Path, Packages]:
     """Return the test and the packages. Raise InvalidScenario."""
     root = request.workspace.resolve()
     try:
@@ -215,14 +181,14 @@ def _test_file(request: LaunchTestRequest) -> tuple[Path, Packages]:
     return files[request.file], packages
 
 
-def _invalid(request: LaunchTestRequest, message: str) -> InvalidScenario:
+def _invalid(request: LaunchRequest, message: str) -> InvalidScenario:
     return InvalidScenario([Problem(Location(request.file), escaped_line(message))])
 
 
 class _LaunchTest:
     """One test: its launch, its simulation and its results."""
 
-    def __init__(self, request: LaunchTestRequest, file: Path, packages: Packages, interruption: Interruption) -> None:
+    def __init__(self, request: LaunchRequest, file: Path, packages: Packages, interruption: Interruption) -> None:
         self._request, self._file, self._packages = request, file, packages
         self._interruption = interruption
         self._root = request.workspace.resolve()

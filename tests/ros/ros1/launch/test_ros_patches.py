@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from sim_action.ros import node_start
+from sim_action.ros.launches import LaunchRequest
 from sim_action.ros.ros1.launch import ros_patches
-from sim_action.ros.ros1.launch_request import LaunchRequest
 from tests.ros.ros1.launches import launched, needs_ros, package
 
 pytestmark = pytest.mark.process

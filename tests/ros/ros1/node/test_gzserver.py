@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.ros.ros1.launch_request import LaunchRequest
+from sim_action.ros.launches import LaunchRequest
 from tests.ros.ros1.cart import CART, CART_LAUNCH, CART_TEST, CLUMSY
 from tests.ros.ros1.launches import launched, needs_ros, package, told
 from tests.ros.ros1.machine import MACHINE, MACHINE_LAUNCH, MACHINE_TEST

@@ -10,9 +10,10 @@ import pytest
 
 from sim_action.core.errors import Location
 from sim_action.results.outcome import Failure, Outcome
+from sim_action.ros.launches import LaunchRequest, Program
 from sim_action.ros.result_files import Case, Suite
 from sim_action.ros.ros1.launch.launch_process import Ending
-from sim_action.ros.ros1.launch_request import LaunchRequest, Program, SimulationResult
+from sim_action.ros.ros1.launch_request import SimulationResult
 from sim_action.ros.ros1.verdicts import findings, judge
 from sim_action.ros.ros1.verdicts.findings import Findings, Run
 from sim_action.ros.ros1.verdicts.judge import AbsentNodes, Judge, _with_callbacks

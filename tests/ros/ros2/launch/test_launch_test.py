@@ -15,11 +15,12 @@ from sim_action.core.geometry import Twist
 from sim_action.core.process import Interruption
 from sim_action.reports import ReportRequest
 from sim_action.robot.built_in import FOLDER
+from sim_action.ros.launches import LaunchRequest
 from sim_action.ros.ros2.bridge_link import Bridge
 from sim_action.ros.ros2.installation import RMW, Ros2
 from sim_action.ros.ros2.launch import launch_test
 from sim_action.ros.ros2.launch.gazebo_programs import LeftOutProgram
-from sim_action.ros.ros2.launch.launch_test import LaunchTestRequest, spawned_robot
+from sim_action.ros.ros2.launch.launch_test import spawned_robot
 from sim_action.state.reproducibility import Transcript
 from tests.ros.ros2.prefixes import source
 
@@ -118,8 +119,14 @@ def test_a_warning_fails_a_strict_test_unless_it_is_accepted(
     monkeypatch.setattr(launch_test, "DrivenNodes", lambda *_: driven)
     source(tmp_path, "robot", {"test/drive_test.py": ""})
     for strict in (False, True):
-        request = LaunchTestRequest(
-            "robot", "drive_test.py", workspace=tmp_path, sim_time_limit=1.0, allows_losses=True, strict=strict
+        request = LaunchRequest(
+            "launchtest",
+            "robot",
+            "drive_test.py",
+            workspace=tmp_path,
+            sim_time_limit=1.0,
+            allows_losses=True,
+            strict=strict,
         )
         folder = tmp_path / f"results{strict:d}"
         reports = ReportRequest(folder, None, junit_strict=False, verbosity="quiet", silenced=frozenset())
