@@ -113,6 +113,7 @@ SUBCOMMANDS: Final = {
             "seed": "--seed",
             "repeat": "--repeat",
             "unexercised": "--unexercised",
+            "confidence": "--confidence",
             "jobs": "--jobs",
             "shard": "--shard",
             "against": "--against",

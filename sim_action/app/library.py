@@ -30,7 +30,7 @@ from sim_action.reports import ReportRequest
 from sim_action.results.events import Event
 from sim_action.runner.run_plan import PlanRequest
 from sim_action.scenario.loading import load_all
-from sim_action.scenario.model import Unexercised
+from sim_action.scenario.model import ConfidenceKind, Unexercised
 from sim_action.scenario.selection import Selection, Suite, find_suite
 from sim_action.scenario.source import Refused
 from sim_action.scenario.written import Scenario
@@ -41,6 +41,7 @@ _ARGUMENTS: Final = MappingProxyType(
         "--allow-scripts": "allow_scripts",
         "--backend": "backend",
         "--cluster": "cluster",
+        "--confidence": "confidence",
         "--exclude": "exclude",
         "--exclude-tag": "exclude_tags",
         "--fail-fast": "fail_fast",
@@ -171,6 +172,7 @@ def run(
     exclude_tags: Iterable[str] = (),
     fail_fast: bool = False,
     unexercised: Unexercised | None = None,
+    confidence: ConfidenceKind | None = None,
     strict: bool = False,
     record: Iterable[str] = (),
     report: bool = True,
@@ -197,6 +199,8 @@ def run(
         exclude_tags: tags to leave out.
         fail_fast: True to start no more scenarios after one did not pass.
         unexercised: "warn" if an expectation that is never judged is only reported.
+        confidence: "numerical" or "full" to repeat each run with half the step, another start and the other engine if
+            the scenario names it; a verdict that these could change is inconclusive.
         strict: True if each warning of the audit of claims makes its scenario fail.
         record: formats to record each run in: "mcap", "csv", "tum", "gif", "mp4".
         report: True to write replays and `report.html`.
@@ -215,6 +219,7 @@ def run(
     for argument, value, allowed in (
         ("backend", backend, (None, *get_args(Backend))),
         ("unexercised", unexercised, (None, *get_args(Unexercised))),
+        ("confidence", confidence, (None, *get_args(ConfidenceKind))),
         ("allow_scripts", allow_scripts, get_args(AllowScripts)),
     ):
         if value not in allowed:
@@ -225,6 +230,8 @@ def run(
     repeat = _whole("repeat", repeat) or 0
     if not 1 <= repeat <= _MAX_REPEATS:
         raise UsageError(f"repeat: a scenario runs 1 to {_MAX_REPEATS} times, found {repeat}")
+    if confidence is not None and repeat > 1:
+        raise UsageError("confidence: cannot be combined with repeat")
     here = current_folder()
     selection = _selection(only, exclude, tags, exclude_tags)
     suite = _suite(scenarios, selection, outside=allow_outside)
@@ -242,7 +249,7 @@ def run(
         silenced=_SILENCED if report else _SILENCED | {"report"},
     )
     request = RunRequest(
-        PlanRequest(suite, permissions, None, backend, seed, unexercised, strict),
+        PlanRequest(suite, permissions, None, backend, seed, unexercised, strict, confidence),
         reports,
         jobs or usable_cores(),
         fail_fast,

@@ -15,7 +15,7 @@ from pathlib import Path
 from sim_action.core.errors import ExitCode, InvalidScenario, SystemRefusal, UsageError, is_refusal
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass, replace
-from sim_action.core.wording import note, warn
+from sim_action.core.wording import counted, note, warn
 from sim_action.reports import ReportOptions, ReportRequest
 from sim_action.reports.progress import GateKey, ProgressListener
 from sim_action.reports.writing import make_ready, open_reports, remove_earlier, write_reports
@@ -25,10 +25,10 @@ from sim_action.results.journal import JOURNAL_FILE, Header, Journal
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results
 from sim_action.runner.child_outcome import skipped, without_verdict
-from sim_action.runner.outcome_assembly import OutcomeAssembly, planned_outcomes
+from sim_action.runner.outcome_assembly import OutcomeAssembly, originals, planned_outcomes
 from sim_action.runner.process_pool import Pool, PoolOptions
 from sim_action.runner.run_keys import RunKeys, RunOptions, TakenOver, take_over
-from sim_action.runner.run_plan import PlanRequest, RunPlan, plan_runs
+from sim_action.runner.run_plan import Plan, PlanRequest, RunPlan, plan_runs
 from sim_action.runner.runs import EarlyStop, Runs, Scheduler
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused
@@ -165,6 +165,10 @@ class _Call:
         self._request, self._found, self._options, self._keys, self._started = request, found, options, keys, started
         self._schedule = schedule
         self._plans = found.plans
+        if request.repeat > 1 or request.plan.permissions.updates_golden:
+            self._plans = [plan if isinstance(plan, Refused) else originals(plan) for plan in found.plans]
+            if sum(map(_size, self._plans)) < sum(map(_size, found.plans)):
+                warn("the confidence of verdicts is not found with --repeat and --update-golden")
         if request.plan.permissions.updates_golden:
             from sim_action.runner.golden_update import refuse_shared_goldens  # a usual run does without it
 
@@ -191,6 +195,10 @@ class _Call:
             terminal = ProgressListener(runs, request.reports.verbosity, gates=self._runs_of_gates())
             listeners += [each for each in (journal, self._early_stop, terminal, listener) if each is not None]
             self._print_chances()
+            repetitions = sum(bool(run.repetition) for run in self._every)
+            if repetitions and request.reports.verbosity != "quiet":
+                judged = counted(len(self._every) - repetitions, "run")
+                note(f"{counted(repetitions, 'repetition')} for the confidence of {judged}")
             assembly.begin(_of_patterns(self._found))
             assembly.take_over(self.taken.records)
             stopped = self.taken.not_passed or any(isinstance(plan, Refused) for plan in self._plans)
@@ -242,6 +250,7 @@ class _Call:
             self._options.folder,
             request.repeat,
             assembly.places,
+            assembly.first_turns,
             _has_replays(request),
             request.recordings,
             motions,
@@ -275,6 +284,10 @@ class _Call:
 def _emit(listeners: Iterable[Listener], event: Event) -> None:
     for listener in listeners:
         listener(event)
+
+
+def _size(plan: Plan) -> int:
+    return 0 if isinstance(plan, Refused) else len(plan)
 
 
 def _of_patterns(found: RunPlan) -> list[Outcome]:

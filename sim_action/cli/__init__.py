@@ -31,7 +31,8 @@ class Subcommand:
 
 
 _REPORTS: Final = ("output_dir", "junit", "junit_strict", "report", "summary", "annotations", "verbose", "quiet")
-_RUNS: Final = ("paths", "backend", "seed", "repeat", "unexercised", "strict", "jobs", "fail_fast", "record")
+_JUDGEMENT: Final = ("repeat", "unexercised", "confidence", "strict")
+_RUNS: Final = ("paths", "backend", "seed", *_JUDGEMENT, "jobs", "fail_fast", "record")
 _LAUNCHES: Final = (*_REPORTS, "strict")
 _PROOFS: Final = ("paths", "seed", "jobs", "output_dir", "report", "summary", "annotations", "quiet")
 

@@ -37,6 +37,7 @@ class Defaults(FrozenModel):
     seed: Annotated[int | None, Field(ge=0, le=2**63 - 1, description="as --seed")] = None
     repeat: Annotated[int | None, Field(ge=1, le=1000, description="as --repeat")] = None
     unexercised: Annotated[Literal["error", "warn"] | None, Field(description="as --unexercised")] = None
+    confidence: Annotated[Literal["numerical", "full"] | None, Field(description="as --confidence")] = None
     strict: Annotated[
         bool | None, Field(description="as --strict of run, validate, rostest, roslaunch and launchtest")
     ] = None

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sim_action.runner.run_plan import PlanRequest
-    from sim_action.scenario.model import Unexercised
+    from sim_action.scenario.model import ConfidenceKind, Unexercised
     from sim_action.scenario.selection import Unmatched
     from sim_action.scenario.source import Refused, Source
 
@@ -59,6 +59,7 @@ _OF_RUNS: Final = (
         "quiet",
         "repeat",
         "unexercised",
+        "confidence",
         "strict",
         "update_golden",
         "force",
@@ -147,6 +148,16 @@ _WISHED_RATE: Final = "97%"
     help='Effect of an expectation that is never judged, in files without "unexercised:". error: the scenario does not '
     "pass; warn: it is only reported.  [default: error]",
 )
+@click.option(
+    "--confidence",
+    envvar="SIM_ACTION_CONFIDENCE",
+    is_flag=False,
+    flag_value="numerical",
+    type=click.Choice(("numerical", "full")),
+    help="Repeat each run with half the step, another start, and the other engine if the scenario names it. A verdict "
+    "that these could change is inconclusive. full: with a quarter of the step, too.  "
+    '[default: "confidence:" in the file of each scenario]',
+)
 @strict_option
 @click.option(
     "--update-golden",
@@ -194,6 +205,7 @@ def run(
     seed: int | None,
     repeat: int,
     unexercised: Unexercised | None,
+    confidence: ConfidenceKind | None,
     strict: bool,
     update_golden: bool,
     force: bool,
@@ -228,6 +240,8 @@ def run(
         if list_only:
             refuse_typed("--list runs nothing, and", *_OF_RUNS)
         _check_golden(updates=update_golden, force=force, repeat=repeat)
+        if confidence is not None and (update_golden or repeat > 1):
+            raise UsageError("--confidence cannot be combined with --repeat or --update-golden")
         if resume and (update_golden or watch):
             raise UsageError("--resume cannot be combined with --update-golden or --watch")
         if cluster is not None and watch:
@@ -242,7 +256,7 @@ def run(
             forces_golden=force,
             packages=named_packages(packages),
         )
-        plan = PlanRequest(suite, permissions, shard, backend, seed, unexercised, strict)
+        plan = PlanRequest(suite, permissions, shard, backend, seed, unexercised, strict, confidence)
         if plan_gate is not None:
             return _planned(plan, plan_gate, flags["output_dir"], jobs or usable_cores())
         if list_only:

@@ -49,6 +49,7 @@ _WEAKER: Final[dict[WeakerKind, str]] = {
     "removed": "no longer checked",
     "severity": "only a warning now",
     "unexercised": "only a warning now",
+    "inconclusive": "only a warning now",
     "window": "weaker window",
     "allow": "allows more",
     "limit": "weaker limit",
@@ -222,7 +223,7 @@ def _weaker_text(weaker: WeakerCheck) -> str:
     old, new = weaker.old, weaker.new
     if new is None:
         return f"{old.name}: removed from the scenario"
-    if weaker.kind in ("severity", "unexercised"):
+    if weaker.kind in ("severity", "unexercised", "inconclusive"):
         return f"{new.name}: {weaker.kind} {getattr(new, weaker.kind)}, was {getattr(old, weaker.kind)}"
     if weaker.kind == "window":
         times = (f"{_time(key, now)}, was {_time('', was)}" for key, (was, now) in loosened_times(old, new).items())

@@ -11,7 +11,7 @@ from sim_action.core.provenance import Provenance
 from sim_action.core.wording import counted, shortened
 from sim_action.reports.escaping import one_line
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
-from sim_action.results.outcome import Outcome, Status
+from sim_action.results.outcome import ExpectationOutcome, Outcome, Spread, Status
 from sim_action.results.results_json import Results, Shard
 from sim_action.state.verdict import Verdict
 
@@ -74,7 +74,7 @@ def counts_text(results: Results) -> str:
     counts = ((results.count(status), STATUS_DISPLAYS[status].word) for status in _COUNTED)
     told = [f"{count} {'errors' if count > 1 and word == 'error' else word}" for count, word in counts if count]
     nothing = "no verdicts here" if results.outcomes else "no scenarios"
-    return "; ".join(((", ".join(told) or nothing) + warned, *_runs_of_gates(results)))
+    return "; ".join(((", ".join(told) or nothing) + warned, *_runs_of_gates(results), *_repetitions(results)))
 
 
 def _warnings(results: Results) -> Iterator[object]:
@@ -102,6 +102,42 @@ def _runs_of_gates(results: Results) -> Iterator[str]:
         stopped = sum(run.exit_code > ExitCode.FAILED for run in left)
         without = f" ({stopped} could not run)" if stopped else ""
         yield f"{counted(len(left), 'run')} of {counted(gates, 'gate')} for sim-action merge{without}"
+
+
+def _repetitions(results: Results) -> Iterator[str]:
+    several = [each for outcome in results.outcomes for each in outcome.repetitions]
+    if several:
+        yield f"{counted(len(several), 'repetition')} in {sum(each.wall_time for each in several):.1f} s"
+
+
+def confidence_text(expected: ExpectationOutcome) -> str:
+    """Return the widest interval of the margin, such as "margin 1 mm to 3 mm (half the step)"; or ""."""
+    wide = max(
+        (each for each in expected.spreads if each.low is not None and each.high is not None),
+        key=lambda each: ((each.high or 0.0) - (each.low or 0.0)) / (abs(each.margin or 0.0) or 1.0),
+        default=None,
+    )
+    return "" if wide is None else f"margin {_bounds(wide)} ({wide.cause})"
+
+
+def spread_texts(expected: ExpectationOutcome) -> list[str]:
+    """Return one text for each repetition, such as "half the step: measured 1 m, margin 1 mm to 3 mm"."""
+    return [f"{each.cause}: {', '.join(_of_spread(each))}" for each in expected.spreads]
+
+
+def _of_spread(spread: Spread) -> Iterator[str]:
+    yield "no verdict" if spread.status is None else spread.status.replace("_", " ")
+    if spread.measured is not None:
+        yield f"measured {quantity(spread.measured, spread.unit)}"
+    if spread.low is not None:
+        yield f"margin {_bounds(spread)}"
+    if spread.note:
+        yield spread.note
+
+
+def _bounds(spread: Spread) -> str:
+    low, high = units.display_apart(spread.low or 0.0, spread.high or 0.0, spread.unit)
+    return low if spread.low == spread.high else f"{low} to {high}"
 
 
 def repeats_text(outcome: Outcome) -> str:
@@ -142,6 +178,7 @@ def run_facts(outcome: Outcome, results: Results | None = None) -> dict[str, str
         "seed": "" if outcome.seed is None else str(outcome.seed),
         "digest": outcome.digest or "",
         "repeated": repeats_text(outcome),
+        "repetitions": "; ".join(f"{repetition.cause}: {repetition.ending}" for repetition in outcome.repetitions),
         **(provenance_rows(outcome.provenance) or {"versions": versions}),
         "trace": outcome.trace or "",
         "recordings": ", ".join(outcome.recordings),

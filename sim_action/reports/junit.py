@@ -27,7 +27,7 @@ from sim_action.core.errors import Location
 from sim_action.core.files import whole_file
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line, plain_text
-from sim_action.reports.formatting import judged_text, measurements, user_output
+from sim_action.reports.formatting import judged_text, measurements, spread_texts, user_output
 from sim_action.reports.links import file_and_line, relative_path, stored_trace
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
@@ -348,6 +348,7 @@ def _case_properties(expected: ExpectationOutcome) -> dict[str, object]:
         "judged_moments": judged and judged.moments,
         "judged_from_s": judged and judged.first,
         "judged_to_s": judged and judged.last,
+        **dict(text.split(": ", 1) for text in spread_texts(expected)),
     }
 
 

@@ -14,7 +14,7 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import shortened
 from sim_action.reports import ReportOptions
 from sim_action.reports.console import Console, Line
-from sim_action.reports.formatting import judged_text, moment
+from sim_action.reports.formatting import confidence_text, judged_text, moment, spread_texts
 from sim_action.reports.links import replay_link
 from sim_action.reports.statuses import RowStatus, StatusDisplay, display_of
 from sim_action.results.outcome import ExpectationOutcome, Outcome
@@ -40,7 +40,8 @@ class Row:
         kind: the kind of the row, such as "newly fails".
         location: the place in the scenario file.
         stands_out: True if every report shows the place and the values, not only the page.
-        note: a remark of minor importance; Markdown has no room for it.
+        interval: the widest interval of the margin that repetitions leave open; the page has it in the notes.
+        notes: remarks of minor importance; Markdown has no room for them.
         replay: the link to the moment in the replay.
         link: the element id of the article in the page.
         is_neutral: True if the symbol has no colour, because the row does not count by itself.
@@ -53,7 +54,8 @@ class Row:
     kind: str = ""
     location: Location | None = None
     stands_out: bool = False
-    note: str = ""
+    interval: str = ""
+    notes: tuple[str, ...] = ()
     replay: str = ""
     link: str = ""
     is_neutral: bool = False
@@ -113,7 +115,7 @@ class Table:
             pairs = zip(self.columns, row.values, strict=False)
             values = ", ".join(f"{title.strip().lower()} {value_text(value)}" for title, value in pairs if value != "")
             shown = [(values, "dim")] if verbose or row.stands_out else []
-            shown += [(row.note, "dim")] if verbose else []
+            shown += [(note, "dim") for note in (row.notes if verbose else (row.interval,))]
             shown += [(str(row.location), "cyan")] if row.location is not None and row.stands_out else []
             yield from ([(f"{indent}    ", ""), part] for part in shown if part[0])
 
@@ -136,7 +138,8 @@ def expectation_rows(
             () if expected.assertion == GATE else numbers(expected.verdict),
             location=expected.location,
             stands_out=not is_fine,
-            note=judged_text(expected.verdict),
+            interval=confidence_text(expected),
+            notes=(*spread_texts(expected), judged_text(expected.verdict)),
             replay="" if options is None or is_fine else replay_link(outcome, options, expected.verdict.time),
         )
         for expected, is_fine in ((expected, expected.status == "passed") for expected in expectations)

@@ -16,7 +16,7 @@ from sim_action.core.wording import escaped_line
 from sim_action.scenario.model import Severity, Unexercised
 from sim_action.scenario.selection import Unmatched
 from sim_action.scenario.source import Refused, Variation
-from sim_action.state.verdict import Verdict
+from sim_action.state.verdict import Verdict, VerdictStatus
 from sim_action.world.claims import AuditWarning
 
 if TYPE_CHECKING:
@@ -66,7 +66,8 @@ Status = Literal["error", "failed", "flaky", "inconclusive", "not_exercised", "p
 - error: there is no verdict; `Outcome.failures` gives the reasons.
 - failed: at least one expectation with severity "error" did not hold, or a strict run has a warning.
 - flaky: repeated runs gave different results.
-- inconclusive: the runs of a gate neither show nor refute what it claims.
+- inconclusive: the runs of a gate neither show nor refute what it claims, or a repetition for the numerical confidence
+  could change the verdict.
 - not_exercised: nothing failed, but at least one expectation with severity "error" was never judged.
 - passed: every expectation with severity "error" was judged and held.
 - skipped: the scenario was not run, because another one had failed or its gate was decided. It stands outside the
@@ -196,12 +197,57 @@ def _allowed(assertion: Assertion) -> set[str]:
     return found.union(*(_allowed(part) for _, part in getattr(assertion, "placed_parts", ())))
 
 
+class Spread(FrozenModel):
+    """The values of an expectation in one repetition, and what its change leaves open.
+
+    Attributes:
+        cause: the change of the repetition, such as "half the step".
+        status: the status of its verdict; None: it has none.
+        measured, margin: its values in `unit`, an SI symbol; of a goal that was met, the time and the time left, in s.
+        low, high: the bounds of the margin of the run itself; None: its values cannot be compared.
+        is_decided: True if the change leaves no other verdict open.
+        note: a remark for people, such as an extrapolated value; or empty.
+    """
+
+    cause: str
+    status: VerdictStatus | None = None
+    measured: float | None = None
+    margin: float | None = None
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    is_decided: bool = True
+    note: str = ""
+
+
+class Repetition(FrozenModel):
+    """A run that was repeated with a change, to find the numerical confidence of verdicts.
+
+    Attributes:
+        cause: the change, such as "half the step".
+        ending: the result in words.
+        replay: named as `Outcome.replay`; None if there is none.
+        The others are those of its outcome.
+    """
+
+    cause: str
+    status: Status
+    ending: str
+    sim_time: NotNegative | None = None
+    wall_time: NotNegative = 0.0
+    engine: str | None = None
+    digest: str | None = None
+    replay: str | None = None
+
+
 class ExpectationOutcome(FrozenModel):
     """One expectation and its verdict.
 
     Attributes:
         location: the place of the assertion in the scenario file.
         unexercised: "warn" if the scenario accepts that this expectation is never judged.
+        inconclusive: "warn" if the scenario accepts that a repetition could change this verdict.
+        spreads: what repetitions say about the margin, by cause; empty if there are none.
         scope: the part of a run that it judges; None if it is not an entry of `expect`, and in older results.
     """
 
@@ -211,6 +257,8 @@ class ExpectationOutcome(FrozenModel):
     location: Location
     verdict: Verdict
     unexercised: Unexercised = "error"
+    inconclusive: Unexercised = "error"
+    spreads: tuple[Spread, ...] = ()
     scope: Scope | None = None
 
     @property
@@ -219,8 +267,8 @@ class ExpectationOutcome(FrozenModel):
         status = self.verdict.status
         if status == "passed":
             return "passed"
-        is_soft = self.severity == "warning" or (status == "not_exercised" and self.unexercised == "warn")
-        return "warned" if is_soft else status
+        accepted = {"not_exercised": self.unexercised, "inconclusive": self.inconclusive}.get(status)
+        return "warned" if accepted == "warn" or self.severity == "warning" else status
 
     @property
     def display_status(self) -> DisplayStatus:
@@ -319,6 +367,7 @@ class Outcome(FrozenModel):
         motion: figures of the robot's motion, in SI units, if this is a variation: a gate compares its runs by them.
         engine: name and version of the engine that ran it, also if there is no verdict; None if none was selected.
         repeats: the repeated runs; this outcome describes the first run, or the first of the runs that agree.
+        repetitions: the runs with a change that show the numerical confidence of the verdicts.
         provenance: the versions and the machine that produced the run.
         warnings: the parts of the scenario that checked nothing in this run.
         strict: True if each of its warnings makes it fail.
@@ -355,6 +404,7 @@ class Outcome(FrozenModel):
     digest: str | None = None
     motion: tuple[float, ...] = ()
     repeats: Repeats | None = None
+    repetitions: tuple[Repetition, ...] = ()
     engine: str | None = None
     provenance: Provenance | None = None
     warnings: tuple[AuditWarning, ...] = ()
@@ -376,7 +426,8 @@ class Outcome(FrozenModel):
     @property
     def simulated(self) -> float:
         """The total sim time in s of all its runs."""
-        return (self.sim_time or 0.0) * (self.repeats.count if self.repeats else 1)
+        repeated = (self.sim_time or 0.0) * (self.repeats.count if self.repeats else 1)
+        return repeated + sum(each.sim_time or 0.0 for each in self.repetitions)
 
     @property
     def causes_first(self) -> tuple[ExpectationOutcome, ...]:

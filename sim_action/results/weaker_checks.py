@@ -17,12 +17,13 @@ from sim_action.results.outcome import ExpectationOutcome, Outcome, Scope
 from sim_action.scenario.variations.gate import GATE, Gate, Passes, Quantile, StopEarly, percents_apart
 from sim_action.state.verdict import Verdict
 
-WeakerKind = Literal["removed", "severity", "unexercised", "window", "allow", "limit", "stated"]
+WeakerKind = Literal["removed", "severity", "unexercised", "inconclusive", "window", "allow", "limit", "stated"]
 """The way in which a scenario checks less than before.
 
 - removed: the new run does not have the expectation.
 - severity: it was an error if the expectation failed, and is a warning now.
 - unexercised: it was an error if the expectation was never judged, and is a warning now.
+- inconclusive: it was an error if a repetition could change its verdict, and is a warning now.
 - window: a goal has more time, or must hold for less; an invariant is checked for less time.
 - allow: it allows more names.
 - limit: the new limit allows more.
@@ -79,6 +80,8 @@ def weaker_checks(old: Outcome, new: Outcome, pairs: Sequence[Pair]) -> Iterator
             yield WeakerCheck("severity", one, now)
         if (one.unexercised, now.unexercised) == ("error", "warn"):
             yield WeakerCheck("unexercised", one, now)
+        if (one.inconclusive, now.inconclusive) == ("error", "warn"):
+            yield WeakerCheck("inconclusive", one, now)
         if loosened_times(one, now):
             yield WeakerCheck("window", one, now)
         if newly_allowed(one, now):

@@ -30,6 +30,7 @@ _SAME_TIME_S: Final = 1e-9
 _WORDS: Final[dict[VerdictStatus, str]] = {
     "passed": "passes",
     "not_exercised": "is not exercised",
+    "inconclusive": "is inconclusive",
     "failed": "fails",
 }
 """The statuses of a verdict as verbs, the best first."""

@@ -35,12 +35,17 @@ def planned_outcomes(plans: Sequence[Plan], of_patterns: Sequence[Outcome]) -> l
 
     `of_patterns`: the outcomes of patterns that match no scenario; they come last.
     """
-    outcomes = [Outcome.of_refused(plan) if isinstance(plan, Refused) else plan for plan in plans]
+    outcomes = [Outcome.of_refused(plan) if isinstance(plan, Refused) else originals(plan) for plan in plans]
     every = (each for one in outcomes for each in ([one] if isinstance(one, Outcome) else map(unjudged, one)))
     planned: list[Planned] = []
     for outcome in (*every, *of_patterns):
         planned.append(share_parts(Planned.of(outcome), planned[-1] if planned else None))
     return planned
+
+
+def originals(plan: tuple[LoadedScenario, ...]) -> tuple[LoadedScenario, ...]:
+    """Return the runs of a plan that have an outcome in the results: one for each engine."""
+    return tuple(run for run in plan if not run.repetition)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,12 +55,16 @@ class _Scenario:
     Attributes:
         runs: its runs, one for each engine.
         place: the index of its first outcome in the results.
-        first: the index of its first run among all runs.
+        indices: the indices of these runs among all runs.
+        turns: the number of runs for each of them, with all repetitions.
+        changes: those of the repetitions of each of them that show its confidence.
     """
 
     runs: tuple[LoadedScenario, ...]
     place: int
-    first: int
+    indices: tuple[int, ...]
+    turns: int
+    changes: tuple[str, ...]
 
     @property
     def places(self) -> range:
@@ -73,6 +82,7 @@ class OutcomeAssembly:
 
     Attributes:
         places: for each run, the index of its outcome in the results.
+        first_turns: for each run, the number of runs before it with the same place.
         repeat: the number of runs for each scenario and engine.
     """
 
@@ -90,20 +100,27 @@ class OutcomeAssembly:
         self._scenarios: dict[int, _Scenario] = {}
         self._refused: dict[int, Refused] = {}
         self._ended: dict[int, dict[int, Outcome]] = {}
-        self._keys: dict[int, set[str | None]] = {}
+        self._keys: dict[int, dict[int, str | None]] = {}
         # All runs of these places have ended, and their outcomes are final.
         self._final: set[int] = set()
         self.places: list[int] = []
+        self.first_turns: list[int] = []
         place = 0
         for plan in plans:
             if isinstance(plan, Refused):
                 self._refused[place] = plan
                 place += 1
                 continue
-            scenario = _Scenario(plan, place, len(self.places))
+            runs = originals(plan)
+            several = len(plan) // len(runs)
+            first = len(self.places)
+            indices = tuple(range(first, first + len(plan), several))
+            changes = tuple(run.repetition for run in plan[1:several])
+            scenario = _Scenario(runs, place, indices, repeat * several, changes)
             self._scenarios |= dict.fromkeys(scenario.places, scenario)
-            self.places += scenario.places
-            place += len(plan)
+            self.places += [each for each in scenario.places for _ in range(several)]
+            self.first_turns += [*range(several)] * len(runs)
+            place += len(runs)
         self._count = place
 
     def begin(self, of_patterns: Sequence[Outcome]) -> None:
@@ -119,7 +136,11 @@ class OutcomeAssembly:
             self._emit(event)
             return
         scenario = self._scenarios[event.place]
-        if self.repeat > 1 or scenario.is_compared:
+        if scenario.changes:
+            # The records of all runs with one place have one name.
+            name = scenario.runs[event.place - scenario.place].scenario.name
+            event = replace(event, outcome=event.outcome.model_copy(update={"name": name}))
+        if scenario.turns > 1 or scenario.is_compared:
             self._emit(replace(event, is_one_of_several=True))
             self._take(event.place, event.turn, event.outcome, event.key)
         else:
@@ -150,22 +171,22 @@ class OutcomeAssembly:
     @property
     def ended(self) -> AbstractSet[tuple[int, int]]:
         """The place and the turn of each run that needs no process any more."""
-        final = {(place, turn) for place in self._final for turn in range(1, self.repeat + 1)}
+        final = {(place, turn) for place in self._final for turn in range(1, self._scenarios[place].turns + 1)}
         return final | {(place, turn) for place, turns in self._ended.items() for turn in turns}
 
     def end(self, outcomes: Sequence[Outcome]) -> None:
         """Report the outcomes of scenarios with runs that did not take place; `outcomes`: those of all runs."""
         for index, outcome in enumerate(outcomes):
             turn, run = divmod(index, len(self.places))
-            place = self.places[run]
-            if place not in self._final and turn + 1 not in self._ended.get(place, {}):
-                self._take(place, turn + 1, outcome, None)
+            place, turn = self.places[run], turn + self.first_turns[run] + 1
+            if place not in self._final and turn not in self._ended.get(place, {}):
+                self._take(place, turn, outcome, None)
 
     def _take(self, place: int, turn: int, outcome: Outcome, key: str | None) -> None:
         self._ended.setdefault(place, {})[turn] = outcome
-        self._keys.setdefault(place, set()).add(key)
+        self._keys.setdefault(place, {})[turn] = key
         scenario = self._scenarios[place]
-        if all(len(self._ended.get(each, {})) == self.repeat for each in scenario.places):
+        if all(len(self._ended.get(each, {})) == scenario.turns for each in scenario.places):
             for final, each in zip(scenario.places, self._outcomes(scenario), strict=True):
                 self._emit(Finished(final, each, self._key(final)))
             for final in scenario.places:
@@ -173,7 +194,11 @@ class OutcomeAssembly:
                 del self._ended[final], self._keys[final]
 
     def _key(self, place: int) -> str | None:
-        first, *others = self._keys[place]
+        keys = self._keys[place]
+        if self._scenarios[place].changes:
+            # That of the run itself says how it is repeated.
+            return None if None in keys.values() else keys[1]
+        first, *others = set(keys.values())
         return None if others else first
 
     def _outcomes(self, scenario: _Scenario) -> tuple[Outcome, ...]:
@@ -183,16 +208,21 @@ class OutcomeAssembly:
             return merged
         from sim_action.runner.engine_agreement import with_agreement  # a usual run does without it
 
-        indices = range(scenario.first, scenario.first + len(scenario.runs))
-        motions = [None if self._motions is None else motion_file(self._motions, index) for index in indices]
+        motions = [None if self._motions is None else motion_file(self._motions, index) for index in scenario.indices]
         return with_agreement(scenario.runs[0], merged, motions)
 
     def _merged(self, run: LoadedScenario, place: int) -> Outcome:
         """Return one outcome for all repetitions of a run."""
-        turns = [self._ended[place][turn] for turn in range(1, self.repeat + 1)]
+        scenario = self._scenarios[place]
+        turns = [self._ended[place][turn] for turn in range(1, scenario.turns + 1)]
         if len(turns) == 1:
             return turns[0]
-        return merge_repeats(run, turns, self._folder)
+        if not scenario.changes:
+            return merge_repeats(run, turns, self._folder)
+        from sim_action.runner.numerical_confidence import with_confidence  # a usual run does without it
+
+        _remove(self._folder, [each.model_copy(update={"replay": None}) for each in turns[1:]])
+        return with_confidence(run, turns[0], dict(zip(scenario.changes, turns[1:], strict=True)))
 
 
 _CAUSES: Final = (

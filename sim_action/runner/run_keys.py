@@ -244,7 +244,7 @@ def _scenario(loaded: LoadedScenario) -> list[object]:
         *(source.document.data, source.document.file, source.line, source.number, source.group, source.scenario_seed),
         [(varied.key, varied.value) for varied in source.variation],
         *(scenario.name, scenario.backend, scenario.seed, scenario.unexercised, scenario.trace.rate),
-        *(loaded.compared, loaded.strict),
+        *(scenario.confidence, loaded.repetition, loaded.compared, loaded.strict),
         *(str(loaded.workspace.directory), str(loaded.workspace.root)),
     ]
 
@@ -301,7 +301,7 @@ _UNSEALED: Final = (
     "without a valid seal; the scenarios run again, because another user or program may have written the journal, or "
     "the key in the cache folder was lost"
 )
-_FINAL: Final[frozenset[Status]] = frozenset({"passed", "failed", "not_exercised", "flaky"})
+_FINAL: Final[frozenset[Status]] = frozenset({"passed", "failed", "inconclusive", "not_exercised", "flaky"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -325,7 +325,9 @@ class TakenOver:
 
     def runs(self, repeat: int) -> int:
         """Return the number of runs that need no process; `repeat`: the number of runs for each final outcome."""
-        return sum(repeat if record.event == "finished" else 1 for record in self.records)
+        finals = (record.outcome for record in self.records if record.event == "finished")
+        repetitions = sum(len(outcome.repetitions) for outcome in finals if outcome is not None)
+        return repetitions + sum(repeat if record.event == "finished" else 1 for record in self.records)
 
     @property
     def not_passed(self) -> bool:
@@ -403,7 +405,10 @@ class _Search:
     reasons: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._indices = {place: index for index, place in enumerate(self.assembly.places)}
+        # The run itself comes before its repetitions.
+        self._indices: dict[int, int] = {}
+        for index, place in enumerate(self.assembly.places):
+            self._indices.setdefault(place, index)
 
     def records(self, places: range) -> Iterator[Record]:
         """Yield the records for one scenario: all of its final outcomes, or else outcomes of single repetitions."""
@@ -415,8 +420,10 @@ class _Search:
         # The outcome of one engine may tell of the others.
         if all(finals):
             yield from filter(None, finals)
-            for place in places:
+            for place, final in zip(places, finals, strict=True):
                 self._keep(place, range(1, self.assembly.repeat + 1))
+                if final is not None and final.outcome is not None:
+                    self.kept.update(each.replay for each in final.outcome.repetitions if each.replay)
         elif not self.assembly.is_compared(places[0]) and self.assembly.repeat > 1:
             for turn in range(1, self.assembly.repeat + 1):
                 if record := self._of_turn(places[0], turn, keys[0]):

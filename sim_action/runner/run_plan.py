@@ -12,8 +12,9 @@ from sim_action.core.wording import counted
 from sim_action.core.yaml_document import KeyPath
 from sim_action.engines import ENGINES, chosen, installed
 from sim_action.results.results_json import Shard
+from sim_action.runner.numerical_confidence import with_repetitions
 from sim_action.scenario.loading import Libraries, load_all, scenarios_of, shared
-from sim_action.scenario.model import LoadedScenario, Unexercised
+from sim_action.scenario.model import ConfidenceKind, LoadedScenario, Unexercised
 from sim_action.scenario.selection import Suite, Unmatched
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.variations.gate import PlannedGate
@@ -79,14 +80,15 @@ def _on(loaded: LoadedScenario, engine: str, *, named: bool = False) -> LoadedSc
 
 
 Plan = tuple[LoadedScenario, ...] | Refused
-"""A scenario once for each of its engines, or its refusal."""
+"""A scenario once for each of its engines, with the repetitions of each after it; or its refusal."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanRequest:
     """The request of the command line; `shard`, `backend` and `seed` as typed.
 
-    `unexercised`: for scenarios that do not say it. `strict`: warnings of the audit make scenarios fail.
+    `unexercised`, `confidence`: for scenarios that do not say it. `strict`: warnings of the audit make scenarios fail.
+    `confidence` is not for gates, which judge many runs.
     """
 
     suite: Suite
@@ -96,6 +98,7 @@ class PlanRequest:
     seed: int | None
     unexercised: Unexercised | None = None
     strict: bool = False
+    confidence: ConfidenceKind | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +203,8 @@ class _Planner:
         if isinstance(scenario, Refused):
             return scenario
         try:
-            return engine_runs(self._overridden(scenario), self._request.backend)
+            runs = engine_runs(self._overridden(scenario), self._request.backend)
+            return tuple(repeated for run in runs for repeated in with_repetitions(run))
         except InvalidScenario as error:
             return scenario.source.refused(error)
         except UsageError:
@@ -216,6 +220,8 @@ class _Planner:
             changed["seed"] = seed
         if request.unexercised is not None and loaded.scenario.unexercised is None:
             changed["unexercised"] = request.unexercised
+        if request.confidence is not None and loaded.source.gate is None:
+            changed["confidence"] = request.confidence
         if changed:
             loaded = replace(loaded, scenario=loaded.scenario.model_copy(update=changed))
         return replace(loaded, strict=True) if request.strict else loaded

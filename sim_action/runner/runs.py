@@ -36,6 +36,7 @@ class Runs:
         folder: the folder of the results; traces are written below it.
         repeat: the number of repetitions; if there are several, each run has its own interpreter and seed of hashes.
         places: the index in the results for each scenario; empty: that in `scenarios`.
+        turns: the number of runs with the same place before each scenario; empty: 0.
         replays: write replays, too.
         formats: the formats of recordings to write.
         motions: the folder for the motion of runs that are compared, see `motion_file`.
@@ -49,6 +50,7 @@ class Runs:
     folder: Path
     repeat: int = 1
     places: Sequence[int] = ()
+    turns: Sequence[int] = ()
     replays: bool = False
     formats: Sequence[str] = ()
     motions: Path | None = None
@@ -76,7 +78,8 @@ class Runs:
     def place_and_turn(self, index: int) -> tuple[int, int]:
         """Return the index of a run in the results, and the number of its repetition, counted from 1."""
         turn, number = divmod(index, len(self.scenarios))
-        return (self.places[number] if self.places else number), turn + 1
+        first = self.turns[number] if self.turns else 0
+        return (self.places[number] if self.places else number), first + turn + 1
 
     @property
     def waiting(self) -> list[int]:

@@ -31,7 +31,7 @@ from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
 from sim_action.drives import Drive
-from sim_action.engines import ENGINES, AutoOrEngine
+from sim_action.engines import ENGINES, AutoOrEngine, EngineName
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.scenario.child_environment import MAX_SET, problem_of
@@ -71,6 +71,9 @@ MAX_COMPARED_STEPS: Final = 2_000_000
 Severity = Literal["error", "warning"]
 
 Unexercised = Literal["error", "warn"]
+
+ConfidenceKind = Literal["numerical", "full"]
+"""The repetitions for the numerical confidence of a verdict; full: with a quarter of the step, too."""
 
 
 class ExpectationOptions(FrozenModel):
@@ -231,6 +234,23 @@ class Scenario(FrozenModel):
             "the scenario does not pass; warn: it is only reported; default: error"
         ),
     ] = None
+    confidence: Annotated[
+        ConfidenceKind | None,
+        Field(
+            description="numerical: repeat the run with half the step, another start and the other engine; a verdict "
+            "that these could change is inconclusive; full: with a quarter of the step, too"
+        ),
+    ] = None
+    engines: Annotated[
+        tuple[EngineName, ...], Field(description="engines whose runs count for the confidence of the verdicts")
+    ] = ()
+    inconclusive: Annotated[
+        Unexercised,
+        Field(
+            description="a verdict that a repetition for the confidence could change: error: the scenario does not "
+            "pass; warn: it is only reported"
+        ),
+    ] = "error"
     duration: Annotated[
         PositiveSeconds | None, Field(description="simulate at least so long, even if all goals are met earlier")
     ] = None
@@ -391,7 +411,9 @@ class LoadedScenario:
         compared: True if the run is compared with that of another engine.
         strict: True if warnings of the audit of claims make it fail.
         places: of the models in the world file.
-        mutation: the injected fault; None in all runs but those of `sim-action prove`.
+        mutation: the injected fault; None in all runs but those of `sim-action prove`, and those whose confidence is
+            found: these have one without a fault, and run on after a failure.
+        repetition: the change of a repetition that shows the confidence of a verdict; empty: it is no repetition.
     """
 
     scenario: Scenario
@@ -404,6 +426,7 @@ class LoadedScenario:
     strict: bool = False
     places: WorldPlaces = field(default_factory=WorldPlaces)
     mutation: Mutation | None = None
+    repetition: str = ""
 
     @property
     def document(self) -> Document:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 VerdictStatus = Literal["passed", "failed", "inconclusive", "not_exercised"]
 """The status of a verdict.
 
-- inconclusive: the runs of a gate neither show nor refute the claim.
+- inconclusive: the runs of a gate, or the repetitions of a run, neither show nor refute the claim.
 - not_exercised: the quantity was not defined at any moment, so nothing was checked.
 """
 
@@ -57,7 +57,8 @@ class Verdict:
         cut_off: True if it failed only because another failure ended the run before its decision.
         goal: True if it had to become true once; its margin then belongs to that moment, and says little.
         judged: the moments at which it was judged; None if they were not counted, as in ROS tests and old results.
-        inconclusive: the reason why there is no decision; "statistical": there are too few runs for the confidence.
+        inconclusive: the reason why there is no decision; "statistical": there are too few runs for the confidence;
+            "numerical": the step, the start or the engine changes more than the margin.
         body: the body that decided it, because the robot touched it or came near to it; empty if there is none.
         joint: the joint whose reading decided it; empty if it is about no single joint.
     """
@@ -72,7 +73,7 @@ class Verdict:
     cut_off: bool = False
     goal: bool = False
     judged: Judged | None = None
-    inconclusive: Literal["statistical"] | None = None
+    inconclusive: Literal["statistical", "numerical"] | None = None
     body: str = ""
     joint: str = ""
 

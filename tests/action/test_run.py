@@ -33,6 +33,7 @@ INPUTS = {
     "strict": "",
     "repeat": "",
     "unexercised": "",
+    "confidence": "",
     "jobs": "",
     "shard": "2/3",
     "report": "false",

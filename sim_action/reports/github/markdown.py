@@ -46,7 +46,8 @@ def markdown_row(table: Table, row: Row, options: ReportOptions | None = None) -
     """Return a row of a table; `options`: those of the links to places. Without them, places are not linked."""
     place = f"<sub>{source_link(options, row.location)}</sub>" if row.stands_out and row.location is not None else ""
     replay = f"replay: {code_of_link(row.replay)}" if row.replay else ""
-    name, message = f"**{message_text(row.name)}**" if row.name else "", message_text(row.message)
+    name = f"**{message_text(row.name)}**" if row.name else ""
+    message = "<br>".join(message_text(text) for text in (row.message, row.interval) if text)
     below = ((name, place), (message, replay)) if table.message else ((name, message, place, replay),)
     texts = ("<br>".join(filter(None, lines)) for lines in below)
     kind = (row.kind,) if table.kind else ()

@@ -315,7 +315,7 @@ def html_table(shown: Table, options: ReportOptions, *, around: str = "wide") ->
 def html_row(shown: Table, row: Row, options: ReportOptions | None, *more: Html) -> Html:
     """Return a row of a table, followed by more cells."""
     place = "" if options is None else source(row.location, options)
-    about = [element("span", part) for part in (place, row.note) if part]
+    about = [element("span", part) for part in (place, *row.notes) if part]
     small = (" ", element("small", Html(" · ".join(about)), class_="faint")) if about else ()
     name = element("a", row.name, href=f"#{row.link}") if row.link else element("span", row.name)
     message = element("td", row.message, class_="finding", data_title=shown.message) if shown.message else ""

@@ -1,6 +1,6 @@
 """Other runs of a scenario, drawn as ghosts in its player: which ones there are, and where their motions part.
 
-They are the run of `--against`, golden trajectories, the run in another engine, and a repetition. A ghost has its
+They are the run of `--against`, golden trajectories, the run in another engine, and repetitions. A ghost has its
 motion and its signals. Its contacts and marks are not drawn.
 """
 
@@ -225,14 +225,15 @@ class GhostSources:
             self._keep(identity, ghost(other.engine or "", block, replay, theirs, tolerance))
 
     def _find_repetition(self, identity: str, outcome: Outcome, replay: Replay) -> None:
-        if outcome.repeats is None or outcome.repeats.replay is None:
-            return
-        other = outcome.model_copy(update={"replay": outcome.repeats.replay})
-        theirs, _ = stored_replay(other, self._folder, self._readers["repetition"])
-        if theirs is not None:
-            block = f"repetition-{identity}"
-            self._keep(identity, ghost(REPETITION, block, replay, theirs, is_shown=True))
-            self._waiting.add(block, theirs, replay)
+        stored = {} if outcome.repeats is None else {REPETITION: outcome.repeats.replay}
+        stored |= {each.cause: each.replay for each in outcome.repetitions}
+        for number, (label, name) in enumerate(stored.items(), start=1):
+            other = outcome.model_copy(update={"replay": name})
+            theirs = stored_replay(other, self._folder, self._readers["repetition"])[0] if name else None
+            if theirs is not None:
+                block = f"repetition-{identity}" if number == 1 else f"repetition-{identity}-{number}"
+                self._keep(identity, ghost(label, block, replay, theirs, is_shown=label == REPETITION))
+                self._waiting.add(block, theirs, replay)
 
     def _keep(self, identity: str, found: Ghost) -> None:
         self.found.setdefault(identity, []).append(found)

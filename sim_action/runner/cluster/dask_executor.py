@@ -507,7 +507,7 @@ class DaskExecutor:
             others = (each.copied for each in self._archives.values() if each.copied is not own)
             return Task(
                 tuple(map(Run.of, indices, several)),
-                runs.place_and_turn(indices[0])[1],
+                indices[0] // len(runs.scenarios) + 1,
                 self._permissions,
                 here,
                 copied=(own, *others),

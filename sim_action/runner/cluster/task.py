@@ -30,6 +30,7 @@ from sim_action.runner.run_keys import source_digest
 from sim_action.runner.runs import Runs
 from sim_action.scenario.loading import Libraries, load_all, shared
 from sim_action.scenario.model import LoadedScenario
+from sim_action.scenario.mutation import Mutation
 from sim_action.scenario.source import Refused, Source
 
 _DIGITS: Final = 12
@@ -102,6 +103,7 @@ class Run:
         source: the scenario as the caller's machine reads it.
         changed: the keys of the scenario that options have changed, and their values.
         compared, strict: as in `LoadedScenario`.
+        mutation: as in `LoadedScenario`; a run whose confidence is found has one without a fault.
     """
 
     index: int
@@ -109,6 +111,7 @@ class Run:
     changed: tuple[tuple[str, Any], ...]
     compared: bool
     strict: bool
+    mutation: Mutation | None = None
 
     @classmethod
     def of(cls, index: int, loaded: LoadedScenario) -> Self:
@@ -116,8 +119,10 @@ class Run:
         scenario, source = loaded.scenario, loaded.source
         changed = {"name": scenario.name, "backend": scenario.backend, "seed": scenario.seed}
         changed |= {"unexercised": scenario.unexercised, "trace": scenario.trace}
+        if loaded.repetition:
+            changed |= {"physics": scenario.physics, "robot": scenario.robot}
         there = replace(source, path=source.path.absolute())
-        return cls(index, there, tuple(changed.items()), loaded.compared, loaded.strict)
+        return cls(index, there, tuple(changed.items()), loaded.compared, loaded.strict, loaded.mutation)
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +171,7 @@ class Task:
         if isinstance(found, Refused):
             raise found.error
         scenario = found.scenario.model_copy(update=dict(run.changed))
-        return replace(found, scenario=scenario, compared=run.compared, strict=run.strict)
+        return replace(found, scenario=scenario, compared=run.compared, strict=run.strict, mutation=run.mutation)
 
     def _moved_packages(self, packages: Sequence[tuple[str, str]], copies: Path) -> tuple[tuple[str, str], ...]:
         return tuple((name, str(self.moved(Path(folder), copies))) for name, folder in packages)

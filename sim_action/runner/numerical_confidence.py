@@ -1,0 +1,342 @@
+"""The numerical confidence of verdicts: repetitions of a run with half the step, another start and another engine.
+
+Each repetition has one change. Its margin is compared with that of the run itself. What the change leaves open is an
+interval around the margin: a verdict whose interval contains the limit is inconclusive, as is one that a repetition
+judges otherwise. The error of a method of first order halves with the step, so the whole error is twice the difference
+to half the step. With a quarter of the step, Richardson's extrapolation replaces this assumption.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import Final
+
+from sim_action.core import units
+from sim_action.core.errors import ExitCode, InvalidScenario, UsageError
+from sim_action.core.records import dataclass, replace
+from sim_action.core.units import TIME_EPSILON_S
+from sim_action.core.wording import shortened
+from sim_action.engines import ENGINES, chosen
+from sim_action.results.outcome import ExpectationOutcome, Outcome, Repetition, Spread
+from sim_action.robot.model.robot_model import WORLD
+from sim_action.scenario.model import ConfidenceKind, LoadedScenario, Scenario
+from sim_action.scenario.mutation import Mutation
+from sim_action.state.verdict import Verdict
+from sim_action.world import MAX_PHYSICS_RATE_HZ
+
+_MAX_ENDING: Final = 1_000
+_TURN: Final = math.radians(1)
+_SHIFT_M: Final = 1e-3 / math.sqrt(2)
+_FIRST_ORDER: Final = 2.0
+# Differences below this share of the greatest value are rounding.
+_ROUNDING: Final = 1e-9
+# The least ratio of two differences that shows a convergence: that of an order of 1/4.
+_LEAST_RATIO: Final = 2**0.25
+
+
+def _with_rate(factor: int) -> Callable[[Scenario], Scenario]:
+    def changed(scenario: Scenario) -> Scenario:
+        # All rates that divide the rate of the physics divide its multiples, too.
+        physics = scenario.physics.model_copy(update={"rate": factor * scenario.physics.rate})
+        return scenario.model_copy(update={"physics": physics})
+
+    return changed
+
+
+def _with_pose(**added: float) -> Callable[[Scenario], Scenario]:
+    def changed(scenario: Scenario) -> Scenario:
+        pose = scenario.robot.pose
+        moved = pose.model_copy(update={key: getattr(pose, key) + value for key, value in added.items()})
+        return scenario.model_copy(update={"robot": scenario.robot.model_copy(update={"pose": moved})})
+
+    return changed
+
+
+@dataclass(frozen=True, slots=True)
+class _Cause:
+    """A change of a repetition.
+
+    Attributes:
+        doing: the change in a sentence, such as "halving the step".
+        changed: returns the scenario with the change.
+        factor: the error that the change leaves open, in its differences.
+        rate: the factor of the rate of the physics.
+        at_start: True if it changes the start of the robot.
+    """
+
+    doing: str
+    changed: Callable[[Scenario], Scenario]
+    factor: float = 1.0
+    rate: int = 1
+    at_start: bool = False
+
+
+_HALF: Final = "half the step"
+_QUARTER: Final = "a quarter of the step"
+_CAUSES: Final[Mapping[str, _Cause]] = MappingProxyType(
+    {
+        _HALF: _Cause("halving the step", _with_rate(2), factor=_FIRST_ORDER, rate=2),
+        # The difference to a quarter of the step is 3/4 of the whole error.
+        _QUARTER: _Cause("quartering the step", _with_rate(4), factor=4 / 3, rate=4),
+        "the start turned by 1 deg": _Cause("turning the start by 1 deg", _with_pose(yaw=_TURN), at_start=True),
+        "the start moved by 1 mm": _Cause(
+            "moving the start by 1 mm", _with_pose(x=_SHIFT_M, y=_SHIFT_M), at_start=True
+        ),
+    }
+)
+
+
+def _on_engine(engine: str) -> _Cause:
+    doing = f"running it on {ENGINES[engine].title}"
+    return _Cause(doing, lambda scenario: scenario.model_copy(update={"backend": engine}))
+
+
+def _cause(name: str) -> _Cause:
+    """Return a change by its name; the names of the engines are changes, too."""
+    by_title = {engine.title: _on_engine(key) for key, engine in ENGINES.items()}
+    return _CAUSES[name] if name in _CAUSES else by_title[name]
+
+
+def _names(loaded: LoadedScenario, kind: ConfidenceKind) -> Iterator[str]:
+    """Yield the names of the changes that apply to a run. Raise UsageError if an engine is missing."""
+    scenario, model = loaded.scenario, loaded.model
+    is_fixed = scenario.robot.base == "fixed" or (model is not None and model.root == WORLD)
+    for name, cause in _CAUSES.items():
+        fits = cause.rate * scenario.physics.rate <= MAX_PHYSICS_RATE_HZ
+        if fits and not (cause.at_start and is_fixed) and (name != _QUARTER or kind == "full"):
+            yield name
+    for engine in scenario.engines:
+        if engine != scenario.backend:
+            if scenario.robot.is_mjcf and ENGINES[engine].mjcf_problem:
+                raise UsageError(ENGINES[engine].mjcf_problem)
+            yield ENGINES[chosen(engine)].title
+
+
+def with_repetitions(loaded: LoadedScenario) -> tuple[LoadedScenario, ...]:
+    """Return a run, and its repetitions if its confidence is asked for. Raise InvalidScenario."""
+    kind = loaded.scenario.confidence
+    if kind is None:
+        return (loaded,)
+    if loaded.source.gate is not None:
+        message = "a gate already judges many runs; remove 'confidence' or 'gate'"
+        raise InvalidScenario([loaded.document.problem(("confidence",), message)])
+    try:
+        names = list(_names(loaded, kind))
+    except UsageError as error:
+        raise InvalidScenario([loaded.document.problem(("engines",), str(error))]) from None
+    return tuple(repetition(loaded, name) for name in ("", *names))
+
+
+def repetition(loaded: LoadedScenario, name: str) -> LoadedScenario:
+    """Return the repetition of a run with a change; empty: the run itself, which runs on after a failure."""
+    loaded = replace(loaded, mutation=Mutation(), repetition=name)
+    if not name:
+        return loaded
+    scenario = _cause(name).changed(loaded.scenario)
+    named = scenario.model_copy(update={"name": f"{scenario.name} [{name}]"})
+    return replace(loaded, scenario=named, compared=False)
+
+
+def with_confidence(loaded: LoadedScenario, outcome: Outcome, runs: Mapping[str, Outcome]) -> Outcome:
+    """Return the outcome of a run with the confidence of its verdicts; `runs`: change -> outcome of its repetition."""
+    repetitions = tuple(_repetition(cause, run) for cause, run in runs.items())
+    outcome = outcome.model_copy(
+        update={
+            "repetitions": repetitions,
+            "wall_time": outcome.wall_time + sum(run.wall_time for run in runs.values()),
+            "notes": (*outcome.notes, *(f"with {each.cause}: {each.ending}" for each in repetitions if _is_open(each))),
+        }
+    )
+    if not outcome.has_verdict:
+        return outcome
+    # The call did not come to some of them, or sim-action has a fault: that says nothing about the run.
+    for other in runs.values():
+        if other.status == "skipped" or other.exit_code in (ExitCode.INTERRUPTED, ExitCode.INTERNAL):
+            return other.model_copy(update={"name": outcome.name, "repetitions": repetitions})
+    ended = outcome.sim_time or 0.0
+    pairs = enumerate(outcome.expectations)
+    judged = tuple(_judged(loaded, place, expected, runs, ended) for place, expected in pairs)
+    outcome = outcome.model_copy(update={"expectations": judged})
+    return outcome.model_copy(update={"status": outcome.judged_status(is_varied=loaded.source.group is not None)})
+
+
+def _repetition(cause: str, outcome: Outcome) -> Repetition:
+    return Repetition(
+        cause=cause,
+        status=outcome.status,
+        ending=shortened(outcome.ending, _MAX_ENDING),
+        sim_time=outcome.sim_time,
+        wall_time=outcome.wall_time,
+        engine=outcome.engine,
+        digest=outcome.digest,
+        replay=outcome.replay,
+    )
+
+
+def _is_open(repetition: Repetition) -> bool:
+    return repetition.status in ("error", "skipped")
+
+
+def _judged(
+    loaded: LoadedScenario, place: int, expected: ExpectationOutcome, runs: Mapping[str, Outcome], ended: float
+) -> ExpectationOutcome:
+    """Return an expectation with what the repetitions say about it; `ended`: its sim time in s."""
+    verdict = expected.verdict
+    if verdict.cut_off or verdict.status == "not_exercised":
+        return expected
+    end = min(loaded.scenario.expect[place].before, loaded.scenario.time_limit if verdict.goal else ended)
+    compared = [_Compared(cause, verdict, run, place, end) for cause, run in runs.items()]
+    spreads = tuple(_with_order([each.spread for each in compared], compared))
+    open_ones = [(each, spread) for each, spread in zip(compared, spreads, strict=True) if not spread.is_decided]
+    # A quarter of the step has the reason of half the step.
+    repeated = {_QUARTER} if any(each.cause == _HALF for each, _ in open_ones) else set[str]()
+    reasons = [each.words(spread) for each, spread in open_ones if each.cause not in repeated]
+    changed: dict[str, object] = {"spreads": spreads, "inconclusive": loaded.scenario.inconclusive}
+    if reasons:
+        message = f"{_result(compared[0])}, but {'; '.join(reasons)} ({verdict.message})"
+        # A failure that is open stays one where open verdicts are accepted.
+        is_kept = verdict.status == "failed" and loaded.scenario.inconclusive == "warn"
+        open_one = replace(verdict, message=message)
+        changed["verdict"] = open_one if is_kept else replace(open_one, passed=False, inconclusive="numerical")
+    return expected.model_copy(update=changed)
+
+
+def _result(compared: _Compared) -> str:
+    passed, values = compared.ours.passed, compared.values
+    verb = "passes" if passed else "fails"
+    if values is None or compared.is_count:
+        return verb
+    margin = units.display(abs(values[1]), compared.unit)
+    if not compared.is_by_time:
+        return f"{verb} by {margin}"
+    return f"passes with {margin} left" if passed else f"fails {margin} before the end"
+
+
+class _Compared:
+    """An expectation in the run and in one repetition.
+
+    Attributes:
+        ours, theirs: the verdicts; `theirs` is None if the repetition has none.
+        is_by_time: True if the moments of decision are compared.
+        unit: the SI symbol of `values` and `others`.
+        values, others: the measured value and the margin of the run and of the repetition; None: not comparable.
+    """
+
+    def __init__(self, cause: str, verdict: Verdict, run: Outcome, place: int, end: float) -> None:
+        """Compare a verdict with that at a place of `run`; `end`: the sim time in s until which it is judged."""
+        self.cause, self.ours = cause, verdict
+        self._ending = shortened(run.ending, _MAX_ENDING)
+        self.theirs = run.expectations[place].verdict if run.has_verdict else None
+        self.is_by_time = self.theirs is not None and all(_is_by_time(each, end) for each in (verdict, self.theirs))
+        self.unit = "s" if self.is_by_time else verdict.unit
+        values = _times if self.is_by_time else _values
+        ours, theirs = values(verdict, end), None if self.theirs is None else values(self.theirs, end)
+        unit = self.unit if self.is_by_time or self.theirs is None else self.theirs.unit
+        is_comparable = ours is not None and theirs is not None and unit == self.unit
+        self.values = ours if is_comparable else None
+        self.others = theirs if is_comparable else None
+
+    @property
+    def is_count(self) -> bool:
+        """True if the values are whole numbers, so that only another verdict says something."""
+        several = [value for pair in (self.values, self.others) if pair is not None for value in pair]
+        return self.unit == "contacts" or (not self.unit and all(value.is_integer() for value in several))
+
+    @property
+    def difference(self) -> float | None:
+        """The margin of the repetition less that of the run; None if they cannot be compared."""
+        return None if self.values is None or self.others is None else self.others[1] - self.values[1]
+
+    @property
+    def spread(self) -> Spread:
+        """The spread, from this repetition alone."""
+        if self.theirs is None:
+            return Spread(cause=self.cause, is_decided=False)
+        measured, margin = self.others or (self.theirs.measured, self.theirs.margin)
+        spread = Spread(cause=self.cause, status=self.theirs.status, measured=measured, margin=margin, unit=self.unit)
+        alike = self.theirs.status == self.ours.status
+        if self.difference is None or self.is_count:
+            return spread.model_copy(update={"is_decided": alike})
+        return self.within(spread, _cause(self.cause).factor * abs(self.difference))
+
+    def within(self, spread: Spread, error: float) -> Spread:
+        """Return the spread with the bounds that an error of the margin gives."""
+        assert self.values is not None
+        assert self.theirs is not None
+        margin = self.values[1]
+        decided = self.theirs.status == self.ours.status and (abs(margin) > error or error == 0)
+        return spread.model_copy(update={"low": margin - error, "high": margin + error, "is_decided": decided})
+
+    def words(self, spread: Spread) -> str:
+        """Return the reason why the repetition leaves the verdict open."""
+        doing = _cause(self.cause).doing
+        if self.theirs is None:
+            return f"with {self.cause} there is no verdict: {self._ending}"
+        if self.difference is None or self.is_count:
+            return f"with {self.cause} it {_changed(self.theirs)}: {shortened(self.theirs.message, _MAX_ENDING)}; it jumps between these runs"
+        moved = f"{doing} moves it by {units.display(abs(self.difference), self.unit)}"
+        error = 0.0 if spread.high is None or self.values is None else spread.high - self.values[1]
+        if error > abs(self.difference) and self.theirs.status == self.ours.status:
+            moved += f", so the error may be {units.display(error, self.unit)}"
+        return f"{moved} ({spread.note})" if spread.note else moved
+
+
+def _changed(verdict: Verdict) -> str:
+    return {"passed": "passes", "failed": "fails"}.get(verdict.status, "is not exercised")
+
+
+def _is_by_time(verdict: Verdict, end: float) -> bool:
+    """Return True if a verdict was decided before the end: its margin is that of this moment, and says little."""
+    if verdict.time is None or verdict.goal != verdict.passed:
+        return False
+    return verdict.goal or verdict.time < end - TIME_EPSILON_S
+
+
+def _times(verdict: Verdict, end: float) -> tuple[float, float] | None:
+    """Return the time in s of the decision, and the margin: the time left, or missed."""
+    assert verdict.time is not None
+    left = end - verdict.time
+    return verdict.time, left if verdict.passed else -left
+
+
+def _values(verdict: Verdict, _: float) -> tuple[float, float] | None:
+    """Return the measured value and the margin; None if there is no margin, or that of a moment."""
+    if verdict.cut_off or verdict.margin is None or not math.isfinite(verdict.margin):
+        return None
+    if verdict.goal and verdict.passed:
+        return None
+    return (verdict.margin if verdict.measured is None else verdict.measured), verdict.margin
+
+
+def _with_order(spreads: Sequence[Spread], compared: Sequence[_Compared]) -> Iterator[Spread]:
+    """Yield the spreads; with a quarter of the step, the errors of the step are those of an extrapolation."""
+    by_cause = {each.cause: each for each in compared}
+    half, quarter = by_cause.get(_HALF), by_cause.get(_QUARTER)
+    order = None if half is None or quarter is None else _extrapolated(half, quarter)
+    for spread, each in zip(spreads, compared, strict=True):
+        is_step = each is half or each is quarter
+        if order is None or not is_step or spread.low is None:
+            yield spread
+        else:
+            error, note = order
+            yield each.within(spread.model_copy(update={"note": note}), error)
+
+
+def _extrapolated(half: _Compared, quarter: _Compared) -> tuple[float, str] | None:
+    """Return the error of the step by Richardson's extrapolation, and a remark; None if nothing can be compared."""
+    first, both = half.difference, quarter.difference
+    if first is None or both is None or half.values is None or half.unit != quarter.unit:
+        return None
+    second = both - first
+    margin = half.values[1]
+    rounding = _ROUNDING * max(1.0, abs(margin))
+    if abs(second) <= rounding:
+        return abs(first), f"it converges to {units.display(margin + both, half.unit)}"
+    ratio = first / second
+    if ratio < _LEAST_RATIO:
+        return _FIRST_ORDER * max(abs(first), abs(both)), "it does not converge"
+    error = first * ratio / (ratio - 1)
+    at = units.display(margin + error, half.unit)
+    return abs(error), f"it converges to {at} with order {math.log2(ratio):.2g}"

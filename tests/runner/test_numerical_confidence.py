@@ -1,0 +1,221 @@
+"""Numerical confidence: repetitions with one change each, and what they leave open of a verdict."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import sim_action
+from sim_action.core.errors import InvalidScenario, Location
+from sim_action.core.records import replace
+from sim_action.core.units import rate_divides
+from sim_action.results.outcome import Failure, Outcome
+from sim_action.runner.numerical_confidence import with_confidence, with_repetitions
+from sim_action.scenario.loading import load_scenario
+from sim_action.scenario.model import LoadedScenario
+from sim_action.scenario.variations.gate import Gate, PlannedGate
+from sim_action.state.verdict import Verdict
+from tests.integration.engines import on_every_engine
+from tests.outcomes import like, outcome
+
+SCENARIO = """
+name: drive
+robot: {{model: {model}}}
+commands: {{twist: [{{linear: 0.2}}], rate: 10 Hz}}
+expect: [{{stay_within: {{x: [-1, 1]}}}}]
+confidence: {kind}
+{more}
+time_limit: 2 s
+"""
+
+
+def scenario(folder: Path, kind: str = "numerical", more: str = "", model: str = "turtlebot3_burger") -> LoadedScenario:
+    path = folder / "drive.sim.yml"
+    path.write_text(SCENARIO.format(kind=kind, more=more, model=model))
+    return load_scenario(path)
+
+
+def run(margin: float, **stated: Any) -> Outcome:
+    verdict = Verdict(margin >= 0, 1 - margin, 1.0, margin, "m", 2.0, "somewhere")
+    one = outcome("drive.sim.yml", holds=verdict.passed)
+    expected = like(one.expectations[0], verdict=replace(verdict, **stated))
+    return like(one, expectations=(expected,), sim_time=2.0, name="drive")
+
+
+def judged(loaded: LoadedScenario, ours: Outcome, **others: Outcome) -> Outcome:
+    names = {"half": "half the step", "quarter": "a quarter of the step", "turned": "the start turned by 1 deg"}
+    return with_confidence(loaded, ours, {names[key]: other for key, other in others.items()})
+
+
+def test_the_repetitions_have_one_change_each(tmp_path: Path) -> None:
+    nominal, half, turned, moved = with_repetitions(scenario(tmp_path))
+    assert (nominal.repetition, nominal.scenario.name) == ("", "drive")
+    assert half.scenario.physics.rate == 2 * nominal.scenario.physics.rate
+    assert half.scenario.robot == nominal.scenario.robot
+    pose = turned.scenario.robot.pose
+    assert (pose.x, pose.yaw) == pytest.approx((0.0, 0.0174533), rel=1e-5)
+    pose = moved.scenario.robot.pose
+    assert (pose.x**2 + pose.y**2) ** 0.5 == pytest.approx(1e-3)
+
+
+def test_a_named_engine_and_a_quarter_of_the_step_are_repetitions(tmp_path: Path) -> None:
+    several = with_repetitions(scenario(tmp_path, "full", "engines: [pybullet, mujoco]\nbackend: pybullet"))
+    assert [each.repetition for each in several[1:]] == [
+        "half the step",
+        "a quarter of the step",
+        "the start turned by 1 deg",
+        "the start moved by 1 mm",
+        "MuJoCo",
+    ]
+    assert several[-1].scenario.backend == "mujoco"
+
+
+def test_a_bolted_robot_has_no_other_start(tmp_path: Path) -> None:
+    fixed = load_scenario(_arm(tmp_path))
+    assert [each.repetition for each in with_repetitions(fixed)] == ["", "half the step"]
+
+
+def _arm(folder: Path) -> Path:
+    path = folder / "arm.sim.yml"
+    text = SCENARIO.format(kind="numerical", more="", model="kuka_iiwa").replace(
+        "{model: kuka_iiwa}", "{model: a.urdf}"
+    )
+    text = text.replace("commands: {twist: [{linear: 0.2}], rate: 10 Hz}\n", "").replace(
+        "{stay_within: {x: [-1, 1]}}", "{joint: {name: j, at_most: 3 rad}}"
+    )
+    link = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    (folder / "a.urdf").write_text(
+        f'<robot name="a"><link name="world"/><link name="l">{link}</link><joint name="j" type="revolute">'
+        '<parent link="world"/><child link="l"/><axis xyz="0 1 0"/>'
+        '<limit lower="-3" upper="3" effort="9" velocity="9"/></joint></robot>'
+    )
+    path.write_text(text)
+    return path
+
+
+@given(st.integers(1, 2000), st.integers(1, 50))
+def test_rates_that_divide_a_rate_divide_its_double(rate: int, steps: int) -> None:
+    assert rate_divides(2.0 * rate * steps, float(rate))
+
+
+@pytest.mark.parametrize(
+    ("ours", "half", "status"),
+    [
+        # The converged difference is twice that to half the step, 2 cm.
+        (0.061, 0.051, "passed"),
+        (0.006, -0.004, "inconclusive"),
+        (0.006, 0.016, "inconclusive"),
+        (-0.061, -0.051, "failed"),
+        (-0.006, -0.016, "inconclusive"),
+        (-0.006, 0.004, "inconclusive"),
+        (0.0, 0.0, "passed"),
+    ],
+)
+def test_planted_margins_are_decided_or_not(tmp_path: Path, ours: float, half: float, status: str) -> None:
+    found = judged(scenario(tmp_path), run(ours), half=run(half))
+    assert found.status == status
+    assert found.exit_code == (0 if status == "passed" else 1)
+    [spread] = found.expectations[0].spreads
+    assert (spread.low, spread.high) == pytest.approx((ours - 2 * abs(ours - half), ours + 2 * abs(ours - half)))
+
+
+def test_an_open_verdict_says_what_moves_it(tmp_path: Path) -> None:
+    found = judged(scenario(tmp_path), run(0.003), half=run(-0.006), turned=run(0.0031))
+    [expected] = found.expectations
+    assert expected.message == "passes by 0.003 m, but halving the step moves it by 0.009 m (somewhere)"
+    assert expected.verdict.inconclusive == "numerical"
+    assert [each.is_decided for each in expected.spreads] == [False, True]
+
+
+@pytest.mark.parametrize(("ours", "status"), [(0.003, "passed"), (-0.003, "failed")])
+def test_open_verdicts_can_be_accepted(tmp_path: Path, ours: float, status: str) -> None:
+    loaded = scenario(tmp_path, more="inconclusive: warn")
+    found = judged(loaded, run(ours), half=run(-2 * ours))
+    assert (found.status, found.expectations[0].status) == (status, "warned" if ours > 0 else "failed")
+
+
+def test_a_contact_that_is_there_or_not_is_a_jump(tmp_path: Path) -> None:
+    free, touched = (run(margin, unit="contacts", message=text) for margin, text in ((0.0, "free"), (-1.0, "hit it")))
+    found = judged(scenario(tmp_path), free, half=free, turned=touched)
+    assert found.expectations[0].message == (
+        "passes, but with the start turned by 1 deg it fails: hit it; it jumps between these runs (free)"
+    )
+    assert judged(scenario(tmp_path), free, half=free, turned=free).status == "passed"
+
+
+@pytest.mark.parametrize(("goal", "passed", "time", "left"), [(True, True, 1.5, 0.5), (False, False, 1.5, -0.5)])
+def test_a_decision_before_the_end_is_compared_by_its_time(
+    tmp_path: Path, *, goal: bool, passed: bool, time: float, left: float
+) -> None:
+    ours, half = (run(0.001 if passed else -0.001, goal=goal, passed=passed, time=at) for at in (time, time + 0.01))
+    [spread] = judged(scenario(tmp_path), ours, half=half).expectations[0].spreads
+    assert (spread.unit, spread.is_decided) == ("s", True)
+    assert (spread.low, spread.high) == pytest.approx((left - 0.02, left + 0.02))
+
+
+def test_a_repetition_without_a_verdict_leaves_it_open(tmp_path: Path) -> None:
+    crash = Failure(kind="crash", title="SIGSEGV", message="it ended")
+    broken = like(run(0.5), status="error", failures=(crash,), expectations=())
+    found = judged(scenario(tmp_path), run(0.5), half=broken)
+    assert found.status == "inconclusive"
+    assert (
+        "with half the step there is no verdict: ended in an error (SIGSEGV: it ended)" in found.expectations[0].message
+    )
+
+
+@pytest.mark.parametrize(
+    ("half", "quarter", "note", "status"),
+    [
+        (0.03, 0.02, "it converges to 0.01 m with order 1", "passed"),
+        (0.01, 0.0, "it converges to -0.01 m with order 0.58", "inconclusive"),
+        (0.045, 0.06, "it does not converge", "passed"),
+        (0.03, 0.1, "it does not converge", "inconclusive"),
+    ],
+)
+def test_a_quarter_of_the_step_shows_the_order(
+    tmp_path: Path, half: float, quarter: float, note: str, status: str
+) -> None:
+    found = judged(scenario(tmp_path, "full"), run(0.05), half=run(half), quarter=run(quarter))
+    if "0.58" not in note:
+        assert found.expectations[0].spreads[0].note == note
+    assert found.status == status
+
+
+def test_a_gate_has_no_confidence_of_each_run(tmp_path: Path) -> None:
+    loaded = scenario(tmp_path)
+    gate = Gate.model_validate({"passes": {"at_least": 0.9}, "runs": 29})
+    planned = PlannedGate(
+        name="drive", group="drive", file="drive.sim.yml", location=Location("drive.sim.yml"), runs=29, gate=gate
+    )
+    with pytest.raises(InvalidScenario, match="a gate already judges many runs"):
+        with_repetitions(replace(loaded, source=replace(loaded.source, gate=planned)))
+
+
+FALL = """
+name: fall
+robot: {{model: turtlebot3_burger}}
+physics: {{settle: 0 s}}
+backend: {engine}
+confidence: numerical
+expect: [{{object: {{name: ball, stay_within: {{z: [5 m, 20 m]}}}}}}]
+world: {{objects: [{{name: ball, sphere: {{radius: 0.1 m}}, mass: 1, pose: {{z: 10 m, x: 2}}}}]}}
+duration: 1 s
+time_limit: 1 s
+variations: {{"expect.0.object.stay_within.z": [[5.0142 m, 20 m], [5.0702 m, 20 m], [5.0822 m, 20 m], [5.13 m, 20 m]]}}
+"""
+
+
+@pytest.mark.process
+@on_every_engine
+def test_a_fall_is_judged_as_its_converged_error_says(tmp_path: Path, engine: str) -> None:
+    # Semi-implicit Euler falls g t h / 2 = 20.4 mm too far. The margins are 3, 0.3, -0.3 and -2.6 times that.
+    pytest.importorskip(engine)
+    path = tmp_path / "fall.sim.yml"
+    path.write_text(FALL.format(engine=engine))
+    several = [sim_action.run(path, report=False, jobs=jobs).runs for jobs in (1, 2)]
+    assert [each.status for each in several[0]] == ["passed", "inconclusive", "inconclusive", "failed"]
+    assert [each.expectations for each in several[0]] == [each.expectations for each in several[1]]
