@@ -275,7 +275,8 @@ class _Compared:
         if self.theirs is None:
             return f"with {self.cause} there is no verdict: {self._ending}"
         if self.difference is None or self.is_count:
-            return f"with {self.cause} it {_changed(self.theirs)}: {shortened(self.theirs.message, _MAX_ENDING)}; it jumps between these runs"
+            message = shortened(self.theirs.message, _MAX_ENDING)
+            return f"with {self.cause} it {_changed(self.theirs)}: {message}; it jumps between these runs"
         moved = f"{doing} moves it by {units.display(abs(self.difference), self.unit)}"
         error = 0.0 if spread.high is None or self.values is None else spread.high - self.values[1]
         if error > abs(self.difference) and self.theirs.status == self.ours.status:
