@@ -43,6 +43,7 @@ class RunRequest:
         resume: True to take over outcomes of the earlier call in the output folder.
         valid_only: True if nothing runs unless all scenarios are valid.
         cluster: the address of the cluster that runs the scenarios; None: this machine does.
+        budget: the largest number of runs, with all repetitions; None: any.
     """
 
     plan: PlanRequest
@@ -54,6 +55,7 @@ class RunRequest:
     resume: bool = False
     valid_only: bool = False
     cluster: str | None = None
+    budget: int | None = None
 
     def __post_init__(self) -> None:
         """Refuse options that a cluster cannot follow. Raise UsageError."""
@@ -84,6 +86,7 @@ def run_scenarios(request: RunRequest, interruption: Interruption, listener: Lis
     started = time.monotonic()
     with closing(_keys(request)) as keys:
         found = plan_runs(request.plan)
+        found = replace(found, plans=_affordable(request, found.plans))
         if found.shard is not None and not found.plans:
             warn(f"{found.shard} has no scenario: the selection has only {found.shard.total}; use fewer shards")
         if request.valid_only:
@@ -97,6 +100,21 @@ def run_scenarios(request: RunRequest, interruption: Interruption, listener: Lis
             taken_over = call.taken.finals if request.resume else None
             told = replace(options, taken_over=taken_over, permissions=request.plan.permissions)
             return FinishedRun(results, write_reports(results, told))
+
+
+def _affordable(request: RunRequest, plans: Sequence[Plan]) -> Sequence[Plan]:
+    """Return the plans with the repetitions that are run. Raise UsageError if there are more runs than allowed."""
+    size = sum(map(_size, plans))
+    if request.repeat > 1 or request.plan.permissions.updates_golden:
+        plans = [plan if isinstance(plan, Refused) else originals(plan) for plan in plans]
+        if sum(map(_size, plans)) < size:
+            warn("the confidence of verdicts is not found with --repeat and --update-golden")
+    runs = sum(map(_size, plans)) * request.repeat
+    if request.budget is not None and runs > request.budget:
+        raise UsageError(
+            f"--budget: {counted(runs, 'run')} would be needed, {request.budget} are allowed; select fewer"
+        )
+    return plans
 
 
 def refuse_invalid(refused: Sequence[Refused]) -> None:
@@ -165,10 +183,6 @@ class _Call:
         self._request, self._found, self._options, self._keys, self._started = request, found, options, keys, started
         self._schedule = schedule
         self._plans = found.plans
-        if request.repeat > 1 or request.plan.permissions.updates_golden:
-            self._plans = [plan if isinstance(plan, Refused) else originals(plan) for plan in found.plans]
-            if sum(map(_size, self._plans)) < sum(map(_size, found.plans)):
-                warn("the confidence of verdicts is not found with --repeat and --update-golden")
         if request.plan.permissions.updates_golden:
             from sim_action.runner.golden_update import refuse_shared_goldens  # a usual run does without it
 

@@ -60,6 +60,7 @@ _OF_RUNS: Final = (
         "repeat",
         "unexercised",
         "confidence",
+        "budget",
         "strict",
         "update_golden",
         "force",
@@ -154,9 +155,14 @@ _WISHED_RATE: Final = "97%"
     is_flag=False,
     flag_value="numerical",
     type=click.Choice(("numerical", "full")),
-    help="Repeat each run with half the step, another start, and the other engine if the scenario names it. A verdict "
-    "that these could change is inconclusive. full: with a quarter of the step, too.  "
-    '[default: "confidence:" in the file of each scenario]',
+    help="Repeat each run with half the step and another start; a verdict that these could change is inconclusive. "
+    "full: also with a quarter of the step.",
+)
+@click.option(
+    "--budget",
+    type=Bounded(click.IntRange(1)),
+    metavar="N",
+    help="Run nothing if there are more than N runs, with the repetitions of --confidence.",
 )
 @strict_option
 @click.option(
@@ -206,6 +212,7 @@ def run(
     repeat: int,
     unexercised: Unexercised | None,
     confidence: ConfidenceKind | None,
+    budget: int | None,
     strict: bool,
     update_golden: bool,
     force: bool,
@@ -261,8 +268,11 @@ def run(
             return _planned(plan, plan_gate, flags["output_dir"], jobs or usable_cores())
         if list_only:
             return _listed(plan)
+        reports = report_request(flags)
         request = RunRequest(
-            plan, report_request(flags), jobs or usable_cores(), fail_fast, recordings, repeat, resume, cluster=cluster
+            *(plan, reports, jobs or usable_cores(), fail_fast, recordings, repeat, resume),
+            cluster=cluster,
+            budget=budget,
         )
         served = live_port(live=live, port=port, watch=watch)
         if not watch:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Final
 
@@ -104,25 +105,31 @@ def _runs_of_gates(results: Results) -> Iterator[str]:
         yield f"{counted(len(left), 'run')} of {counted(gates, 'gate')} for sim-action merge{without}"
 
 
+# Bounds that differ by less than this share of them are shown as one value.
+_SAME: Final = 1e-6
+
+
 def _repetitions(results: Results) -> Iterator[str]:
-    several = [each for outcome in results.outcomes for each in outcome.repetitions]
-    if several:
-        yield f"{counted(len(several), 'repetition')} in {sum(each.wall_time for each in several):.1f} s"
+    times = [repetition.wall_time for outcome in results.outcomes for repetition in outcome.repetitions]
+    if times:
+        yield f"{counted(len(times), 'repetition')} in {sum(times):.1f} s"
 
 
 def confidence_text(expected: ExpectationOutcome) -> str:
-    """Return the widest interval of the margin, such as "margin 1 mm to 3 mm (half the step)"; or ""."""
-    wide = max(
-        (each for each in expected.spreads if each.low is not None and each.high is not None),
-        key=lambda each: ((each.high or 0.0) - (each.low or 0.0)) / (abs(each.margin or 0.0) or 1.0),
-        default=None,
-    )
+    """Return the interval of the margin that leaves most open, such as "margin 1 mm to 3 mm (half the step)"; or ""."""
+    spreads = [spread for spread in expected.spreads if spread.low is not None]
+    wide = max(spreads, key=_openness, default=None)
     return "" if wide is None else f"margin {_bounds(wide)} ({wide.cause})"
+
+
+def _openness(spread: Spread) -> tuple[bool, float]:
+    low, high = spread.low or 0.0, spread.high or 0.0
+    return not spread.is_decided, (high - low) / (abs(high + low) or 1.0)
 
 
 def spread_texts(expected: ExpectationOutcome) -> list[str]:
     """Return one text for each repetition, such as "half the step: measured 1 m, margin 1 mm to 3 mm"."""
-    return [f"{each.cause}: {', '.join(_of_spread(each))}" for each in expected.spreads]
+    return [f"{spread.cause}: {', '.join(_of_spread(spread))}" for spread in expected.spreads]
 
 
 def _of_spread(spread: Spread) -> Iterator[str]:
@@ -136,8 +143,10 @@ def _of_spread(spread: Spread) -> Iterator[str]:
 
 
 def _bounds(spread: Spread) -> str:
-    low, high = units.display_apart(spread.low or 0.0, spread.high or 0.0, spread.unit)
-    return low if spread.low == spread.high else f"{low} to {high}"
+    bounds = spread.low or 0.0, spread.high or 0.0
+    if math.isclose(*bounds, rel_tol=_SAME):
+        return units.display(bounds[0], spread.unit)
+    return " to ".join(units.display_apart(*bounds, spread.unit))
 
 
 def repeats_text(outcome: Outcome) -> str:

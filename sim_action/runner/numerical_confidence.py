@@ -114,6 +114,14 @@ def _names(loaded: LoadedScenario, kind: ConfidenceKind) -> Iterator[str]:
             yield ENGINES[chosen(engine)].title
 
 
+def _left_out(loaded: LoadedScenario) -> Iterator[str]:
+    """Yield a note on each change that the rate of the physics does not allow."""
+    rate, is_full = loaded.scenario.physics.rate, loaded.scenario.confidence == "full"
+    for name, cause in _CAUSES.items():
+        if cause.rate * rate > MAX_PHYSICS_RATE_HZ and (name != _QUARTER or is_full):
+            yield f"no repetition with {name}: a physics rate of {cause.rate * rate:g} Hz is more than is allowed"
+
+
 def with_repetitions(loaded: LoadedScenario) -> tuple[LoadedScenario, ...]:
     """Return a run, and its repetitions if its confidence is asked for. Raise InvalidScenario."""
     kind = loaded.scenario.confidence
@@ -131,7 +139,7 @@ def with_repetitions(loaded: LoadedScenario) -> tuple[LoadedScenario, ...]:
 
 def repetition(loaded: LoadedScenario, name: str) -> LoadedScenario:
     """Return the repetition of a run with a change; empty: the run itself, which runs on after a failure."""
-    loaded = replace(loaded, mutation=Mutation(), repetition=name)
+    loaded = replace(loaded, mutation=Mutation(looks_ahead=True), repetition=name)
     if not name:
         return loaded
     scenario = _cause(name).changed(loaded.scenario)
@@ -146,7 +154,11 @@ def with_confidence(loaded: LoadedScenario, outcome: Outcome, runs: Mapping[str,
         update={
             "repetitions": repetitions,
             "wall_time": outcome.wall_time + sum(run.wall_time for run in runs.values()),
-            "notes": (*outcome.notes, *(f"with {each.cause}: {each.ending}" for each in repetitions if _is_open(each))),
+            "notes": (
+                *outcome.notes,
+                *_left_out(loaded),
+                *(f"with {other.cause}: {other.ending}" for other in repetitions if _is_open(other)),
+            ),
         }
     )
     if not outcome.has_verdict:
@@ -188,14 +200,14 @@ def _judged(
         return expected
     end = min(loaded.scenario.expect[place].before, loaded.scenario.time_limit if verdict.goal else ended)
     compared = [_Compared(cause, verdict, run, place, end) for cause, run in runs.items()]
-    spreads = tuple(_with_order([each.spread for each in compared], compared))
-    open_ones = [(each, spread) for each, spread in zip(compared, spreads, strict=True) if not spread.is_decided]
+    spreads = tuple(_with_order([one.spread for one in compared], compared))
+    open_ones = [(one, spread) for one, spread in zip(compared, spreads, strict=True) if not spread.is_decided]
     # A quarter of the step has the reason of half the step.
-    repeated = {_QUARTER} if any(each.cause == _HALF for each, _ in open_ones) else set[str]()
-    reasons = [each.words(spread) for each, spread in open_ones if each.cause not in repeated]
+    repeated = {_QUARTER} if any(one.cause == _HALF for one, _ in open_ones) else set[str]()
+    reasons = [one.words(spread) for one, spread in open_ones if one.cause not in repeated]
     changed: dict[str, object] = {"spreads": spreads, "inconclusive": loaded.scenario.inconclusive}
     if reasons:
-        message = f"{_result(compared[0])}, but {'; '.join(reasons)} ({verdict.message})"
+        message = f"{_result(open_ones[0][0])}, but {'; '.join(reasons)} ({verdict.message})"
         # A failure that is open stays one where open verdicts are accepted.
         is_kept = verdict.status == "failed" and loaded.scenario.inconclusive == "warn"
         open_one = replace(verdict, message=message)
@@ -219,7 +231,8 @@ class _Compared:
 
     Attributes:
         ours, theirs: the verdicts; `theirs` is None if the repetition has none.
-        is_by_time: True if the moments of decision are compared.
+        is_by_time: True if the moments of decision are compared: they lie before the end, and their interval is wider
+            than that of the extreme margins.
         unit: the SI symbol of `values` and `others`.
         values, others: the measured value and the margin of the run and of the repetition; None: not comparable.
     """
@@ -229,14 +242,11 @@ class _Compared:
         self.cause, self.ours = cause, verdict
         self._ending = shortened(run.ending, _MAX_ENDING)
         self.theirs = run.expectations[place].verdict if run.has_verdict else None
-        self.is_by_time = self.theirs is not None and all(_is_by_time(each, end) for each in (verdict, self.theirs))
+        pair = None if self.theirs is None else _pair(verdict, self.theirs)
+        times = None if self.theirs is None else _times(verdict, self.theirs, end)
+        self.is_by_time = times is not None and (pair is None or _openness(times) >= _openness(pair))
         self.unit = "s" if self.is_by_time else verdict.unit
-        values = _times if self.is_by_time else _values
-        ours, theirs = values(verdict, end), None if self.theirs is None else values(self.theirs, end)
-        unit = self.unit if self.is_by_time or self.theirs is None else self.theirs.unit
-        is_comparable = ours is not None and theirs is not None and unit == self.unit
-        self.values = ours if is_comparable else None
-        self.others = theirs if is_comparable else None
+        self.values, self.others = (times if self.is_by_time else pair) or (None, None)
 
     @property
     def is_count(self) -> bool:
@@ -288,41 +298,62 @@ def _changed(verdict: Verdict) -> str:
     return {"passed": "passes", "failed": "fails"}.get(verdict.status, "is not exercised")
 
 
-def _is_by_time(verdict: Verdict, end: float) -> bool:
+_Values = tuple[float, float]
+"""A measured value and its margin."""
+
+
+def _times(ours: Verdict, theirs: Verdict, end: float) -> tuple[_Values, _Values] | None:
+    """Return the times in s of two decisions, and the times left, or missed; None if one is that of the end."""
+    if not (_is_early(ours, end) and _is_early(theirs, end)):
+        return None
+    at, other = ours.time or 0.0, theirs.time or 0.0
+    sign = 1 if ours.passed else -1
+    return (at, sign * (end - at)), (other, sign * (end - other))
+
+
+def _is_early(verdict: Verdict, end: float) -> bool:
     """Return True if a verdict was decided before the end: its margin is that of this moment, and says little."""
     if verdict.time is None or verdict.goal != verdict.passed:
         return False
     return verdict.goal or verdict.time < end - TIME_EPSILON_S
 
 
-def _times(verdict: Verdict, end: float) -> tuple[float, float] | None:
-    """Return the time in s of the decision, and the margin: the time left, or missed."""
-    assert verdict.time is not None
-    left = end - verdict.time
-    return verdict.time, left if verdict.passed else -left
+def _pair(ours: Verdict, theirs: Verdict) -> tuple[_Values, _Values] | None:
+    """Return the values of two verdicts; None if they cannot be compared."""
+    values, others = _values(ours), _values(theirs)
+    return None if values is None or others is None or ours.unit != theirs.unit else (values, others)
 
 
-def _values(verdict: Verdict, _: float) -> tuple[float, float] | None:
-    """Return the measured value and the margin; None if there is no margin, or that of a moment."""
-    if verdict.cut_off or verdict.margin is None or not math.isfinite(verdict.margin):
+def _values(verdict: Verdict) -> _Values | None:
+    """Return the measured value and the margin, those of the extreme step; None if there is no margin of any use."""
+    margin, extreme, limit, measured = verdict.margin, verdict.extreme, verdict.limit, verdict.measured
+    if verdict.cut_off or margin is None or not math.isfinite(margin):
         return None
-    if verdict.goal and verdict.passed:
-        return None
-    return (verdict.margin if verdict.measured is None else verdict.measured), verdict.margin
+    if extreme is None or limit is None or measured is None:
+        return None if verdict.goal and verdict.passed else (margin if measured is None else measured, margin)
+    # A value above a lower limit has a positive margin, above an upper limit a negative one.
+    sign = math.copysign(1.0, (measured - limit) * margin)
+    return limit + sign * extreme, extreme
+
+
+def _openness(pair: tuple[_Values, _Values]) -> float:
+    """Return the difference of two margins as a share of the first."""
+    (_, margin), (_, other) = pair
+    return abs(other - margin) / abs(margin) if margin else math.inf
 
 
 def _with_order(spreads: Sequence[Spread], compared: Sequence[_Compared]) -> Iterator[Spread]:
     """Yield the spreads; with a quarter of the step, the errors of the step are those of an extrapolation."""
-    by_cause = {each.cause: each for each in compared}
+    by_cause = {one.cause: one for one in compared}
     half, quarter = by_cause.get(_HALF), by_cause.get(_QUARTER)
     order = None if half is None or quarter is None else _extrapolated(half, quarter)
-    for spread, each in zip(spreads, compared, strict=True):
-        is_step = each is half or each is quarter
+    for spread, one in zip(spreads, compared, strict=True):
+        is_step = one is half or one is quarter
         if order is None or not is_step or spread.low is None:
             yield spread
         else:
             error, note = order
-            yield each.within(spread.model_copy(update={"note": note}), error)
+            yield one.within(spread.model_copy(update={"note": note}), error)
 
 
 def _extrapolated(half: _Compared, quarter: _Compared) -> tuple[float, str] | None:

@@ -237,19 +237,13 @@ class Scenario(FrozenModel):
     confidence: Annotated[
         ConfidenceKind | None,
         Field(
-            description="numerical: repeat the run with half the step, another start and the other engine; a verdict "
-            "that these could change is inconclusive; full: with a quarter of the step, too"
+            description="repetitions that show the numerical confidence of verdicts; full: also with a quarter of the step"
         ),
     ] = None
-    engines: Annotated[
-        tuple[EngineName, ...], Field(description="engines whose runs count for the confidence of the verdicts")
-    ] = ()
+    engines: Annotated[tuple[EngineName, ...], Field(description="engines of these repetitions")] = ()
     inconclusive: Annotated[
         Unexercised,
-        Field(
-            description="a verdict that a repetition for the confidence could change: error: the scenario does not "
-            "pass; warn: it is only reported"
-        ),
+        Field(description="effect of a verdict that a repetition could change"),
     ] = "error"
     duration: Annotated[
         PositiveSeconds | None, Field(description="simulate at least so long, even if all goals are met earlier")

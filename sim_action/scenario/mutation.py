@@ -26,6 +26,7 @@ class Mutation:
         reversed_joint: name of a joint whose motor turns the other way; or empty.
         sensor: name of a sensor that has the fault `reading`; or empty.
         mass: factor of the masses of all links of the robot.
+        looks_ahead: True if the run goes on for a while after its goals are met, see `Verdict.extreme`; no fault.
     """
 
     silent: bool = False
@@ -38,3 +39,4 @@ class Mutation:
     sensor: str = ""
     reading: SensorFault = "frozen"
     mass: float = 1.0
+    looks_ahead: bool = False

@@ -41,6 +41,7 @@ class MutantSeams(Seams):
     def __init__(self, mutation: Mutation, scene: Scene) -> None:
         """Prepare the mutation for a scene."""
         self._mutation = mutation
+        self.looks_ahead = mutation.looks_ahead
         self._robot = _Robot.of(scene)
         self._kinds = {fitting.name: fitting.kind for fitting in scene.sensors}
 

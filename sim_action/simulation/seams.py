@@ -20,6 +20,9 @@ class Seams:
     runs_on: bool = False
     """True if the run goes on after an expectation has failed."""
 
+    looks_ahead: bool = False
+    """True if the run goes on for a while after its goals are met, to see by how much they are."""
+
     def scene(self, scene: Scene) -> Scene:
         """Return the scene that is simulated."""
         return scene

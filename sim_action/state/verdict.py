@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeAlias
 
 from sim_action.core.geometry import AXES, Quaternion, rotate
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
+from sim_action.core.units import TIME_EPSILON_S
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -61,6 +63,8 @@ class Verdict:
             "numerical": the step, the start or the engine changes more than the margin.
         body: the body that decided it, because the robot touched it or came near to it; empty if there is none.
         joint: the joint whose reading decided it; empty if it is about no single joint.
+        extreme: the margin that is farthest on the side of the verdict, in a run whose confidence is found: of a goal
+            that was met the best one, of an invariant that failed the worst one; None if it is unknown.
     """
 
     passed: bool
@@ -76,6 +80,7 @@ class Verdict:
     inconclusive: Literal["statistical", "numerical"] | None = None
     body: str = ""
     joint: str = ""
+    extreme: float | None = None
 
     @property
     def status(self) -> VerdictStatus:
@@ -101,6 +106,14 @@ class Verdict:
         """
         judged = steps if self.judged is None else self.judged
         return replace(self, judged=judged, passed=self.passed and judged.moments > 0)
+
+    def with_extreme(self, signals: Iterable[Signal]) -> Verdict:
+        """Return the verdict with its extreme margin; `signals`: the curves of the run and of some time after it."""
+        if self.goal != self.passed or self.margin is None or self.limit is None or self.unit == "contacts":
+            return self
+        curves = [signal for signal in signals if signal.unit == self.unit and self.limit in signal.limits]
+        margins = [margin for signal in curves for margin in signal.margins().tolist() if math.isfinite(margin)]
+        return replace(self, extreme=(max if self.passed else min)(margins, default=self.margin))
 
     def contrary(self) -> Verdict:
         """Return the verdict of the negated assertion: the margin has the opposite sign.
@@ -133,6 +146,19 @@ class Signal:
     upper: float | None = None
     start: float = 0.0
     end: float = math.inf
+
+    @property
+    def limits(self) -> tuple[float, ...]:
+        """The limits that there are."""
+        return tuple(limit for limit in (self.lower, self.upper) if limit is not None)
+
+    def margins(self) -> NDArray[Any]:
+        """Return (M,) the distances in `unit` to the nearer limit in the window, positive on the allowed side."""
+        seen = self.values[(self.time >= self.start - TIME_EPSILON_S) & (self.time <= self.end + TIME_EPSILON_S)]
+        above, below = (seen - (self.lower or 0.0)), ((self.upper or 0.0) - seen)
+        if self.lower is None or self.upper is None:
+            return below if self.lower is None else above
+        return np.maximum(above, below) if self.upper < self.lower else np.minimum(above, below)
 
     def at_end(self) -> Self:
         """Return the curve with limits that hold at the end only."""

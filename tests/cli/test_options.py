@@ -105,6 +105,7 @@ def test_a_package_outside_the_workspace_is_found_if_the_caller_names_it(
         (["run", "--list", "--resume"], "--list runs nothing, and cannot be combined with --resume"),
         (["run", "--list", "--watch"], "--list runs nothing, and cannot be combined with --watch"),
         (["run", "--resume", "--watch"], "--resume cannot be combined with --update-golden or --watch"),
+        (["run", "--repeat", "2", "--confidence"], "--confidence cannot be combined with --repeat or --update-golden"),
         (["run", "--repeat", "2", "--update-golden"], "--update-golden cannot be combined with --repeat"),
         (["run", "--verbose", "--quiet"], "--verbose and --quiet cannot be combined"),
         (["merge", "x", "--only", "a"], "--only needs --scenarios, the scenarios to select from"),

@@ -83,7 +83,7 @@ JUDGE_TYPES: Final = (Trace, LinkMotion, Verdict)
 _INTERNAL: Final[dict[type, frozenset[str]]] = {
     JointTargets: frozenset({"base", "motions", "wrenches"}),
     Contact: frozenset({"normal_xyz"}),
-    Verdict: frozenset({"body", "cut_off", "goal", "inconclusive", "joint", "judged"}),
+    Verdict: frozenset({"body", "cut_off", "extreme", "goal", "inconclusive", "joint", "judged"}),
     Trace: frozenset({"bodies", "clearances", "first", "kinematics", "link_contacts", "rows", "self_contacts"}),
 }
 # Types whose properties and methods are listed too.
