@@ -244,9 +244,13 @@ class _Compared:
         self.theirs = run.expectations[place].verdict if run.has_verdict else None
         pair = None if self.theirs is None else _pair(verdict, self.theirs)
         times = None if self.theirs is None else _times(verdict, self.theirs, end)
-        self.is_by_time = times is not None and (pair is None or _openness(times) >= _openness(pair))
+        is_extreme = self.theirs is not None and None not in (verdict.extreme, self.theirs.extreme)
+        is_wide = pair is not None and times is not None and _openness(pair) > _openness(times)
+        self.is_by_time = times is not None and not (is_extreme and is_wide)
         self.unit = "s" if self.is_by_time else verdict.unit
-        self.values, self.others = (times if self.is_by_time else pair) or (None, None)
+        values = times if self.is_by_time else pair
+        self.values: _Values | None = None if values is None else values[0]
+        self.others: _Values | None = None if values is None else values[1]
 
     @property
     def is_count(self) -> bool:

@@ -237,7 +237,8 @@ class Scenario(FrozenModel):
     confidence: Annotated[
         ConfidenceKind | None,
         Field(
-            description="repetitions that show the numerical confidence of verdicts; full: also with a quarter of the step"
+            description="repetitions that show the numerical confidence of verdicts; full: also with a quarter "
+            "of the step"
         ),
     ] = None
     engines: Annotated[tuple[EngineName, ...], Field(description="engines of these repetitions")] = ()

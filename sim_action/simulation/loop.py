@@ -188,6 +188,8 @@ class _Loop:
         self._arrivals = Spawns.of(scenario)
         self._last_step = scenario.steps(scenario.time_limit)
         self._step = 0
+        # The first one; all moments of a run that looks ahead.
+        self._moments: list[Trace] = []
         with ExitStack() as opened:
             controls = Controls(scenario, scene, self._motion, footage.command, seams)
             self._controls = opened.enter_context(closing(controls))
@@ -220,12 +222,9 @@ class _Loop:
         begin = Beginning(panel.monitors, opening[0])
         footage.begin(start, placed, opening[0])
         started, earlier = time.perf_counter(), panel
-        whole = [*opening] if self._seams.looks_ahead else None
         while panel.end is None:
             trace, failure = self._advance(panel.next_period(earlier), progress)
             earlier = panel
-            if whole is not None:
-                whole.append(trace)
             if len(trace):
                 panel, seen = panel.observe_until_end(Trace.concatenate((*opening, trace)) if opening else trace)
                 if opening:
@@ -263,21 +262,9 @@ class _Loop:
         missed = (message for _, message in unreached_events(self._scenario, panel.time))
         unreached = (message for message in missed if message not in told)
         notes = (*unreached, *(note for guard in self._guards for note in guard.notes(panel.time)))
-        verdicts = tuple(map(self._explained, panel.verdicts(), self._scenario.expect))
-        if whole is not None:
-            if panel.end == "goals met":
-                # An error after the end has no part in the verdict.
-                whole.append(self._advance(_AHEAD * panel.time, progress)[0])
-            seen = Trace.concatenate([part for part in whole if len(part)])
-            verdicts = tuple(
-                verdict.with_extreme(
-                    expected.signals(self._scene, start, seen if verdict.goal else seen.between(-math.inf, panel.time))
-                )
-                for verdict, expected in zip(verdicts, self._scenario.expect, strict=True)
-            )
         return SimulationRun(
             trace=kept,
-            verdicts=verdicts,
+            verdicts=self._verdicts(panel, start, progress),
             end=panel.end or "controllers finished",
             digest=digest.hexdigest(),
             travelled=float(kept.planar_distance_to(x, y)[-1]),
@@ -285,6 +272,21 @@ class _Loop:
             engine=self._backend.version,
             notes=notes,
             findings=findings,
+        )
+
+    def _verdicts(self, panel: Panel, start: Observation, progress: Progress) -> tuple[Verdict, ...]:
+        """Return the verdicts of a run that has ended; with their extreme margins if the run looks ahead."""
+        verdicts = tuple(map(self._explained, panel.verdicts(), self._scenario.expect))
+        if not self._seams.looks_ahead:
+            return verdicts
+        if panel.end == "goals met":
+            # An error after the end has no part in the verdict.
+            self._advance(_AHEAD * panel.time, progress)
+        ahead = Trace.concatenate([moments for moments in self._moments if len(moments)])
+        seen = ahead.between(-math.inf, panel.time)
+        return tuple(
+            verdict.with_extreme(expected.signals(self._scene, start, ahead if verdict.goal else seen))
+            for verdict, expected in zip(verdicts, self._scenario.expect, strict=True)
         )
 
     def _explained(self, verdict: Verdict, expected: Expectation) -> Verdict:
@@ -391,6 +393,8 @@ class _Loop:
             told, missed = guard.watch(told, NO_BODIES if self._body_poses is None else self._body_poses)
             # A later guard sees only the moments that the earlier ones have left: its error comes first.
             failure = missed or failure
+        if self._seams.looks_ahead:
+            self._moments.append(told)
         return told, failure
 
     def _placed_bodies(self) -> FloatArray:
@@ -403,7 +407,10 @@ class _Loop:
         contacts = tuple(contact for contact in start.contacts if self._judged.ground or contact.body != GROUND)
         objects = {name: self._first_pose(name) for name in sorted(self._judged.objects)}
         touches = self._backend.link_contacts(0) if self._judged.link_contacts else {}
-        return replace(Trace.of_observation(start), contacts=contacts, objects=objects, link_contacts=touches)
+        self._moments = [
+            replace(Trace.of_observation(start), contacts=contacts, objects=objects, link_contacts=touches)
+        ]
+        return self._moments[0]
 
     def _first_pose(self, body: str) -> BodyRecord:
         pose = self._backend.body_pose(body)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import sim_action
+from sim_action.cli.main import call
 from sim_action.core.errors import InvalidScenario, Location
 from sim_action.core.records import replace
 from sim_action.core.units import rate_divides
@@ -18,7 +20,7 @@ from sim_action.runner.numerical_confidence import with_confidence, with_repetit
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.variations.gate import Gate, PlannedGate
-from sim_action.state.verdict import Verdict
+from sim_action.state.verdict import Signal, Verdict
 from tests.integration.engines import on_every_engine
 from tests.outcomes import like, outcome
 
@@ -147,6 +149,63 @@ def test_a_contact_that_is_there_or_not_is_a_jump(tmp_path: Path) -> None:
     assert judged(scenario(tmp_path), free, half=free, turned=free).status == "passed"
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["goal that is met", "invariant that fails"])
+@pytest.mark.parametrize(
+    ("extreme", "half", "unit", "is_open"),
+    [
+        # The converged difference is twice that to half the step: the margins are 3.05 and 0.3 times that.
+        (0.061, 0.051, "m", False),
+        (0.006, 0.016, "m", True),
+        # The times, which leave 0.5 s and differ by 0.01 s, leave more open than margins that are large or unknown.
+        (0.061, 0.0611, "s", False),
+        (None, 0.061, "s", False),
+    ],
+)
+def test_the_extreme_margin_of_an_early_decision_counts(
+    tmp_path: Path, sign: float, extreme: float | None, half: float, unit: str, *, is_open: bool
+) -> None:
+    early = {"goal": sign > 0, "passed": sign > 0, "limit": 1.0}
+    ours = run(sign * 1e-5, **early, time=1.5, extreme=None if extreme is None else sign * extreme)
+    theirs = run(sign * 1e-5, **early, time=1.51, extreme=sign * half)
+    [expected] = judged(scenario(tmp_path), ours, half=theirs).expectations
+    [spread] = expected.spreads
+    assert (spread.unit, spread.is_decided) == (unit, not is_open)
+    assert expected.status == ("inconclusive" if is_open else "passed" if sign > 0 else "failed")
+
+
+def test_the_extreme_margin_is_that_in_the_window() -> None:
+    time = np.arange(5.0)
+    met = Verdict(True, 1.0, 1.0, 0.0, "m", 1.0, goal=True)
+    curve = Signal("way", "m", time, np.array([0.0, 1.0, 1.5, 1.2, 9.0]), lower=1.0, end=3.0)
+    assert met.with_extreme([curve]).extreme == 0.5
+    failed = replace(met, passed=False, goal=False)
+    assert failed.with_extreme([replace(curve, lower=None, upper=1.0)]).extreme == -0.5
+    either = replace(curve, lower=1.0, upper=-1.0)
+    assert met.with_extreme([either]).extreme == 0.5
+    # A curve with another limit or unit, or one that has no value, says nothing; nor does a decision at the end.
+    others = [replace(curve, lower=2.0), replace(curve, unit="s"), replace(curve, values=np.full(5, np.nan))]
+    assert met.with_extreme(others).extreme == 0.0
+    assert replace(met, goal=False).with_extreme([curve]).extreme is None
+
+
+def test_a_rate_that_cannot_be_doubled_leaves_a_note(tmp_path: Path) -> None:
+    loaded = scenario(tmp_path, more="physics: {rate: 60 kHz}")
+    assert [run.repetition for run in with_repetitions(loaded)][1:] == [
+        "the start turned by 1 deg",
+        "the start moved by 1 mm",
+    ]
+    [note] = judged(loaded, run(0.5), turned=run(0.5)).notes
+    assert note == "no repetition with half the step: a physics rate of 120000 Hz is more than is allowed"
+
+
+def test_the_budget_is_known_before_the_first_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = scenario(tmp_path).source.path
+    folder = tmp_path / "results"
+    assert call(["run", str(path), "--budget", "3", "--allow-outside", "--output-dir", str(folder)]) == 2
+    assert "--budget: 4 runs would be needed, 3 are allowed" in capsys.readouterr().err
+    assert not folder.exists()
+
+
 @pytest.mark.parametrize(("goal", "passed", "time", "left"), [(True, True, 1.5, 0.5), (False, False, 1.5, -0.5)])
 def test_a_decision_before_the_end_is_compared_by_its_time(
     tmp_path: Path, *, goal: bool, passed: bool, time: float, left: float
@@ -193,6 +252,33 @@ def test_a_gate_has_no_confidence_of_each_run(tmp_path: Path) -> None:
     )
     with pytest.raises(InvalidScenario, match="a gate already judges many runs"):
         with_repetitions(replace(loaded, source=replace(loaded.source, gate=planned)))
+
+
+DRIVE = """
+name: drive
+robot: {{model: turtlebot3_burger}}
+backend: {engine}
+confidence: numerical
+commands: {{twist: [{{linear: 0.2, for: 2 s}}, {{linear: 0}}], rate: 10 Hz}}
+expect:
+  - travel: {{at_least: 0.39 m}}
+  - reach: {{x: 0.41, y: 0, tolerance: 10.3 mm}}
+  - stay_within: {{x: [-1, 0.3997]}}
+  - stay_within: {{x: [-1, 0.38]}}
+duration: 3 s
+time_limit: 4 s
+"""
+
+
+@pytest.mark.process
+@on_every_engine
+def test_goals_and_invariants_that_are_decided_early_are_judged_by_their_extreme(tmp_path: Path, engine: str) -> None:
+    # The ramps cancel out, so the robot stops at 0.4 m. A start that is moved by 1 mm moves the stop by 0.7 mm.
+    pytest.importorskip(engine)
+    path = tmp_path / "drive.sim.yml"
+    path.write_text(DRIVE.format(engine=engine))
+    [ran] = sim_action.run(path, report=False, jobs=1).runs
+    assert [expected.status for expected in ran.expectations] == ["passed", "inconclusive", "inconclusive", "failed"]
 
 
 FALL = """
