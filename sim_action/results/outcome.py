@@ -220,6 +220,11 @@ class Spread(FrozenModel):
     note: str = ""
 
 
+def repetition_name(scenario: str, cause: str) -> str:
+    """Return the name of a run that is repeated with a change."""
+    return f"{scenario} [{cause}]"
+
+
 class Repetition(FrozenModel):
     """A run that was repeated with a change, to find the numerical confidence of verdicts.
 

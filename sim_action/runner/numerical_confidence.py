@@ -19,7 +19,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import shortened
 from sim_action.engines import ENGINES, chosen
-from sim_action.results.outcome import ExpectationOutcome, Outcome, Repetition, Spread
+from sim_action.results.outcome import ExpectationOutcome, Outcome, Repetition, Spread, repetition_name
 from sim_action.robot.model.robot_model import WORLD
 from sim_action.scenario.model import ConfidenceKind, LoadedScenario, Scenario
 from sim_action.scenario.mutation import Mutation
@@ -143,7 +143,7 @@ def repetition(loaded: LoadedScenario, name: str) -> LoadedScenario:
     if not name:
         return loaded
     scenario = _cause(name).changed(loaded.scenario)
-    named = scenario.model_copy(update={"name": f"{scenario.name} [{name}]"})
+    named = scenario.model_copy(update={"name": repetition_name(scenario.name, name)})
     return replace(loaded, scenario=named, compared=False)
 
 

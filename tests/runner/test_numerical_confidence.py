@@ -277,8 +277,10 @@ def test_goals_and_invariants_that_are_decided_early_are_judged_by_their_extreme
     pytest.importorskip(engine)
     path = tmp_path / "drive.sim.yml"
     path.write_text(DRIVE.format(engine=engine))
-    [ran] = sim_action.run(path, report=False, jobs=1).runs
+    [ran] = sim_action.run(path, jobs=1, output_dir=tmp_path / "results").runs
     assert [expected.status for expected in ran.expectations] == ["passed", "inconclusive", "inconclusive", "failed"]
+    page = (tmp_path / "results" / "report.html").read_text()
+    assert all(f'id="repetition-s0{number}"' in page for number in ("", "-2", "-3"))
 
 
 FALL = """

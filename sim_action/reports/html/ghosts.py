@@ -25,7 +25,7 @@ from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment, quantity
 from sim_action.reports.html.document import Html, element, joined, text
 from sim_action.reports.html.replay_blocks import MAX_REPLAY_BYTES, PackedReplay, ReplayBlocks, replay_id, stored_replay
-from sim_action.results.outcome import Outcome
+from sim_action.results.outcome import Outcome, repetition_name
 from sim_action.state.trace import FloatArray
 
 if TYPE_CHECKING:
@@ -225,10 +225,11 @@ class GhostSources:
             self._keep(identity, ghost(other.engine or "", block, replay, theirs, tolerance))
 
     def _find_repetition(self, identity: str, outcome: Outcome, replay: Replay) -> None:
-        stored = {} if outcome.repeats is None else {REPETITION: outcome.repeats.replay}
-        stored |= {each.cause: each.replay for each in outcome.repetitions}
-        for number, (label, name) in enumerate(stored.items(), start=1):
-            other = outcome.model_copy(update={"replay": name})
+        repeats = outcome.repeats
+        stored = [] if repeats is None else [(REPETITION, outcome.name, repeats.replay)]
+        stored += [(one.cause, repetition_name(outcome.name, one.cause), one.replay) for one in outcome.repetitions]
+        for number, (label, scenario, name) in enumerate(stored, start=1):
+            other = outcome.model_copy(update={"name": scenario, "replay": name})
             theirs = stored_replay(other, self._folder, self._readers["repetition"])[0] if name else None
             if theirs is not None:
                 block = f"repetition-{identity}" if number == 1 else f"repetition-{identity}-{number}"
