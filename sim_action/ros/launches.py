@@ -5,19 +5,23 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path, PurePath
-from typing import Any, Final, Generic, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Final, Generic, Literal, TypeVar
 
-from pydantic import PrivateAttr
+from pydantic import Field, GetJsonSchemaHandler, PrivateAttr, model_validator
+from pydantic_core import CoreSchema
 from typing_extensions import override
 
 from sim_action.commands import CommandSource, Controller
-from sim_action.core.field_types import FrozenModel
+from sim_action.core.field_types import FrozenModel, NamesFile, PositiveSeconds
 from sim_action.core.records import dataclass
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.world.scene import Scene
 
 _Event = TypeVar("_Event", bound=FrozenModel)
+
+# In s: as long as anybody can mean.
+_MAX_START_S: Final = 86_400
 
 ALLOW_LOSSES: Final = "--allow-losses"
 
@@ -57,13 +61,73 @@ def with_lists(value: Any) -> Any:
     return {key: with_lists(part) for key, part in value.items()} if isinstance(value, dict) else value
 
 
-def source_problems(launch: Sequence[str] | None, nodes: Sequence[object] | None, example: str) -> SpecProblems:
-    """Yield that there is not exactly one of a launch file and a list of nodes, or that the file has no name."""
-    if (launch is None) == (nodes is None):
-        hint = "remove one of them" if launch else "give one of them"
-        yield (), f"needs either 'launch' or 'nodes'; {hint}"
-    elif launch and len(launch) < 2:
-        yield ("launch",), f"needs a package and a launch file, such as [my_robot, {example}]"
+class ListedNode(FrozenModel):
+    """A node of a list: a map of its program and its start options, or a short text."""
+
+    short_form: ClassVar[str]
+    """The pattern of the text, for the schema."""
+
+    @classmethod
+    def expanded(cls, text: str) -> dict[str, str]:
+        """Return the keys of the short form of a node. Raise ValueError."""
+        raise NotImplementedError
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spelled_out(cls, value: Any) -> Any:
+        return cls.expanded(value) if isinstance(value, str) else value
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Add the short form to the schema."""
+        full = handler.resolve_ref_schema(handler(schema))
+        full.pop("title", None)
+        return {"anyOf": [{"type": "string", "pattern": cls.short_form}, full]}
+
+
+_Node = TypeVar("_Node", bound=ListedNode)
+
+StartTime = Annotated[
+    PositiveSeconds,
+    Field(le=_MAX_START_S, description="wall time that nodes may take to start; sim time waits for them"),
+]
+
+
+class Nodes(FrozenModel, Generic[_Node]):
+    """The keys below `ros1` and `ros2`: the nodes to start, and where they are."""
+
+    launch: Annotated[
+        tuple[str, ...] | None,
+        Field(min_length=1, description="launch file: its package, its name, and NAME:=VALUE for each argument"),
+    ] = None
+    nodes: Annotated[
+        tuple[_Node, ...] | None,
+        Field(
+            min_length=1,
+            description="list of nodes, instead of a launch file; each is a map, or a text such as package/program",
+        ),
+    ] = None
+    allow_losses: Annotated[
+        bool, Field(description="run without parts of the launch file that are not simulated; they are warnings then")
+    ] = False
+    workspace: Annotated[
+        str | None,
+        NamesFile(),
+        Field(
+            min_length=1,
+            description="folder of the workspace, or in ROS 2 its install folder; default: the nearest workspace "
+            "around the scenario, else its repository",
+        ),
+    ] = None
+    start_within: StartTime = 20.0
+
+    def problems(self, example: str) -> SpecProblems:
+        """Yield that there is not exactly one of a launch file and a list of nodes, or that the file has no name."""
+        if (self.launch is None) == (self.nodes is None):
+            hint = "remove one of them" if self.launch else "give one of them"
+            yield (), f"needs either 'launch' or 'nodes'; {hint}"
+        elif self.launch and len(self.launch) < 2:
+            yield ("launch",), f"needs a package and a launch file, such as [my_robot, {example}]"
 
 
 def argument_problem(argument: str) -> str | None:

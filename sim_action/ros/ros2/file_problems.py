@@ -16,7 +16,7 @@ from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.documents.package_search import PACKAGE_FILE
-from sim_action.ros.launches import argument_problem, source_problems, unchecked_notes
+from sim_action.ros.launches import argument_problem, unchecked_notes
 from sim_action.ros.ros2.installation import Ros2, find_ros
 from sim_action.ros.ros2.node_spec import Ros2Nodes, Ros2NodeSpec
 from sim_action.ros.ros2.packages import BUILD, INSTALL, UNREADABLE, Packages, is_python, workspace_of
@@ -45,7 +45,7 @@ def _installation() -> tuple[Ros2 | None, str | None]:
 
 def file_problems(spec: Ros2Nodes, workspace: Workspace) -> SpecProblems:
     """Yield problems, by their keys below `ros2`."""
-    if problems := list(source_problems(spec.launch, spec.nodes, "drive.launch.py")):
+    if problems := list(spec.problems("drive.launch.py")):
         yield from problems
         return
     try:

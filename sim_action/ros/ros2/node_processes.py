@@ -10,10 +10,10 @@ import signal
 import subprocess
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 from sim_action.commands.line_protocol import start_hint
 from sim_action.core.errors import ScriptError
@@ -155,22 +155,28 @@ def _write_all(descriptor: int, data: bytes) -> None:
         data = data[os.write(descriptor, data) :]
 
 
-class Process(Protocol):
-    """A process of a node."""
+class LaunchedProcess:
+    """A process of a launch with a clock of its own.
 
-    @property
-    def label(self) -> str:
-        """The name of the process in messages."""
+    Attributes:
+        label: how messages name it: "mover-1", or the name of a node in a container.
+    """
 
-    @property
-    def pid(self) -> int:
-        """The id of the process."""
+    def __init__(self, label: str, pid: int, look: Callable[[], object]) -> None:
+        self.label, self.pid = label, pid
+        self.code: int | None = None
+        self._look = look
 
     def exit_code(self) -> int | None:
         """Return the exit code once it has ended, negative for a signal; else None."""
+        return self.code
 
     def await_end(self, seconds: float) -> None:
-        """Wait until it has ended, for at most some s of wall time."""
+        """Wait until it has ended, for at most some s of wall time. Raise ScriptError if it has failed."""
+        deadline = time.monotonic() + seconds
+        while self.code is None and time.monotonic() < deadline:
+            self._look()
+            time.sleep(_POLL_S)
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,23 +184,22 @@ class Node:
     """A process with a clock of its own; `number`: of its clock."""
 
     number: int
-    process: Process
+    process: NodeProcess | LaunchedProcess
 
 
-class NodeGroup(Protocol):
-    """All nodes of a scenario.
+class NodeGroup:
+    """All nodes of a scenario; a base class.
 
     Attributes:
         notes: notes for the user.
         losses: parts of a launch file that are not simulated, if they are allowed.
+        roots: the ids of the processes from which all others descend.
     """
 
-    notes: list[str]
-    losses: list[str]
-
-    @property
-    def roots(self) -> Sequence[int]:
-        """The ids of the processes from which all others descend."""
+    def __init__(self, roots: Sequence[int]) -> None:
+        self.roots = roots
+        self.notes: list[str] = []
+        self.losses: list[str] = []
 
     def await_start(self) -> None:
         """Wait until the first nodes are started. Raise SourceProblem, ScriptError."""
@@ -204,9 +209,11 @@ class NodeGroup(Protocol):
 
     def new_nodes(self) -> list[Node]:
         """Return the nodes that were started since the last call, in a fixed order. Raise ScriptError."""
+        raise NotImplementedError
 
     def refuse_ended(self) -> None:
         """Raise ScriptError if a node has failed, or a required one has finished."""
+        raise NotImplementedError
 
     def close(self) -> None:
-        """End the nodes."""
+        """End the nodes, as far as the folder of the processes does not."""

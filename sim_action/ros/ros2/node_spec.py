@@ -6,20 +6,17 @@ import re
 import shlex
 from collections.abc import Mapping
 from pathlib import PurePosixPath
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Annotated, ClassVar, Final, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, GetJsonSchemaHandler, JsonValue, model_validator
-from pydantic_core import CoreSchema
+from pydantic import AfterValidator, BeforeValidator, Field, JsonValue, model_validator
+from typing_extensions import override
 
-from sim_action.core.field_types import FrozenModel, NamesFile, PositiveSeconds
+from sim_action.core.field_types import FrozenModel, NamesFile
 from sim_action.core.wording import FirstFew, shown
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import joints_set_by, setting_problems
 from sim_action.robot.model.robot_model import RobotModel
-from sim_action.ros.launches import with_lists
-
-# In s: as long as anybody can mean.
-_MAX_START_S: Final = 86_400
+from sim_action.ros.launches import ListedNode, Nodes, with_lists
 
 # design.ros2.org/articles/topic_and_service_names.html
 _TOKEN: Final = r"[A-Za-z_][A-Za-z0-9_]*"  # noqa: S105 - a part of a name
@@ -121,8 +118,10 @@ Namespace = Annotated[str, AfterValidator(_namespace)]
 Parameters = Annotated[dict[str, JsonValue], BeforeValidator(with_lists), AfterValidator(_parameters)]
 
 
-class Ros2NodeSpec(FrozenModel):
+class Ros2NodeSpec(ListedNode):
     """A node: an executable of a package, or a file, and its start options."""
+
+    short_form: ClassVar[str] = r"^[^/]+/[^/]+$|^\.{0,2}/"
 
     package: Annotated[str | None, Field(min_length=1, description="package of the executable")] = None
     executable: Annotated[
@@ -143,19 +142,16 @@ class Ros2NodeSpec(FrozenModel):
     stdin: Annotated[str, Field(description="text that the program can read, as from a keyboard")] = ""
     required: Annotated[bool, Field(description="if true, the run fails when this node ends")] = False
 
-    @model_validator(mode="before")
     @classmethod
-    def _spelled_out(cls, value: Any) -> Any:
-        """Expand the short form of a node. Raise ValueError."""
-        if not isinstance(value, str):
-            return value
-        if value.startswith(_FILE_STARTS):
-            return {"file": value}
-        package, slash, executable = value.partition("/")
+    @override
+    def expanded(cls, text: str) -> dict[str, str]:
+        if text.startswith(_FILE_STARTS):
+            return {"file": text}
+        package, slash, executable = text.partition("/")
         if not (package and slash and executable) or "/" in executable:
             wanted = "the short form of a node is package/executable, or a file such as ./mover.py"
-            hint = f"; did you mean './{value}'?" if value.endswith(".py") else ""
-            raise ValueError(f"{wanted}, found '{value}'{hint}")
+            hint = f"; did you mean './{text}'?" if text.endswith(".py") else ""
+            raise ValueError(f"{wanted}, found '{text}'{hint}")
         return {"package": package, "executable": executable}
 
     @model_validator(mode="after")
@@ -168,13 +164,6 @@ class Ros2NodeSpec(FrozenModel):
             wanted = "a node needs a 'package' and an 'executable', or a 'file'"
             raise ValueError(f"{wanted}; add {missing}" if self.package or self.executable else wanted)
         return self
-
-    @classmethod
-    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Add the short form of a node, a text, to the schema."""
-        full = handler.resolve_ref_schema(handler(schema))
-        full.pop("title", None)
-        return {"anyOf": [{"type": "string", "pattern": r"^[^/]+/[^/]+$|^\.{0,2}/"}, full]}
 
     @property
     def program(self) -> str:
@@ -247,36 +236,9 @@ def joint_problems(controllers: Mapping[str, JointController], model: RobotModel
                 yield key, f"joint '{joint}' already obeys the controller '{other}'"
 
 
-class Ros2Nodes(FrozenModel):
+class Ros2Nodes(Nodes[Ros2NodeSpec]):
     """The nodes to start, and the names of the robot's topics."""
 
-    launch: Annotated[
-        tuple[str, ...] | None,
-        Field(
-            min_length=1,
-            description="launch file (experimental): its package, its name, and NAME:=VALUE for each argument",
-        ),
-    ] = None
-    nodes: Annotated[
-        tuple[Ros2NodeSpec, ...] | None,
-        Field(
-            min_length=1,
-            description="list of nodes, instead of a launch file; each is package/executable, a file such as "
-            "./mover.py, or a map",
-        ),
-    ] = None
-    allow_losses: Annotated[
-        bool, Field(description="run without parts of the launch file that are not simulated; they are warnings then")
-    ] = False
-    workspace: Annotated[
-        str | None,
-        NamesFile(),
-        Field(
-            min_length=1,
-            description="folder of the workspace, or its install folder; default: the nearest one around the scenario, "
-            "else its repository",
-        ),
-    ] = None
     topics: Annotated[
         dict[str, RobotTopicName],
         Field(
@@ -291,10 +253,6 @@ class Ros2Nodes(FrozenModel):
             "`/joint_trajectory` for all joints that are not those of the drive"
         ),
     ] = Field(default_factory=dict)
-    start_within: Annotated[
-        PositiveSeconds,
-        Field(le=_MAX_START_S, description="wall time that nodes may take to start; sim time waits for them"),
-    ] = 20.0
     pace: Annotated[
         Literal["lockstep", "realtime"],
         Field(

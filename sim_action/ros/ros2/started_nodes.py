@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self
 
 import yaml
+from typing_extensions import override
 
 from sim_action.core.errors import ScriptError, SourceProblem
 from sim_action.core.records import dataclass
@@ -21,7 +22,7 @@ from sim_action.ros import node_start
 from sim_action.ros.program_failures import Ending, ending_of, error_with_output, exit_text
 from sim_action.ros.ros2.installation import RMW, Ros2
 from sim_action.ros.ros2.lockstep import CLOCK, clock_of
-from sim_action.ros.ros2.node_processes import Node, NodeProcess, ProcessFolder
+from sim_action.ros.ros2.node_processes import Node, NodeGroup, NodeProcess, ProcessFolder
 from sim_action.ros.ros2.packages import Packages, command_of, workspace_of
 
 if TYPE_CHECKING:
@@ -135,8 +136,8 @@ def set_up_packages(spec: Ros2Nodes, ros: Ros2, workspace: Workspace, folder: Pr
     return packages
 
 
-class ListedNodes:
-    """The nodes that a scenario lists (see NodeGroup)."""
+class ListedNodes(NodeGroup):
+    """The nodes that a scenario lists."""
 
     def __init__(
         self, nodes: Sequence[Ros2NodeSpec], packages: Packages, workspace: Workspace, folder: ProcessFolder
@@ -146,35 +147,20 @@ class ListedNodes:
         self._started = [_start_node(node, number, packages, workspace, folder) for number, node in enumerate(nodes)]
         self._new = [Node(number, process) for number, process in enumerate(self._started)]
         self._required = [node.required for node in nodes]
-        self.notes: list[str] = []
-        self.losses: list[str] = []
+        super().__init__([process.pid for process in self._started])
 
-    @property
-    def roots(self) -> list[int]:
-        """See NodeGroup.roots."""
-        return [process.pid for process in self._started]
-
-    def await_start(self) -> None:
-        """See NodeGroup.await_start."""
-
-    def tell_time(self, seconds: float) -> None:
-        """See NodeGroup.tell_time."""
-
+    @override
     def new_nodes(self) -> list[Node]:
-        """See NodeGroup.new_nodes."""
         self.refuse_ended()
-        found, self._new = self._new, []
-        return found
+        new, self._new = self._new, []
+        return new
 
+    @override
     def refuse_ended(self) -> None:
-        """See NodeGroup.refuse_ended."""
         for process, is_required in zip(self._started, self._required, strict=True):
             code = process.exit_code()
             if code or (code == 0 and is_required):
                 raise node_error(process, code, self._directory)
-
-    def close(self) -> None:
-        """See NodeGroup.close. The folder of the processes ends them."""
 
 
 def _start_node(

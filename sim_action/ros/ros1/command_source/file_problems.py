@@ -19,7 +19,7 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.ros.launches import argument_problem, source_problems, unchecked_notes
+from sim_action.ros.launches import argument_problem, unchecked_notes
 from sim_action.ros.ros1.catkin_packages import find_launch_file, packages_in, packages_of, workspace_of
 from sim_action.ros.ros1.command_source.node_spec import NodeSpec, RosNodes
 from sim_action.ros.ros1.installation import Ros, find_ros
@@ -48,7 +48,7 @@ def why_no_ros() -> str | None:
 
 def file_problems(spec: RosNodes, workspace: Workspace) -> SpecProblems:
     """Yield problems, by their keys below `ros1`."""
-    if problems := list(source_problems(spec.launch, spec.nodes, "drive.launch")):
+    if problems := list(spec.problems("drive.launch")):
         yield from problems
         return
     try:

@@ -5,18 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from pathlib import PurePosixPath
-from typing import Annotated, Any, Final
+from typing import Annotated, ClassVar, Final
 from xml.etree import ElementTree as ET
 
 import yaml
-from pydantic import AfterValidator, BeforeValidator, Field, GetJsonSchemaHandler, JsonValue, model_validator
-from pydantic_core import CoreSchema
+from pydantic import AfterValidator, BeforeValidator, Field, JsonValue
+from typing_extensions import override
 
-from sim_action.core.field_types import FrozenModel, NamesFile, PositiveSeconds
-from sim_action.ros.launches import with_lists
+from sim_action.ros.launches import ListedNode, Nodes, StartTime, with_lists
 
-# In s: as long as anybody can mean.
-_MAX_START_S: Final = 86_400
 _BASE: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _GRAPH: Final = re.compile(r"[~/]?[A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z0-9_]+)*")
 
@@ -37,8 +34,10 @@ BaseName = Annotated[str, AfterValidator(_base_name)]
 GraphName = Annotated[str, AfterValidator(_graph_name)]
 
 
-class NodeSpec(FrozenModel):
+class NodeSpec(ListedNode):
     """A node: a program of a package, and its start options."""
+
+    short_form: ClassVar[str] = r"^[^/]+/[\s\S]"
 
     package: Annotated[str, Field(min_length=1, description="package of the program")]
     type: Annotated[
@@ -57,23 +56,13 @@ class NodeSpec(FrozenModel):
     namespace: Annotated[GraphName | None, Field(description="namespace of the node")] = None
     required: Annotated[bool, Field(description="if true, the run fails when this node ends")] = False
 
-    @model_validator(mode="before")
     @classmethod
-    def _spelled_out(cls, value: Any) -> Any:
-        """Expand the short form of a node. Raises ValueError."""
-        if not isinstance(value, str):
-            return value
-        package, slash, kind = value.partition("/")
+    @override
+    def expanded(cls, text: str) -> dict[str, str]:
+        package, slash, kind = text.partition("/")
         if not (package and slash and kind):
-            raise ValueError(f"the short form of a node is package/type, such as my_robot/mover.py, found '{value}'")
+            raise ValueError(f"the short form of a node is package/type, such as my_robot/mover.py, found '{text}'")
         return {"package": package, "type": kind}
-
-    @classmethod
-    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Add the short form of a node, a text, to the schema."""
-        full = handler.resolve_ref_schema(handler(schema))
-        full.pop("title", None)
-        return {"anyOf": [{"type": "string", "pattern": r"^[^/]+/[\s\S]"}, full]}
 
     @property
     def called(self) -> str:
@@ -82,36 +71,13 @@ class NodeSpec(FrozenModel):
         return self.name or (plain if plain[:1].isalpha() else f"node_{plain}")
 
 
-class RosNodes(FrozenModel):
+class RosNodes(Nodes[NodeSpec]):
     """The nodes to launch, and the names of the robot's topics."""
 
-    launch: Annotated[
-        tuple[str, ...] | None,
-        Field(min_length=1, description="launch file: its package, its name, and NAME:=VALUE for each argument"),
-    ] = None
-    nodes: Annotated[
-        tuple[NodeSpec, ...] | None,
-        Field(min_length=1, description="list of nodes, instead of a launch file; each is a map or package/type"),
-    ] = None
-    allow_losses: Annotated[
-        bool, Field(description="run without parts of the launch file that are not simulated; they are warnings then")
-    ] = False
-    workspace: Annotated[
-        str | None,
-        NamesFile(),
-        Field(
-            min_length=1,
-            description="folder of the catkin workspace; default: the nearest one around the scenario, else its "
-            "repository",
-        ),
-    ] = None
     topics: Annotated[
         dict[str, GraphName], Field(description="cmd_vel, odom, joint_states, or the name of a sensor -> topic name")
     ] = Field(default_factory=dict)
-    start_within: Annotated[
-        PositiveSeconds,
-        Field(le=_MAX_START_S, description="wall time that nodes may take to start; sim time waits for them"),
-    ] = 10.0
+    start_within: StartTime = 10.0
 
 
 def launch_text(nodes: Iterable[NodeSpec]) -> str:

@@ -9,10 +9,12 @@ import shlex
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
+
+from typing_extensions import override
 
 from sim_action.core.errors import ControllersFinished, Location, ScriptError, SourceProblem
 from sim_action.core.field_types import FrozenModel
@@ -30,7 +32,7 @@ from sim_action.ros.ros2.launch.gazebo_programs import (
     write_prefix,
 )
 from sim_action.ros.ros2.lockstep import clock_of
-from sim_action.ros.ros2.node_processes import Node
+from sim_action.ros.ros2.node_processes import LaunchedProcess, Node, NodeGroup
 
 if TYPE_CHECKING:
     from sim_action.core.workspace import Workspace
@@ -95,32 +97,8 @@ class LaunchSpec:
         return cls(file, packages.ros.python, arguments, workspace.root, topics, spec.allow_losses)
 
 
-class LaunchedProcess:
-    """A process of a launch with a clock of its own.
-
-    Attributes:
-        label: how messages name it: "mover-1", or the name of a node in a container.
-    """
-
-    def __init__(self, label: str, pid: int, look: Callable[[], object]) -> None:
-        self.label, self.pid = label, pid
-        self.code: int | None = None
-        self._look = look
-
-    def exit_code(self) -> int | None:
-        """See Process.exit_code."""
-        return self.code
-
-    def await_end(self, seconds: float) -> None:
-        """See Process.await_end. Raise ScriptError if it has failed."""
-        deadline = time.monotonic() + seconds
-        while self.code is None and time.monotonic() < deadline:
-            self._look()
-            time.sleep(_POLL_S)
-
-
-class LaunchedNodes:
-    """All processes of a launch (see NodeGroup).
+class LaunchedNodes(NodeGroup):
+    """All processes of a launch.
 
     Attributes:
         topics: those of the robot, which a launch test spawns after the start.
@@ -142,8 +120,7 @@ class LaunchedNodes:
         self._left_out: list[LeftOutProgram] = []
         self._new: list[tuple[tuple[str, ...], Node]] = []
         self._processes: dict[int, LaunchedProcess] = {}
-        self.notes: list[str] = []
-        self.losses: list[str] = []
+        super().__init__([self._launcher.pid])
 
     def _start(self, folder: ProcessFolder) -> NodeProcess:
         known = folder.environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
@@ -169,13 +146,8 @@ class LaunchedNodes:
         folder.environment["OVERRIDE_LAUNCH_PROCESS_OUTPUT"] = "both"
         return folder.start("ros2 launch", [str(self._spec.python), str(_LAUNCHER), str(path)])
 
-    @property
-    def roots(self) -> list[int]:
-        """See NodeGroup.roots."""
-        return [self._launcher.pid]
-
+    @override
     def await_start(self) -> None:
-        """See NodeGroup.await_start."""
         self.await_programs()
         losses = list(lost_parts(self._left_out, self.topics.commands))
         if losses and not self._spec.allows_losses:
@@ -195,22 +167,23 @@ class LaunchedNodes:
         self._await_calm(0.0)
         return list(self._left_out)
 
+    @override
     def tell_time(self, seconds: float) -> None:
-        """See NodeGroup.tell_time: let timers of the launch file end."""
         if not any(due <= seconds for due in self._timers):
             return
         self._timers = [due for due in self._timers if due > seconds]
         os.write(self._writer, b"%r\n" % seconds)
         self._await_calm(seconds)
 
+    @override
     def new_nodes(self) -> list[Node]:
-        """See NodeGroup.new_nodes: sorted by the names of nodes and programs."""
         self.refuse_ended()
+        # In the order of the names of nodes and programs.
         found, self._new = sorted(self._new, key=lambda each: each[0]), []
         return [node for _, node in found]
 
+    @override
     def refuse_ended(self) -> None:
-        """See NodeGroup.refuse_ended."""
         code = self._launcher.exit_code()
         for event in self._events.new():
             self._take(event)
@@ -219,11 +192,12 @@ class LaunchedNodes:
         if code is not None:
             raise self._errors.of_end(code, self._launcher.text())
 
+    @override
     def close(self) -> None:
-        """See NodeGroup.close. A node may have left the process group that the folder ends."""
         if self._has_finished:
             # It has still to write its results.
             self._launcher.await_end(_MAX_RESULTS_S)
+        # A node may have left the process group that the folder ends.
         processes = descendants(self._launcher.pid)
         self._launcher.signal_group(signal.SIGINT)
         self._launcher.await_end(_MAX_SHUTDOWN_S)
