@@ -23,7 +23,7 @@ from sim_action.core.field_types import (
     PositiveHertz,
 )
 from sim_action.core.records import dataclass
-from sim_action.core.wording import FirstFew
+from sim_action.core.wording import FirstFew, quoted
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import joints_set_by, selects, setting_problems
@@ -31,6 +31,7 @@ from sim_action.robot.model.kinematics import beyond_limits, too_fast, too_stron
 from sim_action.robot.model.robot_model import Joint, Reading, RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.state.joint_motion import Curve, JointMotion, held, resting, straight
+from sim_action.state.timeline import TimeMark
 from sim_action.world.claims import Findings, Setting, late_points
 from sim_action.world.scene import Scene
 
@@ -104,6 +105,13 @@ class JointCommands(LinkCommands):
         PositiveHertz,
         Field(description="rate of the ticks at which velocities and efforts are given"),
     ] = 40.0
+
+    @override
+    def time_marks(self, sender: str) -> Iterator[TimeMark]:
+        yield from super().time_marks(sender)
+        for point in self.points:
+            names = quoted([name for _, targets in point.groups() for name in targets])
+            yield TimeMark(point.at, point.at, f"commanded a target for {names}", is_planned=True)
 
     def problems(self, workspace: Workspace) -> SpecProblems:
         """Yield points that are not in the order of time, and joints with two kinds of targets."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections.abc import Iterator
 from itertools import accumulate
 from typing import Annotated, ClassVar, Final
 
@@ -17,6 +18,7 @@ from sim_action.core.units import display
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import Command
+from sim_action.state.timeline import TimeMark
 from sim_action.world import MAX_PHYSICS_RATE_HZ
 from sim_action.world.claims import MANY_S, ClaimFinding, Findings, Setting
 from sim_action.world.scene import Scene
@@ -53,6 +55,13 @@ class TwistSegment(FrozenModel):
         PositiveSeconds | None,
         Field(alias="for", description="duration; the last segment may omit it to last until the end"),
     ] = None
+
+    @property
+    def words(self) -> str:
+        """The command of this segment in words."""
+        speeds = ((self.linear, "m/s"), (self.lateral, "m/s to the left"), (self.angular, "rad/s"))
+        moving = " and ".join(display(value, unit) for value, unit in speeds if value)
+        return f"commanded {moving or 'to stop'}"
 
     @property
     def twist(self) -> Twist:
@@ -96,6 +105,14 @@ class TwistCommands(CommandSource):
                 start += segment.duration
                 continue
             return
+
+    @override
+    def time_marks(self, sender: str) -> Iterator[TimeMark]:
+        yield from super().time_marks(sender)
+        words = (*(segment.words for segment in self.twist), "commanded to stop")
+        for start, what in zip((0.0, *self._ends), words, strict=True):
+            if start < math.inf:
+                yield TimeMark(start, start, what, is_planned=True)
 
     @property
     def _ends(self) -> tuple[float, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
@@ -22,6 +23,7 @@ from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.kinematics import why_no_frame
 from sim_action.state.command import WORLD_FRAME, LinkWrench
+from sim_action.state.timeline import TimeMark
 from sim_action.world.claims import ClaimFinding, Findings, Setting
 from sim_action.world.physics import NewtonMetres, Newtons
 from sim_action.world.scene import Scene
@@ -83,6 +85,14 @@ class WrenchCommands(LinkCommands):
     @override
     def begins(self) -> tuple[KeyPath, float]:
         return ("wrench", "at"), self.wrench.at
+
+    @override
+    def time_marks(self, sender: str) -> Iterator[TimeMark]:
+        yield from super().time_marks(sender)
+        end, link = self.wrench.end, self.wrench.link or "the base link"
+        yield TimeMark(
+            self.wrench.at, None if end == math.inf else end, f"commanded a wrench on {link}", is_planned=True
+        )
 
     @override
     def claims(self, setting: Setting) -> Findings:

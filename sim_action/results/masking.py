@@ -80,6 +80,7 @@ class Mask:
                 "name": self.text(outcome.name) if names else outcome.name,
                 "expectations": tuple(self._expectation(each, names=names) for each in outcome.expectations),
                 "failures": tuple(map(self._failure, outcome.failures)),
+                "marks": tuple(replace(mark, words=self.text(mark.words)) for mark in outcome.marks),
                 "notes": tuple(map(self.text, outcome.notes)),
                 "model_notes": tuple(map(self.text, outcome.model_notes)),
                 "warnings": tuple(_changed(each, message=self.text(each.message)) for each in outcome.warnings),

@@ -16,6 +16,7 @@ from sim_action.core.wording import escaped_line
 from sim_action.scenario.model import Severity, Unexercised
 from sim_action.scenario.selection import Unmatched
 from sim_action.scenario.source import Refused, Variation
+from sim_action.state.timeline import MAX_TIME_MARKS, TimeMark
 from sim_action.state.verdict import Verdict, VerdictStatus
 from sim_action.world.claims import AuditWarning
 
@@ -356,6 +357,7 @@ class Outcome(FrozenModel):
         variation: the exact values of this variation.
         gate: the name of the gate that judges this run together with others; the run does not count by itself.
         statistics: the counts and bounds of a gate, if this is the outcome of the gate itself.
+        marks: what acted on the robot or changed its surroundings, in the order of time.
         measurements: the values that were measured for information only; nothing judged them.
         failures: the reasons why there is no verdict; empty unless `status` is "error" or "flaky".
         end: the reason for the end of the run: "goals met", "expectation failed", "duration", "time limit" or
@@ -396,6 +398,7 @@ class Outcome(FrozenModel):
     statistics: GateStatistics | None = None
     status: Status
     expectations: tuple[ExpectationOutcome, ...] = ()
+    marks: Annotated[tuple[TimeMark, ...], Field(max_length=MAX_TIME_MARKS)] = ()
     measurements: tuple[Measurement, ...] = ()
     failures: tuple[Failure, ...] = ()
     end: str | None = None

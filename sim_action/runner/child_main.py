@@ -63,6 +63,7 @@ from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.recorder import RunRecorder
 from sim_action.simulation.seams import UNTOUCHED, Seams
 from sim_action.state.reproducibility import motion_figures
+from sim_action.state.timeline import TimeMark
 from sim_action.state.trace_storage import save_trace
 from sim_action.world.scene import Scene
 
@@ -105,7 +106,8 @@ def run_job(job: Job, files: ChildFiles, progress_descriptor: int) -> bool:
     kept = _Kept()
     outcome = _outcome(job, progress, kept)
     wall_time = max(0.0, time.perf_counter() - started)
-    outcome = outcome.model_copy(update={"notes": (*outcome.notes, *kept.notes), "wall_time": wall_time})
+    kept_too = {"notes": (*outcome.notes, *kept.notes), "marks": kept.marks}
+    outcome = outcome.model_copy(update={**kept_too, "wall_time": wall_time})
     written = encoded(outcome, inputs)
     try:
         writer.write(written)
@@ -156,10 +158,12 @@ class _Kept:
 
     Attributes:
         notes: remarks about evidence that was not written.
+        marks: the timeline of the run.
         runs: the run, if it is recorded.
     """
 
     notes: list[str] = field(default_factory=list)
+    marks: tuple[TimeMark, ...] = ()
     runs: list[RecordedRun] = field(default_factory=list)
 
 
@@ -244,9 +248,11 @@ def _stored_run(job: Job, progress: _Progress, kept: _Kept) -> SimulationRun:
             if not isinstance(error, RunError) and not isinstance(InternalError.of(error), PackageFault):
                 raise
             # The recorded part shows the problem.
+            kept.marks = footage.marks
             kept.notes += store_evidence(job, scene, footage)
             kept.runs += run_to_record(job, scene, footage)
             raise
+        kept.marks = footage.marks
         kept.notes += store_evidence(job, scene, footage)
         if loaded.workspace.updates_golden and (trace := footage.trace()) is not None:
             from sim_action.runner.golden_update import updated_goldens  # a usual run does without it
@@ -464,9 +470,12 @@ def store_evidence(job: Job, scene: Scene, footage: RunRecorder) -> tuple[str, .
             # Imported only if it is needed.
             from sim_action.recording.replay.build import make_replay
 
-            scenario, start = job.loaded.scenario, footage.start
-            commanded, readings = footage.commanded(), footage.readings
-            make_replay(scenario, scene, start, film, job.replay, commanded=commanded, readings=readings)
+            make_replay(
+                *(job.loaded.scenario, scene, footage.start, film, job.replay),
+                commanded=footage.commanded(),
+                readings=footage.readings,
+                events=footage.marks,
+            )
     with _noted("motion", notes, "it is not compared with that in another engine"):
         if job.motion is not None and (motion := footage.motion(scene)) is not None:
             motion.save(job.motion)

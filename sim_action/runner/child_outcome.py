@@ -208,7 +208,8 @@ def _of_limited_length(outcome: Outcome) -> Outcome:
         for each in outcome.failures
     )
     notes = {"notes": tuple(map(_cut, outcome.notes)), "model_notes": tuple(map(_cut, outcome.model_notes))}
-    return outcome.model_copy(update={"expectations": expectations, "failures": failures, **notes})
+    marks = tuple(replace(mark, words=_cut(mark.words)) for mark in outcome.marks)
+    return outcome.model_copy(update={"expectations": expectations, "failures": failures, "marks": marks, **notes})
 
 
 def _texts(outcome: Outcome) -> Iterator[str]:
@@ -217,7 +218,7 @@ def _texts(outcome: Outcome) -> Iterator[str]:
         yield from expected.verdict.texts
     for failure in outcome.failures:
         yield from (failure.message, failure.details, failure.location.file if failure.location else "")
-    yield from (*outcome.notes, *outcome.model_notes)
+    yield from (*outcome.notes, *outcome.model_notes, *(mark.words for mark in outcome.marks))
 
 
 def _cut(text: str) -> str:

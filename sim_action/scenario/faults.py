@@ -21,6 +21,7 @@ from sim_action.core.geometry import Twist
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, recognise
+from sim_action.state.timeline import TimeMark
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -127,9 +128,9 @@ class Fault(FrozenModel):
         return f"{what} is {how}"
 
     @property
-    def title(self) -> str:
-        """The fault and its times in words."""
-        return f"{self.words} from {self.at:g} s {'on' if self.duration is None else f'to {self.end:g} s'}"
+    def time_mark(self) -> TimeMark:
+        """The mark of the timeline."""
+        return TimeMark(self.at, None if self.duration is None else self.end, self.words)
 
     def offsets(self, kind: str) -> dict[str, float | tuple[float, ...]]:
         """Return the errors of a biased sensor of a kind by column, in SI units. Raise ValueError."""

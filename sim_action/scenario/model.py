@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from itertools import takewhile
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
@@ -42,6 +42,7 @@ from sim_action.scenario.variations.draws import Choice, CsvColumn, Integers, Lo
 from sim_action.scenario.variations.gate import Gate
 from sim_action.scenario.variations.values import MAX_SEED
 from sim_action.sensors import MountedSensor
+from sim_action.state.timeline import TimeMark
 from sim_action.state.trace_channels import Channels
 from sim_action.world import Physics, World
 from sim_action.world.claims import AuditWarning, ClaimFinding
@@ -354,6 +355,15 @@ class Scenario(FrozenModel):
     def assertions(self) -> tuple[Assertion, ...]:
         """All assertions that look at the robot, including nested ones."""
         return tuple(leaf for expected in self.expect for leaf in expected.assertion.leaves())
+
+    def time_marks(self) -> Iterator[TimeMark]:
+        """Yield the marks of the timeline that the run cannot change, in no order."""
+        yield from self.world.time_marks()
+        yield from (fault.time_mark for fault in self.faults)
+        for index, source in enumerate(self.commands):
+            yield from source.time_marks(f"commands[{index}]")
+        for mounted in self.sensors:
+            yield from mounted.transmission.time_marks(f"sensor '{mounted.name}'")
 
     def accepts(self, finding: ClaimFinding) -> bool:
         """Return True if `allow` of the scenario, or of the expectation that a finding is about, has its rule."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from copy import deepcopy
 from functools import lru_cache
@@ -27,6 +27,7 @@ from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, 
 from sim_action.state.joint_motion import JointMotion
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Transcript
+from sim_action.state.timeline import TimeMark
 from sim_action.state.transmission import Line
 from sim_action.world.physics import GRAVITY
 from sim_action.world.scene import Scene
@@ -266,6 +267,11 @@ class Controls:
         controllers = [source.controller for source in self._sources]
         own = (live.notes(end) if isinstance(live, OpenLoop) else live.notes for live in controllers)
         return (*chain.from_iterable(own), *lost)
+
+    def time_marks(self) -> Iterator[TimeMark]:
+        """Yield the marks of the first commands that were lost."""
+        for source, line in self._late:
+            yield from line.time_marks(f"commands[{source.index}]")
 
     def undelivered(self, end: float) -> dict[int, float]:
         """Return the index of each source whose commands all arrive after a sim time in s -> the first arrival.

@@ -133,7 +133,7 @@ class FaultSeams(Seams):
     @property
     @override
     def notes(self) -> tuple[str, ...]:
-        return tuple(f"fault: {fault.title}" for fault in self._faults)
+        return tuple(f"fault: {fault.time_mark.title}" for fault in self._faults)
 
 
 def _acts(fault: Fault, time: float) -> bool:

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from functools import cached_property
+from itertools import repeat
 from typing import Final, Literal, Self
 
 import numpy as np
@@ -47,12 +48,14 @@ from sim_action.simulation.start_checks import (
 )
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Digest
+from sim_action.state.timeline import TimeMark, in_order, nearest_causes
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import BodyRecord
 from sim_action.state.verdict import Verdict
 from sim_action.world.claims import LOGGED_ERROR, NOT_REPRODUCIBLE, NOT_SIMULATED, ClaimFinding
 from sim_action.world.ground import GROUND
+from sim_action.world.out_of_reach import reached_patches
 from sim_action.world.scene import Scene
 
 Progress = Callable[[float], None]
@@ -240,6 +243,8 @@ class _Loop:
                 if len(seen):
                     stored, bodies = self._sensing.stored(seen), self._body_poses
                     footage.add(stored, judged=seen.sensors, is_last=is_last, bodies=bodies)
+            if failure is not None or panel.end is not None:
+                footage.marks = self._marks(panel.time if panel.end else self._step / self._scenario.physics.rate)
             if isinstance(failure, ControllersFinished):
                 break
             if failure is not None and panel.end is None:
@@ -276,7 +281,7 @@ class _Loop:
 
     def _verdicts(self, panel: Panel, start: Observation, progress: Progress) -> tuple[Verdict, ...]:
         """Return the verdicts of a run that has ended; with their extreme margins if the run looks ahead."""
-        verdicts = tuple(map(self._explained, panel.verdicts(), self._scenario.expect))
+        verdicts = tuple(map(self._explained, panel.verdicts(), self._scenario.expect, repeat(panel.time)))
         if not self._seams.looks_ahead:
             return verdicts
         if panel.end == "goals met":
@@ -289,12 +294,21 @@ class _Loop:
             for verdict, expected in zip(verdicts, self._scenario.expect, strict=True)
         )
 
-    def _explained(self, verdict: Verdict, expected: Expectation) -> Verdict:
-        """Return a verdict whose message names what may have decided it: a step of a target, or faults."""
+    def _marks(self, end: float) -> tuple[TimeMark, ...]:
+        """Return the marks of the timeline of the run until a sim time in s."""
+        own = (*self._scenario.time_marks(), *self._controls.time_marks(), *self._sensing.time_marks())
+        trace = self._footage.trace() if self._scene.world.patches else None
+        return in_order((*own, *(() if trace is None else reached_patches(self._scene, trace))), end)
+
+    def _explained(self, verdict: Verdict, expected: Expectation, end: float) -> Verdict:
+        """Return a verdict whose message names what may have decided it: a step of a target, or marks before it.
+
+        `end`: the sim time in s at the end of the run.
+        """
         causes = [*self._decisive_step(verdict, expected.assertion.step_memory_s)]
-        if not verdict.passed:
-            decided = self._step / self._scenario.physics.rate if verdict.goal else verdict.time or 0.0
-            causes += [f"fault: {fault.title}" for fault in self._scenario.faults if fault.at <= decided]
+        if not verdict.passed and not verdict.cut_off:
+            decided = end if verdict.goal or verdict.time is None else verdict.time
+            causes += [mark.title for mark in nearest_causes(self._footage.marks, decided)]
         return replace(verdict, message="; ".join((verdict.message, *causes))) if causes else verdict
 
     def _decisive_step(self, verdict: Verdict, memory: float) -> Iterator[str]:

@@ -15,6 +15,7 @@ from sim_action.scenario.model import Agreement, Scenario
 from sim_action.sensors.reading_log import ReadingLog
 from sim_action.state.command import Command, JointTargets, LinkWrench
 from sim_action.state.observation import Contact, Observation
+from sim_action.state.timeline import TimeMark
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import FRAME_RATE, CommandedTwists, CommandedValues, SensorRecord, frame_stride
@@ -42,6 +43,7 @@ class RunRecorder:
         start: the settled state at t = 0; None before the start.
         readings: the readings of all open sensors by name, for a replay; None without one. The last ones may be later
             than the end of the run.
+        marks: the marks of the timeline, in the order of time; empty before the end.
     """
 
     def __init__(
@@ -62,6 +64,7 @@ class RunRecorder:
         self._kept: list[Trace] = []
         self._film: list[Trace] = []
         self.start: Observation | None = None
+        self.marks: tuple[TimeMark, ...] = ()
         self.readings: dict[str, ReadingLog] | None = {} if filmed else None
 
     def channels(self, world: World) -> Channels:

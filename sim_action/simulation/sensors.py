@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from sim_action.core.errors import ScriptError
 from sim_action.core.records import dataclass, field, replace
@@ -16,6 +16,7 @@ from sim_action.simulation.seams import UNTOUCHED, Seams
 from sim_action.state.observation import ByName, Observation
 from sim_action.state.readings import Reading
 from sim_action.state.sensor_inputs import WheelMotion
+from sim_action.state.timeline import TimeMark
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import SensorRecord
 from sim_action.state.transmission import Line
@@ -80,6 +81,11 @@ class Sensing:
         self._receive(step)
         observation = self._backend.observe(step, contacts=self._contacts)
         return replace(observation, sensors=ByName(self._readings)) if self._readings else observation
+
+    def time_marks(self) -> Iterator[TimeMark]:
+        """Yield the marks of the first readings that were lost."""
+        for running, line in self._late:
+            yield from line.time_marks(f"sensor '{running.mounted.name}'")
 
     @property
     def notes(self) -> tuple[str, ...]:

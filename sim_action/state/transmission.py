@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Final, Generic, TypeVar
 
 from pydantic import Field
 
 from sim_action.core.field_types import FrozenModel, NonNegativeSeconds, NonNegativeShare
-from sim_action.core.units import first_step
+from sim_action.core.units import display, first_step
+from sim_action.state.timeline import TimeMark
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -36,6 +38,12 @@ class Transmission(FrozenModel):
         """True if delays or losses are drawn at random."""
         return bool(self.jitter or self.dropouts)
 
+    def time_marks(self, sender: str) -> Iterator[TimeMark]:
+        """Yield the marks of the timeline that the run cannot change; `sender`: the source of the messages in words."""
+        if self.latency or self.jitter:
+            most = f" to {display(self.latency + self.jitter, 's')}" if self.jitter else ""
+            yield TimeMark(0.0, None, f"messages of {sender} arrived {display(self.latency, 's')}{most} late")
+
     @property
     def is_perfect(self) -> bool:
         """True if everything arrives at once."""
@@ -57,13 +65,14 @@ class Line(Generic[Message]):
     Attributes:
         sent: number of messages so far.
         lost: number of these that will not arrive.
-        first_sent, first_arrival: the physics steps of the first message, and of the first arrival; inf without one.
+        first_sent, first_arrival, first_lost: the physics steps of the first message, of the first arrival, and of the
+            first loss; inf without one.
     """
 
     def __init__(self, spec: Transmission, rate: float, random: Generator) -> None:
         """Open an empty line; `rate`: physics steps per second, `random`: its own stream of random numbers."""
         self.sent = self.lost = 0
-        self.first_sent = self.first_arrival = math.inf
+        self.first_sent = self.first_arrival = self.first_lost = math.inf
         self._spec, self._rate, self._random = spec, rate, random
         self._waiting = deque[tuple[int, Message]]()
         self._last_arrival = 0
@@ -80,12 +89,19 @@ class Line(Generic[Message]):
         self.first_sent = min(self.first_sent, step)
         if luck < self._spec.dropouts:
             self.lost += 1
+            self.first_lost = min(self.first_lost, step)
             return False
         delay = first_step(self._spec.latency + share * self._spec.jitter, self._rate)
         self._last_arrival = max(self._last_arrival, step + delay)
         self.first_arrival = min(self.first_arrival, self._last_arrival)
         self._waiting.append((self._last_arrival, message))
         return True
+
+    def time_marks(self, sender: str) -> Iterator[TimeMark]:
+        """Yield the mark of the first loss, see `Transmission.time_marks`."""
+        if self.lost:
+            time = self.first_lost / self._rate
+            yield TimeMark(time, time, f"the first message of {sender} was lost")
 
     def arrived(self, step: int) -> list[Message]:
         """Remove the messages that have arrived by a physics step, and return them in their order."""

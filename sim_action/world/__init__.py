@@ -6,12 +6,14 @@ The fields are the keys of a scenario file; `sim-action schema` prints the docst
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Vector3
+from sim_action.state.timeline import TimeMark
 from sim_action.world.body import Body, Inertia, Shape, path_of, placed
 from sim_action.world.body_path import PathPoint
 from sim_action.world.ground import GROUND, Ground, Patch
@@ -70,6 +72,15 @@ class World(FrozenModel):
         if self.robot is not None and self.file is None:
             raise ValueError("'robot' names a model of a world file: add 'file', or name the model in robot.model")
         return self
+
+    def time_marks(self) -> Iterator[TimeMark]:
+        """Yield the marks of the timeline that the run cannot change."""
+        for body in self.objects:
+            yield from body.time_marks()
+        yield from (disturbance.time_mark for disturbance in self.disturbances)
+        for patch in self.patches:
+            if patch.appears is not None:
+                yield TimeMark(patch.appears, patch.appears, f"{patch.words} appeared")
 
     @property
     def gravity_xyz(self) -> Vector3:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from pydantic import Field, model_validator
@@ -23,6 +23,7 @@ from sim_action.core.field_types import (
     RelativePose,
 )
 from sim_action.core.geometry import Pose, Twist, symmetric_eigenvalues
+from sim_action.state.timeline import TimeMark
 from sim_action.world.body_path import PathPoint, PosePath, placements
 from sim_action.world.ground import Friction
 from sim_action.world.physics import MAX_MASS, MAX_SPEED
@@ -237,6 +238,14 @@ class Body(FrozenModel):
         PositiveSeconds | None,
         Field(description="sim time at which the object appears; with a mass, it falls from then on"),
     ] = None
+
+    def time_marks(self) -> Iterator[TimeMark]:
+        """Yield the marks of the timeline: when it appears, and when its path begins and ends."""
+        if self.appears is not None:
+            yield TimeMark(self.appears, self.appears, f"body '{self.name}' appeared")
+        ends = self.path[:1] if self.loop else self.path[:1] + self.path[-1:]
+        for point, what in zip(ends, ("began", "ended"), strict=False):
+            yield TimeMark(point.at, point.at, f"body '{self.name}' {what} its path")
 
     @property
     def beginning(self) -> Placement:

@@ -48,9 +48,9 @@ class Patch(FrozenModel):
     ] = None
 
     @property
-    def title(self) -> str:
+    def words(self) -> str:
         """The patch in words."""
-        return f"friction of {self.friction:g} on the patch at ({self.x:g}, {self.y:g}) m"
+        return f"the patch at ({self.x:g}, {self.y:g}) m with a friction of {self.friction:g}"
 
     @property
     def bounds(self) -> tuple[tuple[float, float], tuple[float, float]]:

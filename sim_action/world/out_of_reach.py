@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core import geometry
 from sim_action.core.lazy_numpy import np
 from sim_action.core.wording import quoted
+from sim_action.state.timeline import TimeMark
 from sim_action.world.body import Body, placed
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.ground import Patch
@@ -16,6 +17,8 @@ from sim_action.world.parts import lowest, reach
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from sim_action.state.trace import FloatArray, Trace
 
 # m: a robot that came so near to an object has passed it.
@@ -74,10 +77,25 @@ def is_untouched(scene: Scene, trace: Trace, patch: Patch) -> bool:
     return _is_off(patch, trace.base_position_xyz[trace.time >= (patch.appears or 0.0)], _stretched(scene))
 
 
+def reached_patches(scene: Scene, trace: Trace) -> Iterator[TimeMark]:
+    """Yield the marks of the timeline at which the robot first came to a patch, within its extent."""
+    for patch in scene.world.patches:
+        near = ~_are_off(patch, trace.base_position_xyz, scene.extent) & (trace.time >= (patch.appears or 0.0))
+        if near.any():
+            time = float(trace.time[near.argmax()])
+            yield TimeMark(time, time, f"reached {patch.words}")
+
+
 def _is_off(patch: Patch, places: FloatArray, extent: float) -> bool:
     """Return True if a circle with a radius of `extent` in m about each of the places is off a patch."""
+    return bool(_are_off(patch, places, extent).all())
+
+
+def _are_off(patch: Patch, places: FloatArray, extent: float) -> NDArray[np.bool_]:
+    """Return True for each place whose circle with a radius of `extent` in m is off a patch."""
     low, high = np.transpose(patch.bounds)
-    return bool(((places[:, :2] < low - extent) | (places[:, :2] > high + extent)).any(axis=1).all())
+    off: NDArray[np.bool_] = ((places[:, :2] < low - extent) | (places[:, :2] > high + extent)).any(axis=1)
+    return off
 
 
 def _stretched(scene: Scene) -> float:

@@ -23,6 +23,7 @@ from sim_action.core.field_types import (
     RadiansPerSecond,
 )
 from sim_action.core.geometry import Vector3
+from sim_action.state.timeline import TimeMark
 
 if TYPE_CHECKING:
     import numpy as np
@@ -186,21 +187,18 @@ class Disturbance(FrozenModel):
         return math.inf if lasts and self.duration is None else self.at + (self.duration or 0.0)
 
     @property
-    def title(self) -> str:
-        """The disturbance in words."""
-        link = f"link '{self.link}'" if self.link else "the base link"
-        target = f"body '{self.body}'" if self.body else link
+    def time_mark(self) -> TimeMark:
+        """The mark of the timeline."""
+        target = f"body '{self.body}' " if self.body else f"link '{self.link}' " if self.link else ""
         amounts = (
-            (self.force and math.hypot(*self.force), "force", "N"),
-            (self.torque and math.hypot(*self.torque), "torque", "N m"),
-            (self.velocity and math.hypot(*self.velocity), "push", "m/s"),
-            (self.payload, "payload", "kg"),
-            (self.adhesion, "adhesion", "N"),
+            (self.force and math.hypot(*self.force), "pushed with", "N"),
+            (self.torque and math.hypot(*self.torque), "turned with", "N m"),
+            (self.velocity and math.hypot(*self.velocity), "pushed by", "m/s"),
+            (self.payload, "loaded with", "kg"),
+            (self.adhesion, "held by up to", "N"),
         )
-        what = " and ".join(
-            f"{word} of {units.display(size, unit)}" for size, word, unit in amounts if size is not None
-        )
-        return f"{what} on {target}"
+        what = " and ".join(f"{word} {units.display(size, unit)}" for size, word, unit in amounts if size is not None)
+        return TimeMark(self.at, None if self.end == math.inf else self.end, f"{target}{what}")
 
     def payload_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the payload (T,) in kg at sim times in s."""

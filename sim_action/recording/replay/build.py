@@ -24,7 +24,6 @@ from sim_action.recording.replay.channels import stored_channels
 from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray, fine_scale, steady
 from sim_action.recording.replay.replay_data import (
     MAX_CONTACTS,
-    MAX_EVENTS,
     MAX_GOLDEN,
     MAX_SIGNALS,
     ContactData,
@@ -54,6 +53,7 @@ from sim_action.scenario.model import Scenario
 from sim_action.sensors.reading_log import ReadingLog
 from sim_action.simulation.recorder import TWIST_NAMES
 from sim_action.state.observation import Contact, Observation
+from sim_action.state.timeline import TimeMark
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import FRAME_RATE, BodyRecord, CommandedValues
 from sim_action.state.verdict import Circle, Mark, Polygon, Polyline, Signal
@@ -113,11 +113,12 @@ def make_replay(
     *,
     commanded: Mapping[str, CommandedValues] | None = None,
     readings: Mapping[str, ReadingLog] | None = None,
+    events: Sequence[TimeMark] = (),
 ) -> None:
     """Write the replay of a run.
 
-    `start` is the settled state at t = 0, `film` the trace at 30 Hz, `commanded` what was commanded, by kind, and
-    `readings` are those of sensors by name.
+    `start` is the settled state at t = 0, `film` the trace at 30 Hz, `commanded` what was commanded, by kind,
+    `readings` are those of sensors by name, and `events` the marks of the timeline.
 
     Raises OSError, or ValueError if the replay is too large or not valid.
     """
@@ -128,7 +129,7 @@ def make_replay(
     update = {
         "commanded_path": commanded_path(scenario, start, base, film.time),
         "unread": tuple(unread[: scans.MAX_SENSORS]),
-        "events": stored_events(scenario, float(film.time[-1])),
+        "events": stored_events(events),
         "scenario": scenario.name[:MAX_TEXT_LENGTH],
         "golden": stored_golden(scenario, scene),
     }
@@ -286,18 +287,15 @@ def stored_signals(scenario: Scenario, scene: Scene, start: Observation, film: T
     return tuple(signal for signal, _ in zip(found, range(MAX_SIGNALS), strict=False))
 
 
-def stored_events(scenario: Scenario, end: float) -> tuple[EventData, ...]:
-    """Return the first faults, disturbances and bodies that appear in a run that ends at `end`, in s."""
-    world = scenario.world
-    events = [
-        *((fault.at, fault.end, fault.words) for fault in scenario.faults),
-        *((acts.at, acts.end, acts.title) for acts in world.disturbances),
-        *((body.appears, math.inf, f"'{body.name}' appears") for body in world.objects if body.appears is not None),
-        *((patch.appears, math.inf, patch.title) for patch in world.patches if patch.appears is not None),
-    ]
+def stored_events(marks: Sequence[TimeMark]) -> tuple[EventData, ...]:
+    """Return the marks of the timeline as a replay holds them."""
     return tuple(
-        EventData(time=begins, until=until if begins < until < math.inf else None, words=words[:MAX_TEXT_LENGTH])
-        for begins, until, words in sorted(event for event in events if event[0] < end)[:MAX_EVENTS]
+        EventData(
+            time=mark.time,
+            until=mark.until if mark.until is not None and mark.until > mark.time else None,
+            words=mark.words[:MAX_TEXT_LENGTH],
+        )
+        for mark in marks
     )
 
 

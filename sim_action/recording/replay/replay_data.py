@@ -27,6 +27,7 @@ from sim_action.recording.replay.scene_data import (
     scene_problems,
 )
 from sim_action.recording.replay.sightings import MAX_OBSTACLES, ObstacleData
+from sim_action.state.timeline import MAX_TIME_MARKS
 
 MAX_GOLDEN: Final = 8
 
@@ -64,7 +65,6 @@ class GoldenData(FrozenModel):
         return all(index < joints for index, _ in self.joints)
 
 
-MAX_EVENTS: Final = 200
 MAX_CONTACTS: Final = 200
 MAX_SIGNALS: Final = 200
 MAX_CHANNELS: Final = 400
@@ -226,7 +226,7 @@ class Replay(FrozenModel):
     frames: Frames
     contacts: Annotated[tuple[ContactData, ...], Field(max_length=MAX_CONTACTS)] = ()
     contacts_left_out: Annotated[int, Field(ge=0, le=2**53)] = 0
-    events: Annotated[tuple[EventData, ...], Field(max_length=MAX_EVENTS)] = ()
+    events: Annotated[tuple[EventData, ...], Field(max_length=MAX_TIME_MARKS)] = ()
     signals: Annotated[tuple[SignalData, ...], Field(max_length=MAX_SIGNALS)] = ()
     marks: Annotated[tuple[MarkData, ...], Field(max_length=MAX_MARKS)] = ()
     channels: Annotated[tuple[ChannelData, ...], Field(max_length=MAX_CHANNELS)] = ()

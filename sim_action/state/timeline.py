@@ -1,0 +1,66 @@
+"""The timeline of a run: marks of what acted on the robot or changed its surroundings, such as pushes and faults.
+
+Each part that acts at a time yields its own marks: bodies, patches, disturbances, faults, command sources, and the
+transmission of commands and readings. Reports show all of them; the message of a failure names the nearest ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+from sim_action.core.records import dataclass
+from sim_action.core.units import TIME_EPSILON_S, display
+
+MAX_TIME_MARKS: Final = 200
+"""The number of marks that the results of a run keep, the first ones."""
+
+# The number of marks that a message names.
+_MAX_NAMED: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class TimeMark:
+    """Something that happened at a time of a run.
+
+    Attributes:
+        time: the sim time in s at which it happened or began.
+        until: the sim time in s of its end, equal to `time` for an instant; None: it lasts until the end of the run.
+        words: a clause in words without a time, such as "pushed with 8 N" or "body 'crate' appeared".
+        is_planned: True for a command that the scenario states: it explains a failure only if nothing is nearer.
+    """
+
+    time: float
+    until: float | None
+    words: str
+    is_planned: bool = False
+
+    @property
+    def title(self) -> str:
+        """The mark with its times, such as "pushed with 8 N at 1.00 s for 0.2 s"."""
+        if self.until is None:
+            return f"{self.words} from {self.time:.2f} s on"
+        lasts = self.until - self.time
+        span = f" for {display(lasts, 's')}" if lasts > TIME_EPSILON_S else ""
+        return f"{self.words} at {self.time:.2f} s{span}"
+
+
+def in_order(marks: Iterable[TimeMark], end: float) -> tuple[TimeMark, ...]:
+    """Return the marks of a run that ended at a sim time in s, in the order of time, as many as results keep."""
+    begun = (mark for mark in marks if mark.time <= end + TIME_EPSILON_S)
+    return tuple(sorted(begun, key=lambda mark: mark.time)[:MAX_TIME_MARKS])
+
+
+def nearest_causes(marks: Iterable[TimeMark], time: float) -> tuple[TimeMark, ...]:
+    """Return the marks that may explain a failure at a sim time in s, the nearest one first.
+
+    These are the last mark before it, the last one that is no command, and others that still act. Conditions that hold
+    from the start count only if nothing else happened, and a first command explains nothing.
+    """
+    before = [mark for mark in marks if mark.time <= time + TIME_EPSILON_S and (mark.time or not mark.is_planned)]
+    before.sort(key=lambda mark: -mark.time)
+    later = [mark for mark in before if mark.time] or before
+    unplanned = [mark for mark in later if not mark.is_planned]
+    acting = [mark for mark in unplanned if mark.until is None or mark.until >= time]
+    named = dict.fromkeys((*later[:1], *unplanned[:1], *acting))
+    return tuple(sorted(named, key=lambda mark: -mark.time)[:_MAX_NAMED])
