@@ -110,8 +110,8 @@ class TwistCommands(CommandSource):
     def time_marks(self, sender: str) -> Iterator[TimeMark]:
         yield from super().time_marks(sender)
         words = (*(segment.words for segment in self.twist), "commanded to stop")
-        for start, what in zip((0.0, *self._ends), words, strict=True):
-            if start < math.inf:
+        for start, before, what in zip((0.0, *self._ends), ("", *words), words, strict=False):
+            if start < math.inf and what != before:
                 yield TimeMark(start, start, what, is_planned=True)
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import itertools
+import linecache
 import re
 import sys
 import traceback
@@ -19,6 +20,7 @@ from typing import Any, Final
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
+from sim_action.core.source_excerpt import as_text, excerpt
 from sim_action.core.wording import did_you_mean
 
 ANYTHING: Final = "*"
@@ -28,6 +30,7 @@ _MAX_SCRIPT_BYTES: Final = 1_000_000
 _MAX_CACHED: Final = 16
 # In a traceback: a recursion has a thousand frames.
 _MAX_FRAMES: Final = 10
+_LINES_AROUND: Final = 2
 _MODULES: Final = (
     "scripts run in sim-action's own Python, which has numpy and can import files from their folder; "
     "a controller that needs other packages runs as a 'process', with your own Python"
@@ -315,7 +318,8 @@ def script_errors_at(path: Path, who: str) -> Iterator[None]:
 def script_error(error: BaseException, path: Path, who: str) -> ScriptError:
     """Return an error with the place in the user's file; frames of sim-action are left out; `who` raised it."""
     if isinstance(error, SyntaxError) and error.filename:
-        return ScriptError(f"SyntaxError: {error.msg}", Location(error.filename, error.lineno))
+        place = Location(error.filename, error.lineno)
+        return ScriptError(f"SyntaxError: {error.msg}", place, _lines_around(place))
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not _is_machinery(frame.filename)]
     lines = [frame.lineno for frame in frames if frame.filename == str(path)]
     what = traceback.format_exception_only(error)[-1].strip()
@@ -323,8 +327,17 @@ def script_error(error: BaseException, path: Path, who: str) -> ScriptError:
         what += f"; {_MODULES}"
     place = Location(str(path), lines[-1] if lines else None)
     # After a MemoryError, as little memory as possible is used.
-    details = "" if isinstance(error, MemoryError) else _traceback(frames, path.parent)
+    if isinstance(error, MemoryError):
+        return ScriptError(f"{who} raised {what}", place)
+    details = "\n\n".join(filter(None, (_traceback(frames, path.parent), _lines_around(place))))
     return ScriptError(f"{who} raised {what}", place, details)
+
+
+def _lines_around(place: Location) -> str:
+    """Return five lines of a file about a place; empty if it cannot be read."""
+    lines = linecache.getlines(place.file) if place.line is not None else []
+    shown = excerpt(lines, {place.line} if place.line is not None else (), _LINES_AROUND)
+    return f"{Path(place.file).name}:{place.line}\n{as_text(shown)}" if shown else ""
 
 
 def _is_machinery(file: str) -> bool:

@@ -14,6 +14,7 @@ from sim_action.reports.escaping import one_line
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.outcome import ExpectationOutcome, Outcome, Spread, Status
 from sim_action.results.results_json import Results, Shard
+from sim_action.state.timeline import TimeMark
 from sim_action.state.verdict import Verdict
 
 _COUNTED: Final[tuple[Status, ...]] = ("passed", "failed", "flaky", "inconclusive", "not_exercised", "error", "skipped")
@@ -236,3 +237,18 @@ def judged_text(verdict: Verdict) -> str:
         return "judged at no moment"
     several = f"{moment(judged.first)} to {moment(judged.last)}" if judged.moments > 1 else moment(judged.first)
     return f"judged at {counted(judged.moments, 'moment')}, {several}"
+
+
+_MAX_MARKS: Final = 6
+
+
+def timeline(outcome: Outcome) -> tuple[TimeMark, ...]:
+    """Return the last marks of a run that did not pass, without its first commands; of others none."""
+    if outcome.status in ("passed", "skipped"):
+        return ()
+    return tuple(mark for mark in outcome.marks if mark.time or not mark.is_planned)[-_MAX_MARKS:]
+
+
+def timeline_text(outcome: Outcome) -> str:
+    """Return the timeline on one line; empty if nothing happened."""
+    return "; ".join(mark.title for mark in timeline(outcome))

@@ -27,7 +27,7 @@ from sim_action.core.errors import Location
 from sim_action.core.files import whole_file
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line, plain_text
-from sim_action.reports.formatting import judged_text, measurements, spread_texts, user_output
+from sim_action.reports.formatting import judged_text, measurements, spread_texts, timeline_text, user_output
 from sim_action.reports.links import file_and_line, relative_path, stored_trace
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
@@ -308,6 +308,7 @@ def _add_output(outcome: Outcome, cases: list[ET.Element]) -> None:
     """Add notes and output to the first testcase that failed: Jenkins hides the output of a suite otherwise."""
     unhappy = (case for case in cases if case.find("failure") is not None or case.find("error") is not None)
     case = next(unhappy, cases[0])
+    add_line(case, "system-out", f"timeline: {happened}" if (happened := timeline_text(outcome)) else "")
     for warning in outcome.warnings:
         add_line(case, "system-out", f"warning: {warning.location}: {warning}")
     for measured in outcome.measurements:

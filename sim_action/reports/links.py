@@ -6,12 +6,14 @@ import os
 import re
 import shlex
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Final
 from urllib.parse import quote, urlsplit
 
 from sim_action.core.errors import Location
+from sim_action.core.files import read_at_most
 from sim_action.engines import ENGINES
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
@@ -21,6 +23,7 @@ from sim_action.scenario.source import varies_seed
 
 # The characters that every shell treats alike between double quotes.
 _PLAIN: Final = re.compile(r"[\w .,:;=+/()\[\]-]+", re.ASCII)
+_MAX_SOURCE_BYTES: Final = 1_000_000
 _BARE: Final = re.compile(r"[\w.,:=+/-]+", re.ASCII)
 
 
@@ -85,6 +88,21 @@ def _quoted(word: str) -> str:
     if _BARE.fullmatch(word):
         return word
     return f'"{word}"' if _PLAIN.fullmatch(word) else shlex.quote(word)
+
+
+def scenario_lines(workspace: Path, file: str) -> list[str]:
+    """Return the lines of a scenario file; empty if it is not one, cannot be read, or is outside of the workspace.
+
+    Results may come from elsewhere, and name any file.
+    """
+    path = Path(file)
+    if path.suffix not in (".yml", ".yaml"):
+        return []
+    with suppress(OSError, ValueError):
+        inside = path.resolve().is_relative_to(workspace.resolve())
+        text = read_at_most(path, _MAX_SOURCE_BYTES) if inside else None
+        return [] if text is None else text.decode().splitlines()
+    return []
 
 
 def replay_link(outcome: Outcome, options: ReportOptions, time: float | None = None) -> str:

@@ -18,6 +18,7 @@ from sim_action.reports.formatting import (
     shard_text,
     speed_text,
     taken_over_text,
+    timeline_text,
     user_output,
 )
 from sim_action.reports.links import stored_trace
@@ -147,6 +148,8 @@ class _Printer:
             self._table([Row("information", each.name, each.message) for each in outcome.measurements])
         for failure in outcome.failures:
             self._failure(failure)
+        if not is_quiet and (happened := timeline_text(outcome)):
+            self._line("  ", (f"timeline: {happened}", "dim"))
         if self._verbosity == "verbose" and outcome.statistics is None:
             self._run_details(outcome)
 

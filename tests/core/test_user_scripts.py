@@ -131,7 +131,9 @@ def test_the_way_to_an_error_is_kept_without_our_own_frames(tmp_path: Path) -> N
         ran(tmp_path / "a.py", "import beside\n\ndef control():\n    beside.divide(0)\n\ncontrol()\n")
     assert raised.value.location is not None
     assert (raised.value.location.file, raised.value.location.line) == (str(tmp_path / "a.py"), 4)
-    lines = [line.strip() for line in raised.value.details.splitlines() if line.strip(" ~^")]
+    way, _, source = raised.value.details.partition("\n\n")
+    assert source == "a.py:4\n  2 |\n  3 | def control():\n> 4 |     beside.divide(0)\n  5 |\n  6 | control()"
+    lines = [line.strip() for line in way.splitlines() if line.strip(" ~^")]
     assert lines == [
         "Traceback (most recent call last):",
         'File "a.py", line 6, in <module>',
@@ -144,11 +146,19 @@ def test_the_way_to_an_error_is_kept_without_our_own_frames(tmp_path: Path) -> N
 
 
 @pytest.mark.usefixtures("modules")
-@pytest.mark.parametrize("text", ["1 / 0\n", "def f(:\n", "raise MemoryError\n"])
-def test_an_error_at_one_place_has_no_other_way(text: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("text", "details"),
+    [
+        ("1 / 0\n", "a.py:1\n> 1 | 1 / 0"),
+        ("x = 1\ndef f(:\n", "a.py:2\n  1 | x = 1\n> 2 | def f(:"),
+        ("x = 1\n\n\n\n1 / 0\n\n\n\n\n\ny = 1", "a.py:5\n  3 |\n  4 |\n> 5 | 1 / 0\n  6 |\n  7 |"),
+        ("raise MemoryError\n", ""),
+    ],
+)
+def test_an_error_at_one_place_has_no_other_way(text: str, details: str, tmp_path: Path) -> None:
     with pytest.raises(ScriptError) as raised:
         ran(tmp_path / "a.py", text)
-    assert raised.value.details == ""
+    assert raised.value.details == details
 
 
 @pytest.mark.usefixtures("modules")

@@ -9,6 +9,7 @@ from sim_action.core.provenance import Provenance
 from sim_action.results.outcome import Diagnostic, ExpectationOutcome, Failure, Measurement, Outcome, Repeats, Status
 from sim_action.results.results_json import Results, Shard
 from sim_action.scenario.source import Varied
+from sim_action.state.timeline import TimeMark
 from sim_action.state.verdict import Judged, Verdict
 from sim_action.world.claims import AuditWarning
 from tests.outcomes import like
@@ -196,6 +197,12 @@ _OUTCOMES: dict[str, tuple[Outcome, ...]] = {
             file=WALL,
             status="failed",
             expectations=(CUT_OFF, COLLISION),
+            marks=(
+                TimeMark(0.0, 0.0, "commanded 0.5 m/s", is_planned=True),
+                TimeMark(1.0, 1.2, "pushed with 8 N"),
+                TimeMark(1.5, 1.5, "commanded 0.5 rad/s", is_planned=True),
+                TimeMark(2.0, None, "motor of joint 'wheel_left_joint' is off"),
+            ),
             end="expectation failed",
             sim_time=3.2,
         ),
@@ -301,6 +308,7 @@ _OUTCOMES: dict[str, tuple[Outcome, ...]] = {
                     location=Location("scenarios/a b|c,d:e%.sim.yml", 3, 1),
                 ),
             ),
+            marks=(TimeMark(0.5, 0.5, HOSTILE),),
             warnings=(AuditWarning(rule=HOSTILE, message=HOSTILE, location=Location(HOSTILE, 3)),),
             notes=(HOSTILE,),
             output=f"[[ATTACHMENT|/etc/passwd]]\n[\x00[ATTACHMENT|/etc/shadow]]\n{HOSTILE}\n````\n</details>",

@@ -294,6 +294,7 @@ def stored_events(marks: Sequence[TimeMark]) -> tuple[EventData, ...]:
             time=mark.time,
             until=mark.until if mark.until is not None and mark.until > mark.time else None,
             words=mark.words[:MAX_TEXT_LENGTH],
+            planned=mark.is_planned,
         )
         for mark in marks
     )

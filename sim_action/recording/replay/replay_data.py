@@ -115,11 +115,12 @@ class Frames(FrozenModel):
 
 
 class EventData(FrozenModel):
-    """A fault, a disturbance or a body that appears: from `time` in s, to `until`; null for an instant or for ever."""
+    """A mark of the timeline, see `TimeMark`: from `time` in s, to `until`; null for an instant or for ever."""
 
     time: Number
     until: Number | None = None
     words: Text
+    planned: bool = False
 
 
 class ContactData(FrozenModel):

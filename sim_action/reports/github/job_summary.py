@@ -22,6 +22,7 @@ from sim_action.reports.formatting import (
     shard_text,
     speed_text,
     taken_over_text,
+    timeline_text,
     user_output,
 )
 from sim_action.reports.gate_chances import chance_tables
@@ -206,6 +207,7 @@ def _outcome_section(outcome: Outcome, options: ReportOptions, *, drawn: bool) -
         _subtitle(outcome, options),
         *(_failure_text(failure, options) for failure in outcome.failures[:_MAX_FAILURES]),
         left_out_note(len(outcome.failures), _MAX_FAILURES, "error"),
+        f"**Timeline**: {message_text(happened)}" if (happened := timeline_text(outcome)) else "",
         _warnings(outcome, options),
         _expectations(outcome, options),
         _measurements(outcome, options),

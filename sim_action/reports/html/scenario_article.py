@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
 from typing import Final
 
 from sim_action.core import units
+from sim_action.core.source_excerpt import excerpt
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.sightings import BlindData, ObstacleData, SightingData
 from sim_action.reports import ReportOptions
@@ -15,6 +18,7 @@ from sim_action.reports.formatting import (
     moment,
     run_facts,
     speed_text,
+    timeline,
     user_output,
 )
 from sim_action.reports.html.document import (
@@ -35,7 +39,7 @@ from sim_action.reports.html.document import (
     values,
 )
 from sim_action.reports.html.top_view import SceneOutlines, drawing
-from sim_action.reports.links import rerun_command
+from sim_action.reports.links import rerun_command, scenario_lines
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.reports.table import NUMBERS, Table, expectation_rows, numbers
 from sim_action.results.outcome import DisplayStatus, ExpectationOutcome, Failure, Outcome
@@ -77,9 +81,11 @@ def run_article(
     )
     body = joined(
         run_reasons(outcome, options, {} if replay is None else first_seen(replay)),
+        _timeline(outcome),
         element("div", still, class_="stage"),
         "" if replay is None else sightings(replay),
         expectations(outcome, options),
+        scenario_source(outcome, options),
         measurements(outcome),
         details(outcome, results, options),
     )
@@ -139,6 +145,35 @@ def expectations(outcome: Outcome, options: ReportOptions) -> Html:
         return Html("")
     rows = expectation_rows(outcome, outcome.expectations)
     return titled("Expectations", html_table(Table("Expectation", rows, NUMBERS), options))
+
+
+def _timeline(outcome: Outcome) -> Html:
+    """Return what happened before a failure, each with a time that moves the replay; empty if nothing did."""
+    items = [element("li", value_link(mark.time), f" {mark.words}") for mark in timeline(outcome)]
+    return titled("What happened before", bullets(items, "timeline"))
+
+
+_AROUND: Final = 20
+
+
+def scenario_source(outcome: Outcome, options: ReportOptions) -> Html:
+    """Return the lines of its file about the places that failed; empty if it passed, or the file cannot be read."""
+    if outcome.status in ("passed", "skipped") or not outcome.file:
+        return Html("")
+    places = [failure.location for failure in outcome.failures]
+    places += [expected.location for expected in outcome.causes]
+    failed = frozenset(place.line for place in places if place and place.line and place.file == outcome.file)
+    return _marked_source(options.workspace, outcome.file, failed, outcome.line or 1)
+
+
+# Variations and gates have many runs of one file.
+@lru_cache(maxsize=64)
+def _marked_source(workspace: Path, file: str, marked: frozenset[int], begin: int) -> Html:
+    """Return the lines about the marked ones; without one, those about the line where the scenario begins."""
+    lines = excerpt(scenario_lines(workspace, file), marked or {begin}, _AROUND)
+    width = len(str(lines[-1].number)) if lines else 0
+    shown = [element("mark" if marked and line.is_marked else "span", f"{line.numbered(width)}\n") for line in lines]
+    return titled("Scenario file", element("pre", *shown, class_="source", tabindex="0") if shown else "")
 
 
 def measurements(outcome: Outcome) -> Html:

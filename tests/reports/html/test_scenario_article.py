@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import replace
 from html import unescape
+from pathlib import Path
 
 import pytest
 
+from sim_action.core.errors import Location
 from sim_action.recording.replay.sightings import BlindData, ObstacleData, SightingData
 from sim_action.reports import ReportOptions
-from sim_action.reports.html.scenario_article import direction, run_reasons, sightings
+from sim_action.reports.html.scenario_article import direction, run_reasons, scenario_source, sightings
 from sim_action.results.outcome import Failure, Outcome
 from tests.outcomes import like, outcome
 from tests.replays import drive
@@ -37,6 +40,49 @@ def test_a_failure_names_the_sensor_that_saw_its_body_first(body: str, words: st
     html = run_reasons(like(made, expectations=(hit,)), options, seen)
     assert ("first seen" in html) == bool(words)
     assert words in html
+
+
+LINES = [f"line {number} <b>" for number in range(1, 61)]
+
+
+@pytest.mark.parametrize(
+    ("file", "shown", "marked"),
+    [
+        ("a.sim.yml", range(1, 29), [8]),
+        ("folder/a.yaml", range(1, 29), [8]),
+        ("../outside.sim.yml", [], []),
+        ("link.sim.yml", [], []),
+        ("a.py", [], []),
+        ("none.sim.yml", [], []),
+        ("binary.yml", [], []),
+        ("large.yml", [], []),
+    ],
+)
+def test_a_failure_shows_its_line_of_the_scenario(
+    file: str, shown: Iterable[int], marked: list[int], options: ReportOptions, tmp_path: Path
+) -> None:
+    """Results of others may name any file: only scenarios of the workspace are shown."""
+    workspace = tmp_path / "workspace"
+    (workspace / "folder").mkdir(parents=True)
+    texts = {name: "\n".join(LINES) for name in ("a.sim.yml", "folder/a.yaml", "a.py", "../outside.sim.yml")}
+    for name, text in {**texts, "large.yml": "a" * 1_000_001}.items():
+        (workspace / name).write_text(text, encoding="utf-8")
+    (workspace / "binary.yml").write_bytes(b"\xff\xfe")
+    (workspace / "link.sim.yml").symlink_to(tmp_path / "outside.sim.yml")
+    made = outcome(str(workspace / file), holds=False)
+    html = scenario_source(made, replace(options, workspace=workspace))
+    lines = re.findall(r"<(mark|span)>(?:&gt;| ) *(\d+) \| line \d+ &lt;b&gt;\n</", html)
+    assert [int(number) for _, number in lines] == [*shown]
+    assert [int(number) for tag, number in lines if tag == "mark"] == marked
+    assert scenario_source(like(made, status="passed"), options) == ""
+
+
+def test_an_error_elsewhere_shows_the_scenario_without_a_mark(options: ReportOptions, tmp_path: Path) -> None:
+    (tmp_path / "a.sim.yml").write_text("name: a\nrobot: {}\n", encoding="utf-8")
+    failure = Failure(kind="script", title="script error", message="no", location=Location("b.py", 2))
+    html = scenario_source(Outcome(name="a", file="a.sim.yml", status="error", failures=(failure,)), options)
+    assert "<mark>" not in html
+    assert "2 | robot: {}" in html
 
 
 LIDAR = SightingData(sensor="front", kind="lidar", time=0.4, distance=1.42, angle=-0.0349)

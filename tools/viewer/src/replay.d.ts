@@ -108,6 +108,7 @@ interface EventData {
   time: number;
   until?: number;
   words: string;
+  planned?: boolean;
 }
 
 interface ContactData {

@@ -105,10 +105,16 @@ function touchMarks(clock, motion) {
   });
 }
 
-/** Creates a button below the slider for each fault, disturbance and appearance. @param {Clock} clock @param {Motion} motion */
+/** Creates a button below the slider for each mark of the timeline, such as a fault. @param {Clock} clock @param {Motion} motion */
 function eventMarks(clock, motion) {
-  return (motion.replay.events ?? []).map(({ time, until, words }) => {
+  return (motion.replay.events ?? []).map(({ time, until, words, planned }) => {
     const told = `${words}: ${clockTime(time)}${until === undefined ? "" : ` to ${clockTime(until)}`}`;
+    if (planned) {
+      // A run may have a hundred segments of commands: they are no steps for the keyboard.
+      const place = make("span", { class: "event planned", title: told });
+      place.style.left = share(clock, time);
+      return place;
+    }
     const mark = make("button", { type: "button", class: "event", title: told, "aria-label": told });
     mark.style.left = share(clock, time);
     mark.addEventListener("click", () => {

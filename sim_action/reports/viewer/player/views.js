@@ -192,10 +192,10 @@ class Views {
     this.ruler.draw();
     const touching = this.motion.touching(this.clock.time).slice(0, 3);
     const { links, bodies } = this.motion.scene;
-    const words = touching.map(({ link, body, force, impulse }) => {
-      const strength = force === undefined
-        ? "neither gives way"
-        : `up to ${told(force, "N")} over 50 ms, ${told(impulse, "N s")} in all`;
+    const words = touching.map(({ time, until, link, body, force, impulse }) => {
+      // A message about one physics step has the force of that step, and a mean would be another number.
+      const mean = force !== undefined && until > time ? `up to ${told(force, "N")} over 50 ms, ` : "";
+      const strength = force === undefined ? "neither gives way" : `${mean}${told(impulse, "N s")} in all`;
       return `${links[link].name} touches ${bodies[body].name}, ${strength}`;
     });
     write(this.happening, words.join("\n"));
