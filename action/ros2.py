@@ -2,8 +2,9 @@
 
     ros2.py look      prints the ROS 2 of the runner, or the plan of the installation and the cache to use
     ros2.py install   installs the wheels of the lock file that LOCK names
+    ros2.py messages  builds the messages that the scenarios of INPUT_SCENARIO need
 
-Both write outputs of their step. This needs the standard library alone.
+The first two write outputs of their step, and need the standard library alone; the last one needs sim-action.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import os
+import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -31,6 +33,7 @@ from sim_action.ros.ros2.installation import PYTHON_VARIABLE, NotInstalled, Ros2
 LOCKS: Final = {"jazzy": "requirements-ros2.lock", "kilted": "requirements-ros2-kilted.lock"}
 """Distribution -> the lock file of its wheels. `true` takes the first one."""
 
+_MESSAGES: Final = "requirements-ros2-messages.lock"
 _ANY: Final = "true"
 _WITH_WHEELS: Final = ("Linux", "X64")
 _TITLE: Final = "::error title=sim-action::"
@@ -80,17 +83,47 @@ def install(lock: Path, variables: Mapping[str, str]) -> dict[str, object]:
     return outputs
 
 
+def messages(locks_folder: Path, variables: Mapping[str, str]) -> int:
+    """Return the exit code of `sim-action ros2 prepare` for the scenarios; 0 if they need nothing, or may not run code.
+
+    SETUP_PYTHON is an interpreter with pip: it installs the generators into the environment of ROS 2.
+    """
+    # The other subcommands run before sim-action's dependencies are installed.
+    from sim_action.core.discovery import discover
+    from sim_action.core.permissions import scripts_refused
+    from sim_action.ros.ros2.preparation import needed_by
+
+    os.chdir(variables["INPUT_WORKING_DIRECTORY"].strip())
+    names = [line.strip() for line in variables["INPUT_SCENARIO"].split("\n") if line.strip()] or ["."]
+    folders = needed_by(path for paths in discover(names).values() for path in paths)
+    allowed = variables["INPUT_ALLOW_SCRIPTS"].strip()
+    if not folders or allowed not in ("true", "auto"):
+        return 0
+    if allowed == "auto" and scripts_refused("auto", variables, (Path.cwd(), *folders)):
+        return 0
+    environment_folder = str(Path(variables[PYTHON_VARIABLE]).parent.parent)
+    pip = [variables["SETUP_PYTHON"], "-I", "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    pip += ["--no-deps", "--require-hashes", "--ignore-installed", "--prefix", environment_folder, "--requirement"]
+    subprocess.run([*pip, locks_folder / _MESSAGES], check=True)
+    words = [f"--scenario={name}" for name in names] + [f"--allow-scripts={allowed}"]
+    words += [f"--pass-env={line.strip()}" for line in variables["INPUT_PASS_ENV"].split("\n") if line.strip()]
+    return subprocess.run([sys.executable, "-P", "-m", "sim_action", "ros2", "prepare", *words], check=False).returncode
+
+
 def main() -> None:
     """Run the subcommand that the first argument names. Exit with 2 if it is not possible."""
     try:
+        locks_folder = Path(__file__).resolve().parent / "locks"
         if sys.argv[1] == "look":
-            environment.say(look(Path(__file__).resolve().parent / "locks", os.environ))
+            environment.say(look(locks_folder, os.environ))
+        elif sys.argv[1] == "messages":
+            sys.exit(messages(locks_folder, os.environ))
         else:
             environment.say(install(Path(os.environ["LOCK"]), os.environ))
     except (UsageError, LockError) as error:
         print(f"{_TITLE}{error}", file=sys.stderr)
         sys.exit(2)
-    except InstallError:
+    except (InstallError, subprocess.CalledProcessError):
         sys.exit(f"{_TITLE}ROS 2 could not be installed; the log above says why")
     except (WheelError, OSError) as error:
         sys.exit(f"{_TITLE}ROS 2 could not be installed: {error}")

@@ -149,32 +149,46 @@ def launchtest(**flags: Any) -> ExitCode:
 @click.command()
 @click.argument("action", type=click.Choice(("prepare",)), metavar="prepare")
 @click.argument("workspace", default=".", type=click.Path(exists=True, file_okay=False))
+@click.option(
+    "--scenario",
+    "scenarios",
+    multiple=True,
+    metavar="PATH",
+    help="Build what these scenarios need, in their workspaces instead of WORKSPACE; repeatable.",
+)
 @code_flags
 def ros2(**flags: Any) -> ExitCode:
     """Build the packages of a ROS 2 workspace that have messages of their own, into its install folder.
 
     For the wheels of PyPI, which have no colcon. Packages that have not changed are not built again. Packages in Python
-    need no build; code in C++ is not built.
+    need no build; those in C++ are built if these need them.
 
     Exit code: 0 all are built; 2 a package cannot be built, or ROS 2 is missing.
     """
     from pathlib import Path
 
-    workspace = Path(flags["workspace"]).resolve()
-    permissions = code_permissions(flags, [workspace])
+    from sim_action.core.content_cache import cache_folder
+    from sim_action.core.discovery import discover
+    from sim_action.ros.ros2.installation import find_ros
+    from sim_action.ros.ros2.preparation import needed_by, prepare
+    from sim_action.scenario.child_environment import code_environment
+
+    wanted: dict[Path, set[str] | None] = {Path(flags["workspace"]).resolve(): None}
+    if flags["scenarios"]:
+        wanted = {**needed_by(path for paths in discover(flags["scenarios"]).values() for path in paths)}
+    permissions = code_permissions(flags, wanted)
+    if not wanted:
+        return ExitCode.PASSED
     permissions.require_scripts("ros2 prepare runs the build files of packages")
     if sys.platform != "linux":
         raise UsageError("the wheels of ROS 2 are for Linux")
-    from sim_action.core.content_cache import cache_folder
-    from sim_action.ros.ros2.installation import find_ros
-    from sim_action.ros.ros2.preparation import prepare
-    from sim_action.scenario.child_environment import code_environment
-
     cache = cache_folder("ros2")
     if cache is None:
         raise UsageError("builds need a cache folder; set XDG_CACHE_HOME")
-    for line in prepare(workspace, find_ros(), cache, code_environment(os.environ, permissions.pass_env)):
-        click.echo(log_line(line))
+    seen = code_environment(os.environ, permissions.pass_env)
+    for workspace, names in wanted.items():
+        for line in prepare(workspace, find_ros(), cache, seen, names):
+            click.echo(log_line(line))
     return ExitCode.PASSED
 
 

@@ -2,7 +2,8 @@
 
 The generators of `random` and of numpy start from the seed of the run and the name of the node, and so do those of
 `numpy.random.default_rng()`. A timeout of an executor of rclpy, as in `spin_once(timeout_sec=0.1)`, is sim time where
-the node has `use_sim_time`.
+the node has `use_sim_time`. A loop around `rate.sleep()` goes on after `rclpy.spin` in another thread has handled all
+that was due.
 
 Python imports this file as `sitecustomize`. It imports nothing of this package; the patches of ROS 1 lie next to it.
 """
@@ -13,6 +14,7 @@ import importlib.abc
 import importlib.util
 import os
 import sys
+import threading
 import zlib
 from collections.abc import Callable, Sequence
 from importlib.machinery import ModuleSpec, PathFinder
@@ -21,6 +23,11 @@ from typing import Any
 
 SEED = "SIM_ACTION_NODE_SEED"  # environment variable with the seed of the run
 PATCHES = "sim_action_ros_patches"  # module next to this one, in launches of ROS 1
+
+ORDERED = "sim.ordered"  # name of a thread that ran when no executor handled messages
+_ENTITIES = ("subscription", "guard_condition", "timer", "client", "service")
+# As long as lock-step waits for a node.
+_MAX_TURN_S = 10.0
 
 # What a node is called, in the arguments of either ROS.
 _NAMES = ("__name:=", "__node:=", "__ns:=")
@@ -75,12 +82,81 @@ def _replace_timeouts(executors: dict[str, Any]) -> None:
     executors["_rclpy"] = copy
 
 
+class _Turns:
+    """The turns of the loops that sleep by a clock, and of the executors of other threads, in one process."""
+
+    def __init__(self) -> None:
+        self._change = threading.Condition()
+        self._handling = set[int]()
+        self._sleepers = 0
+        # Loops that do not sleep -> True if no executor has handled anything meanwhile.
+        self._loops: dict[int, bool] = {}
+
+    def must_look(self) -> bool:
+        """Return True if a loop of another thread may wait until this one has handled all that is due."""
+        return self._sleepers > 0 and threading.get_native_id() in self._handling
+
+    def wait(self) -> None:
+        """Note that this thread waits for messages and timers."""
+        with self._change:
+            self._handling.discard(threading.get_native_id())
+            self._change.notify_all()
+
+    def handle(self) -> None:
+        """Note that this thread handles messages and timers."""
+        with self._change:
+            self._handling.add(threading.get_native_id())
+            self._loops = dict.fromkeys(self._loops, False)
+
+    def ordered(self, sleep: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a function that sleeps, and returns when no executor handles anything."""
+
+        def sleep_in_turn(*args: Any, **kwargs: Any) -> Any:
+            thread = threading.get_native_id()
+            with self._change:
+                self._handling.discard(thread)
+                self._sleepers += 1
+                name = ORDERED if self._loops.pop(thread, True) else "unordered"
+            with open(f"/proc/self/task/{thread}/comm", "w") as file:  # noqa: PTH123 - as above
+                file.write(name)
+            try:
+                result = sleep(*args, **kwargs)
+                with self._change:
+                    if not (is_ordered := self._change.wait_for(lambda: not self._handling, _MAX_TURN_S)):
+                        self._handling.clear()  # such as a thread that has left its executor
+                    self._loops = {**dict.fromkeys(self._loops, False), thread: is_ordered and not self._loops}
+            finally:
+                with self._change:
+                    self._sleepers -= 1
+            return result
+
+        return sleep_in_turn
+
+
+_TURNS = _Turns()
+
+
+def _order_rates(timer: dict[str, Any]) -> None:
+    timer["Rate"].sleep = _TURNS.ordered(timer["Rate"].sleep)
+
+
+def _order_sleeps(clock: dict[str, Any]) -> None:
+    clock["Clock"].sleep_until = _TURNS.ordered(clock["Clock"].sleep_until)
+
+
 def _waiting(wait_set: type[Any]) -> type[Any]:
     """Return a set that waits without a timeout: a timer in it stands for that, and need not be of the wall clock."""
 
     class WaitSet(wait_set):  # type: ignore[misc]  # ROS has no types
         def wait(self, nanoseconds: int) -> None:
+            if nanoseconds and _TURNS.must_look():
+                super().wait(0)
+                if not any(map(self.get_ready_entities, _ENTITIES)):
+                    _TURNS.wait()  # the executor makes a new set, and waits with that
+                return
+            _TURNS.wait()
             super().wait(-1 if nanoseconds > 0 else nanoseconds)
+            _TURNS.handle()
 
     return WaitSet
 
@@ -106,6 +182,8 @@ _REPLACED: dict[str, Patch] = {
     "numpy.random": _seed_numpy,
     "rclpy.executors": _replace_timeouts,
     "rclpy.time_source": _seed_with_time,
+    "rclpy.timer": _order_rates,
+    "rclpy.clock": _order_sleeps,
 }
 """Module -> function that patches its namespace."""
 

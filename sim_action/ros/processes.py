@@ -130,7 +130,11 @@ class WatchedThread:
 
     @cached_property
     def name(self) -> str:
-        """The name that the thread has given itself; empty if it has ended."""
+        """The name that the thread had at the first look."""
+        return self.current_name()
+
+    def current_name(self) -> str:
+        """Return the name that the thread has given itself; empty if it has ended."""
         with suppress(OSError):
             return Path(f"/proc/{self.pid}/task/{self.tid}/comm").read_text(errors="replace").strip()
         return ""

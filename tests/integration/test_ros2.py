@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.ros.ros2.nodes import MOVER, needs_ros2, outcomes, scenario
+from tests.soak import soaked
 
 pytestmark = needs_ros2
 
@@ -93,8 +94,38 @@ while rclpy.ok():
 """
 
 
-def test_loops_of_spin_once_and_random_numbers_repeat(tmp_path: Path) -> None:
-    (tmp_path / "loop.py").write_text(LOOP)
+# What it sends depends on the order of its loop, its callbacks and its timer; the rate and the sleep end at one tick.
+RATES = """\
+import threading
+import rclpy
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
+
+rclpy.init()
+node = rclpy.create_node("rates")
+publisher = node.create_publisher(Twist, "cmd_vel", 10)
+mixed = [int(float(input()))]
+
+def mix(number):
+    mixed[0] = (mixed[0] * 31 + number) % 1009
+
+node.create_subscription(Odometry, "odom", lambda _: mix(1), 10)
+node.create_timer(0.1, lambda: mix(2))
+threading.Thread(target=rclpy.spin, args=(node,), daemon=True).start()
+rate = node.create_rate(20)
+while rclpy.ok():
+    mix(3)
+    twist = Twist()
+    twist.linear.x = 0.1 + mixed[0] / 10_000
+    publisher.publish(twist)
+    rate.sleep() if mixed[0] % 2 else node.get_clock().sleep_for(Duration(seconds=0.05))
+"""
+
+
+@pytest.mark.parametrize("loop", soaked(["rates", "spin_once"], short=["rates"]))
+def test_loops_and_random_numbers_repeat(loop: str, tmp_path: Path) -> None:
+    (tmp_path / "loop.py").write_text({"rates": RATES, "spin_once": LOOP}[loop])
     for name in ("first", "second"):
         scenario(tmp_path, name, "{nodes: [{file: ./loop.py, stdin: '1.5'}]}", seconds=0.5)
     found = outcomes(tmp_path, ".")

@@ -5,11 +5,15 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from sim_action.ros import node_start
+from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.process
 
@@ -43,3 +47,47 @@ def test_generators_start_from_the_seed_and_the_name_of_the_node(tmp_path: Path)
     draws = [line[1].split() for line in (first, other_node, other_seed)]
     assert len({number for line in draws for number in line}) == 12
     assert first[2].split()[0] == other_node[2].split()[0] == other_seed[2].split()[0]
+
+
+@contextmanager
+def in_another_thread(act: object) -> Iterator[threading.Thread]:
+    thread = threading.Thread(target=act)  # type: ignore[arg-type]  # a function
+    thread.start()
+    try:
+        yield thread
+    finally:
+        thread.join(PATIENCE)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads are named by /proc")
+def test_a_loop_goes_on_when_the_executor_has_handled_all() -> None:
+    turns, slept, order, names = node_start._Turns(), threading.Event(), list[str](), list[str]()
+    sleep = turns.ordered(lambda: slept.wait(PATIENCE))
+
+    def loop() -> None:
+        for _ in range(2):
+            sleep()
+            order.append("loop")
+            names.append(Path(f"/proc/self/task/{threading.get_native_id()}/comm").read_text().strip())
+
+    with in_another_thread(loop) as thread:
+        turns.handle()
+        slept.set()
+        thread.join(0.05)  # it may go on within this time, and must not
+        order.append("executor")
+        turns.wait()
+    assert order == ["executor", "loop", "loop"]
+    assert names == [node_start.ORDERED] * 2
+    assert not turns.must_look()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads are named by /proc")
+def test_a_loop_next_to_which_messages_are_handled_is_not_ordered() -> None:
+    turns = node_start._Turns()
+    turns.ordered(lambda: None)()
+    with in_another_thread(turns.handle):
+        pass
+    with pytest.raises(ZeroDivisionError):
+        turns.ordered(lambda: 1 // 0)()
+    task = Path(f"/proc/self/task/{threading.get_native_id()}/comm")
+    assert task.read_text().strip() == "unordered"

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
+from typing import Final
 
 from sim_action.core.errors import UsageError
 from sim_action.core.wording import did_you_mean
@@ -20,6 +21,8 @@ from sim_action.ros.launches import argument_problem, unchecked_notes
 from sim_action.ros.ros2.installation import Ros2, find_ros
 from sim_action.ros.ros2.node_spec import Ros2Nodes, Ros2NodeSpec
 from sim_action.ros.ros2.packages import BUILD, INSTALL, UNREADABLE, Packages, is_python, workspace_of
+
+_CONTAINER: Final = ", in a ROS 2 with rclcpp, such as the container ros:jazzy"
 
 
 def unchecked(spec: Ros2Nodes) -> tuple[str, ...]:
@@ -104,7 +107,9 @@ def _node_problems(nodes: Sequence[Ros2NodeSpec], packages: Packages, workspace:
             problem = _file_problem(node.file, workspace) or _module_problem(workspace.file(node.file), packages)
         else:
             problem = executable_problem(str(node.package), str(node.executable), packages)
-            problem = f"{problem}{_file_hint(node, workspace)}" if problem else None
+            program = packages.program(str(node.package), str(node.executable))
+            hinted = f"{problem}{_file_hint(node, workspace)}" if problem else None
+            problem = hinted or (_module_problem(program, packages) if program else None)
         if problem:
             yield ("nodes", index), problem
 
@@ -114,6 +119,9 @@ def _module_problem(program: Path, packages: Packages) -> str | None:
     if packages.ros is None or not is_python(program) or not (missing := packages.missing_modules(program)):
         return None
     names = ", ".join(f"'{name}'" for name in missing)
+    if packages.sources.keys() >= {*missing}:
+        fix = f"sim-action ros2 prepare {packages.workspace}, or {BUILD.removeprefix('run ')}"
+        return f"'{program.name}' imports {names} of the workspace, which is not built: run {fix}"
     fix = "install them for it; the wheels of PyPI lack many packages of ROS 2, which a container such as ros:jazzy has"
     return f"'{program.name}' imports {names}, and {packages.ros.python} has no such module: {fix}"
 
@@ -159,7 +167,9 @@ def package_problem(name: str, packages: Packages) -> str | None:
     if source is not None and not source.is_python:
         kind = f"its build type is {source.build_type}, and only packages of Python programs run without a build"
         place = packages.workspace.parent if packages.workspace.name == INSTALL else packages.workspace
-        return f"the package '{name}' in {source.folder} is not built: {kind}; {BUILD} in {place}"
+        lacks = packages.ros is not None and "rclcpp" not in packages.distributed
+        fix = f"{BUILD} in {place}{_CONTAINER if lacks else ''}"
+        return f"the package '{name}' in {source.folder} is not built: {kind}; {fix}"
     if source is not None or packages.prefix(name) is not None or packages.ros is None:
         return None
     near = did_you_mean(name, packages.names)

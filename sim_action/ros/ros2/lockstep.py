@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
+from sim_action.ros.node_start import ORDERED
 from sim_action.ros.processes import ChildProcesses, WatchedProcesses, WatchedThread, descendants
 from sim_action.ros.ros2.bridge_link import Bridge, Endpoint
 from sim_action.ros.ros2.graph import Graph, TopicEnd, subscriber_problems
@@ -196,8 +197,10 @@ class UnorderedNodes:
 
         `now`: wall time in s.
         """
-        ran = (thread for thread, spent in after.items() if before.get(thread, spent) != spent)
-        counts = Counter(thread.pid for thread in ran if self._is_of_node(thread))
+        ran = [thread for thread, spent in after.items() if before.get(thread, spent) != spent]
+        ran = [thread for thread in ran if self._is_of_node(thread)]
+        counts = Counter(thread.pid for thread in ran)
+        counts.subtract(thread.pid for thread in ran if counts[thread.pid] > 1 and thread.current_name() == ORDERED)
         for pid in (pid for pid, count in counts.items() if count > 1):
             if self._shared.count(pid, now) == _MIN_SHARED:
                 yield (

@@ -35,7 +35,7 @@ _GROUP: Final = "console_scripts"
 _MAX_FILE_BYTES: Final = 1_000_000
 # What makes a build necessary, and the programs that an installation has.
 _BUILT: Final = re.compile(
-    r"\b(?:ament_auto_)?(?:add_(?:executable|library|subdirectory)|rosidl_generate_interfaces|pybind11_add_module"
+    r"\b(?:\w+_)?(?:add_(?:executable|library|subdirectory|module)|rosidl_generate_interfaces"
     r"|generate_parameter_library|configure_file)\s*\(",
     re.IGNORECASE,
 )
@@ -115,7 +115,7 @@ def _cmake_package(name: str, folder: Path) -> PythonPackage:
             files = _files(folder / word) if (folder / word).is_dir() else iter([folder / word])
             scripts += [path for path in files if _is_in(path, folder) and path.is_file()]
         unread = "CMakeLists.txt" if "$" in words or "RENAME" in more else unread
-    has_only_scripts = bool(scripts) and not _BUILT.search(text) and all(map(is_python, scripts))
+    has_only_scripts = bool(text.strip()) and not _BUILT.search(text) and all(map(is_python, scripts))
     return PythonPackage(name, folder, "ament_cmake", {}, tuple(scripts), folder, unread, has_only_scripts)
 
 
@@ -362,6 +362,14 @@ class Packages:
             raise PathError(f"the executable '{package}/{executable}' does not exist any more")
         return command_of(path, self.ros.python)
 
+    def program(self, package: str, executable: str) -> Path | None:
+        """Return the file of a program in Python of a package in source; None: it has no such program."""
+        source = self.sources.get(package)
+        if source is None or (entry := source.entry_points.get(executable)) is None:
+            return self.executables(package).get(executable) if source else None
+        path = source.modules.joinpath(*entry.partition(":")[0].split("."))
+        return next((file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None)
+
     def missing_modules(self, program: Path) -> list[str]:
         """Return the modules that a Python program imports first of all, and that are in no place where it looks.
 
@@ -376,12 +384,13 @@ class Packages:
         hooks = [_content(path) for folder in folders for path in folder.glob("*.pth")]
         if any(hook.lstrip().startswith(b"/") for hook in hooks):
             return []  # other folders, as editable installations have them
-        names = dict.fromkeys(name.partition(".")[0] for name in _imported(_syntax(program)))
+        names = dict.fromkeys(name.partition(".")[0] for name in imported(program))
         return [name for name in names if name not in sys.stdlib_module_names and not _has_module(folders, name)]
 
 
-def _imported(module: ast.Module) -> Iterator[str]:
-    for node in module.body:
+def imported(program: Path) -> Iterator[str]:
+    """Yield the modules that a program in Python imports first of all."""
+    for node in _syntax(program).body:
         if isinstance(node, ast.Import):
             yield from (name.name for name in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:

@@ -2,7 +2,8 @@
 
 The packages are built one after the other with the generators of the wheels, into the `install` folder of the workspace
 as colcon would do it, so everything that looks for packages finds them. A package is built again when its files, those
-that it needs, or the wheels have changed. Packages in Python need no build; those with code in C++ are not built.
+that it needs, or the wheels have changed. Packages in Python need no build. Those in C++ are built if packages in
+Python or with messages need them, as tf2_ros_py needs tf2, and if there is all that they need: the wheels lack rclcpp.
 """
 
 from __future__ import annotations
@@ -12,20 +13,25 @@ import os
 import re
 import shutil
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import suppress
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
+
+import yaml
+from yaml import YAMLError
 
 from sim_action.core.errors import Location, UsageError
 from sim_action.core.files import read_at_most
 from sim_action.core.process import program_on_path
 from sim_action.core.records import dataclass
 from sim_action.core.wording import counted, did_you_mean
+from sim_action.core.workspace import PathError, Workspace
 from sim_action.robot.documents.package_search import PACKAGE_FILE, folders_below
 from sim_action.ros.ros2.installation import Ros2
-from sim_action.ros.ros2.packages import INSTALL
+from sim_action.ros.ros2.packages import INSTALL, imported, read_package, workspace_of
 
 GENERATORS: Final = (
     *("ament-cmake", "ament-cmake-core", "ament-cmake-export-definitions", "ament-cmake-export-dependencies"),
@@ -60,23 +66,39 @@ _FIELD: Final = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A package in source; `needs`: the packages that its package.xml names, `has_messages`: it must be built here."""
+    """A package in source.
+
+    Attributes:
+        needs: the packages that its package.xml names.
+        build_needs: those of them that its CMakeLists.txt names; the others are for running it.
+        has_messages: True if it has messages, services or actions.
+        is_built: True if it must be built to be used.
+    """
 
     name: str
     folder: Path
     needs: frozenset[str]
+    build_needs: frozenset[str]
     has_messages: bool
+    is_built: bool
 
 
 def sources_in(workspace: Path) -> dict[str, Source]:
-    """Return the packages of a workspace, each after those that it needs. Raise UsageError."""
+    """Return the packages of a workspace, and those of its .repos files, each after those that it needs.
+
+    Raise UsageError.
+    """
     below = workspace / "src" if (workspace / "src").is_dir() else workspace
-    sources = {}
-    for name, folders in folders_below(below, inside_packages=False).packages.items():
-        if len(folders) > 1:
-            places = " and ".join(str(folder.relative_to(workspace)) for folder in folders[:3])
-            raise UsageError(f"the workspace has {len(folders)} packages '{name}': {places}; remove or rename one")
-        sources[name] = _source(name, folders[0])
+    places = {folder.resolve(): None for folder in (below, *(path for path, _ in _imports(workspace)))}
+    outer = [place for place in places if not any(other in place.parents for other in places)]
+    sources = dict[str, Source]()
+    for place in outer:
+        for name, folders in folders_below(place, inside_packages=False).packages.items():
+            if len(folders) > 1 or name in sources:
+                both = [*(source.folder for source in (sources.get(name),) if source), *folders]
+                where = " and ".join(str(folder.relative_to(workspace.resolve())) for folder in both[:3])
+                raise UsageError(f"the workspace has {len(both)} packages '{name}': {where}; remove or rename one")
+            sources[name] = _source(name, folders[0])
     if not sources:
         raise UsageError(f"{workspace} has no packages: no folder has a {PACKAGE_FILE}")
     graph = {name: sorted(source.needs & sources.keys() - {name}) for name, source in sorted(sources.items())}
@@ -88,6 +110,18 @@ def sources_in(workspace: Path) -> dict[str, Source]:
         ) from None
 
 
+def _imports(workspace: Path) -> Iterator[tuple[Path, Path]]:
+    """Yield the folders into which `vcs import` puts what the .repos files of a workspace name, with their files."""
+    for file in sorted({*workspace.glob("*.repos"), *workspace.glob("*/*.repos"), *workspace.glob("src/*/*.repos")}):
+        with suppress(YAMLError, UnicodeDecodeError):
+            content = yaml.safe_load(_content(file))
+            names = content.get("repositories") if isinstance(content, dict) else None
+            for name in names if isinstance(names, dict) else ():
+                for folder in (workspace / "src" / str(name), workspace / str(name)):
+                    if folder.resolve().is_relative_to(workspace.resolve()):
+                        yield folder, file
+
+
 def _source(name: str, folder: Path) -> Source:
     path = folder / PACKAGE_FILE
     try:
@@ -96,8 +130,10 @@ def _source(name: str, folder: Path) -> Source:
         place = Location(str(path), error.position[0])
         raise UsageError(f"{place}: {PACKAGE_FILE} of '{name}' is not XML: {str(error).partition(':')[0]}") from None
     needs = frozenset((element.text or "").strip() for tag in _DEPENDS for element in root.iter(tag))
+    cmake = re.sub(r"#.*", "", _content(folder / "CMakeLists.txt").decode("utf-8", "replace"))
+    is_built = bool(cmake.strip()) and not read_package(name, folder).is_python
     return Source(
-        name, folder, needs, bool(_INTERFACES.search(_content(folder / "CMakeLists.txt").decode("utf-8", "replace")))
+        name, folder, needs, needs & set(re.findall(r"\w+", cmake)), bool(_INTERFACES.search(cmake)), is_built
     )
 
 
@@ -110,19 +146,40 @@ def _content(path: Path) -> bytes:
 
 def problems(sources: Mapping[str, Source], prefixes: tuple[Path, ...]) -> Iterator[tuple[str, Location]]:
     """Yield what prevents a build, each with its place: packages that are missing, and messages that do not parse."""
+    lacks = _lacking(sources, prefixes)
     for source in sources.values():
         if not source.has_messages:
             continue
-        for need in sorted(source.needs - sources.keys()):
-            if not any((prefix / "share" / need / PACKAGE_FILE).is_file() for prefix in prefixes):
-                remedy = (
-                    "add its source to src (with a .repos file: vcs import src < FILE.repos), or remove the <depend>"
-                )
-                message = f"'{source.name}' needs the package '{need}', which neither the workspace nor ROS 2 has"
-                yield f"{message}; {remedy}", Location(str(source.folder / PACKAGE_FILE), None)
+        if need := lacks.get(source.name):
+            message = f"'{source.name}' needs the package '{need}', which neither the workspace nor ROS 2 has"
+            remedy = "add its source to src (with a .repos file: vcs import src < FILE.repos), or remove the <depend>"
+            yield f"{message}; {remedy}", Location(str(source.folder / PACKAGE_FILE), None)
         for path in sorted(source.folder.rglob("*")):
             if path.suffix in (".msg", ".srv", ".action") and path.parent.name == path.suffix[1:]:
                 yield from _problems_of_file(path, source, sources, prefixes)
+
+
+def _lacking(sources: Mapping[str, Source], prefixes: Iterable[Path]) -> dict[str, str]:
+    """Return the packages that cannot be built, each with the first package that it lacks."""
+    lacks = dict[str, str]()
+    for source in sources.values():
+        for need in sorted(source.build_needs if source.is_built else ()):
+            is_there = need in sources or any((prefix / "share" / need / PACKAGE_FILE).is_file() for prefix in prefixes)
+            if need in lacks or not is_there:
+                lacks.setdefault(source.name, need)
+    return lacks
+
+
+def _wanted(sources: Mapping[str, Source], names: Collection[str] | None) -> list[Source]:
+    """Return the packages to build: those with messages and those that packages in Python need, with their needs.
+
+    `names`: only those of these names, with their needs; None: all.
+    """
+    first = [source for source in sources.values() if source.has_messages or not source.is_built]
+    wanted = {source.name for source in first} if names is None else {*names} & sources.keys()
+    for source in reversed(list(sources.values())):
+        wanted |= source.needs & sources.keys() if source.name in wanted else set()
+    return [source for source in sources.values() if source.name in wanted and source.is_built]
 
 
 def _problems_of_file(
@@ -157,16 +214,20 @@ def _shares(name: str, sources: Mapping[str, Source], prefixes: tuple[Path, ...]
     yield from (share for prefix in prefixes if (share := prefix / "share" / name).is_dir())
 
 
-def prepare(workspace: Path, ros: Ros2, cache: Path, environment: Mapping[str, str]) -> Iterator[str]:
-    """Build the packages with messages that have changed, and yield a line about each package.
+def prepare(
+    workspace: Path, ros: Ros2, cache: Path, environment: Mapping[str, str], names: Collection[str] | None = None
+) -> Iterator[str]:
+    """Build the packages that have changed, and yield a line about each package.
 
-    Raise UsageError. `cache`: a folder for the files of builds; `environment`: the variables that builds may see.
+    Raise UsageError. `cache`: a folder for the files of builds; `environment`: the variables that builds may see;
+    `names`: the packages to build, with those that they need; None: all.
     """
     sources = sources_in(workspace)
     if found := [f"{place}: {message}" for message, place in problems(sources, ros.prefixes)]:
         raise UsageError("; ".join(found[:5]))
-    install = workspace / INSTALL
-    built = {name: source for name, source in sources.items() if source.has_messages}
+    install, lacks = workspace / INSTALL, _lacking(sources, ros.prefixes)
+    wanted = _wanted(sources, names)
+    built = [source.name for source in wanted if source.name not in lacks]
     for name in built:
         if (install / name).exists() and not (install / name / _STAMP).is_file():
             raise UsageError(f"{install / name} was built by another tool; build it with that, or remove the folder")
@@ -177,9 +238,13 @@ def prepare(workspace: Path, ros: Ros2, cache: Path, environment: Mapping[str, s
             (install / _LAYOUT).write_text("isolated\n", encoding="utf-8")
     stamps: dict[str, str] = {}
     wheels: Path | None = None
-    for name, source in sources.items():
-        if name not in built:
-            yield f"{name}: needs no build, or has code in C++, which is not built here"
+    yield from (
+        _why_not(source, lacks, wanted) for source in sources.values() if names is None and source not in wanted
+    )
+    for source in wanted:
+        name = source.name
+        if name in lacks:
+            yield _why_not(source, lacks, wanted)
             continue
         stamps[name] = stamp = _stamp(source, ros, [stamps[need] for need in sorted(source.needs & stamps.keys())])
         if _content(install / name / _STAMP) == stamp.encode():
@@ -192,6 +257,39 @@ def prepare(workspace: Path, ros: Ros2, cache: Path, environment: Mapping[str, s
         (install / name).mkdir(exist_ok=True)  # of a package that installs nothing
         (install / name / _STAMP).write_text(stamp, encoding="utf-8")
         yield f"{name}: built"
+
+
+def _why_not(source: Source, lacks: Mapping[str, str], wanted: Collection[Source]) -> str:
+    reason = "it needs no build" if not source.is_built else "no package in Python needs it"
+    if source in wanted:
+        reason = f"it needs '{lacks[source.name]}', which is not there or cannot be built"
+    return f"{source.name}: not built, because {reason}"
+
+
+def needed_by(scenarios: Iterable[Path]) -> dict[Path, set[str]]:
+    """Return the workspaces of scenarios, each with the packages to build that its programs in Python import.
+
+    Scenarios, workspaces and packages that cannot be read are left out: the run names them.
+    """
+    wanted = dict[Path, set[str]]()
+    for path in scenarios:
+        with suppress(YAMLError, UnicodeDecodeError, PathError, UsageError):
+            content = yaml.safe_load(_content(path))
+            commands = content.get("commands") if isinstance(content, dict) else None
+            nodes = commands.get("ros2") if isinstance(commands, dict) else None
+            if isinstance(nodes, dict):
+                stated = nodes.get("workspace")
+                folder = workspace_of(stated if isinstance(stated, str) else None, Workspace.around(path))
+                sources = sources_in(folder)
+                stated_nodes = nodes.get("nodes")
+                items = stated_nodes if isinstance(stated_nodes, list) else ()
+                listed = (node.get("file") if isinstance(node, dict) else node for node in items)
+                programs = {path.parent / node for node in listed if isinstance(node, str) and node.endswith(".py")}
+                programs.update(file for source in sources.values() for file in source.folder.rglob("*.py"))
+                built = {name for name, source in sources.items() if source.is_built}
+                names = {name.partition(".")[0] for program in programs for name in imported(program)}
+                wanted.setdefault(folder, set()).update(built & names)
+    return {folder: names for folder, names in wanted.items() if names}
 
 
 def _require_tools(ros: Ros2) -> None:

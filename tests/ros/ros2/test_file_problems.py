@@ -115,7 +115,8 @@ def test_a_package_that_is_not_built_says_so(tmp_path: Path) -> None:
         installed(tmp_path / "install/other", "other")
         assert only(tmp_path, "compiled/node", workspace=workspace) == (
             f"nodes.0: the package 'compiled' in {tmp_path}/src/compiled is not built: its build type is ament_cmake, "
-            f"and only packages of Python programs run without a build; run colcon build in {tmp_path}"
+            f"and only packages of Python programs run without a build; run colcon build in {tmp_path}, in a ROS 2 "
+            "with rclcpp, such as the container ros:jazzy"
         )
 
 

@@ -9,6 +9,7 @@ from typing import Final, cast
 
 import pytest
 
+from sim_action.ros.node_start import ORDERED
 from sim_action.ros.processes import WatchedThread
 from sim_action.ros.ros2.bridge_link import Endpoint
 from sim_action.ros.ros2.graph import Graph, Qos, TopicEnd
@@ -95,6 +96,9 @@ class Thread:
     def __init__(self, pid: int, tid: int, name: str) -> None:
         self.pid, self.tid, self.name = pid, tid, name
 
+    def current_name(self) -> str:
+        return self.name
+
 
 def thread(pid: int, name: str = "python3", *, tid: int = 99) -> WatchedThread:
     return cast("WatchedThread", Thread(pid, tid, name))
@@ -131,7 +135,9 @@ def test_the_thread_that_flushes_logs_is_not_the_node() -> None:
 
 def test_a_node_with_several_threads_is_named_once() -> None:
     nodes = nodes_of({7: "pool", 8: "single"})
+    # The last two: a thread that does not run, and a loop that ran when no other thread did.
     threads = [thread(7), thread(7), thread(7, "dds.udp.7411"), thread(8), thread(8, "dds.udp.7413"), thread(8)]
+    threads.insert(5, thread(8, ORDERED))
     told = list[str]()
     for number in range(20):
         before = dict.fromkeys(threads, b"0")

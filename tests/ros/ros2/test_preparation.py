@@ -11,7 +11,7 @@ import pytest
 
 from sim_action.core.errors import UsageError
 from sim_action.ros.ros2.installation import Ros2, find_ros
-from sim_action.ros.ros2.preparation import prepare, problems, sources_in
+from sim_action.ros.ros2.preparation import needed_by, prepare, problems, sources_in
 from sim_action.scenario.child_environment import code_environment
 from tests.ros.ros2.nodes import needs_ros2, variables
 from tests.soak import soaked
@@ -32,6 +32,28 @@ find_package(rosidl_default_generators REQUIRED)
 rosidl_generate_interfaces(${{PROJECT_NAME}} "msg/Speed.msg" DEPENDENCIES {needs})
 ament_package()
 """
+
+
+LIBRARY: Final = """\
+project({name})
+{packages}
+add_library({name} {name}.cpp)
+"""
+
+
+def package(workspace: Path, name: str, *needs: str, build_type: str = "ament_cmake") -> Path:
+    """Write a package with a library in C++, or in Python."""
+    folder = workspace / name
+    folder.mkdir(parents=True)
+    depends = "".join(f"<depend>{need}</depend>" for need in needs)
+    kind = f"<export><build_type>{build_type}</build_type></export>"
+    (folder / "package.xml").write_text(f"<package><name>{name}</name>{depends}{kind}</package>")
+    if build_type == "ament_python":
+        (folder / f"{name}.py").write_text("".join(f"import {need}\n" for need in needs))
+    else:
+        packages = "\n".join(f"find_package({need} REQUIRED)" for need in needs)
+        (folder / "CMakeLists.txt").write_text(LIBRARY.format(name=name, packages=packages))
+    return folder
 
 
 def interfaces(workspace: Path, name: str, message: str, *needs: str, folder: str = "") -> Path:
@@ -167,6 +189,51 @@ def test_what_has_changed_is_built_in_order_and_sees_no_secret(tmp_path: Path, w
     assert built() == ["b: unchanged", "a: built"]
     (package / "large.dat").write_bytes(bytes(2_000_001))
     assert built() == ["b: unchanged", "a: built"]
+
+
+@pytest.mark.process
+def test_libraries_that_packages_in_python_need_are_built(tmp_path: Path, wheels: Ros2) -> None:
+    interfaces(tmp_path, "a", "bool good\n")
+    (tmp_path / "my.repos").write_text("repositories: {others/tf: {type: git, url: 'https://example.com/tf'}}\n")
+    package(tmp_path / "others/tf", "tf", "a")
+    package(tmp_path / "src", "tf_py", "tf")
+    package(tmp_path / "src", "unused", "a")
+    package(tmp_path / "src", "driver", "rclcpp")
+    package(tmp_path / "src", "nodes", "tf_py", "driver", build_type="ament_python")
+    seen = {**os.environ, "BUILT": os.devnull}
+
+    assert sorted(prepare(tmp_path, wheels, tmp_path / "cache", seen)) == [
+        "a: built",
+        "driver: not built, because it needs 'rclcpp', which is not there or cannot be built",
+        "nodes: not built, because it needs no build",
+        "tf: built",
+        "tf_py: built",
+        "unused: not built, because no package in Python needs it",
+    ]
+    assert list(prepare(tmp_path, wheels, tmp_path / "cache", seen, {"tf"})) == ["a: unchanged", "tf: unchanged"]
+
+
+@pytest.mark.parametrize(
+    ("commands", "names"),
+    [
+        ("ros2: {nodes: [nodes/nodes]}", {"tf"}),
+        ("ros2: {nodes: [./own.py, {file: ./own.py, name: b}]}", {"tf", "a"}),
+        ("ros2: {nodes: 1}", {"tf"}),
+        ("ros2: {workspace: nowhere, nodes: [nodes/nodes]}", set()),
+        ("twist: {linear: 1}", set()),
+        ("[}", set()),
+    ],
+)
+def test_scenarios_need_what_their_programs_import(commands: str, names: set[str], tmp_path: Path) -> None:
+    (tmp_path / ".git").mkdir()
+    interfaces(tmp_path, "a", "bool good\n")
+    package(tmp_path / "src", "tf")
+    package(tmp_path / "src", "unused")
+    package(tmp_path / "src", "nodes", "tf", "rclpy", build_type="ament_python")
+    (tmp_path / "own.py").write_text("from a.msg import Speed\n")
+    scenario = tmp_path / "s.sim.yml"
+    scenario.write_text(f"name: s\ncommands: {{{commands}}}\n")
+    assert needed_by([scenario, tmp_path / "none.sim.yml"]) == ({tmp_path: names} if names else {})
 
 
 @pytest.mark.process
