@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+import subprocess
 from pathlib import Path
 
 import pytest
 
 from action import environment, ros2
-from action.ros2 import LOCKS, install, look, main
+from action.ros2 import LOCKS, install, look, main, messages
 from sim_action.core.errors import UsageError
 from sim_action.ros.ros2 import installation
 from sim_action.ros.ros2.installation import DISTRIBUTIONS, WHEELS
 from tests.ros.ros2.prefixes import HUMBLE, KILTED, ros_prefix
+from tests.ros.ros2.test_preparation import interfaces
 
 FOLDER = Path(__file__).parents[2] / "action/locks"
 
@@ -113,3 +115,31 @@ def test_the_installation_is_checked_and_named(
     (prefix / "share/rclpy/package.xml").unlink()
     with pytest.raises(UsageError, match="has no rclpy"):
         install(FOLDER / LOCKS["jazzy"], variables(tmp_path, "jazzy", PLAN=plan))
+
+
+@pytest.mark.parametrize(("allowed", "event", "runs"), [("true", "", 2), ("false", "", 0), ("auto", "issues", 0)])
+def test_messages_are_built_for_scenarios_that_import_them(
+    allowed: str, event: str, runs: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / ".git").mkdir()
+    interfaces(tmp_path, "my_msgs", "bool good\n")
+    (tmp_path / "node.py").write_text("from my_msgs.msg import Speed\n")
+    (tmp_path / "s.sim.yml").write_text("commands: {ros2: {nodes: [./node.py]}}\n")
+    python = {"SETUP_PYTHON": "/setup/python", "SIM_ACTION_ROS2_PYTHON": "/env/bin/python", "GITHUB_EVENT_NAME": event}
+    inputs = {"INPUT_SCENARIO": "*.sim.yml\n", "INPUT_WORKING_DIRECTORY": ".", "INPUT_PASS_ENV": "A\nB"}
+    commands = list[list[str]]()
+
+    def run(command: list[str], *, check: bool) -> subprocess.CompletedProcess[str]:
+        commands.append([str(word) for word in command])
+        return subprocess.CompletedProcess(command, 0)
+
+    monkeypatch.setattr("action.ros2.subprocess.run", run)
+    assert messages(FOLDER, {**python, **inputs, "INPUT_ALLOW_SCRIPTS": allowed, "GITHUB_ACTIONS": "true"}) == 0
+    assert len(commands) == runs
+    if runs:
+        pip, prepare = commands
+        assert pip[-3:] == ["/env", "--requirement", str(FOLDER / "requirements-ros2-messages.lock")]
+        assert prepare[4:] == [
+            *("ros2", "prepare", "--scenario=*.sim.yml", "--allow-scripts=true", "--pass-env=A", "--pass-env=B")
+        ]
