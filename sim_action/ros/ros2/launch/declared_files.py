@@ -60,6 +60,17 @@ _HELPERS: dict[str, dict[str, Any]] = {
 }
 """Module -> what packages with substitutions of their own need of it."""
 
+_REFUSED = {
+    "launch.actions": "OpaqueCoroutine PopEnvironment PopLaunchConfigurations PushEnvironment PushLaunchConfigurations "
+    "ResetEnvironment ResetLaunchConfigurations UnregisterEventHandler",
+    "launch.event_handlers": "OnExecutionComplete OnProcessIO",
+    "launch.substitutions": "LaunchLogDir LocalSubstitution",
+    "launch_ros.actions": "ComposableNodeContainer LifecycleNode LifecycleTransition LoadComposableNodes SetROSLogDir",
+    "launch_ros.descriptions": "ComposableNode",
+    "launch_ros.event_handlers": "OnStateTransition",
+}
+"""Module -> the names that `from MODULE import *` brings, and that only `launch` understands."""
+
 
 class _Finder(Loader):
     """Finds every module of `launch` and `launch_ros`."""
@@ -75,7 +86,8 @@ class _Finder(Loader):
     def exec_module(self, module: ModuleType) -> None:
         """Put the rows of the table into a module."""
         rows = {name.rpartition(".")[2]: kind for name, kind in KINDS.items() if _module_of(name) == module.__name__}
-        vars(module).update(rows, **_HELPERS.get(module.__name__, {}))
+        refused = {name: getattr(module, name) for name in _REFUSED.get(module.__name__, "").split()}
+        vars(module).update(rows, **refused, **_HELPERS.get(module.__name__, {}))
         vars(module)["__all__"] = [name for name in vars(module) if not name.startswith("_")]
 
 

@@ -303,7 +303,7 @@ def _timer(context: Context, period: Any, actions: Any, cancel_on_shutdown: Any 
 @row("launch.actions.RegisterEventHandler")
 def _register(context: Context, event_handler: Part) -> None:
     if KINDS.get(event_handler.kind.name) is not event_handler.kind:
-        raise unsupported(f"'{event_handler.kind.name}'")
+        raise unsupported(event_handler.kind.name)
     context.handlers.append(event_handler)
 
 

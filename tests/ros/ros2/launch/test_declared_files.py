@@ -176,11 +176,14 @@ REFUSED: Final[dict[str, tuple[str, str, int]]] = {
     "broken.launch.yaml": ("launch:\n- node: {pkg: p\n", "it is not YAML", 3),
     "root.launch.yaml": ("lunch: []\n", "its root must be 'launch'", 1),
     "word.launch.py": (PYTHON.format("Node(package='p', executable='e', paramters=[])"), "'paramters' of Node", LINE),
+    "container.launch.py": (
+        PYTHON.format("ComposableNodeContainer(name='c')"),
+        "'ComposableNodeContainer' of launch_ros.actions",
+        LINE,
+    ),
     "class.launch.py": (PYTHON.format("launch.actions.OpaqueCoroutine()"), "'OpaqueCoroutine' of launch.actions", LINE),
     "event.launch.py": (
-        PYTHON.format("RegisterEventHandler(OnProcessIO(on_stdout=print))").replace(
-            "OnProcessIO", "launch.event_handlers.OnProcessIO"
-        ),
+        PYTHON.format("RegisterEventHandler(OnProcessIO(on_stdout=print))"),
         "'OnProcessIO' of launch.event_handlers",
         LINE,
     ),
