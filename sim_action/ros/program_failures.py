@@ -43,7 +43,11 @@ _LOGGED: Final = re.compile(r"^\[(?:ERROR|FATAL)\] \[[\d.]+\] \[[^\]\n]*\]: (?P<
 # Python's own libraries of ROS stand in the user's folder if it has a virtual environment.
 _OF_ROS: Final = re.compile(r'^ *File "[^"\n]*/(?:site|dist)-packages/(?:rclpy|ros\w*|launch\w*)/.*\n', re.MULTILINE)
 
-_OUT_OF_MEMORY: Final = "; memory_limit is the memory that each process may have"
+_HINTS: Final = {
+    "MemoryError": "; memory_limit is the memory that each process may have",
+    "ModuleNotFoundError": "; install it for the Python of ROS 2, or use a ROS 2 that has it, such as ros:jazzy",
+}
+"""The exception that ended a node -> what the user can do."""
 
 
 def signal_name(number: int) -> str:
@@ -108,8 +112,7 @@ def _endings(output: str, directory: Path) -> Iterator[Ending]:
     for pattern in (_TRACEBACK, _SYNTAX):
         if found := list(pattern.finditer(output)):
             said = found[-1]["said"].strip()
-            hint = _OUT_OF_MEMORY if said == "MemoryError" else ""
-            yield Ending(f": {said}{hint}", _place(found[-1]["frames"], directory))
+            yield Ending(f": {said}{_HINTS.get(said.partition(':')[0], '')}", _place(found[-1]["frames"], directory))
     if found := list(_CRASH.finditer(output)):
         frames = re.sub(r"(, line [0-9]+) in ", r"\1, in ", found[-1]["frames"]).splitlines(keepends=True)
         yield Ending(f": {found[-1]['said'].strip()}", _place("".join(reversed(frames)), directory))

@@ -115,9 +115,10 @@ def test_each_outcome_names_the_cause(tmp_path: Path) -> None:
     message, _ = found.pop("two")
     assert "2 nodes publish /cmd_vel, which commands the robot: /mover, /other" in message
     at = "at 0.1 s of sim time, the node"
+    hint = "; install it for the Python of ROS 2, or use a ROS 2 that has it, such as ros:jazzy"
     assert found == {
         "imports": (
-            "the node 'imports_node' ended with exit code 1: ModuleNotFoundError: No module named 'not_there'",
+            f"the node 'imports_node' ended with exit code 1: ModuleNotFoundError: No module named 'not_there'{hint}",
             1,
         ),
         "crashes": (f"{at} 'crashes_node' ended with SIGSEGV: Segmentation fault", IN_TIMER),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import re
@@ -141,7 +142,8 @@ class LaunchedNodes(NodeGroup):
         prefixes = (str(write_prefix(folder.path / "gazebo")), folder.environment.get("AMENT_PREFIX_PATH", ""))
         folder.environment["AMENT_PREFIX_PATH"] = os.pathsep.join(filter(None, prefixes))
         # Last: a real one counts.
-        folder.environment["PATH"] = os.pathsep.join((folder.environment["PATH"], str(_write_xacro(folder.path))))
+        for name, own in zip(("PATH", "PYTHONPATH"), _write_xacro(folder.path), strict=True):
+            folder.environment[name] = os.pathsep.join(filter(None, (folder.environment.get(name, ""), str(own))))
         # All output of nodes, wherever the launch file sends it.
         folder.environment["OVERRIDE_LAUNCH_PROCESS_OUTPUT"] = "both"
         return folder.start("ros2 launch", [str(self._spec.python), str(_LAUNCHER), str(path)])
@@ -337,15 +339,19 @@ class LaunchErrors:
         return None
 
 
-def _write_xacro(folder: Path) -> Path:
-    """Write a program `xacro`, which many launch files call, and return its folder."""
+def _write_xacro(folder: Path) -> tuple[Path, Path]:
+    """Write a program and a module `xacro`, which many launch files use, and return the folder of each."""
     programs = folder / "programs"
     programs.mkdir()
     path, root = programs / "xacro", shlex.quote(str(Path(__file__).parents[4]))
     own = f"exec env -u LD_LIBRARY_PATH PYTHONPATH={root} {shlex.quote(sys.executable)}"
     path.write_text(f'#!/bin/sh\n{own} -m sim_action.ros.xacro "$@"\n', encoding="utf-8")
     path.chmod(0o755)
-    return programs
+    modules = folder / "modules"
+    modules.mkdir()
+    if (spec := importlib.util.find_spec("xacro")) is not None and spec.origin:
+        (modules / "xacro").symlink_to(Path(spec.origin).parent)
+    return programs, modules
 
 
 def text_of(process: str, output: str) -> str:
@@ -354,14 +360,14 @@ def text_of(process: str, output: str) -> str:
     return "\n".join(line.removeprefix(prefix) for line in output.splitlines() if line.startswith(prefix))
 
 
-def _why_refused(event: Event) -> str:  # noqa: PLR0911 - one for each kind
-    near = did_you_mean(event.name, event.names)
-    if event.kind == "package":
-        return f"there is no package '{event.name}' in the workspace or ROS 2{near}"
-    if event.kind == "PackageNotFoundError":
-        # The first quoted word of its message is the package.
-        name = event.message.partition("'")[2].partition("'")[0]
-        return f"there is no package '{name}' in the workspace or ROS 2{did_you_mean(name, event.names)}"
+def _why_refused(event: Event) -> str:
+    # The first quoted word of the message is the package.
+    is_message = event.kind == "PackageNotFoundError"
+    name = event.message.partition("'")[2].partition("'")[0] if is_message else event.name
+    near = did_you_mean(name, event.names)
+    if event.kind == "package" or is_message:
+        fix = "add it to the workspace, or use a ROS 2 that has it, such as ros:jazzy"
+        return f"there is no package '{name}' in the workspace or ROS 2{near}; {fix}"
     if event.kind == "program":
         return f"the package '{event.package}' has no executable '{event.name}'{near}"
     if event.kind == "argument":

@@ -11,6 +11,7 @@ from sim_action.ros.launches import EventFile
 from sim_action.ros.ros2.launch.launched_nodes import Event, LaunchErrors, text_of
 
 REFUSED = "the launch file cannot be run: "
+ELSE = "; add it to the workspace, or use a ROS 2 that has it, such as ros:jazzy"
 
 
 @pytest.mark.parametrize(
@@ -18,7 +19,7 @@ REFUSED = "the launch file cannot be run: "
     [
         (
             {"kind": "package", "name": "my_robto", "names": ("my_robot",)},
-            "there is no package 'my_robto' in the workspace or ROS 2; did you mean 'my_robot'? (allowed: my_robot)",
+            f"there is no package 'my_robto' in the workspace or ROS 2; did you mean 'my_robot'? (allowed: my_robot){ELSE}",
         ),
         (
             {
@@ -26,7 +27,7 @@ REFUSED = "the launch file cannot be run: "
                 "message": "package 'nav' not found, searching: ['/opt']",
                 "names": ("nav2",),
             },
-            "there is no package 'nav' in the workspace or ROS 2; did you mean 'nav2'? (allowed: nav2)",
+            f"there is no package 'nav' in the workspace or ROS 2; did you mean 'nav2'? (allowed: nav2){ELSE}",
         ),
         (
             {"kind": "program", "package": "my_robot", "name": "moover", "names": ("mover",)},
