@@ -39,6 +39,7 @@ _CRASH: Final = re.compile(
 _TERMINATED: Final = re.compile(
     r"^terminate called .*'(?P<kind>[^'\n]+)'\n(?:\s*what\(\): *(?P<said>.*))?", re.MULTILINE
 )
+_UNLOADED: Final = re.compile(r"error while loading shared libraries: (?P<said>[^:\n]+)")
 _LOGGED: Final = re.compile(r"^\[(?:ERROR|FATAL)\] \[[\d.]+\] \[[^\]\n]*\]: (?P<said>.+)", re.MULTILINE)
 # Python's own libraries of ROS stand in the user's folder if it has a virtual environment.
 _OF_ROS: Final = re.compile(r'^ *File "[^"\n]*/(?:site|dist)-packages/(?:rclpy|ros\w*|launch\w*)/.*\n', re.MULTILINE)
@@ -119,6 +120,10 @@ def _endings(output: str, directory: Path) -> Iterator[Ending]:
     if found := list(_TERMINATED.finditer(output)):
         kind, said = found[-1]["kind"], found[-1]["said"]
         yield Ending(f": {kind}: {said.strip()}" if said else f": {kind}")
+    if found := list(_UNLOADED.finditer(output)):
+        yield Ending(
+            f": there is no {found[-1]['said']}; build it again for this ROS 2, or use one that has this library"
+        )
     if found := list(_LOGGED.finditer(output)):
         yield Ending(f" after it logged the error: {found[-1]['said'].strip()}")
 

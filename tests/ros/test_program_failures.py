@@ -120,6 +120,10 @@ def test_the_last_of_several_tracebacks_counts(tmp_path: Path) -> None:
 def test_a_lack_of_memory_names_the_limit(tmp_path: Path) -> None:
     output = 'Traceback (most recent call last):\n  File "/a.py", line 1, in f\nMemoryError\n'
     assert ending_of(output, tmp_path).said.startswith(": MemoryError; memory_limit is")
+    output = (
+        "/ws/node: error while loading shared libraries: librclcpp.so: cannot open shared object file: No such file\n"
+    )
+    assert ending_of(output, tmp_path).said.startswith(": there is no librclcpp.so; build it again")
 
 
 def test_a_text_that_is_no_traceback_takes_no_time(tmp_path: Path) -> None:

@@ -18,8 +18,8 @@ ELSE = "; add it to the workspace, or use a ROS 2 that has it, such as ros:jazzy
     ("about", "message"),
     [
         (
-            {"kind": "package", "name": "my_robto", "names": ("my_robot",)},
-            f"there is no package 'my_robto' in the workspace or ROS 2; did you mean 'my_robot'? (allowed: my_robot){ELSE}",
+            {"kind": "package", "name": "robt", "names": ("robot",)},
+            f"there is no package 'robt' in the workspace or ROS 2; did you mean 'robot'? (allowed: robot){ELSE}",
         ),
         (
             {
