@@ -183,7 +183,7 @@ lock: $(VENV)/.dev ## what the action and the targets of this file install
 	$(LOCK) --constraint $(LOCKS)/requirements.lock --no-emit-package pybullet --no-emit-package mujoco-core --output-file $(LOCKS)/requirements-reports.lock
 	# ROS 2 for the action and the tests, each in an environment of its own.
 	$(ROS2_LOCK) tools/ros2/jazzy.in --upgrade --output-file $(LOCKS)/requirements-ros2.lock
-	$(subst --override,--no-binary empy --override,$(subst tools/ros2/overrides.txt,/dev/null,$(ROS2_LOCK))) tools/ros2/jazzy-messages.in --upgrade --output-file $(LOCKS)/requirements-ros2-messages.lock
+	$(subst --override tools/ros2/overrides.txt,--no-binary empy,$(ROS2_LOCK)) tools/ros2/jazzy-messages.in --upgrade --output-file $(LOCKS)/requirements-ros2-messages.lock
 	$(ROS2_LOCK) tools/ros2/kilted.in --upgrade --output-file $(LOCKS)/requirements-ros2-kilted.lock
 	# The tools of release.yml.
 	$(RELEASE_LOCK) --upgrade --output-file tools/release/requirements.txt
