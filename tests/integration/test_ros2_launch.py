@@ -110,7 +110,11 @@ FAILING = {
         "the launch file ended the launch during the run: sh is required",
         4,
     ),
-    "raises": ("    return 1 / 0\n", "ZeroDivisionError: division by zero", 13),
+    "raises": (
+        "    import xacro\n    return 1 / xacro.__name__.index('x')\n",
+        "ZeroDivisionError: division by zero",
+        14,
+    ),
     "package": (
         LIST.format('Node(package="robto", executable="mover")'),
         "there is no package 'robto' in the workspace or ROS 2; did you mean 'robot'?",
