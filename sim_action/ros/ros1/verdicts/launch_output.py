@@ -28,7 +28,11 @@ _NODE: Final = r"\[([\w/.-]+?)(?:-\d+)?\]"
 _END: Final = r"process has (?:died \[pid \d+, exit code (-?\d+), cmd (\S+)|finished cleanly)"
 _DEAD: Final = re.compile(rf"{_NODE} {_END}")
 _REQUIRED: Final = re.compile(rf"REQUIRED process {_NODE} has died!\s+{_END}")
-_NO_PACKAGE: Final = re.compile(r"^(?:rospkg\.\w+\.)?(?:ResourceNotFound|Resource not found): *(\S+)$", re.MULTILINE)
+_NO_PACKAGE: Final = re.compile(
+    r"^(?:rospkg\.\w+\.)?(?:ResourceNotFound|Resource not found): *(?:The following package was not found in .*: )?"
+    r"(\S+)$",
+    re.MULTILINE,
+)
 _REFUSED: Final = (
     re.compile(r"^ERROR: (cannot launch node of type .+)$", re.MULTILINE),
     re.compile(r"^(?:roslaunch\.\w+\.)?(?:RLException|XmlParseException|LaunchParamException): *(.+)$", re.MULTILINE),

@@ -51,7 +51,14 @@ def test_why_a_file_cannot_be_launched(line: str, reason: str | None) -> None:
     assert launch_output.refusal(f"before\n{line}\nafter") == reason
 
 
-@pytest.mark.parametrize("line", ["rospkg.common.ResourceNotFound: robot", "Resource not found: robot"])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "rospkg.common.ResourceNotFound: robot",
+        "Resource not found: robot",
+        'Resource not found: The following package was not found in <arg name="a" default="$(find robot)/a"/>: robot',
+    ],
+)
 def test_a_package_that_is_missing_is_named(line: str) -> None:
     assert launch_output.missing_package(f"{line}\nROS path [0]=/usr/share/ros") == "robot"
 
