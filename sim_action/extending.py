@@ -1,8 +1,9 @@
-"""The names for packages that bring assertions and sensors of their own.
+"""The names for packages that bring assertions, command sources and sensors of their own.
 
 An assertion derives from `Assertion`; its monitor may be a `SignalMonitor`, which compares a signal with `Bounds`. A
-sensor derives from `Sensor`; a reading is a `Values`. A package names its classes in the groups of entry points
-`sim_action.assertions` and `sim_action.sensors`. `sim_action.testing` tests them.
+sensor derives from `Sensor`; a reading is a `Values`. A command source derives from `CommandSource`; its controller
+depends only on the time (`OpenLoop`), or on observations (`ClosedLoop`). A package names its classes in the groups of
+entry points `sim_action.assertions`, `sim_action.commands` and `sim_action.sensors`. `sim_action.testing` tests them.
 """
 
 from sim_action.assertions import Assertion as Assertion
@@ -14,6 +15,10 @@ from sim_action.assertions.monitors.bounds import SignalMonitor as SignalMonitor
 from sim_action.assertions.monitors.bounds import check_bounds as check_bounds
 from sim_action.assertions.monitors.goals import Goal as Goal
 from sim_action.assertions.monitors.goals import Invariant as Invariant
+from sim_action.commands import ClosedLoop as ClosedLoop
+from sim_action.commands import CommandSource as CommandSource
+from sim_action.commands import Controller as Controller
+from sim_action.commands import OpenLoop as OpenLoop
 from sim_action.core.field_types import Metres as Metres
 from sim_action.core.field_types import MetresPerSecond as MetresPerSecond
 from sim_action.core.field_types import NonNegativeSeconds as NonNegativeSeconds

@@ -1,4 +1,4 @@
-"""Tests for the authors of packages with assertions and sensors, see `sim_action.extending`.
+"""Tests for the authors of packages with assertions, command sources and sensors, see `sim_action.extending`.
 
 Example:
     def test_wobble():
@@ -21,6 +21,7 @@ from sim_action.app.library import load, run
 from sim_action.app.library_results import Outcome
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.assertions.monitors import Monitor, State
+from sim_action.commands import COMMANDS, CommandSource
 from sim_action.core.errors import SimActionError
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, field, replace
@@ -28,7 +29,7 @@ from sim_action.core.registry import PackageProblem, Table
 from sim_action.core.wording import escaped_line
 from sim_action.core.yaml_document import read_document
 from sim_action.scenario.loading import build_scene, checked
-from sim_action.scenario.model import Expectation
+from sim_action.scenario.model import Expectation, LoadedScenario
 from sim_action.scenario.source import Refused
 from sim_action.scenario.written import Scenario
 from sim_action.sensors import SENSORS, Sensor
@@ -40,7 +41,9 @@ from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Verdict
 from sim_action.world.scene import Scene
 
-__all__ = ["BrokenRules", "check_assertion", "check_sensor"]
+__all__ = ["BrokenRules", "check_assertion", "check_command", "check_sensor"]
+
+Part = Assertion | CommandSource | Sensor
 
 OneScenario = str | os.PathLike[str] | Scenario
 
@@ -51,7 +54,7 @@ _CLOSE: Final = 1e-9
 
 
 class BrokenRules(AssertionError):
-    """An assertion or a sensor breaks rules, without which it would give wrong verdicts somewhere; `problems`: all."""
+    """A part breaks rules, without which it would give wrong verdicts somewhere; `problems`: all."""
 
     def __init__(self, key: str, problems: Sequence[str]) -> None:
         self.problems = tuple(problems)
@@ -92,6 +95,21 @@ def check_sensor(spec: Sensor, *, scenario: OneScenario) -> None:
     problems.raise_for(spec.key)
 
 
+def check_command(spec: CommandSource, *, scenario: OneScenario) -> None:
+    """Check that a command source of an installed package keeps the rules of sources. Raise BrokenRules.
+
+    Args:
+        spec: an example of the source.
+        scenario: a scenario that it drives.
+    """
+    problems = _Problems()
+    _check_part(spec, COMMANDS, problems)
+    if not problems.found:
+        with problems.of("its scenario"):
+            _check_commands(spec, _one(scenario), problems)
+    problems.raise_for(spec.key)
+
+
 class _Problems:
     """The problems found so far."""
 
@@ -117,13 +135,13 @@ class _Problems:
             raise BrokenRules(key, self.found)
 
 
-def _check_part(spec: Assertion | Sensor, table: Table[Any], problems: _Problems) -> None:
+def _check_part(spec: Part, table: Table[Any], problems: _Problems) -> None:
     for name, problem in _RULES.items():
         with problems.of(name):
             problems.add_if(problem(spec, table))
 
 
-def _why_not_installed(spec: Assertion | Sensor, table: Table[Any]) -> str | None:
+def _why_not_installed(spec: Part, table: Table[Any]) -> str | None:
     name = spec.key
     if name in table:
         return f"sim-action has {table.kind} '{name}' itself; choose another key"
@@ -137,25 +155,27 @@ def _why_not_installed(spec: Assertion | Sensor, table: Table[Any]) -> str | Non
     return None if found is type(spec) else f"{table.installed()[name]} is another class: {found.__module__}"
 
 
-def _why_not_frozen(spec: Assertion | Sensor, _: Table[Any]) -> str | None:
+def _why_not_frozen(spec: Part, _: Table[Any]) -> str | None:
     if type(spec).model_config.get("frozen"):
         return None
     return "is not frozen; a monitor could change it, so leave model_config as it is"
 
 
-def _why_not_pickled(spec: Assertion | Sensor, _: Table[Any]) -> str | None:
+def _why_not_pickled(spec: Part, _: Table[Any]) -> str | None:
     copy = pickle.loads(pickle.dumps(spec))  # noqa: S301 - its own bytes
     return None if copy == spec else f"is {copy!r} after pickling, and was {spec!r}"
 
 
-def _why_not_written(spec: Assertion | Sensor, _: Table[Any]) -> str | None:
+def _why_not_written(spec: Part, _: Table[Any]) -> str | None:
+    if isinstance(spec, CommandSource):  # programs give them as maps
+        return None
     text = Scenario(parts=[spec]).to_yaml()
     data: Any = read_document("example", text).data
     copy = type(spec).model_validate(data["parts"][0][spec.key])
     return None if copy == spec else f"is {copy!r} when it is read from YAML, and was {spec!r}"
 
 
-def _why_no_schema(spec: Assertion | Sensor, _: Table[Any]) -> str | None:
+def _why_no_schema(spec: Part, _: Table[Any]) -> str | None:
     try:
         schema = type(spec).model_json_schema()
     except (PydanticUserError, ValueError) as error:
@@ -164,7 +184,7 @@ def _why_no_schema(spec: Assertion | Sensor, _: Table[Any]) -> str | None:
     return None if set(schema.get("properties", {})) == named else "has a JSON schema with other keys than its fields"
 
 
-_RULES: Final[dict[str, Callable[[Assertion | Sensor, Table[Any]], str | None]]] = {
+_RULES: Final[dict[str, Callable[[Part, Table[Any]], str | None]]] = {
     "its entry point": _why_not_installed,
     "its class": _why_not_frozen,
     "pickle": _why_not_pickled,
@@ -223,10 +243,7 @@ class _Watched:
 
 def _watched(spec: Assertion, scenario: Scenario) -> list[_Watched]:
     """Return what each assertion of this kind would be shown, over the whole run. The run is in this process."""
-    (source, *_) = scenario.sources(Permissions(outside=True))
-    if isinstance(source, Refused):
-        raise source.error
-    loaded = checked(source, Permissions(outside=True), evaluate=True)
+    loaded = _loaded(scenario)
     kept = [each for each in loaded.scenario.expect if type(each.assertion) is type(spec)]
     shown = [_Shown.model_construct(inner=each.assertion, seen=_Seen()) for each in kept]
     expect = tuple(
@@ -242,6 +259,13 @@ def _watched(spec: Assertion, scenario: Scenario) -> list[_Watched]:
         for each, spy in zip(kept, shown, strict=True)
         if spy.seen.scene is not None and spy.seen.start is not None
     ]
+
+
+def _loaded(scenario: Scenario) -> LoadedScenario:
+    (source, *_) = scenario.sources(Permissions(outside=True))
+    if isinstance(source, Refused):
+        raise source.error
+    return checked(source, Permissions(outside=True), evaluate=True)
 
 
 @dataclass(slots=True, eq=False)
@@ -383,6 +407,13 @@ def _why_no_truth(monitor: Monitor, trace: Trace) -> str | None:
     if not monitor.is_sampled and len(truth.time) != len(trace):
         return f"truth() has {len(truth.time)} moments for {len(trace)} steps"
     return None
+
+
+def _check_commands(spec: CommandSource, scenario: Scenario, problems: _Problems) -> None:
+    if not any(type(source) is type(spec) for source in _loaded(scenario).scenario.commands):
+        problems.add_if(f"'{scenario.name}' does not name it")
+    elif _outcome(scenario, repeat=2).status == "flaky":
+        problems.add_if("two runs with the same seed differ; give the same commands in each run")
 
 
 def _check_readings(spec: Sensor, scenario: Scenario, problems: _Problems) -> None:

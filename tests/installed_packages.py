@@ -1,4 +1,4 @@
-"""Packages with assertions and sensors, installed into a folder as pip would do it."""
+"""Packages with parts of scenarios, installed into a folder as pip would do it."""
 
 from __future__ import annotations
 
@@ -60,6 +60,7 @@ def install_wobble(folder: Path) -> Path:
     code = (WOBBLE / "sim_action_wobble.py").read_text(encoding="utf-8")
     points = (
         "[sim_action.assertions]\nwobble = sim_action_wobble:Wobble\n"
+        "[sim_action.commands]\nsway = sim_action_wobble:Sway\n"
         "[sim_action.sensors]\ninclinometer = sim_action_wobble:Inclinometer\n"
     )
     return install(folder, "sim-action-wobble", code, points, "0.1.0")

@@ -64,10 +64,10 @@ def _of_output(kind: type[BaseModel], title: str) -> Schema:
 
 
 def schema_here(kind: str) -> Schema:
-    """The schema of a kind in `SCHEMAS`, with the assertions and sensors of the packages that are installed here."""
+    """The schema of a kind in `SCHEMAS`, with the parts of the packages that are installed here."""
     if kind in ("results", "proof"):
         return SCHEMAS[kind]()
-    added = {table.kind: _added(table) for table in (ASSERTIONS, SENSORS)}
+    added = {table.kind: _added(table) for table in (ASSERTIONS, COMMANDS, SENSORS)}
     return scenario_schema(added) if kind == "scenario" else base_schema(added)
 
 
@@ -116,11 +116,12 @@ def _head(kind: str, title: str, description: str) -> Schema:
 def _for_editors(added: Added) -> tuple[Schema, EditorSchemas]:
     scenario, definitions = _models(added)
     description = scenario["properties"]["commands"]["description"]
-    for name in COMMANDS:
-        kind = definitions[COMMANDS.load(name).__name__]
-        kind["properties"][name].setdefault("description", kind["description"])
-    shared = {key: each for name in COMMANDS for key, each in _properties(definitions, COMMANDS.load(name)).items()}
-    source = chosen_by_key({name: _ref(COMMANDS.load(name)) for name in COMMANDS}, shared)
+    kinds = _kinds(COMMANDS, added)
+    for name, kind in kinds.items():
+        definition = definitions[_name(kind)]
+        definition["properties"][name].setdefault("description", definition["description"])
+    shared = {key: value for kind in kinds.values() for key, value in _properties(definitions, kind).items()}
+    source = chosen_by_key({name: _ref(kind) for name, kind in kinds.items()}, shared)
     part = {"type": "object", "properties": shared, "additionalProperties": False}
     definitions |= {"CommandSource": source, "SharedCommands": part}
     several = {"type": "array", "items": {"$ref": "#/$defs/CommandSource"}}
@@ -130,7 +131,7 @@ def _for_editors(added: Added) -> tuple[Schema, EditorSchemas]:
 
 
 def _properties(definitions: Schema, model: type[BaseModel]) -> Schema:
-    properties: Schema = definitions[model.__name__]["properties"]
+    properties: Schema = definitions[_name(model)]["properties"]
     return properties
 
 
@@ -164,7 +165,7 @@ def _models(added: Added = MappingProxyType({})) -> tuple[Schema, Schema]:
     scenario = definitions.pop(Scenario.__name__)
     scenario["properties"]["expect"]["items"] = {"$ref": "#/$defs/Expectation"}
     scenario["properties"]["sensors"]["items"] = {"$ref": "#/$defs/Sensor"}
-    scenario["properties"]["commands"] = _commands(scenario["properties"]["commands"]["description"])
+    scenario["properties"]["commands"] = _commands(scenario["properties"]["commands"]["description"], added)
     definitions["Expectation"] = _one_of(assertions, definitions.pop(ExpectationOptions.__name__)["properties"])
     definitions |= _combined_assertions(definitions, assertions)
     definitions["Sensor"] = _one_of(sensors, definitions.pop(Mounting.__name__)["properties"])
@@ -275,8 +276,8 @@ def _described(definition: Schema) -> Schema:
     return {**described, "properties": properties, "required": list(properties)}
 
 
-def _commands(description: str) -> Schema:
-    source = {"anyOf": [_ref(COMMANDS.load(name)) for name in COMMANDS]}
+def _commands(description: str, added: Added) -> Schema:
+    source = {"anyOf": [_ref(kind) for kind in _kinds(COMMANDS, added).values()]}
     return {"description": description, "anyOf": [source, {"type": "array", "items": source}]}
 
 

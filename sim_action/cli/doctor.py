@@ -19,6 +19,7 @@ from sim_action.app.catalogue import package_parts
 from sim_action.app.library import run
 from sim_action.assertions import ASSERTIONS
 from sim_action.assertions.distance import Travel
+from sim_action.commands import COMMANDS
 from sim_action.core.content_cache import cache_folder
 from sim_action.core.errors import ExitCode, SimActionError, UsageError
 from sim_action.core.process import usable_cores
@@ -145,8 +146,8 @@ def _engine(engine: str) -> Finding:
 
 
 def _package_parts() -> Iterator[Finding]:
-    """Import the assertions and sensors of installed packages. Scenarios that use none run without them."""
-    for table in (ASSERTIONS, SENSORS):
+    """Import the parts of installed packages. Scenarios that use none run without them."""
+    for table in (ASSERTIONS, COMMANDS, SENSORS):
         for part, found in package_parts(table):
             is_good = not isinstance(found, PackageProblem)
             yield Finding(

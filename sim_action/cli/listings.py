@@ -10,6 +10,7 @@ from sim_action.app import catalogue
 from sim_action.app.catalogue import explanation, overview
 from sim_action.app.schema import schema_here, schema_text
 from sim_action.assertions import ASSERTIONS
+from sim_action.commands import COMMANDS
 from sim_action.sensors import SENSORS
 
 _MAX_WIDTH = 100
@@ -30,7 +31,7 @@ def assertions() -> None:
 @click.command()
 def commands() -> None:
     """List what can drive the robot: the command sources for `commands:`, and the drives."""
-    click.echo(catalogue.listing((*catalogue.commands(), *catalogue.drives())))
+    click.echo(catalogue.listing((*catalogue.commands(), *catalogue.of_packages(COMMANDS), *catalogue.drives())))
 
 
 @click.command()
@@ -63,8 +64,8 @@ def guide() -> None:
 def schema(kind: str) -> None:
     """Print the JSON Schema of scenario files (the default), of base files (*.base.yml), of results.json, or of proofs.
 
-    Editors use the first two to complete keys, to explain them and to mark mistakes. They include the assertions and
-    sensors of installed packages. Save the schema as a file, and name the file in the first line of a scenario: "#
+    Editors use the first two to complete keys, to explain them and to mark mistakes. They include the parts of
+    installed packages. Save the schema as a file, and name the file in the first line of a scenario: "#
     yaml-language-server: $schema=scenario.schema.json".
     """
     click.echo(schema_text(schema_here(kind)), nl=False)

@@ -86,8 +86,23 @@ Controller = OpenLoop | ClosedLoop
 class CommandSource(Transmission):
     """The base class of command sources: a frozen spec whose fields are the YAML keys."""
 
+    key: ClassVar[str]
+    """The YAML key that names the source, which is also one of its fields."""
+
     runs_user_code: ClassVar[bool] = False
-    """True if `open` or the controller runs code of the user; the scenario then gets an interpreter of its own."""
+    """True if `open` or the controller runs code of the user; the scenario then gets an interpreter of its own.
+
+    Sources of installed packages do.
+    """
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: object) -> None:
+        """Let the sources of installed packages count as user code, and refuse one without its own key."""
+        if not cls.__module__.startswith("sim_action."):
+            cls.runs_user_code = True
+            key = getattr(cls, "key", "")
+            if key not in cls.model_fields:
+                raise TypeError(f"{cls.__name__} has no field '{key}', which holds the value of its key in a scenario")
 
     needs_drive: ClassVar[bool] = False
     """True if all its commands are twists, independent of its files."""
@@ -220,5 +235,7 @@ COMMANDS: Final = Table[type[CommandSource]](
         "ros1": "sim_action.ros.ros1.command_source.spec:RosCommands",
         "ros2": "sim_action.ros.ros2.spec:Ros2Commands",
     },
+    group="sim_action.commands",
+    base=CommandSource,
 )
 """The YAML key of each command source -> its class."""

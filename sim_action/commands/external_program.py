@@ -130,6 +130,7 @@ class ProcessCommands(CommandSource):
     language gives the same run. An answer has at most 1 MB.
     """
 
+    key: ClassVar[str] = "process"
     runs_user_code: ClassVar[bool] = True
     map_key: ClassVar[str | None] = "command"
 

@@ -95,6 +95,7 @@ class JointCommands(LinkCommands):
     efforts, a higher `rate` gives smoother curves.
     """
 
+    key: ClassVar[str] = "joints"
     is_written: ClassVar[bool] = True
 
     points: Annotated[

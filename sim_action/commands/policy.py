@@ -130,6 +130,7 @@ class PolicyCommands(CommandSource):
     `pip install 'sim-action[policy]'`, and in a workflow the input `extras: policy`.
     """
 
+    key: ClassVar[str] = "policy"
     runs_user_code: ClassVar[bool] = True
     package: ClassVar[str | None] = PACKAGE
     map_key: ClassVar[str | None] = "file"

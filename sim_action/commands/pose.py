@@ -136,6 +136,7 @@ class PoseCommands(LinkCommands):
     base corrects the joints at each tick; a pose more than 2 mm or 1 deg out of reach ends the run with an error.
     """
 
+    key: ClassVar[str] = "pose"
     is_written: ClassVar[bool] = True
 
     pose: Annotated[LinkMotionSpec, Field(description="link, and its path")]

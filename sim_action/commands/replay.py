@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path, PurePath
 from posixpath import normpath
-from typing import TYPE_CHECKING, Annotated, Final, Literal, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import Field, PrivateAttr
 from typing_extensions import override
@@ -84,6 +84,8 @@ class ReplayCommands(CommandSource):
 
     ROS logs need `pip install '.[rosbags]'` in a checkout of sim-action, and in a workflow the input `extras: rosbags`.
     """
+
+    key: ClassVar[str] = "replay"
 
     replay: Annotated[
         str,

@@ -65,6 +65,7 @@ class ScriptCommands(CommandSource):
     and modules in its folder. Its output is saved with the result.
     """
 
+    key: ClassVar[str] = "script"
     runs_user_code: ClassVar[bool] = True
     map_key: ClassVar[str | None] = "file"
 

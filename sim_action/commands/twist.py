@@ -72,6 +72,7 @@ class TwistSegment(FrozenModel):
 class TwistCommands(CommandSource):
     """Commands twists of the base, one after the other. If the last one has a duration, the base then stops."""
 
+    key: ClassVar[str] = "twist"
     needs_drive: ClassVar[bool] = True
     is_written: ClassVar[bool] = True
 

@@ -60,6 +60,7 @@ class WaypointCommands(CommandSource):
     If it drives past the last waypoint, it stops next to it.
     """
 
+    key: ClassVar[str] = "waypoints"
     needs_drive: ClassVar[bool] = True
     is_written: ClassVar[bool] = True
 

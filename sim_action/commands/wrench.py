@@ -77,6 +77,7 @@ class WrenchCommands(LinkCommands):
     A push from outside belongs into `world.disturbances`: it can also act on bodies of the world.
     """
 
+    key: ClassVar[str] = "wrench"
     is_written: ClassVar[bool] = True
 
     wrench: Annotated[TimedWrench, Field(description="the force, the torque, and when they act")]

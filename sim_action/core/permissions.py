@@ -1,7 +1,7 @@
 """The permissions that the caller gives, and the gate for code of the repository.
 
 Code of the repository is everything that can run a command of its author: controllers (`script`, `process`, `policy`),
-assertion classes, assertions and sensors of installed packages, xacro, and nodes, launch files and tests of ROS 1. All
+assertion classes, parts of installed packages, xacro, and nodes, launch files and tests of ROS 1. All
 subcommands that run it ask this module.
 """
 
@@ -58,7 +58,7 @@ class Permissions:
     Attributes:
         outside: True if files may be outside the workspace.
         scripts_refused: the reason why code of the repository is not run; None: it is run.
-        imports_refused: the reason why assertions and sensors of installed packages are not imported, although nothing
+        imports_refused: the reason why parts of installed packages are not imported, although nothing
             is run; None: `scripts_refused` decides.
         updates_golden: True if golden trajectories are written, inside the workspace.
         forces_golden: True if they are written from a run that did not pass, too.

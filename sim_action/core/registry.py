@@ -30,7 +30,7 @@ class PackageProblem(ValueError):
     """The reason why a part of an installed package cannot be used; it names the package."""
 
 
-GROUPS: Final = ("sim_action.assertions", "sim_action.sensors")
+GROUPS: Final = ("sim_action.assertions", "sim_action.commands", "sim_action.sensors")
 """The groups of entry points that packages use."""
 
 

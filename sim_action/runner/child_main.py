@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Final, NoReturn
 from pydantic import JsonValue
 from pydantic_core import PydanticSerializationError, to_json
 
-from sim_action.commands import COMMANDS
 from sim_action.core.errors import (
     BadSource,
     BadStart,
@@ -351,8 +350,7 @@ def _source_of(error: Exception, job: Job) -> str | None:
     """Return the key of the command source that failed, such as "pose"; None if no source did."""
     if not isinstance(error, ScriptError) or error.source is None:
         return None
-    source = job.loaded.scenario.commands[error.source]
-    return next(key for key in COMMANDS if key in type(source).model_fields)
+    return job.loaded.scenario.commands[error.source].key
 
 
 def _is_open(descriptor: int) -> bool:
@@ -569,7 +567,7 @@ def _say_caller(frame: FrameType, say: Callable[[bytes], None]) -> None:
 def received_job() -> tuple[Job, ChildFiles]:
     """Return the job and its files from standard input.
 
-    This imports the assertions and sensors of installed packages. The process ends if it fails.
+    This imports the parts of installed packages. The process ends if it fails.
     """
     hear_early()
     try:

@@ -1,4 +1,4 @@
-"""The assertions and sensors of installed packages: their names, their import, and what can be wrong with them."""
+"""The parts of installed packages: their names, their import, and what can be wrong with them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ from sim_action.app.catalogue import explanation, names
 from sim_action.app.schema import scenario_schema, schema_here
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.cli.doctor import _package_parts
+from sim_action.commands import COMMANDS
 from sim_action.core.errors import InternalError, InvalidScenario, PackageFault, UsageError
 from sim_action.core.permissions import Permissions
 from sim_action.core.registry import PackageProblem, installed_parts
-from sim_action.scenario.loading import load_scenario
+from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.sensors import SENSORS
+from sim_action.simulation.loop import simulate
 from tests.installed_packages import ASSERTION, install, install_assertion, install_wobble
 
 TEXT = """\
@@ -166,15 +168,67 @@ def test_lists_explanations_and_the_schema_have_it(site: Path) -> None:
     (entry,) = catalogue.of_packages(ASSERTIONS)
     assert (entry.name, [field.name for field in entry.fields]) == ("wobble", ["at_most"])
     assert entry.summary.endswith("(of sim-action-wobble 0.1.0)")
-    assert [found.name for found in catalogue.of_packages(SENSORS)] == ["inclinometer"]
+    assert [entry.name for table in (COMMANDS, SENSORS) for entry in catalogue.of_packages(table)] == [
+        "sway",
+        "inclinometer",
+    ]
     assert explanation("wobble", 100).splitlines()[0].endswith(": assertion of sim-action-wobble 0.1.0, below expect")
-    assert {"wobble", "inclinometer"} <= set(names())
+    assert {"wobble", "sway", "inclinometer"} <= set(names())
     assert scenario_schema() == plain
     here = schema_here("scenario")
     added = here["definitions"].keys() - plain["definitions"].keys()
-    assert {"wobble.Wobble", "inclinometer.Inclinometer"} <= added
+    assert {"wobble.Wobble", "sway.Sway", "inclinometer.Inclinometer"} <= added
+    assert here["definitions"]["sway.Sway"]["required"] == ["sway"]
     assert here["definitions"]["wobble.Wobble"]["properties"]["at_most"]["description"].startswith("an invariant")
     assert schema_here("results") != schema_here("base")
+
+
+SOURCE = """\
+from typing import ClassVar
+
+from sim_action.extending import CommandSource, OpenLoop
+
+
+class Sway(CommandSource):
+    key: ClassVar[str] = "sway"
+
+    {field}: float = 1.0
+
+    def open(self, scene):
+        return OpenLoop(lambda time: 1 / 0)
+"""
+
+
+def install_source(site: Path, field: str) -> None:
+    install(site, "a-sway", SOURCE.format(field=field), "[sim_action.commands]\nsway = a_sway:Sway\n")
+
+
+def test_a_command_source_has_keys_of_its_own_beside_those_of_all(site: Path, tmp_path: Path) -> None:
+    install_source(site, "sway")
+    path = tmp_path / "a.sim.yml"
+    path.write_text(f"{TEXT.format(expect='no_collision')}commands: {{sway: 2.0, rate: 20 Hz}}\n")
+    loaded = load_scenario(path, Permissions())
+    assert loaded.scenario.runs_user_code
+    with pytest.raises(ZeroDivisionError) as raised:
+        simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    assert str(InternalError.of(raised.value)).startswith("'sway' of a-sway 1.0 raised ZeroDivisionError: ")
+
+
+@pytest.mark.parametrize(
+    ("field", "commands", "message"),
+    [
+        ("speed", "sway: 1.0", "TypeError: Sway has no field 'sway', which holds the value of its key in a scenario"),
+        ("sway", "sway: 1.0, speed: 2", "commands.speed: unknown key (allowed: dropouts, jitter, latency, rate, sway)"),
+        ("sway", "sway: 1.0, twist: []", "'twist' and 'sway' in one entry; begin each with '- '"),
+        ("sway", "swy: 1.0", "unknown command 'swy'; did you mean 'sway'?"),
+    ],
+)
+def test_a_command_source_that_cannot_be_used_is_refused(
+    site: Path, tmp_path: Path, field: str, commands: str, message: str
+) -> None:
+    install_source(site, field)
+    (problem, *_) = problems(tmp_path, f"no_collision]\ncommands: {{{commands}}}\nsensors: [", Permissions())
+    assert message in problem
 
 
 def test_a_class_of_the_name_of_one_of_ours_has_a_definition_of_its_own(site: Path) -> None:

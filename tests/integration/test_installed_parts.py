@@ -1,4 +1,4 @@
-"""Assertions and sensors of installed packages in real runs, by the command line and by the tests of their authors."""
+"""Parts of installed packages in real runs, by the command line and by the tests of their authors."""
 
 from __future__ import annotations
 

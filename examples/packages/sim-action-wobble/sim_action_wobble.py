@@ -1,4 +1,4 @@
-"""How much a robot wobbles: the assertion `wobble: {at_most: 2 deg}` and the sensor `inclinometer: {noise: 1 deg}`."""
+"""How much a robot wobbles: the assertion `wobble`, the command source `sway` and the sensor `inclinometer`."""
 
 from __future__ import annotations
 
@@ -7,15 +7,20 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from sim_action import Observation, Trace
+from sim_action import Observation, Trace, Twist
 from sim_action.extending import (
     RATIO,
     Assertion,
     Bounds,
+    CommandSource,
+    Controller,
     Measure,
+    MetresPerSecond,
     Monitor,
     Mount,
+    OpenLoop,
     PositiveRadians,
+    PositiveSeconds,
     Radians,
     ReadingColumn,
     Scene,
@@ -50,6 +55,20 @@ class Wobble(Assertion):
         return SignalMonitor(
             "wobble", lambda trace: abs(trace.tilt - first), Bounds("wobbled", "rad", None, self.at_most)
         )
+
+
+class Sway(CommandSource):
+    """Drives the robot to and fro, so that it would wobble."""
+
+    key: ClassVar[str] = "sway"
+    needs_drive: ClassVar[bool] = True
+
+    sway: Annotated[MetresPerSecond, Field(description="greatest speed")]
+    period: Annotated[PositiveSeconds, Field(description="duration of one sway")] = 2.0
+
+    def open(self, scene: Scene) -> Controller:
+        """Return the controller, which depends only on the time."""
+        return OpenLoop(lambda time: Twist.planar(self.sway * math.sin(math.tau * time / self.period), 0.0))
 
 
 class Inclinometer(Sensor):

@@ -33,6 +33,7 @@ class Ros2Commands(CommandSource):
     Nodes are code, as scripts are: same environment, `memory_limit` each, refused where scripts are refused.
     """
 
+    key: ClassVar[str] = "ros2"
     runs_user_code: ClassVar[bool] = True
 
     ros2: Annotated[Ros2Nodes, Field(description="launch file or list of nodes")]

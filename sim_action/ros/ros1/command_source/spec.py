@@ -43,6 +43,7 @@ class RosCommands(CommandSource):
     scripts are: same environment, `memory_limit` each, refused where scripts are refused.
     """
 
+    key: ClassVar[str] = "ros1"
     runs_user_code: ClassVar[bool] = True
     needs_drive: ClassVar[bool] = True
 
