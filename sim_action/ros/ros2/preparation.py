@@ -132,9 +132,15 @@ def _source(name: str, folder: Path) -> Source:
     needs = frozenset((element.text or "").strip() for tag in _DEPENDS for element in root.iter(tag))
     cmake = re.sub(r"#.*", "", _content(folder / "CMakeLists.txt").decode("utf-8", "replace"))
     is_built = bool(cmake.strip()) and not read_package(name, folder).is_python
-    return Source(
-        name, folder, needs, needs & set(re.findall(r"\w+", cmake)), bool(_INTERFACES.search(cmake)), is_built
-    )
+    build_needs = needs & set(re.findall(r"\w+", cmake))
+    has_messages = bool(_INTERFACES.search(cmake)) and bool(_message_files(folder))
+    return Source(name, folder, needs, build_needs, has_messages, is_built)
+
+
+def _message_files(folder: Path) -> list[Path]:
+    """Return the files of messages, services and actions of a package, without those of its tests."""
+    paths = (path for kind in ("msg", "srv", "action") for path in folder.rglob(f"{kind}/*.{kind}"))
+    return sorted(path for path in paths if not path.relative_to(folder).parts[0].startswith("test"))
 
 
 def _content(path: Path) -> bytes:
@@ -154,9 +160,8 @@ def problems(sources: Mapping[str, Source], prefixes: tuple[Path, ...]) -> Itera
             message = f"'{source.name}' needs the package '{need}', which neither the workspace nor ROS 2 has"
             remedy = "add its source to src (with a .repos file: vcs import src < FILE.repos), or remove the <depend>"
             yield f"{message}; {remedy}", Location(str(source.folder / PACKAGE_FILE), None)
-        for path in sorted(source.folder.rglob("*")):
-            if path.suffix in (".msg", ".srv", ".action") and path.parent.name == path.suffix[1:]:
-                yield from _problems_of_file(path, source, sources, prefixes)
+        for path in _message_files(source.folder):
+            yield from _problems_of_file(path, source, sources, prefixes)
 
 
 def _lacking(sources: Mapping[str, Source], prefixes: Iterable[Path]) -> dict[str, str]:
@@ -187,7 +192,7 @@ def _problems_of_file(
 ) -> Iterator[tuple[str, Location]]:
     shares = {need: folder for need in source.needs for folder in _shares(need, sources, prefixes)}
     for number, line in enumerate(_content(path).decode("utf-8", "replace").splitlines(), 1):
-        text = re.sub(r"#(?=(?:[^\"']|[\"'][^\"']*[\"'])*$).*", "", line).strip()
+        text = re.sub(r"""^((?:[^"'#]|"[^"]*"|'[^']*')*)#.*""", r"\1", line).strip()
         if not text or text == "---":
             continue
         place = Location(str(path), number)

@@ -80,7 +80,9 @@ def prefix(tmp_path: Path) -> Path:
 def test_a_package_follows_those_that_it_needs(tmp_path: Path, prefix: Path) -> None:
     interfaces(tmp_path, "a", "b/Speed speed\n", "b", "c")
     interfaces(tmp_path, "b", "c/Speed[<=3] speeds\n", "c")
-    interfaces(tmp_path, "c", "# 1\nfloat64 MAX=2.0 # 3\nstring<=5[] names\nstring text 'a # b'\n")
+    interfaces(tmp_path, "c", "# the robot's 1\nfloat64 MAX=2.0 # it's 3\nstring<=5[] names\nstring text 'a # b'\n")
+    (tmp_path / "src/c/test/msg").mkdir(parents=True)
+    (tmp_path / "src/c/test/msg/Dummy.msg").write_text("std_msgs/Header header\n")
     sources = sources_in(tmp_path)
     assert list(sources) == ["c", "b", "a"]
     assert list(problems(sources, (prefix,))) == []
