@@ -39,7 +39,7 @@ class _Watch:
 
 
 # To load a scenario with a policy starts a short one.
-_CHECK_OF_NETWORKS: Final = [sys.executable, "-P", "-m", "sim_action.commands.network_check"]
+_CHECK_OF_NETWORKS: Final = [sys.executable, "-P", "-m", "sim_action.networks.network_check"]
 
 
 def _see(event: str, arguments: tuple[object, ...]) -> None:

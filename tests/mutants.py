@@ -57,6 +57,7 @@ _INTEGRATION: Final = {
     "mesh_physics engine_tables motor_work driven_backends driven_worlds first_clashes imu lidar camera contact_sensor "
     "native_robots bolted_contacts contact_limits joint_damping integrator engine_differences",
     "meshes": "meshes mesh_physics mesh_cache",
+    "networks": "policies policy_server",
     "recording": "recordings replays replay replayed_links filming report_in_browser",
     "reports": "cli suites report_in_browser replay",
     "results": "cli suites shards repeats not_exercised kept_verdicts resume journal",

@@ -15,7 +15,7 @@ from typing import Final
 
 import pytest
 
-from sim_action.commands import network_check
+from sim_action.networks import network_check
 
 FLOAT: Final = 1
 DOUBLE: Final = 11

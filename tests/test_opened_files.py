@@ -24,7 +24,7 @@ GATED: Final = {
     "commands/logs/csv_table.py": "Workspace.file_or_folder",
     "commands/logs/damaged_logs.py": "as commands/logs/rosbag.py",
     "commands/logs/rosbag.py": "Workspace.file_or_folder, and Workspace.file for each file in the folder",
-    "commands/onnx_network.py": "Workspace.file, also for its files with weights",
+    "networks/onnx_network.py": "Workspace.file, also for its files with weights",
     "core/discovery.py": "only in folders of the workspace, and no link",
     "core/user_scripts.py": "Workspace.file",
     "meshes/__init__.py": "Packages.file, or Workspace.file for meshes of the world",
@@ -49,7 +49,7 @@ OWN: Final = frozenset(
     {
         "app/catalogue.py",
         "app/library_results.py",
-        "commands/network_check.py",  # its own size in /proc
+        "networks/network_check.py",  # its own size in /proc
         "cli/pyproject.py",  # only if it lies in the workspace, with links resolved
         "robot/documents/part_table.py",
         "core/content_cache.py",

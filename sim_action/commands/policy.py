@@ -13,18 +13,6 @@ from typing_extensions import override
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.commands.controller_answers import Saturation
-from sim_action.commands.network_check import checked_network
-from sim_action.commands.onnx_network import (
-    INSTALL_HINT,
-    NUMERIC,
-    PACKAGE,
-    Feed,
-    Network,
-    NetworkProblem,
-    Session,
-    Tensor,
-    is_installed,
-)
 from sim_action.commands.policy_controller import (
     Input,
     Motors,
@@ -49,6 +37,18 @@ from sim_action.core.units import UnitError
 from sim_action.core.wording import counted, did_you_mean, escaped_line, shown
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.networks.network_check import checked_network
+from sim_action.networks.onnx_network import (
+    INSTALL_HINT,
+    NUMERIC,
+    PACKAGE,
+    Feed,
+    Network,
+    NetworkProblem,
+    Session,
+    Tensor,
+    is_installed,
+)
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import Answer
 from sim_action.world.scene import Scene

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, Field
 
-from sim_action.commands.onnx_network import FLOATS, NetworkProblem, Session, Tensor
 from sim_action.commands.policy_pictures import PictureInput
 from sim_action.commands.policy_terms import Layout, Offset, PerJoint, Reader, Term, per_joint_problems, values_of
 from sim_action.commands.twist import TwistSegment
@@ -19,6 +18,7 @@ from sim_action.core.field_types import FrozenModel
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import counted
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.networks.onnx_network import FLOATS, NetworkProblem, Session, Tensor
 from sim_action.state.command import JointTargets
 
 if TYPE_CHECKING:

@@ -13,12 +13,12 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from sim_action.commands.onnx_network import NetworkProblem
 from sim_action.commands.policy_controller import PolicyAction
 from sim_action.commands.policy_terms import Layout, Term, values_of
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import shown
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.networks.onnx_network import NetworkProblem
 
 _TERMS: Final[Mapping[str, str]] = {
     "base_lin_vel": "base.linear",

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from pydantic import Field
 
-from sim_action.commands.onnx_network import FLOATS, Tensor
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.networks.onnx_network import FLOATS, Tensor
 from sim_action.sensors.camera import Camera
 from sim_action.world.scene import Scene
 

@@ -35,7 +35,7 @@ _UNLIMITED: Final = frozenset(
     }
 )
 # It reads the network of a policy, as the run itself does later.
-_OUR_CHECK: Final = [sys.executable, "-P", "-m", "sim_action.commands.network_check"]
+_OUR_CHECK: Final = [sys.executable, "-P", "-m", "sim_action.networks.network_check"]
 _READS: Final = os.O_RDONLY | os.O_WRONLY | os.O_RDWR
 _EMPTIES: Final = os.O_TRUNC | os.O_EXCL
 

@@ -297,6 +297,9 @@ _ALL_CHANGED: Final = (
     "no verdict of the earlier run is taken over: since then, files, options, environment variables, software or the "
     "current folder have changed"
 )
+_KEYLESS: Final = (
+    "no verdict of the earlier run is taken over: its journal does not say which files and options they depend on"
+)
 _UNSEALED: Final = (
     "without a valid seal; the scenarios run again, because another user or program may have written the journal, or "
     "the key in the cache folder was lost"
@@ -368,8 +371,8 @@ def take_over(
     remarks = tuple(dict.fromkeys(search.reasons))
     if recorded.unsealed:
         remarks += (f"{counted(recorded.unsealed, 'verdict')} of the earlier run {_UNSEALED}",)
-    if not records and search.earlier and not remarks:
-        remarks = (_ALL_CHANGED,)
+    if not records and not remarks and any(record.event == "finished" for record in recorded.records):
+        remarks = (_ALL_CHANGED if search.earlier else _KEYLESS,)
     return TakenOver(tuple(records), frozenset(search.kept), remarks)
 
 

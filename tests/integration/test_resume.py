@@ -556,15 +556,23 @@ def test_a_journal_of_the_checkout_is_not_believed(
     assert results(folder)["outcomes"][0]["status"] == "failed"
 
 
-def test_a_journal_without_our_seal_runs_again(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("removed", "reason"),
+    [
+        ((), "1 verdict of the earlier run without a valid seal; the scenarios run again"),
+        (("seal", "key"), "its journal does not say which files and options they depend on"),
+    ],
+)
+def test_a_journal_without_our_seal_runs_again(tmp_path: Path, removed: tuple[str, ...], reason: str) -> None:
     """It is not tracked, as after a download, and everything else about it is right."""
     suite(tmp_path / "sim", a=STANDS)
     shutil.rmtree(tmp_path / "sim/.git")
     git(tmp_path, "init", "-q")
     forged(tmp_path)
-    assert "1 verdict of the earlier run without a valid seal; the scenarios run again" in run(
-        tmp_path, "sim", "--no-report", "--resume"
-    )
+    records = [json.loads(line) for line in (tmp_path / JOURNAL).read_text().splitlines()]
+    kept = [{key: value for key, value in record.items() if key not in removed} for record in records]
+    (tmp_path / JOURNAL).write_text("".join(json.dumps(record) + "\n" for record in kept))
+    assert reason in run(tmp_path, "sim", "--no-report", "--resume")
     assert results(tmp_path)["outcomes"][0]["status"] == "failed"
     assert taken_over(tmp_path) == []
 

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.commands.network_check import CHECK
+from sim_action.networks.network_check import CHECK
 from sim_action.runner import observed_inputs as module
 from sim_action.runner.job import Job
 from sim_action.runner.observed_inputs import MAX_INPUTS, ObservedInputs, inputs_in, observed_inputs

@@ -342,6 +342,12 @@ def article(identity: str, kind: str, header: Sequence[str], body: Html) -> Html
     )
 
 
+def packed_article(encoded_article: bytes) -> bytes:
+    """Return an article whose content is one text for a browser with scripts, until the script of the page opens it."""
+    start, content = encoded_article.split(b">", 1)
+    return b"%b><noscript>%b</noscript></article>" % (start, content.removesuffix(b"</article>"))
+
+
 def heading(identity: str, name: str) -> Html:
     """Return the name of an article, as its header has it."""
     return element("h2", name, id=f"{identity}-name")

@@ -14,7 +14,7 @@ from sim_action.recording.replay.replay_file import ReplayReader
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import counts_text, run_headline, shard_text, speed_text
-from sim_action.reports.html.document import Html, Page, element, encoded, joined
+from sim_action.reports.html.document import Html, Page, element, encoded, joined, packed_article
 from sim_action.reports.html.gate_article import GroupPlace, gate_article, variations_article
 from sim_action.reports.html.ghosts import Ghost, GhostSources
 from sim_action.reports.html.navigation import PageEntry, PagePlan, planned_page, scenario_list
@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 
 MAX_PAGE_SCENARIOS: Final = 2_000
 """The number of scenarios on a page, the worst first; further scenarios are only counted."""
+
+MAX_PARSED_ARTICLES: Final = 200
+"""On a page with more articles, browsers with scripts parse an article when it is opened."""
 
 
 def write_html(results: Results, options: ReportOptions) -> None:
@@ -51,9 +54,10 @@ def page(results: Results, options: ReportOptions) -> Page:
     ghosts = GhostSources(results.runs, plan.ids, options.folder, base)
     articles, looks = _run_articles(plan, results, options, blocks, ghosts)
     plots = _group_articles(plan, options, blocks, articles, ghosts)
+    form = packed_article if len(plan.entries) > MAX_PARSED_ARTICLES else bytes
     main = Html('<main id="main" tabindex="-1">' if plan.has_suite else "<main>")
     head = f'{page_head(results, base)}\n<div class="layout">{joined(scenario_list(plan, results), main)}'
-    written = [articles[entry.identity] + b"\n" for entry in plan.entries]
+    written = [form(articles[entry.identity]) + b"\n" for entry in plan.entries]
     if plan.has_suite:
         from sim_action.reports.html.suite import suite_article  # a usual run does without it
 

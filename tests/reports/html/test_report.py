@@ -59,6 +59,18 @@ def test_failures_first(options: ReportOptions) -> None:
     assert names == ["All scenarios", "crash", "failed", "passed"]
 
 
+def test_many_articles_are_text_until_they_are_opened(options: ReportOptions, monkeypatch: pytest.MonkeyPatch) -> None:
+    name = "</noscript><script>globalThis.pwned = 1</script>"
+    results = results_of(like(SAMPLES["passed"].outcomes[0], name=name), *failed_gate().outcomes)
+    plain = body(results, options)
+    monkeypatch.setattr("sim_action.reports.html.report.MAX_PARSED_ARTICLES", 1)
+    packed = body(results, options)
+    assert packed.replace("<noscript>", "").replace("</noscript>", "") == plain
+    inside = re.findall(r'<article id="s\d+"[^>]*><noscript>(.*?)</noscript></article>', packed, re.DOTALL)
+    assert len(inside) == len(re.findall(r'<article id="s\d+"', plain))
+    assert all("</article>" not in article for article in inside)
+
+
 def test_links_tell_runs_of_one_name_apart(options: ReportOptions) -> None:
     passed, failed, crash = (like(SAMPLES[kind].outcomes[0], name="a") for kind in ("passed", "failed", "crash"))
     first = like(passed, replay="replays/a.json.gz")

@@ -368,8 +368,18 @@ const CHECKS = {
       assert.equal(wide, seen);
     },
   },
+  "with scripts blocked each of many has its article": {
+    how: { scripts: false },
+    look: async (page) => {
+      assert.equal(await page.locator("article h2:visible").count(), 67);
+      assert.ok(await page.isVisible("#s65 svg.drawing"));
+      await page.click("#suite th a >> nth=3");
+      assert.match(page.url(), /#s3$/);
+    },
+  },
   "many are filtered, and open quickly": {
     look: async (page) => {
+      assert.equal(await page.locator("article h2").count(), 1);
       await page.selectOption("#suite label:has-text('Tag') select", "dock-2");
       assert.equal(await page.textContent("#suite .told"), "22 of 66 shown");
       assert.equal(await page.inputValue("#suite label:has-text('Tag') select"), "dock-2");
@@ -383,6 +393,7 @@ const CHECKS = {
       assert.equal(await page.locator("nav.scenarios li:not([hidden]) a").count(), 1);
       await page.click("nav.scenarios li:not([hidden]) a");
       await page.waitForFunction(() => document.querySelector(".scenario.open h2")?.textContent === "number 42");
+      assert.ok(await page.isVisible(".scenario.open .command button:has-text('Copy')"));
       await page.fill("input[type=search]", "no such thing");
       assert.ok(await page.isVisible("text=No scenario matches."));
     },

@@ -1,7 +1,8 @@
 /** Buttons that copy commands. */
 
-function offerCopies() {
-  for (const command of document.querySelectorAll(".command")) {
+/** @param {ParentNode} part of the page */
+function offerCopies(part) {
+  for (const command of part.querySelectorAll(".command")) {
     const button = make("button", { type: "button", class: "copy" }, "Copy");
     button.addEventListener("click", () => void copy(command, button));
     command.append(button);

@@ -31,24 +31,39 @@ class Scenarios {
     this.byId = new Map(entries.map((entry) => [entry.id, entry]));
     /** @type {HTMLAnchorElement | null} */
     this.all = document.querySelector("nav.scenarios .all");
-    for (const anchor of document.querySelectorAll('nav.scenarios a, article a[href^="#s"]')) {
-      if (!(anchor instanceof HTMLAnchorElement)) continue;
-      const entry = this.byId.get(anchor.hash.slice(1));
-      if (entry) anchor.href = linkTo(entry, null);
-      else if (anchor !== this.all) continue;
-      anchor.addEventListener("click", (event) => {
-        // In a frame without an address, as in a notebook, the link would lead to the page around the frame.
-        if (location.protocol !== "about:") return;
-        event.preventDefault();
-        location.hash = anchor.hash;
-      });
-    }
+    this.link(document);
     document.querySelector(".skip")?.addEventListener("click", (event) => {
       event.preventDefault();
       find(document, "main").focus();
     });
+    document.addEventListener("click", (event) => {
+      // In a frame without an address, as in a notebook, the link would lead to the page around the frame.
+      if (location.protocol !== "about:" || event.defaultPrevented || !(event.target instanceof Element)) return;
+      const anchor = event.target.closest("nav.scenarios a, article a[href^='#']");
+      if (!(anchor instanceof HTMLAnchorElement)) return;
+      event.preventDefault();
+      location.hash = anchor.hash;
+    });
     filter.addEventListener("change", () => this.rememberFilter());
     addEventListener("hashchange", () => void this.follow());
+  }
+
+  /** Has links to articles change the address to that of their scenario. @param {ParentNode} part of the page */
+  link(part) {
+    for (const anchor of part.querySelectorAll('nav.scenarios a, article a[href^="#s"]')) {
+      if (!(anchor instanceof HTMLAnchorElement)) continue;
+      const entry = this.byId.get(anchor.hash.slice(1));
+      if (entry) anchor.href = linkTo(entry, null);
+    }
+  }
+
+  /** Parses the content of an article that is still text. @param {HTMLElement} article */
+  unpack(article) {
+    const content = article.querySelector(":scope > noscript");
+    if (!content) return;
+    article.innerHTML = content.textContent ?? "";
+    this.link(article);
+    offerCopies(article);
   }
 
   /** Opens what the address names: a scenario, or all of them; without a page of all, the first one that counts. */
@@ -117,6 +132,7 @@ class Scenarios {
     if (asked([entry]) === null) rememberLink(linkTo(entry, time));
     const article = find(document, `#${entry.id}`);
     this.article = article;
+    this.unpack(article);
     document.title = `${entry.name} · ${this.title}`;
     this.rememberFilter();
     article.classList.add("open");

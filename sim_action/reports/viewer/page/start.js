@@ -9,7 +9,7 @@ document.documentElement.classList.toggle("listed", fold !== null);
 if (innerWidth <= 800) fold?.removeAttribute("open");
 // On a wide screen the list is always open.
 else fold?.querySelector("summary")?.setAttribute("tabindex", "-1");
-offerCopies();
+offerCopies(document);
 const filter = new Filter(index.scenarios);
 const suite = document.querySelector("#suite");
 const scenarios = new Scenarios(

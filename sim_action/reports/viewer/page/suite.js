@@ -9,7 +9,7 @@ class Suite {
     this.article = article;
     this.filter = filter;
     this.table = find(article, ".suite-table");
-    this.order = "";
+    this.order = orderOf(filter.units);
     /** Where the reader was when a scenario was opened. */
     this.scrolled = { main: 0, page: 0 };
     this.chips = this.offerChips();
@@ -122,7 +122,7 @@ class Suite {
   arrange(order) {
     const { group } = this.filter.state;
     for (const old of this.table.querySelectorAll(".group-title")) old.remove();
-    const key = order.map(({ place }) => place).join();
+    const key = orderOf(order);
     if (key !== this.order) this.table.append(...order.flatMap(({ body }) => body ?? []));
     this.order = key;
     if (!group) return;
@@ -161,4 +161,9 @@ class Suite {
     if (document.activeElement === document.body || document.activeElement?.matches("main")) row?.focus({ preventScroll: true });
     row?.scrollIntoView({ block: "nearest" });
   }
+}
+
+/** @param {ScenarioUnit[]} units */
+function orderOf(units) {
+  return units.map(({ place }) => place).join();
 }

@@ -18,11 +18,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
-from sim_action.commands.onnx_network import TOO_MUCH_MEMORY, Feed, Network, NetworkProblem, Session, Tensor
 from sim_action.core.process import BEFORE_IMPORTS
 from sim_action.core.workspace import PathError, Workspace
+from sim_action.networks.onnx_network import TOO_MUCH_MEMORY, Feed, Network, NetworkProblem, Session, Tensor
 
-CHECK: Final = (sys.executable, "-P", "-m", "sim_action.commands.network_check")
+CHECK: Final = (sys.executable, "-P", "-m", "sim_action.networks.network_check")
 """The command of the process."""
 
 _PACKAGE_ROOT: Final = Path(__file__).resolve().parents[2]

@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.commands import onnx_network
-from sim_action.commands.network_check import checked_network
-from sim_action.commands.onnx_network import Feed, NetworkProblem, Session, Tensor
 from sim_action.core.workspace import PathError, Workspace
+from sim_action.networks import onnx_network
+from sim_action.networks.network_check import checked_network
+from sim_action.networks.onnx_network import Feed, NetworkProblem, Session, Tensor
 from tests.onnx_files import (
     BOOL,
     DOUBLE,
