@@ -243,10 +243,8 @@ _MAX_MARKS: Final = 6
 
 
 def timeline(outcome: Outcome) -> tuple[TimeMark, ...]:
-    """Return the last marks of a run that did not pass, without its first commands; of others none."""
-    if outcome.status in ("passed", "skipped"):
-        return ()
-    return tuple(mark for mark in outcome.marks if mark.time or not mark.is_planned)[-_MAX_MARKS:]
+    """Return the last marks of a run that did not pass; of others none."""
+    return () if outcome.status in ("passed", "skipped") else outcome.marks[-_MAX_MARKS:]
 
 
 def timeline_text(outcome: Outcome) -> str:

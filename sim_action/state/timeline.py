@@ -46,8 +46,11 @@ class TimeMark:
 
 
 def in_order(marks: Iterable[TimeMark], end: float) -> tuple[TimeMark, ...]:
-    """Return the marks of a run that ended at a sim time in s, in the order of time, as many as results keep."""
-    begun = (mark for mark in marks if mark.time <= end + TIME_EPSILON_S)
+    """Return the marks of a run that ended at a sim time in s, in the order of time, as many as results keep.
+
+    A command at 0 s, which most runs have, is no news and left out.
+    """
+    begun = (mark for mark in marks if mark.time <= end + TIME_EPSILON_S and (mark.time or not mark.is_planned))
     return tuple(sorted(begun, key=lambda mark: mark.time)[:MAX_TIME_MARKS])
 
 
@@ -55,9 +58,9 @@ def nearest_causes(marks: Iterable[TimeMark], time: float) -> tuple[TimeMark, ..
     """Return the marks that may explain a failure at a sim time in s, the nearest one first.
 
     These are the last mark before it, the last one that is no command, and others that still act. Conditions that hold
-    from the start count only if nothing else happened, and a first command explains nothing.
+    from the start count only if nothing else happened.
     """
-    before = [mark for mark in marks if mark.time <= time + TIME_EPSILON_S and (mark.time or not mark.is_planned)]
+    before = [mark for mark in marks if mark.time <= time + TIME_EPSILON_S]
     before.sort(key=lambda mark: -mark.time)
     later = [mark for mark in before if mark.time] or before
     unplanned = [mark for mark in later if not mark.is_planned]

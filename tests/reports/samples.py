@@ -198,7 +198,6 @@ _OUTCOMES: dict[str, tuple[Outcome, ...]] = {
             status="failed",
             expectations=(CUT_OFF, COLLISION),
             marks=(
-                TimeMark(0.0, 0.0, "commanded 0.5 m/s", is_planned=True),
                 TimeMark(1.0, 1.2, "pushed with 8 N"),
                 TimeMark(1.5, 1.5, "commanded 0.5 rad/s", is_planned=True),
                 TimeMark(2.0, None, "motor of joint 'wheel_left_joint' is off"),

@@ -19,15 +19,15 @@ TURN = TimeMark(1.5, 1.5, "commanded 0.5 rad/s", is_planned=True)
     ("marks", "time", "named"),
     [
         ([], 1.0, []),
-        ([START, PUSH], 0.9, []),
-        ([START, PUSH], 1.0, [PUSH]),
+        ([PUSH], 0.9, []),
+        ([PUSH], 1.0, [PUSH]),
         ([PUSH, TURN], 2.0, [TURN, PUSH]),
         ([FAULT, PUSH, TURN], 2.0, [TURN, PUSH, FAULT]),
         ([FAULT, PUSH], 0.7, [FAULT]),
-        ([LATE, START], 3.0, [LATE]),
+        ([LATE], 3.0, [LATE]),
         ([LATE, TURN], 3.0, [TURN]),
         ([LATE, PUSH], 3.0, [PUSH]),
-        ([START, TURN], 1.6, [TURN]),
+        ([TURN], 1.6, [TURN]),
     ],
 )
 def test_a_failure_names_the_nearest_marks_before_it(marks: list[TimeMark], time: float, named: list[TimeMark]) -> None:
@@ -48,15 +48,17 @@ def test_a_title_has_the_times(mark: TimeMark, title: str) -> None:
 
 @given(st.lists(st.builds(TimeMark, st.floats(0, 9), st.none(), st.just("a"), st.booleans())), st.floats(0, 9))
 def test_no_mark_after_a_failure_explains_it(marks: list[TimeMark], time: float) -> None:
-    """Three at most, none later than the failure, and one of the last ones among them, if it is no first command."""
+    """Three at most, none later than the failure, and one of the last ones among them."""
     named = nearest_causes(marks, time)
-    before = [mark.time for mark in marks if mark.time <= time and (mark.time or not mark.is_planned)]
+    before = [mark.time for mark in marks if mark.time <= time]
     assert len(named) <= 3
     assert [mark.time for mark in named] == sorted((mark.time for mark in named), reverse=True)
     assert not before or named[0].time == pytest.approx(max(before), abs=1e-9)
 
 
 def test_results_keep_the_first_marks() -> None:
+    """A command at 0 s is no news."""
+    assert in_order([START, PUSH, LATE], end=3.0) == (LATE, PUSH)
     many = [TimeMark(float(number), None, "a") for number in range(MAX_TIME_MARKS + 9)]
     kept = in_order(reversed(many), end=1e9)
     assert kept == tuple(many[:MAX_TIME_MARKS])

@@ -280,6 +280,7 @@ def table(titles: Iterable[str], rows: Html, *, around: str = "wide") -> Html:
     return element("div", whole, class_=around)
 
 
+@lru_cache(maxsize=32)
 def status_mark(status: RowStatus, *, neutral: bool = False) -> Html:
     """Return the symbol of a status; assistive technology reads its word. `neutral`: without its colour."""
     display = display_of(status)
@@ -354,6 +355,14 @@ def heading(identity: str, name: str) -> Html:
 
 
 def _attribute(key: str, value: str | float | bool | None) -> str:
+    if value is True or (type(value) is str and len(value) <= _MAX_KEPT_CHARS):
+        return _short_attribute(key, value)
+    return f' {_attribute_name(key)}="{text(str(value))}"'
+
+
+# Typed: True and "True" are no equals.
+@lru_cache(maxsize=4096, typed=True)
+def _short_attribute(key: str, value: str | bool) -> str:
     name = _attribute_name(key)
     return f" {name}" if value is True else f' {name}="{text(str(value))}"'
 
