@@ -98,13 +98,10 @@ def read_world(path: Path, folders: tuple[Path, ...], known: Container[str]) -> 
     if found.robot is not None:
         entry, version = found.robot.entry, document.root.get("version", "1.6")
         assert entry.scope is not None
-        more = entry.element.findall("plugin") if entry.element is not entry.scope.element else []
         # With plugins of the include, the file is not the whole description.
-        is_file = entry.element is not entry.scope.element and not more
+        is_file = entry.element is not entry.scope.element and not entry.included_plugins
         file = entry.scope.file.path if is_file else None
-        model = ET.Element("model", entry.scope.element.attrib)
-        model.extend([*entry.scope.element, *more])
-        text = f'<sdf version="{version}">{ET.tostring(model, encoding="unicode")}</sdf>'
+        text = f'<sdf version="{version}">{ET.tostring(entry.whole_model, encoding="unicode")}</sdf>'
         description = text if file is None else file.read_text(encoding="utf-8")
         robot = WorldRobot(found.robot.name, description, found.robot.pose, file)
     return GazeboWorld(found.world, robot, _without_remarks(found))

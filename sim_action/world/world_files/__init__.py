@@ -208,12 +208,9 @@ class _WorldReader:
 
 def plugin_names(model: Entry) -> list[str]:
     """Return the plugins of a model, of the models in it, and of their sensors."""
-    scopes = list(model.scope.scopes()) if model.scope is not None else []
-    includes = [entry.element for scope in scopes for entry in scope.members if entry.element.tag == "include"]
-    own = [model.element] if model.element.tag == "include" else []
-    holders = [*(scope.element for scope in scopes), *own, *includes]
-    sensors = [sensor for scope in scopes for sensor in scope.element.iterfind("link/sensor")]
-    return [plugin_name(plugin) for holder in (*holders, *sensors) for plugin in holder.findall("plugin")]
+    assert model.scope is not None
+    sensors = [plugin for scope in model.scope.scopes() for plugin in scope.element.iterfind("link/sensor/plugin")]
+    return list(map(plugin_name, (*model.scope.plugins(), *model.included_plugins, *sensors)))
 
 
 def plugin_name(plugin: Element) -> str:

@@ -26,7 +26,7 @@ from sim_action.robot.reading.sdf.auto_inertia import auto_inertia
 from sim_action.robot.reading.sdf.composition import SEPARATOR, Entry, Scope
 from sim_action.robot.reading.sdf.worlds import SdfWorld
 from sim_action.world import Body, Inertia
-from sim_action.world.mass_properties import displaced, symmetric, turned_tensor, uniform_properties
+from sim_action.world.mass_properties import MassProperties, displaced, symmetric, turned_tensor, uniform_properties
 from sim_action.world.parts import Part
 from sim_action.world.world_files.losses import LossList, lost_parts
 from sim_action.world.world_files.world_shapes import MAX_FRICTION, PlacedShape, ShapeReader, said
@@ -176,7 +176,7 @@ class BodyReader:
             at = geometry.compose(geometry.inverse(frame), self._world.link_pose(model, link))
             uniform = lump_of(weight.mass, parts, at.position_xyz)
             inertia = uniform.inertia if weight.inertia is None else weight.inertia
-            lumps.append(Lump(weight.mass, weight.centre or uniform.centre_xyz, inertia))
+            lumps.append(MassProperties(weight.mass, weight.centre or uniform.centre_xyz, inertia))
         whole = joined(lumps)
         keys: dict[str, Any] = {"mass": total, "center_of_mass": whole.centre_xyz}
         try:
@@ -272,32 +272,23 @@ def _is_nothing(pose: Pose) -> bool:
     return all(abs(part) < _NOTHING for part in (*pose.position_xyz, x, y, z))
 
 
-@dataclass(frozen=True, eq=False)
-class Lump:
-    """A mass in kg, its centre in m, and its inertia (3, 3) about that in kg m^2."""
-
-    mass: float
-    centre_xyz: Vector3
-    inertia: NDArray[np.float64]
-
-
-def lump_of(mass: float, parts: Sequence[Part], otherwise: Vector3) -> Lump:
+def lump_of(mass: float, parts: Sequence[Part], otherwise: Vector3) -> MassProperties:
     """Return a mass of uniform density in parts; without parts, at a point."""
     if not parts:
-        return Lump(mass, otherwise, np.zeros((3, 3)))
+        return MassProperties(mass, otherwise, np.zeros((3, 3)))
     centre, inertia = uniform_properties(parts)
     x, y, z = centre.tolist()
-    return Lump(mass, (x, y, z), mass * inertia)
+    return MassProperties(mass, (x, y, z), mass * inertia)
 
 
-def joined(lumps: Sequence[Lump]) -> Lump:
+def joined(lumps: Sequence[MassProperties]) -> MassProperties:
     """Return several masses as one."""
     total = sum(lump.mass for lump in lumps)
     centre = sum(lump.mass / total * np.array(lump.centre_xyz) for lump in lumps)
     arms = [np.array(lump.centre_xyz) - centre for lump in lumps]
     inertia = sum(lump.inertia + lump.mass * displaced(arm) for lump, arm in zip(lumps, arms, strict=True))
     x, y, z = np.asarray(centre).tolist()
-    return Lump(total, (x, y, z), np.asarray(inertia))
+    return MassProperties(total, (x, y, z), np.asarray(inertia))
 
 
 def stated_tensor(moments: Mapping[str, float], orientation: Quaternion) -> NDArray[np.float64]:

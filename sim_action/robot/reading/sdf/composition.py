@@ -61,6 +61,19 @@ class Entry:
     scope: Scope | None = None
 
     @property
+    def whole_model(self) -> Element:
+        """A new <model> with all parts of a model, and the plugins of the <include> that names it."""
+        assert self.scope is not None
+        model = Element("model", self.scope.element.attrib)
+        model.extend([*self.scope.element, *self.included_plugins])
+        return model
+
+    @property
+    def included_plugins(self) -> list[Element]:
+        """The plugins of the <include> of a model."""
+        return self.element.findall("plugin") if self.element.tag == "include" else []
+
+    @property
     def full_name(self) -> str:
         """The name as seen from the outermost model."""
         return self.owner.prefix + self.name
@@ -104,6 +117,12 @@ class Scope:
         for entry in self.members:
             if entry.scope is not None:
                 yield from entry.scope.scopes()
+
+    def plugins(self) -> Iterator[Element]:
+        """Yield the plugins of the models, and then those of their <include> elements."""
+        includes = (entry.element for entry in self.all_of("model") if entry.element.tag == "include")
+        for holder in (*(scope.element for scope in self.scopes()), *includes):
+            yield from holder.findall("plugin")
 
     def innermost(self, name: str) -> tuple[Scope, str]:
         """Return the innermost scope that the parts of a name lead to, and the rest of the name."""

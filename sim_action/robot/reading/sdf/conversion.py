@@ -132,7 +132,8 @@ def convert(scope: Scope, notes: Notes, *, places_base: bool = False) -> ModelDo
     _write_tree(kinematics, LinkWriter(notes, frames, writer), JointWriter(notes, frames, writer), notes)
     for link in kinematics.static:
         _fix_to_world(writer, kinematics, link)
-    _copy_plugins(writer, scope)
+    for plugin in scope.plugins():
+        writer.copy(writer.add(writer.root, "gazebo", plugin), plugin)
     if not places_base:
         _note_rotated_base(notes, kinematics)
     _note_unsupported_parts(notes, scope)
@@ -156,13 +157,6 @@ def _fix_to_world(writer: UrdfWriter, kinematics: Kinematics, link: Entry) -> No
     writer.add_origin(joint, source, kinematics.pose_in(None, link))
     writer.add(joint, "parent", source, link=WORLD)
     writer.add(joint, "child", source, link=link.full_name)
-
-
-def _copy_plugins(writer: UrdfWriter, scope: Scope) -> None:
-    includes = [entry.element for entry in scope.all_of("model") if entry.element.tag == "include"]
-    for holder in (*(inner.element for inner in scope.scopes()), *includes):
-        for plugin in holder.findall("plugin"):
-            writer.copy(writer.add(writer.root, "gazebo", plugin), plugin)
 
 
 def _note_rotated_base(notes: Notes, kinematics: Kinematics) -> None:
