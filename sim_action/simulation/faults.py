@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from typing_extensions import override
@@ -121,7 +122,7 @@ class FaultSeams(Seams):
         measure = self._inner.measure(sensor, measure)
         for fault in self._faults:
             if fault.sensor == sensor and fault.frozen:
-                measure = _frozen(measure, fault)
+                measure = frozen(measure, partial(_acts, fault))
             if fault.sensor == sensor and fault.biased is not None:
                 measure = _biased(measure, fault, self._kinds[sensor])
         return measure
@@ -150,20 +151,23 @@ def _only(targets: JointTargets, joint: str) -> JointTargets | None:
     return JointTargets(position, velocity, effort, own(targets.max_effort)) if position or velocity or effort else None
 
 
-def _frozen(measure: Measure, fault: Fault) -> Measure:
-    """Return the function of a sensor that repeats its last reading during a fault, with the time of the moment."""
+def frozen(measure: Measure, is_frozen: Callable[[float], bool] = lambda _: True) -> Measure:
+    """Return the function of a sensor that repeats its last reading, with the time of the moment.
+
+    `is_frozen`: returns True for the sim times in s at which it does so.
+    """
     # Each kind of sensor has a record of its own.
     last: Any = None
 
-    def frozen(sight: Sight) -> Any:
+    def repeated(sight: Sight) -> Any:
         nonlocal last
         # It measures in any case: its noise draws the same numbers.
         reading = measure(sight)
-        if last is None or not _acts(fault, sight.time):
+        if last is None or not is_frozen(sight.time):
             last = reading
         return replace(last, time=sight.time)
 
-    return frozen
+    return repeated
 
 
 def _biased(measure: Measure, fault: Fault, kind: str) -> Measure:

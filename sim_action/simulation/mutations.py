@@ -19,6 +19,7 @@ from sim_action.drives import DriveMotion
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.scenario.mutation import Mutation
 from sim_action.sensors import Measure, Sight
+from sim_action.simulation.faults import frozen
 from sim_action.simulation.seams import Seams
 from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, commands_of, without_joints
 from sim_action.state.joint_motion import JointMotion
@@ -73,7 +74,7 @@ class MutantSeams(Seams):
             return measure
         match self._mutation.reading:
             case "frozen":
-                return _frozen(measure)
+                return frozen(measure)
             case "stale":
                 return _stale(measure)
         return _shifted(measure, self._kinds[sensor], grows=self._mutation.reading == "drifting")
@@ -163,22 +164,6 @@ def without_motor(targets: JointTargets, joint: str) -> JointTargets:
         max_effort=others(targets.max_effort),
         motions=without_joints(targets.motions, {joint}),
     )
-
-
-def _frozen(measure: Measure) -> Measure:
-    """Return the function of a sensor that repeats its first reading, with the time of the moment."""
-    # Each kind of sensor has a record of its own.
-    first: Any = None
-
-    def frozen(sight: Sight) -> Any:
-        nonlocal first
-        # It measures in any case: its noise draws the same numbers.
-        reading = measure(sight)
-        if first is None:
-            first = reading
-        return replace(first, time=sight.time)
-
-    return frozen
 
 
 def _stale(measure: Measure) -> Measure:
