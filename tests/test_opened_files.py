@@ -34,7 +34,7 @@ GATED: Final = {
     "robot/reading/xacro_documents.py": "Packages.file",
     "robot/reading/xacro_expansion.py": "Packages.file",
     "robot/documents/xml_document.py": "Packages.file",
-    "ros/ros1/catkin_packages.py": "package_name: only files of the package; the rest needs --allow-scripts",
+    "ros/ros1/catkin_packages.py": "exported_models: files of packages that are launched, which needs --allow-scripts",
     "ros/ros1/command_source/file_problems.py": "find_launch_file: only files of the package",
     "scenario/files.py": "Workspace.around, and Workspace.file for bases",
     "scenario/variations/values.py": "Workspace.file",

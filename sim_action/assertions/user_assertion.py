@@ -21,7 +21,6 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.user_scripts import (
     ANYTHING,
     ScriptProblem,
-    plain_data,
     read_script,
     run_file,
     script_error,
@@ -29,6 +28,7 @@ from sim_action.core.user_scripts import (
 )
 from sim_action.core.wording import did_you_mean, escaped_line, shown, with_article
 from sim_action.core.workspace import PathError, Workspace
+from sim_action.core.yaml_document import plain_data
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.link_motion import LinkMotions
 from sim_action.state.trace_channels import Channels

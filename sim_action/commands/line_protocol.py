@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import IO, Final, NamedTuple
 
 from sim_action.core.errors import ScriptError
+from sim_action.core.files import write_all
 from sim_action.core.wording import escaped_line, shown
 
 MAX_LINE_BYTES: Final = 1_000_000
@@ -282,9 +283,4 @@ class StderrTail:
                 self._end = (self._end + data)[-self._max_bytes :]
                 # The program must not block if our own output is closed.
                 with suppress(OSError):
-                    _write_all(self._target, data)
-
-
-def _write_all(descriptor: int, data: bytes) -> None:
-    while data:
-        data = data[os.write(descriptor, data) :]
+                    write_all(self._target, data)

@@ -20,7 +20,6 @@ from sim_action.core.user_scripts import (
     ANYTHING,
     Script,
     ScriptProblem,
-    plain_data,
     read_script,
     run_file,
     script_error,
@@ -28,6 +27,7 @@ from sim_action.core.user_scripts import (
 )
 from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace
+from sim_action.core.yaml_document import plain_data
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import Answer
 from sim_action.world.scene import Scene

@@ -95,6 +95,12 @@ def append_whole(path: Path, data: bytes) -> None:
             raise
 
 
+def write_all(descriptor: int, data: bytes) -> None:
+    """Write all bytes to a descriptor. Raise OSError."""
+    while data:
+        data = data[os.write(descriptor, data) :]
+
+
 def similar_path(path: Path, endings: tuple[str, ...] = ()) -> str:
     """Return a hint at an existing name similar to the first part of `path` that is missing; empty if there is none.
 

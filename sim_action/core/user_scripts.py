@@ -269,13 +269,6 @@ def _bindings(body: Sequence[ast.AST]) -> list[str]:
     return names
 
 
-def plain_data(value: object) -> Any:
-    """Return a copy of a value of a document for user code, with lists in place of tuples."""
-    if isinstance(value, dict):
-        return {key: plain_data(inner) for key, inner in value.items()}
-    return [plain_data(inner) for inner in value] if isinstance(value, tuple) else value
-
-
 def run_file(path: Path, who: str) -> Mapping[str, Any]:
     """Run a file as a module, which may import files from its folder, and return its names. Raise ScriptError."""
     sys.path.insert(0, str(path.parent))

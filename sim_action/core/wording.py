@@ -83,6 +83,14 @@ def counted(count: int, noun: str) -> str:
     return f"{count:,} {noun}{'' if count == 1 else 's'}"
 
 
+def free_name(name: str, taken: set[str]) -> str:
+    """Return a name, with underscores at its end if it is taken, and add it to those."""
+    while name in taken:
+        name += "_"
+    taken.add(name)
+    return name
+
+
 def with_article(noun: str) -> str:
     """Return a noun with its article, such as "an int" or "a str"."""
     return f"{'an' if noun[:1].lower() in _VOWELS else 'a'} {noun}"

@@ -270,3 +270,10 @@ class _Reader:
     def _refuse(self, event: yaml.Event, message: str) -> _Refused:
         self._note(event.start_mark, message)
         return _Refused()
+
+
+def plain_data(value: object) -> Any:
+    """Return a copy of a value of a document with lists in place of tuples."""
+    if isinstance(value, dict):
+        return {key: plain_data(inner) for key, inner in value.items()}
+    return [plain_data(inner) for inner in value] if isinstance(value, tuple) else value

@@ -26,7 +26,7 @@ from pydantic import AwareDatetime, ConfigDict, Field, TypeAdapter, ValidationEr
 
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.field_types import FrozenModel
-from sim_action.core.files import open_regular, whole_file
+from sim_action.core.files import open_regular, whole_file, write_all
 from sim_action.core.provenance import platform_name
 from sim_action.core.records import dataclass, replace
 from sim_action.core.version import __version__
@@ -341,7 +341,7 @@ class Journal:
             self._write_whole()
             return
         line = self._line(record)
-        _write_all(self._descriptor, line)
+        write_all(self._descriptor, line)
         self._size += len(line)
         self._is_synced &= record.event == "started"
 
@@ -438,11 +438,6 @@ def parsed_record(line: bytes) -> Record:
 @cache
 def _records() -> TypeAdapter[Record]:
     return TypeAdapter(Record)
-
-
-def _write_all(descriptor: int, data: bytes) -> None:
-    while data:
-        data = data[os.write(descriptor, data) :]
 
 
 # One look at a large journal is an answer to a request, so it must end soon.

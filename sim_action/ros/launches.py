@@ -16,6 +16,7 @@ from sim_action.core.field_types import FrozenModel, NamesFile, PositiveSeconds
 from sim_action.core.records import dataclass
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.documents.package_search import PACKAGE_FILE
 from sim_action.world.scene import Scene
 
 _Event = TypeVar("_Event", bound=FrozenModel)
@@ -52,13 +53,6 @@ def _with_tuples(value: Any) -> Any:
     if isinstance(value, list):
         return tuple(map(_with_tuples, value))
     return {key: _with_tuples(part) for key, part in value.items()} if isinstance(value, dict) else value
-
-
-def with_lists(value: Any) -> Any:
-    """Return a value with lists in place of tuples, as YAML has them."""
-    if isinstance(value, tuple):
-        return [with_lists(part) for part in value]
-    return {key: with_lists(part) for key, part in value.items()} if isinstance(value, dict) else value
 
 
 class ListedNode(FrozenModel):
@@ -155,7 +149,15 @@ def workspace_folder(stated: str | None, workspace: Workspace, is_workspace: Cal
         return folder
     directory = workspace.directory
     around = (folder for folder in (directory, *directory.parents) if folder.is_relative_to(workspace.root))
-    return next(filter(is_workspace, around), workspace.root)
+    # A package may have a folder `src`, too, with its code.
+    outside = (folder for folder in around if not (folder / PACKAGE_FILE).exists())
+    return next(filter(is_workspace, outside), workspace.root)
+
+
+def source_folder(workspace: Path) -> Path:
+    """Return the folder of the packages of a workspace: its `src`, if there is one."""
+    below = workspace / "src"
+    return below if below.is_dir() and not (workspace / PACKAGE_FILE).exists() else workspace
 
 
 class OpenCommands(CommandSource):

@@ -11,10 +11,10 @@ from pathlib import Path
 from signal import Signals
 from typing import Final
 
-from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
+from sim_action.robot.documents.xml_document import shown_file
 
 _MAX_DETAILS_CHARS: Final = 4_000
 _FRAME: Final = re.compile(r'^ *File "([^"]+)", line ([0-9]{1,9})(?:, in .*)?\n(?: {4,}(\S.*))?', re.MULTILINE)
@@ -72,7 +72,7 @@ def traceback_location(text: str, workspace: Path) -> Location | None:
         except (OSError, ValueError, RuntimeError):  # too long, with a NUL, or links in a circle
             continue
         if path.is_relative_to(root):
-            return Location(shown_path(path), int(line))
+            return Location(shown_file(path), int(line))
     return None
 
 
@@ -83,12 +83,6 @@ def exception_line(kind: str, text: str) -> str:
         lines = [line for _, _, line in _FRAME.findall(text) if line]
         said = lines[-1] if lines else ""
     return f"{kind}: {said.strip()}" if kind and said.strip() else said.strip() or kind
-
-
-def shown_path(path: Path) -> str:
-    """Return a path relative to the current folder, if it is inside."""
-    here = Path.cwd().resolve()
-    return file_name(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
 @dataclass(frozen=True, slots=True)

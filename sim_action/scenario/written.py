@@ -20,7 +20,7 @@ from sim_action.core.field_types import FrozenModel, is_title
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import replace
 from sim_action.core.wording import escaped_line, shown
-from sim_action.core.yaml_document import MAX_DEPTH, Document, KeyPath, is_plain_text, read_document
+from sim_action.core.yaml_document import MAX_DEPTH, Document, KeyPath, is_plain_text, plain_data, read_document
 from sim_action.drives import Drive
 from sim_action.scenario.files import numbered_runs, workspace_around
 from sim_action.scenario.source import Refused, Source
@@ -107,7 +107,7 @@ class Scenario:
     @property
     def keys(self) -> dict[str, Any]:
         """A copy of all keys, as YAML has them: those of files that it extends are included."""
-        copy: dict[str, Any] = _editable(self._keys)
+        copy: dict[str, Any] = plain_data(self._keys)
         return copy
 
     def changed(self, changes: Mapping[str, object]) -> Scenario:
@@ -239,9 +239,3 @@ def _key(key: object, label: str, path: KeyPath) -> str:
 def _refused(message: str, label: str, path: KeyPath) -> InvalidScenario:
     dotted = ".".join(map(str, path))
     return InvalidScenario([Problem(Location(label), escaped_line(f"{dotted}: {message}" if dotted else message))])
-
-
-def _editable(data: object) -> Any:
-    if isinstance(data, dict):
-        return {key: _editable(each) for key, each in data.items()}
-    return [_editable(each) for each in data] if isinstance(data, tuple) else data

@@ -45,11 +45,8 @@ def distances_known(trace: Trace, record: ClearanceRecord, known: bool) -> Trace
 
 def distances(trace: Trace, *watches: ClearanceWatch) -> tuple[FloatArray, FloatArray]:
     """Return (N,) s and (N,) m: all distances that several watches of the same bodies recorded."""
-    records = [trace.clearances[watch] for watch in watches if watch in trace.clearances]
-    if not records:
-        return np.empty(0), np.empty(0)
-    time, first = np.unique(np.concatenate([record.time for record in records]), return_index=True)
-    return time, np.concatenate([record.distance for record in records])[first]
+    record = recorded(trace, *watches)
+    return record.time, record.distance
 
 
 def least_so_far(trace: Trace, *watches: ClearanceWatch) -> tuple[FloatArray, FloatArray]:

@@ -19,6 +19,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import ZERO, Pose, Quaternion, Vector3
 from sim_action.core.records import dataclass
 from sim_action.core.units import TIME_EPSILON_S
+from sim_action.core.wording import free_name
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2_markers import contacts, robot_description, world_markers
 from sim_action.recording.export.ros2_messages import CdrForm, Frames, Topic, definition, full_name, nanoseconds, stamps
@@ -100,20 +101,13 @@ def sensing(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
         if kind not in _NAMES:
             continue
         alone = kinds[kind] == 1
-        name = _free(f"/{_NAMES[kind]}" if alone else f"/{_plain(mounted.name)}/{_NAMES[kind]}", taken)
+        name = free_name(f"/{_NAMES[kind]}" if alone else f"/{_plain(mounted.name)}/{_NAMES[kind]}", taken)
         yield (_scan if kind == "lidar" else _imu)(name, frames.sensors[mounted.name], mounted, record)
 
 
 def _plain(name: str) -> str:
     plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
     return plain if plain[:1].isalpha() else f"sensor_{plain}"
-
-
-def _free(name: str, taken: set[str]) -> str:
-    while name in taken:
-        name += "_"
-    taken.add(name)
-    return name
 
 
 def _scan(name: str, frame: str, mounted: MountedSensor, record: SensorRecord) -> Topic:
@@ -175,7 +169,7 @@ def _wrenches(run: RecordedRun) -> Iterator[Topic]:
                     sums.append(total)
         form = CdrForm().gap("<i4", 2).string(link).gap("<f8", 6)
         messages = form.filled(len(time), stamps(np.array(time)), np.array(sums))
-        name = _free(f"/wrench/{_plain(link)}", taken)
+        name = free_name(f"/wrench/{_plain(link)}", taken)
         yield Topic(name, "geometry_msgs/WrenchStamped", nanoseconds(np.array(time)), messages)
 
 

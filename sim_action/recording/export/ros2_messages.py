@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim_action.core.records import dataclass, field
+from sim_action.core.wording import free_name
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.state.trace import FloatArray
 
@@ -234,17 +235,10 @@ class Frames:
         """Return the frames of a run."""
         model = run.scene.model
         taken = {link.name for link in model.links}
-
-        def free(name: str) -> str:
-            while name in taken:
-                name += "_"
-            taken.add(name)
-            return name
-
         return cls(
-            free("map"),
-            free("odom"),
+            free_name("map", taken),
+            free_name("odom", taken),
             model.root,
-            {body.name: free(body.name) for body in run.scene.world.objects},
-            {mounted.name: free(mounted.name) for mounted in run.sensors},
+            {body.name: free_name(body.name, taken) for body in run.scene.world.objects},
+            {mounted.name: free_name(mounted.name, taken) for mounted in run.sensors},
         )

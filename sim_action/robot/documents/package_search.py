@@ -25,7 +25,7 @@ _MODEL_FILES: Final = frozenset({"model.config", "model.sdf"})
 
 _IGNORE_FILES: Final = frozenset({"CATKIN_IGNORE", "COLCON_IGNORE", "AMENT_IGNORE"})
 # Folders that catkin, colcon and other tools generate: copies of packages, or no packages.
-_SKIPPED: Final = frozenset({"build", "devel", "install", "log", "node_modules", "__pycache__"})
+_SKIPPED: Final = frozenset({"build", "devel", "install", "log", "logs", "node_modules", "__pycache__"})
 _MAX_FOLDERS: Final = 20_000
 _MAX_DEPTH: Final = 16
 _MAX_PACKAGE_BYTES: Final = 1_000_000
@@ -56,17 +56,17 @@ class PackageFolders:
     complete: bool
 
 
-def folders_below(root: Path, *, inside_packages: bool) -> PackageFolders:
+def folders_below(root: Path, *, inside_packages: bool, follows_links: bool = False) -> PackageFolders:
     """Return the packages and models in a folder and below it.
 
-    :param inside_packages: also search below a package, and read no file outside of `root`.
+    :param inside_packages: also search below a package.
+    :param follows_links: also read files outside of `root`.
     """
     packages, models, named = (defaultdict[str, list[Path]](list) for _ in range(3))
-    walk, names = _Walk(root, inside_packages), PackageNames()
+    walk, names, own = _Walk(root, inside_packages), PackageNames(), root.resolve()
     for folder, files in walk.folders():
         if PACKAGE_FILE in files:
-            # In the workspace, a link may lead out of it.
-            is_own = not inside_packages or _is_in(folder / PACKAGE_FILE, root)
+            is_own = follows_links or _is_in(folder / PACKAGE_FILE, own)
             name = names.of(folder) if is_own else folder.name
             packages[name].append(folder)
         if files & _MODEL_FILES:
@@ -267,7 +267,7 @@ class EnvironmentFolders:
 
     @cached_property
     def _packages(self) -> tuple[PackageFolders, ...]:
-        return tuple(folders_below(entry, inside_packages=False) for entry in self._package_path)
+        return tuple(folders_below(entry, inside_packages=False, follows_links=True) for entry in self._package_path)
 
     @cached_property
     def _package_path(self) -> tuple[Path, ...]:

@@ -5,49 +5,29 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 
-from sim_action.core.files import read_at_most
 from sim_action.core.workspace import Workspace
-from sim_action.ros.launches import workspace_folder
+from sim_action.robot.documents.package_search import PACKAGE_FILE, folders_below
+from sim_action.ros.launches import source_folder, workspace_folder
 
-PACKAGE_FILE: Final = "package.xml"
-
-# Folders of builds, and others without packages of the user.
-_SKIPPED_FOLDERS: Final = frozenset({"build", "devel", "install", "logs", "node_modules"})
 _EXPORT_ATTRIBUTE: Final = "gazebo_model_path"
 # Names without path separators and without characters that a shell or ROS would split at.
 _NAME: Final = re.compile(r"[A-Za-z0-9][\w.-]*")
-_MAX_PACKAGE_BYTES: Final = 1_000_000
-_IGNORE_FILE: Final = "CATKIN_IGNORE"
 
 
-def packages_below(folder: Path) -> Iterator[tuple[str, Path]]:
-    """Yield name and folder of each package in a folder or below it, without the output of builds."""
-    for parent, folders, files in os.walk(folder):
-        if _IGNORE_FILE in files:
-            folders.clear()
-        elif PACKAGE_FILE in files:
-            yield package_name(Path(parent)), Path(parent)
-            folders.clear()
-        folders[:] = sorted(name for name in folders if name not in _SKIPPED_FOLDERS and name[0] != ".")
+def packages_below(folder: Path) -> dict[str, Path]:
+    """Return name -> folder of the packages in a folder and below it, without the output of builds.
 
-
-def package_name(folder: Path) -> str:
-    """Return the name in package.xml, else the name of the folder. The name is safe as the name of a folder.
-
-    A package.xml that is a link out of the package is not read.
+    A package whose name cannot be that of a folder has the name of its folder; the first of a name counts.
     """
-    path, name = folder / PACKAGE_FILE, None
-    with suppress(ET.ParseError, OSError):
-        if path.resolve().is_relative_to(folder.resolve()):
-            content = read_at_most(path, _MAX_PACKAGE_BYTES) or b""
-            name = ET.fromstring(content).findtext("name")  # noqa: S314 - of the user's own package
-    stated = (name or "").strip()
-    return stated if _NAME.fullmatch(stated) else folder.name.strip()
+    found: dict[str, Path] = {}
+    for name, folders in folders_below(folder, inside_packages=False).packages.items():
+        for package in folders:
+            found.setdefault(name if _NAME.fullmatch(name) else package.name.strip(), package)
+    return found
 
 
 def packages_of(paths: Iterable[Path | str]) -> dict[str, Path]:
@@ -65,12 +45,6 @@ def find_launch_file(package: Path, name: str) -> Path | None:
     named = [package / name, *sorted(package.rglob(Path(name).name))]
     found = (path for path in named if path.is_file() and path.resolve().is_relative_to(package.resolve()))
     return next(found, None)
-
-
-def sources(workspace: Path) -> Path:
-    """Return the folder of the packages of a workspace: its `src`, if there is one."""
-    below = workspace / "src"
-    return below if below.is_dir() and not (workspace / PACKAGE_FILE).exists() else workspace
 
 
 def exported_models(packages: Iterable[Path]) -> Iterator[str]:
@@ -93,13 +67,9 @@ def workspace_of(stated: str | None, workspace: Workspace) -> Path:
     It is the folder `stated`, else the nearest one around the scenario with packages in its `src`, else the root.
     Raises PathError.
     """
-    return workspace_folder(stated, workspace, _is_catkin)
+    return workspace_folder(stated, workspace, lambda folder: bool(packages_below(folder / "src")))
 
 
 def packages_in(workspace: Path) -> dict[str, Path]:
     """Return name -> folder of the packages in a workspace."""
-    return dict(packages_below(sources(workspace)))
-
-
-def _is_catkin(folder: Path) -> bool:
-    return not (folder / PACKAGE_FILE).exists() and any(True for _ in packages_below(folder / "src"))
+    return packages_below(source_folder(workspace))

@@ -161,9 +161,9 @@ def _launched(
     with tempfile.TemporaryDirectory(prefix="sim-action-", dir=scratch_parent(), ignore_cleanup_errors=True) as scratch:
         folder = Path(os.path.realpath(scratch))
         variables = environment(request.pass_env)
-        overlay = build_overlay(_made(folder / "overlay"), ros, request.workspace.resolve(), variables)
-        call = LaunchCall(request, ros, overlay, _made(folder / "call"))
-        return tuple(_outcomes(call, options, interruption))
+        overlay = build_overlay(folder / "overlay", ros, request.workspace.resolve(), variables)
+        (folder / "call").mkdir()
+        return tuple(_outcomes(LaunchCall(request, ros, overlay, folder / "call"), options, interruption))
 
 
 def _outcomes(call: LaunchCall, options: ReportOptions, interruption: Interruption) -> Iterator[Outcome]:
@@ -201,8 +201,3 @@ def _stored(outcome: Outcome, run: Run | None, path: Path, results: Path) -> Out
             notes.append(f"{kind}: {reason}")
         names[kind] = target.relative_to(results).as_posix() if exists and not reason else None
     return outcome.model_copy(update={**names, "notes": tuple(notes)})
-
-
-def _made(folder: Path) -> Path:
-    folder.mkdir()
-    return folder

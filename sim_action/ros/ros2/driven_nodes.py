@@ -15,8 +15,9 @@ from sim_action.commands import ClosedLoop
 from sim_action.core.errors import Location, ScriptError, SourceProblem, UsageError
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line, shortened
+from sim_action.robot.documents.xml_document import shown_file
 from sim_action.ros import node_start
-from sim_action.ros.program_failures import ending_of, exit_text, shown_path
+from sim_action.ros.program_failures import ending_of, exit_text
 from sim_action.ros.ros2.bridge_link import Bridge, BridgeEnded, Endpoint
 from sim_action.ros.ros2.graph import Qos, TopicEnd, large_message_problem, order_notes, subscriber_problems, unheard
 from sim_action.ros.ros2.installation import RMW, Ros2, find_ros
@@ -114,7 +115,7 @@ class LoggedErrors:
         path = Path(source.file)
         if not source.file or not path.is_absolute() or not path.resolve().is_relative_to(self._directory.resolve()):
             return None
-        return Location(shown_path(path.resolve()), source.line)
+        return Location(shown_file(path.resolve()), source.line)
 
 
 def open_nodes(spec: Ros2Nodes, rate: float, scene: Scene) -> ClosedLoop:

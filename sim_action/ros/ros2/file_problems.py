@@ -17,17 +17,12 @@ from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.documents.package_search import PACKAGE_FILE
-from sim_action.ros.launches import argument_problem, unchecked_notes
+from sim_action.ros.launches import argument_problem
 from sim_action.ros.ros2.installation import Ros2, find_ros
 from sim_action.ros.ros2.node_spec import Ros2Nodes, Ros2NodeSpec
 from sim_action.ros.ros2.packages import BUILD, INSTALL, UNREADABLE, Packages, is_python, workspace_of
 
 _CONTAINER: Final = ", in a ROS 2 with rclcpp, such as the container ros:jazzy"
-
-
-def unchecked(spec: Ros2Nodes) -> tuple[str, ...]:
-    """Return the notes on everything that cannot be checked before the nodes are started."""
-    return unchecked_notes("ros2", spec.launch, why_no_ros())
 
 
 def why_no_ros() -> str | None:

@@ -17,6 +17,7 @@ from typing import Final
 
 from sim_action.commands.line_protocol import start_hint
 from sim_action.core.errors import ScriptError
+from sim_action.core.files import write_all
 from sim_action.core.records import dataclass
 
 # The wall time that nodes get to save something after SIGINT, and after SIGTERM.
@@ -65,7 +66,7 @@ class NodeProcess:
             *lines, self._line = (self._line + data).split(b"\n")
             label = self.label.encode(errors="replace")
             with suppress(OSError):
-                _write_all(_STANDARD_OUTPUT, b"".join(b"[%s] %s\n" % (label, line) for line in lines))
+                write_all(_STANDARD_OUTPUT, b"".join(b"[%s] %s\n" % (label, line) for line in lines))
         if self._output.tell() > _MAX_FILE_BYTES:
             os.truncate(self._path, 0)
             self._output.seek(0)
@@ -148,11 +149,6 @@ class ProcessFolder:
         deadline = time.monotonic() + seconds
         while any(process.exit_code() is None for process in self._started) and time.monotonic() < deadline:
             time.sleep(_POLL_S)
-
-
-def _write_all(descriptor: int, data: bytes) -> None:
-    while data:
-        data = data[os.write(descriptor, data) :]
 
 
 class LaunchedProcess:

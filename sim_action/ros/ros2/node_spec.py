@@ -13,10 +13,11 @@ from typing_extensions import override
 
 from sim_action.core.field_types import FrozenModel, NamesFile
 from sim_action.core.wording import FirstFew, shown
+from sim_action.core.yaml_document import plain_data
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import joints_set_by, setting_problems
 from sim_action.robot.model.robot_model import RobotModel
-from sim_action.ros.launches import ListedNode, Nodes, with_lists
+from sim_action.ros.launches import ListedNode, Nodes
 
 # design.ros2.org/articles/topic_and_service_names.html
 _TOKEN: Final = r"[A-Za-z_][A-Za-z0-9_]*"  # noqa: S105 - a part of a name
@@ -115,7 +116,7 @@ GraphName = Annotated[str, AfterValidator(_graph_name)]
 OldName = Annotated[str, AfterValidator(_old_name)]
 RobotTopicName = Annotated[str, AfterValidator(_robot_name)]
 Namespace = Annotated[str, AfterValidator(_namespace)]
-Parameters = Annotated[dict[str, JsonValue], BeforeValidator(with_lists), AfterValidator(_parameters)]
+Parameters = Annotated[dict[str, JsonValue], BeforeValidator(plain_data), AfterValidator(_parameters)]
 
 
 class Ros2NodeSpec(ListedNode):

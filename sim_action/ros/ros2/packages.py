@@ -24,7 +24,7 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import counted
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.robot.documents.package_search import PACKAGE_FILE, folders_below
-from sim_action.ros.launches import workspace_folder
+from sim_action.ros.launches import source_folder, workspace_folder
 from sim_action.ros.ros2.installation import Ros2, packages_of_prefix, set_up
 
 UNREADABLE: Final = "unknown"
@@ -48,7 +48,6 @@ _ENTRY: Final = re.compile(r"[^\W\d]\w*(?:\.[^\W\d]\w*)*(?::[^\W\d]\w*(?:\.[^\W\
 
 INSTALL: Final = "install"
 BUILD: Final = "run colcon build"
-_SOURCES: Final = "src"
 _LAYOUT_FILE: Final = ".colcon_install_layout"
 _INDEX: Final = "share/ament_index/resource_index/packages"
 _LAUNCH_SUFFIXES: Final = (".py", ".xml", ".yaml", ".yml", ".launch")
@@ -433,23 +432,18 @@ def _is_install(folder: Path) -> bool:
 
 
 def _is_workspace(folder: Path) -> bool:
-    if (folder / PACKAGE_FILE).exists():
-        # A package may have a folder `src`, too, with its code.
-        return False
-    return _is_install(folder / INSTALL) or bool(_found_below(folder / _SOURCES))
+    return _is_install(folder / INSTALL) or bool(packages_below(folder / "src"))
 
 
 def _source_folders(workspace: Path) -> dict[str, Path]:
     """Return name -> folder of the packages in source; next to an install folder, they are in `src`."""
     if _is_install(workspace):
-        return _found_below(workspace.parent / _SOURCES)
-    below = workspace / _SOURCES
-    return _found_below(below if below.is_dir() and not (workspace / PACKAGE_FILE).exists() else workspace)
+        return packages_below(workspace.parent / "src")
+    return packages_below(source_folder(workspace))
 
 
-def _found_below(folder: Path) -> dict[str, Path]:
-    if not folder.is_dir():
-        return {}
+def packages_below(folder: Path) -> dict[str, Path]:
+    """Return name -> folder of the packages in a folder and below it. Raise PathError for two with the same name."""
     found = folders_below(folder, inside_packages=False).packages
     for name, folders in found.items():
         if len(folders) > 1:

@@ -11,6 +11,7 @@ from sim_action.commands import CommandSource, Controller
 from sim_action.core.field_types import PositiveHertz
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.ros.launches import unchecked_notes
 from sim_action.ros.ros2.node_spec import Ros2Nodes
 from sim_action.world.scene import Scene
 
@@ -59,9 +60,9 @@ class Ros2Commands(CommandSource):
     @property
     @override
     def unchecked(self) -> tuple[str, ...]:
-        from sim_action.ros.ros2.file_problems import unchecked  # the rest of the module runs without it
+        from sim_action.ros.ros2.file_problems import why_no_ros  # the rest of the module runs without it
 
-        return unchecked(self.ros2)
+        return unchecked_notes("ros2", self.ros2.launch, why_no_ros())
 
     def model_problems(self, scene: Scene) -> SpecProblems:
         """See CommandSource.model_problems: problems of controllers and topics."""

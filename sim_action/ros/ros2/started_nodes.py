@@ -18,6 +18,7 @@ from typing_extensions import override
 from sim_action.core.errors import ScriptError, SourceProblem
 from sim_action.core.records import dataclass
 from sim_action.core.workspace import PathError
+from sim_action.core.yaml_document import plain_data
 from sim_action.ros import node_start
 from sim_action.ros.program_failures import Ending, ending_of, error_with_output, exit_text
 from sim_action.ros.ros2.installation import RMW, Ros2
@@ -207,10 +208,4 @@ _QuotingDumper.add_representer(
 
 def parameter_file(values: Mapping[str, JsonValue]) -> str:
     """Return a file of parameters for a node, as `--params-file` takes it."""
-    return yaml.dump({"/**": {"ros__parameters": _plain(values)}}, Dumper=_QuotingDumper)
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, Mapping):
-        return {key: _plain(each) for key, each in value.items()}
-    return [_plain(each) for each in value] if isinstance(value, (list, tuple)) else value
+    return yaml.dump({"/**": {"ros__parameters": plain_data(values)}}, Dumper=_QuotingDumper)

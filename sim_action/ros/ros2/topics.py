@@ -15,6 +15,7 @@ from typing import Final, TypeVar
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass
+from sim_action.core.wording import free_name
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, recognise
 from sim_action.recording.export.ros2_markers import urdf_of
@@ -89,7 +90,7 @@ class RobotFrames:
         """Return the frames of a robot and its sensors, with distinct names: a name that is taken gets a suffix."""
         model = scene.model
         taken = {link.name for link in model.links}
-        odom = _free(_ODOM, taken)
+        odom = free_name(_ODOM, taken)
         frames = {sensor.name: _frame_of(sensor, taken) for sensor in scene.sensors}
         return cls(
             odom,
@@ -100,19 +101,12 @@ class RobotFrames:
         )
 
 
-def _free(name: str, taken: set[str]) -> str:
-    while name in taken:
-        name += "_"
-    taken.add(name)
-    return name
-
-
 def _frame_of(sensor: Fitting, taken: set[str]) -> str:
     if sensor.kind == "camera":
-        return _free(f"{plain_name(sensor.name)}_optical_frame", taken)
+        return free_name(f"{plain_name(sensor.name)}_optical_frame", taken)
     if sensor.pose == Pose() or sensor.kind in _WITHOUT_FRAME:
         return sensor.link
-    return _free(f"{plain_name(sensor.name)}_frame", taken)
+    return free_name(f"{plain_name(sensor.name)}_frame", taken)
 
 
 def _mounted(sensors: tuple[Fitting, ...], frames: Mapping[str, str]) -> Iterator[PlacedFrame]:

@@ -16,15 +16,13 @@ from collections import ChainMap, Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import product
 from types import MappingProxyType
-from typing import Any, Final, cast
-
-from pydantic import JsonValue
+from typing import Final, cast
 
 from sim_action.core.errors import InvalidScenario, Location, Problem
 from sim_action.core.field_types import is_plain_name
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import shown
-from sim_action.core.yaml_document import Document, KeyPath
+from sim_action.core.yaml_document import Document, KeyPath, plain_data
 from sim_action.scenario.extends import without
 from sim_action.scenario.source import MAX_KEYS, Source, Varied
 from sim_action.scenario.variations.dotted_keys import NoSuchKey, placed, resolved
@@ -235,7 +233,7 @@ def _varied(source: Source, base: Document, keys: Sequence[_Key], indices: Mappi
         document=Document(base.file, data, shared.setdefault(tuple(marks.items()), chained), base.moved),
         name=_named(source, keys, indices),
         group=source.name,
-        variation=tuple(Varied(key.written, _json(key.values.values[indices[key.written]])) for key in written),
+        variation=tuple(Varied(key.written, plain_data(key.values.values[indices[key.written]])) for key in written),
         draws=tuple((place, advice) for place, advice in draws if advice),
     )
 
@@ -243,16 +241,6 @@ def _varied(source: Source, base: Document, keys: Sequence[_Key], indices: Mappi
 def _named(source: Source, keys: Sequence[_Key], indices: Mapping[str, int]) -> str:
     values = ",".join(f"{key.label}={key.texts[indices[key.written]]}" for key in keys)
     return f"{source.name}[{values}]" if values else source.name
-
-
-def _json(value: Any) -> JsonValue:
-    """Return a value of a document as results store it."""
-    if isinstance(value, dict):
-        return {key: _json(inner) for key, inner in value.items()}
-    if isinstance(value, tuple):
-        return [_json(inner) for inner in value]
-    scalar: JsonValue = value
-    return scalar
 
 
 def _keys(source: Source, base: Document, seed: int, runs: int | None) -> list[_Key]:

@@ -7,12 +7,11 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.workspace import PathError, Workspace
+from sim_action.ros.launches import source_folder
 from sim_action.ros.ros1.catkin_packages import (
-    package_name,
     packages_below,
     packages_in,
     packages_of,
-    sources,
     workspace_of,
 )
 from tests.ros_workspace import ros_package, written
@@ -31,16 +30,16 @@ def test_packages_are_found_at_any_depth_but_not_in_what_a_build_has_left(tmp_pa
     ignored = package(tmp_path / "src/ignored", "ignored")
     (ignored / "CATKIN_IGNORE").touch()
 
-    assert dict(packages_below(tmp_path / "src")) == {"robot": robot}
+    assert packages_below(tmp_path / "src") == {"robot": robot}
 
 
 def test_a_package_without_a_name_is_called_as_its_folder(tmp_path: Path) -> None:
-    assert package_name(package(tmp_path / "robot")) == "robot"
+    assert packages_below(package(tmp_path / "robot")) == {"robot": tmp_path / "robot"}
 
 
 @pytest.mark.parametrize("name", ["../../elsewhere", "/elsewhere", "a/b", "..", "two words", "${name}"])
 def test_a_name_that_no_folder_can_have_is_none(name: str, tmp_path: Path) -> None:
-    assert package_name(package(tmp_path / "robot", name)) == "robot"
+    assert packages_below(package(tmp_path / "robot", name)) == {"robot": tmp_path / "robot"}
 
 
 def test_of_two_the_first_counts(tmp_path: Path) -> None:
@@ -56,9 +55,9 @@ def test_sources_are_in_src_but_of_a_package(tmp_path: Path) -> None:
     robot = package(tmp_path / "robot", "robot")
     (robot / "src").mkdir()
 
-    assert sources(tmp_path / "ws") == tmp_path / "ws/src"
-    assert sources(robot) == robot
-    assert sources(tmp_path) == tmp_path
+    assert source_folder(tmp_path / "ws") == tmp_path / "ws/src"
+    assert source_folder(robot) == robot
+    assert source_folder(tmp_path) == tmp_path
 
 
 def around(root: Path, folder: str) -> Workspace:

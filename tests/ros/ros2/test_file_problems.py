@@ -10,9 +10,10 @@ from pydantic import TypeAdapter
 
 from sim_action.core.workspace import Workspace
 from sim_action.ros.ros2 import file_problems as module
-from sim_action.ros.ros2.file_problems import file_problems, unchecked, why_no_ros
+from sim_action.ros.ros2.file_problems import file_problems, why_no_ros
 from sim_action.ros.ros2.installation import find_ros
 from sim_action.ros.ros2.node_spec import Ros2Nodes, Ros2NodeSpec
+from sim_action.ros.ros2.spec import Ros2Commands
 from tests.ros.ros2.prefixes import installed, manifest, program, ros_prefix, source
 from tests.ros_workspace import written
 
@@ -230,11 +231,14 @@ def test_a_launch_file_is_looked_for(tmp_path: Path) -> None:
 def test_notes_say_what_is_not_checked(without_ros: None) -> None:
     nodes = NODES.validate_python(["p/e"])
 
-    assert unchecked(Ros2Nodes(nodes=nodes)) == (
+    assert Ros2Commands(ros2=Ros2Nodes(nodes=nodes)).unchecked == (
         "ros2: the nodes are started when the scenario runs",
         "ros2: ROS 2 is not installed",
     )
-    assert unchecked(Ros2Nodes(launch=("p", "f")))[0] == "ros2: the launch file is read when the scenario runs"
+    assert (
+        Ros2Commands(ros2=Ros2Nodes(launch=("p", "f"))).unchecked[0]
+        == "ros2: the launch file is read when the scenario runs"
+    )
 
 
 def test_other_systems_have_no_nodes(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,7 +19,7 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.ros.launches import argument_problem, unchecked_notes
+from sim_action.ros.launches import argument_problem
 from sim_action.ros.ros1.catkin_packages import find_launch_file, packages_in, packages_of, workspace_of
 from sim_action.ros.ros1.command_source.node_spec import NodeSpec, RosNodes
 from sim_action.ros.ros1.installation import Ros, find_ros
@@ -27,11 +27,6 @@ from sim_action.ros.ros1.installation import Ros, find_ros
 _LAUNCH_FILES: Final = frozenset({".launch", ".test", ".xml"})
 
 _MAX_LAUNCH_FILE_BYTES: Final = 4_000_000
-
-
-def unchecked(spec: RosNodes) -> tuple[str, ...]:
-    """Return the notes on everything that cannot be checked before the nodes are launched."""
-    return unchecked_notes("ros1", spec.launch, why_no_ros())
 
 
 @cache

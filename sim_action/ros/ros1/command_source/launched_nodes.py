@@ -104,7 +104,7 @@ class LaunchedNodes:
             self._workspace = asked.workspace
             self.folder = Path(path.realpath(tempfile.mkdtemp(prefix="sim-action-", dir=scratch_parent())))
             undo.callback(shutil.rmtree, self.folder, ignore_errors=True)
-            self.overlay = build_overlay(_made(self.folder / "overlay"), asked.ros, asked.workspace, os.environ)
+            self.overlay = build_overlay(self.folder / "overlay", asked.ros, asked.workspace, os.environ)
             self._events = EventFile(self.folder / "events", Event)
             undo.callback(self._events.close)
             self._launch = self._start(asked)
@@ -135,7 +135,8 @@ class LaunchedNodes:
         }
         (self.folder / "task.json").write_text(json.dumps(task), encoding="utf-8")
         words = [str(asked.ros.python), "-c", _LAUNCHER.read_text(encoding="utf-8"), str(self.folder / "task.json")]
-        call = _made(self.folder / "call")
+        call = self.folder / "call"
+        call.mkdir()
         more = {
             "ROS_LOG_DIR": str(self._logs),
             "ROS_MASTER_URI": f"http://localhost:{asked.port}",
@@ -213,11 +214,6 @@ class LaunchedNodes:
             if event.losses and not self._allows_losses:
                 raise SourceProblem(f"{'; '.join(event.losses)}; to run without it, set allow_losses: true", KEY)
             self.losses += event.losses
-
-
-def _made(folder: Path) -> Path:
-    folder.mkdir()
-    return folder
 
 
 class ReplacedNode(FrozenModel):

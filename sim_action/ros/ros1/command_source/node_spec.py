@@ -12,7 +12,8 @@ import yaml
 from pydantic import AfterValidator, BeforeValidator, Field, JsonValue
 from typing_extensions import override
 
-from sim_action.ros.launches import ListedNode, Nodes, StartTime, with_lists
+from sim_action.core.yaml_document import plain_data
+from sim_action.ros.launches import ListedNode, Nodes, StartTime
 
 _BASE: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _GRAPH: Final = re.compile(r"[~/]?[A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z0-9_]+)*")
@@ -48,7 +49,7 @@ class NodeSpec(ListedNode):
     ] = None
     args: Annotated[str, Field(description="arguments of the program, as in a launch file")] = ""
     params: Annotated[
-        dict[str, JsonValue], BeforeValidator(with_lists), Field(description="private parameters of the node")
+        dict[str, JsonValue], BeforeValidator(plain_data), Field(description="private parameters of the node")
     ] = Field(default_factory=dict)
     remap: Annotated[
         dict[GraphName, GraphName], Field(description="name that the node uses -> name that replaces it")

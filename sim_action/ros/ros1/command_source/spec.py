@@ -11,6 +11,7 @@ from sim_action.commands import CommandSource, Controller
 from sim_action.core.field_types import PositiveHertz
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.ros.launches import unchecked_notes
 from sim_action.ros.robot_topics import topic_problems, topics_of
 from sim_action.ros.ros1.command_source.node_spec import RosNodes
 from sim_action.world.scene import Scene
@@ -60,9 +61,11 @@ class RosCommands(CommandSource):
     @property
     @override
     def unchecked(self) -> tuple[str, ...]:
-        from sim_action.ros.ros1.command_source.file_problems import unchecked  # the rest of the module runs without it
+        from sim_action.ros.ros1.command_source.file_problems import (
+            why_no_ros,  # the rest of the module runs without it
+        )
 
-        return unchecked(self.ros1)
+        return unchecked_notes("ros1", self.ros1.launch, why_no_ros())
 
     def model_problems(self, scene: Scene) -> SpecProblems:
         """See CommandSource.model_problems: problems of the topics."""

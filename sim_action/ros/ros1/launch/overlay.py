@@ -23,7 +23,7 @@ from typing import Final
 from sim_action.core.errors import UsageError
 from sim_action.core.records import dataclass
 from sim_action.ros import node_start
-from sim_action.ros.ros1.catkin_packages import exported_models, packages_below, packages_of, sources
+from sim_action.ros.ros1.catkin_packages import exported_models, packages_in, packages_of
 from sim_action.ros.ros1.installation import Ros
 
 _PATCHES: Final = Path(__file__).with_name("ros_patches.py")
@@ -95,13 +95,16 @@ class Overlay:
 
 
 def build_overlay(folder: Path, ros: Ros, workspace: Path, environment: Mapping[str, str]) -> Overlay:
-    """Write the overlay into an empty folder; `environment`: the variables for code of the user. Raises UsageError."""
+    """Write the overlay into a new or empty folder. Raises UsageError.
+
+    `environment`: the variables for code of the user.
+    """
     share, programs, modules = (folder / name for name in ("share", "bin", "modules"))
     for made in (share, programs, modules):
-        made.mkdir()
+        made.mkdir(parents=True)
     ours = packages_of([_PACKAGES])
     stand_ins = {name: path for name, path in ours.items() if name not in _FALLBACKS}
-    users = dict(packages_below(sources(workspace)))
+    users = packages_in(workspace)
     packages = {**packages_of([ros.share]), **ours, **packages_of(_paths("ROS_PACKAGE_PATH")), **users, **stand_ins}
     for name, path in packages.items():
         if path == ours.get(name):

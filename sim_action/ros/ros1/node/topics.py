@@ -28,7 +28,7 @@ from rospy.msg import serialize_message
 from tf2_msgs.msg import TFMessage
 
 from sim_action.core.geometry import Pose, Twist
-from sim_action.ros.program_failures import shown_path
+from sim_action.robot.documents.xml_document import shown_file
 from sim_action.ros.ros1.launch.ros_patches import SLEEPERS
 from sim_action.ros.ros1.node.messages import header, pose_message, time_of, twist_message
 from sim_action.ros.ros1.node.world_models import States
@@ -314,5 +314,5 @@ class WallClockWatch:
 
     def _report(self, path: Path) -> None:
         node, file, line = path.read_text(encoding="utf-8").splitlines()
-        place = shown_path(Path(file).resolve())
+        place = shown_file(Path(file).resolve())
         self._lockstep.suspect(node, f"it calls time.sleep again and again at {place}:{line}, instead of rospy.sleep")

@@ -18,8 +18,9 @@ from sim_action.core.version import __version__
 from sim_action.core.wording import escaped_line
 from sim_action.engines import ENGINES
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, status_of
+from sim_action.robot.documents.xml_document import shown_file
 from sim_action.ros.launches import ALLOW_LOSSES, LaunchRequest
-from sim_action.ros.program_failures import exception_line, shown_path, signal_name, traceback_location
+from sim_action.ros.program_failures import exception_line, signal_name, traceback_location
 from sim_action.ros.result_files import Case
 from sim_action.ros.ros1.command_source.file_problems import Packages, program_problem
 from sim_action.ros.ros1.launch_request import TITLE, loss_failures, loss_warnings
@@ -215,7 +216,7 @@ class Judge:
         if result and result.missing_world and (failures := about.get("failures")):
             # Only the launch file says where the world is named.
             path, place = Path(result.missing_world), self.tags.world(result.missing_world)
-            message = failures[0].message.replace(str(path), shown_path(path))
+            message = failures[0].message.replace(str(path), shown_file(path))
             about["failures"] = (failures[0].model_copy(update={"location": place, "message": message}),)
         measured["notes"] = (*measured.get("notes", ()), *map(str, test.callbacks))
         return Outcome(
@@ -235,7 +236,7 @@ def _with_shown_place(loss: Loss) -> Loss:
     place = loss.location
     if place is None:
         return loss
-    shown = Location(shown_path(Path(place.file).resolve()), place.line, place.column)
+    shown = Location(shown_file(Path(place.file).resolve()), place.line, place.column)
     return loss.model_copy(update={"location": shown})
 
 

@@ -16,7 +16,7 @@ from typing import Final
 from sim_action.core.errors import Location
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
-from sim_action.ros.program_failures import shown_path
+from sim_action.robot.documents.xml_document import shown_file
 
 _MAX_LAUNCH_FILE_BYTES: Final = 4_000_000
 _MAX_FILES: Final = 100
@@ -50,7 +50,7 @@ class LaunchTags:
     def read(cls, paths: Sequence[Path], packages: Mapping[str, Path]) -> LaunchTags:
         """Read launch files; `packages`: name -> folder of all packages."""
         seen = set[Path]()
-        return cls(shown_path(paths[0].resolve()), tuple(tag for path in paths for tag in _tags(path, packages, seen)))
+        return cls(shown_file(paths[0].resolve()), tuple(tag for path in paths for tag in _tags(path, packages, seen)))
 
     def node(self, package: str, program: str) -> LaunchTag | None:
         """Return the first tag of a node."""
@@ -85,7 +85,7 @@ def _own_tags(path: Path) -> list[LaunchTag]:
     """Return the tags of a file itself; in broken XML, those before the error."""
     found: list[LaunchTag] = []
     parser = xml.parsers.expat.ParserCreate()
-    file = shown_path(path)
+    file = shown_file(path)
 
     def begin(name: str, given: dict[str, str]) -> None:
         found.append(LaunchTag(name, given, Location(file, parser.CurrentLineNumber)))

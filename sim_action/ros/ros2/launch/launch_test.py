@@ -30,10 +30,11 @@ from sim_action.reports.writing import open_reports, write_reports
 from sim_action.results.events import Finished
 from sim_action.results.journal import Header, Journal, Planned
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, status_of
+from sim_action.robot.documents.xml_document import shown_file
 from sim_action.robot.reading.loading import load_model
 from sim_action.ros import node_start
 from sim_action.ros.launches import LaunchRequest, OpenCommands
-from sim_action.ros.program_failures import shown_path, traceback_location
+from sim_action.ros.program_failures import traceback_location
 from sim_action.ros.result_files import Case, read_suite
 from sim_action.ros.ros2.bridge_link import BridgeEnded, Endpoint
 from sim_action.ros.ros2.driven_nodes import DrivenNodes, Session, controller_of, robot_topics
@@ -156,7 +157,7 @@ def _outcome(request: LaunchRequest, interruption: Interruption, started: float)
     except InvalidScenario as error:
         return Outcome.of_invalid(request.file, error).model_copy(update=about)
     test = _LaunchTest(request, file, packages, interruption)
-    about |= {"file": shown_path(file), **test.run(), "wall_time": time.monotonic() - started}
+    about |= {"file": shown_file(file), **test.run(), "wall_time": time.monotonic() - started}
     outcome = Outcome(**about)
     return outcome.judged_strictly(NOT_SIMULATED) if request.strict else outcome
 
@@ -204,11 +205,11 @@ class _LaunchTest:
                 pass
             except (RunError, ModelError, SourceProblem, BridgeEnded) as error:
                 title = "not simulated" if isinstance(error, SourceProblem) else "the simulation failed"
-                place = getattr(error, "location", None) or Location(shown_path(self._file))
+                place = getattr(error, "location", None) or Location(shown_file(self._file))
                 failure = Failure(kind="script", title=title, message=escaped_line(str(error)), location=place)
             undo.close()
             expectations = tuple(self._expectations(run.sim_time if run else None))
-        measured = _measured(run, Location(shown_path(self._file)))
+        measured = _measured(run, Location(shown_file(self._file)))
         if failure is None and not expectations:
             message = "the test wrote no results: it has no method whose name begins with 'test', or it was interrupted"
             failure = Failure(kind="script", title="no test ran", message=message, location=Location(str(self._file)))
@@ -282,7 +283,7 @@ class _LaunchTest:
 
     def _expectations(self, sim_time: float | None) -> Iterator[ExpectationOutcome]:
         for case in self._cases:
-            place = traceback_location(case.text, self._root) or Location(shown_path(self._file))
+            place = traceback_location(case.text, self._root) or Location(shown_file(self._file))
             yield ExpectationOutcome(
                 name=case.name or "unnamed",
                 assertion="launchtest",

@@ -21,9 +21,10 @@ from sim_action.core.errors import ControllersFinished, Location, ScriptError, S
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
+from sim_action.robot.documents.xml_document import shown_file
 from sim_action.ros.launches import EventFile
 from sim_action.ros.processes import descendants
-from sim_action.ros.program_failures import ending_of, error_with_output, exit_text, shown_path
+from sim_action.ros.program_failures import ending_of, error_with_output, exit_text
 from sim_action.ros.ros2.launch.gazebo_programs import (
     FRAMES_PROGRAM,
     STAND_INS,
@@ -335,7 +336,7 @@ class LaunchErrors:
         for file, line in reversed(event.places):
             path = Path(file).resolve()
             if path.is_relative_to(self._workspace):
-                return Location(shown_path(path), line or None)
+                return Location(shown_file(path), line or None)
         return None
 
 
