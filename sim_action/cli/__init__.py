@@ -34,6 +34,7 @@ _REPORTS: Final = ("output_dir", "junit", "junit_strict", "report", "summary", "
 _JUDGEMENT: Final = ("repeat", "unexercised", "confidence", "strict")
 _RUNS: Final = ("paths", "backend", "seed", *_JUDGEMENT, "jobs", "fail_fast", "record")
 _LAUNCHES: Final = (*_REPORTS, "strict")
+_MARGINS: Final = ("paths", "backend", "seed", "jobs", *_REPORTS)
 _PROOFS: Final = ("paths", "seed", "jobs", "output_dir", "report", "summary", "annotations", "quiet")
 
 SUBCOMMANDS: Final[Mapping[str, Subcommand]] = MappingProxyType(
@@ -44,6 +45,9 @@ SUBCOMMANDS: Final[Mapping[str, Subcommand]] = MappingProxyType(
         "merge": Subcommand("merge", "Join the results of shards.", _REPORTS),
         "compare": Subcommand("compare", "Compare two runs.", ("output_dir", "summary")),
         "prove": Subcommand("prove", "Find expectations that check nothing.", _PROOFS, handles_signals=True),
+        "margins": Subcommand(
+            "margins", "Find how far factors can move before a scenario fails.", _MARGINS, handles_signals=True
+        ),
         "report": Subcommand("report", "Make the reports of a run that was killed.", _REPORTS),
         "view": Subcommand("view", "Open a report in the browser.", ("output_dir",)),
         "rostest": Subcommand("ros", "Run a rostest of ROS 1.", _LAUNCHES, handles_signals=True),

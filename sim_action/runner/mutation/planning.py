@@ -194,7 +194,7 @@ def _reversed(original: Original) -> Iterator[Mutant]:
         words = "the {} part of commands has the other sign"
         yield original.mutant("reversed", "linear", words.format("linear"), Mutation(reversed="linear"))
         yield original.mutant("reversed", "angular", words.format("angular"), Mutation(reversed="angular"))
-        for joint in _busy_joints(original)[:1]:
+        for joint in busy_joints(original)[:1]:
             words = f"the motor of joint '{joint}' turns the other way"
             yield original.mutant("reversed", joint, words, Mutation(reversed_joint=joint))
 
@@ -223,12 +223,12 @@ def _with_latency(scenario: Scenario, delay: float) -> Scenario:
 
 
 def _motors_off(original: Original) -> Iterator[Mutant]:
-    for joint in _busy_joints(original)[:MOST_MOTORS]:
+    for joint in busy_joints(original)[:MOST_MOTORS]:
         words = f"the motor of joint '{joint}' is off"
         yield original.mutant("motor-off", joint, words, Mutation(dead_joint=joint))
 
 
-def _busy_joints(original: Original) -> list[str]:
+def busy_joints(original: Original) -> list[str]:
     """Return the joints whose motors have work to do: first wheels of the drive, then those that move, then others."""
     loaded, trace = original.loaded, original.trace
     ways = np.abs(np.diff(trace.joint_position, axis=0)).sum(axis=0).tolist()
@@ -265,7 +265,7 @@ def _faulty(reading: SensorFault, words: str) -> Callable[[Original], Iterator[M
     """Return the function that yields a mutant for each sensor with a fault; `words` follow the name of the sensor."""
 
     def mutants(original: Original) -> Iterator[Mutant]:
-        for mounted in _read_sensors(original):
+        for mounted in read_sensors(original):
             if reading in ("frozen", "stale") or biased_columns(mounted.sensor.key):
                 fault = Mutation(sensor=mounted.name, reading=reading)
                 yield original.mutant(reading, mounted.name, f"the sensor '{mounted.name}' {words}", fault)
@@ -274,7 +274,7 @@ def _faulty(reading: SensorFault, words: str) -> Callable[[Original], Iterator[M
 
 
 def _noisy(original: Original) -> Iterator[Mutant]:
-    for mounted in _read_sensors(original):
+    for mounted in read_sensors(original):
         if noise := _more_noise(mounted):
             noisy = replace(mounted, sensor=mounted.sensor.model_copy(update=noise))
             words = f"the sensor '{mounted.name}' has {NOISIER:g} times its noise"
@@ -307,7 +307,7 @@ def _with_sensors(original: Original, kind: str, mounted: MountedSensor, words: 
     return original.changed(kind, mounted.name, words, original.scenario.model_copy(update={"sensors": sensors}))
 
 
-def _read_sensors(original: Original) -> list[MountedSensor]:
+def read_sensors(original: Original) -> list[MountedSensor]:
     """Return the sensors that a controller or an expectation may read."""
     scenario = original.scenario
     if any(not source.is_written for source in scenario.commands):

@@ -1,0 +1,201 @@
+"""The margins of a scenario: how far each factor can move before the scenario fails, as `margins.json` has them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal
+
+from pydantic import Field
+
+from sim_action.core import units
+from sim_action.core.errors import Location
+from sim_action.core.field_types import FrozenModel
+from sim_action.core.wording import counted, shortened
+from sim_action.results.outcome import ExpectationOutcome, Measurement, NotNegative, Outcome, Spread
+from sim_action.scenario.source import Variation
+from sim_action.state.verdict import Judged, Verdict
+
+MARGIN: Final = "margin"
+"""The assertion of the expectations that show margins."""
+
+MARGINS_FILE: Final = "margins.json"
+
+_MAX_REASON: Final = 300
+_BAR: Final = 20
+
+
+class Margin(FrozenModel):
+    """The margin of a factor in one direction.
+
+    Attributes:
+        factor: its name, such as "friction".
+        direction: the side of the nominal value.
+        unit: the SI symbol of all values.
+        nominal: the value in the scenario.
+        end: the last value that was asked for.
+        passes: the value farthest from the nominal one before the first failure.
+        fails: the nearest value that failed; None if none did.
+        expectation: the expectation that fails first there; or empty.
+        reason: its message, or the reason why there is no verdict, or why nothing ran; or empty.
+        crossings: the number of changes between passing and failing values that the scan has seen.
+        runs: the number of values that ran.
+        has_effect: True if a run of either direction moved in another way than that with the nominal value.
+        asked: the distance from the nominal value at which the scenario must still pass; None: none is demanded.
+    """
+
+    factor: str
+    direction: Literal["down", "up"]
+    unit: str
+    nominal: float
+    end: float
+    passes: float
+    fails: float | None = None
+    expectation: str = ""
+    reason: str = ""
+    crossings: Annotated[int, Field(ge=0)] = 0
+    runs: Annotated[int, Field(ge=0)] = 0
+    has_effect: bool = True
+    asked: NotNegative | None = None
+
+    @property
+    def threshold(self) -> float | None:
+        """The middle of the values between which the scenario begins to fail."""
+        return None if self.fails is None else (self.passes + self.fails) / 2
+
+    @property
+    def distance(self) -> float:
+        """The distance from the nominal value to the threshold, or to the end of the range."""
+        return abs((self.end if self.threshold is None else self.threshold) - self.nominal)
+
+    @property
+    def is_kept(self) -> bool:
+        """True if no value failed within the distance that is demanded."""
+        return self.asked is None or self.fails is None or abs(self.fails - self.nominal) > self.asked * (1 + 1e-9)
+
+    def away(self, distance: float) -> str:
+        """Return a distance from the nominal value in words, such as "11 % below 0.8"."""
+        share = f"{100 * distance / abs(self.nominal):.3g} %" if self.nominal else ""
+        amount = share or units.display(distance, self.unit)
+        side = "below" if self.direction == "down" else "above"
+        return f"{amount} {side} {units.display(self.nominal, self.unit)}"
+
+    @property
+    def message(self) -> str:
+        """The margin in words."""
+        if not self.runs:
+            return f"cannot be varied: {self.reason}"
+        if not self.has_effect:
+            return f"has no effect: the robot moves alike in {counted(self.runs, 'run')} up to {self._value(self.end)}"
+        if self.threshold is None:
+            return f"never fails up to {self._value(self.end)}, {self.away(self.distance)}"
+        again = f"; {self.crossings} changes between passing and failing were seen" if self.crossings > 1 else ""
+        already = "fails from" if self.is_kept else "fails already at"
+        asked = "" if self.is_kept or self.asked is None else f"; {self.away(self.asked)} was asked"
+        first = f"{self.expectation}: {self.reason}" if self.expectation else self.reason
+        return f"{already} {self._value(self.threshold)}, {self.away(self.distance)}{asked}{again}: {first}"
+
+    def _value(self, value: float) -> str:
+        return units.display(value, self.unit)
+
+    def expected(self, location: Location) -> ExpectationOutcome:
+        """Return the margin as an expectation, which passes if as much is left as is demanded."""
+        asked = self.asked or 0.0
+        sign = -1 if self.direction == "down" else 1
+        verdict = Verdict(
+            passed=self.is_kept,
+            measured=self.threshold,
+            limit=None if self.asked is None else self.nominal + sign * asked,
+            margin=self.distance - asked,
+            unit=self.unit,
+            message=shortened(self.message, _MAX_REASON),
+            judged=None if self.has_effect and self.runs else Judged(),
+        )
+        spread = Spread(cause="bisection", status="passed" if self.is_kept else "failed", unit=self.unit)
+        bounds = {} if self.fails is None else {"low": self._left(self.passes), "high": self._left(self.fails)}
+        return ExpectationOutcome(
+            name=f"{self.factor} {self.direction}",
+            assertion=MARGIN,
+            severity="error",
+            location=location,
+            verdict=verdict,
+            unexercised="warn" if self.asked is None else "error",
+            spreads=() if self.fails is None else (spread.model_copy(update=bounds),),
+        )
+
+    def _left(self, value: float) -> float:
+        return abs(value - self.nominal) - (self.asked or 0.0)
+
+    @property
+    def share(self) -> float:
+        """The part of the range, from 0 to 1, in which the scenario passes."""
+        return self.distance / (abs(self.end - self.nominal) or 1.0)
+
+
+class ScenarioMargins(FrozenModel):
+    """The margins of a scenario.
+
+    Attributes:
+        name, file, line, variation, engine: as in results.json.
+        reason: the reason why there are none; or empty.
+        margins: those of all factors.
+    """
+
+    name: str
+    file: str
+    line: Annotated[int, Field(ge=1)] | None = None
+    variation: Variation = ()
+    engine: str | None = None
+    reason: str = ""
+    margins: tuple[Margin, ...] = ()
+
+    def shown_by(self, outcome: Outcome) -> Outcome:
+        """Return the outcome of the nominal run with the margins in place of its expectations, if there are any."""
+        # Their files do not stay.
+        outcome = outcome.model_copy(
+            update={"trace": None, "replay": None, "call": ("sim-action", "margins", self.file)}
+        )
+        if self.reason:
+            return outcome.model_copy(update={"notes": (*outcome.notes, self.reason)})
+        place = outcome.location or Location(self.file)
+        ordered = sorted(self.margins, key=lambda margin: (margin.is_kept, margin.share))
+        found = tuple(margin.expected(place) for margin in ordered)
+        changed = outcome.model_copy(update={"expectations": found, "measurements": self._tornado()})
+        return changed.model_copy(update={"status": changed.judged_status()})
+
+    def _tornado(self) -> tuple[Measurement, ...]:
+        """Return a bar for each factor, the one with the least margin first."""
+        factors = dict.fromkeys(margin.factor for margin in self.margins if margin.has_effect and margin.runs)
+        bars = [_bar(name, [each for each in self.margins if each.factor == name]) for name in factors]
+        return tuple(bar for _, bar in sorted(bars, key=lambda pair: pair[0]))
+
+
+def _bar(name: str, sides: list[Margin]) -> tuple[float, Measurement]:
+    """Return the least part of a range that is left, and the bar of a factor: both of its directions."""
+    by_side = {margin.direction: margin for margin in sides}
+    drawn, ends = [], []
+    for direction in ("down", "up"):
+        margin = by_side.get(direction)
+        full = 0 if margin is None else round(_BAR * margin.share)
+        part = "█" * full + "░" * (0 if margin is None else _BAR - full)
+        part = part.ljust(_BAR, "·")
+        drawn.append(part[::-1] if direction == "down" else part)
+        if margin is not None:
+            edge = margin.end if margin.threshold is None else margin.threshold
+            ends.append(
+                f"{'passes up to' if margin.threshold is None else 'fails at'} {units.display(edge, margin.unit)}"
+            )
+    least = min(sides, key=lambda margin: margin.share)
+    message = f"{'│'.join(drawn)} {name}: {', '.join(ends)}"
+    return least.share, Measurement(name=f"margin of {name}", measured=least.distance, unit=least.unit, message=message)
+
+
+class Margins(FrozenModel):
+    """The content of `margins.json`.
+
+    Attributes:
+        runs: the number of runs in all.
+    """
+
+    version: Literal[1] = 1
+    sim_action: str
+    runs: Annotated[int, Field(ge=0)]
+    scenarios: tuple[ScenarioMargins, ...]

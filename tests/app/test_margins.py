@@ -1,0 +1,231 @@
+"""Margins: thresholds with a closed form, on both engines; gates, reports and what has no margins."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.cli.main import call
+from sim_action.core.errors import Location
+from sim_action.results.factor_margins import Margin
+from sim_action.runner.margin_search import Factor, Search, Trial
+from tests.integration.engines import on_every_engine
+from tests.outcomes import outcome
+from tests.soak import soaked
+
+G = 9.81
+BOX = "{{name: box, box: [0.2, 0.2, 0.2], mass: {mass}, friction: {friction}, pose: {{x: 2, z: 0.1}}}}"
+STILL = "robot: {{model: turtlebot3_burger}}\ntime_limit: 2 s\nduration: 2 s\n"
+
+
+def box(push: str, limit: float = 0.02, mass: float = 1.0, friction: float = 1.0) -> str:
+    body = BOX.format(mass=mass, friction=friction)
+    return STILL.format() + (
+        f"world: {{objects: [{body}], ground: {{friction: 0.5}}, disturbances: [{{body: box, at: 0 s, {push}}}]}}\n"
+        f"expect: [{{object: {{name: box, stay_within: {{x: [1.9, {2 + limit}]}}}}}}]\n"
+    )
+
+
+def drive(expected: str, speed: float = 0.2, limit: str = "3 s") -> str:
+    return (
+        f"robot: {{model: turtlebot3_burger}}\ncommands: {{twist: [{{linear: {speed}}}], rate: 10 Hz}}\n"
+        f"expect: [{expected}]\nduration: {limit}\ntime_limit: {limit}\n"
+    )
+
+
+ARM = """
+robot: {model: arm.urdf, joints: {j: 0}}
+commands: {joints: [{at: 0 s, position: {j: 0}}], rate: 10 Hz}
+expect: [{joint: {name: j, at_most: 0.1 rad}}]
+duration: 1 s
+time_limit: 1 s
+"""
+URDF = """<robot name="arm"><link name="world"/><link name="l"><inertial><origin xyz="0.5 0 0"/><mass value="1"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j" type="revolute"><parent link="world"/><child link="l"/><origin xyz="0 0 1"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="10" velocity="9"/></joint></robot>"""
+HOLDS = 1.0 * G * 0.5
+STRAIGHT = "{stay_within: {x: [-1, 0.7], y: [-0.2, 0.2]}}"
+
+PLANTED = {
+    "friction at which a force moves a box": (box("force: [3, 0, 0], for: 2 s"), "friction", "down", 3 / G),
+    "force that moves a box": (box("force: [2, 0, 0], for: 2 s"), "push", "up", 0.5 * G / 2),
+    "speed at which a box slides too far": (
+        box("velocity: [1, 0, 0]", 0.2),
+        "push",
+        "up",
+        math.sqrt(2 * 0.5 * G * 0.2),
+    ),
+    "mass at which a force moves a box": (
+        box("force: [3, 0, 0], for: 2 s"),
+        "world.objects.box.mass=0.1 kg:1 kg",
+        "down",
+        3 / (0.5 * G),
+    ),
+    "latency at which a robot is late": (drive("{travel: {at_least: 0.4 m}}"), "latency", "up", 3 - 0.42 / 0.2),
+    "start from which a robot drives too far": (drive(STRAIGHT), "start:x", "up", 0.7 - 0.58),
+    "heading in which a robot leaves its lane": (drive(STRAIGHT), "start:yaw", "up", math.asin(0.2 / 0.58)),
+    "speed at which a robot leaves its lane": (
+        drive(STRAIGHT),
+        "commands.twist.0.linear=0.05:0.5",
+        "up",
+        3 - math.sqrt(9 - 2 * 0.7),
+    ),
+    "payload that a motor cannot hold": (ARM, "payload", "up", 10 / (G * 0.5) - 1),
+    "strength that a motor needs": (ARM, "motor-strength", "down", HOLDS / 10),
+    "masses that a motor cannot hold": (ARM, "mass", "up", 10 / HOLDS),
+}
+
+SHORT = ["friction at which a force moves a box", "strength that a motor needs"]
+
+
+def margins_of(folder: Path, text: str, *options: str, code: int = 0) -> list[dict[str, Any]]:
+    path = folder / "one.sim.yml"
+    path.write_text(f"name: one\n{text}")
+    (folder / "arm.urdf").write_text(URDF)
+    results = folder / "results"
+    words = ["margins", str(path), "--allow-outside", "--no-report", "--output-dir", str(results), "-q", *options]
+    assert call(words) == code
+    [scenario] = json.loads((results / "margins" / "margins.json").read_text())["scenarios"]
+    margins: list[dict[str, Any]] = scenario["margins"]
+    return margins
+
+
+@pytest.mark.process
+@on_every_engine
+@pytest.mark.parametrize(
+    "case", soaked(PLANTED, ["friction at which a force moves a box", "strength that a motor needs"])
+)
+def test_planted_thresholds_are_found(tmp_path: Path, engine: str, case: str) -> None:
+    pytest.importorskip(engine)
+    text, factor, direction, threshold = PLANTED[case]
+    sides = margins_of(tmp_path, text, "--factor", factor, "--backend", engine)
+    [side] = [each for each in sides if each["direction"] == direction]
+    assert side["fails"] is not None
+    assert (side["passes"] + side["fails"]) / 2 == pytest.approx(threshold, rel=0.05)
+    assert sum(each["runs"] for each in sides) <= 20
+
+
+PUSHED = box("force: [3, 0, 0], for: 2 s") + "backend: mujoco\n"
+
+
+@pytest.mark.process
+def test_a_demand_that_is_missed_fails_alike_with_one_and_two_jobs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("mujoco")
+    demands = ("--at-least", "friction=50%", "--factor", "latency", "--factor", "start:yaw", "--runs", "12")
+    several = [
+        margins_of(tmp_path, PUSHED + DRIVEN, *demands, "-j", jobs, "--junit", str(tmp_path / "j.xml"), code=1)
+        for jobs in "12"
+    ]
+    assert several[0] == several[1]
+    told = capsys.readouterr().out
+    assert "friction down: fails already at 0.3" in told
+    assert "below 0.5; 50 % below 0.5 was asked: object stay_within of box" in told
+    junit = (tmp_path / "j.xml").read_text()
+    assert '"measured: friction down"' in junit
+    assert "│████████████████████ friction: fails at 0.3" in junit
+    by_name = {(each["factor"], each["direction"]): each for each in several[0]}
+    assert by_name["latency", "up"]["fails"] is None
+    assert [each["has_effect"] for each in several[0] if each["factor"] == "start:yaw"] == [True, True]
+
+
+DRIVEN = "commands: {twist: [{linear: 0.2}], rate: 10 Hz}\n"
+
+
+@pytest.mark.process
+def test_a_smaller_margin_is_shown_by_compare(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("mujoco")
+    folders = []
+    for friction in ("0.5", "0.35"):
+        folder = tmp_path / friction
+        folder.mkdir()
+        margins_of(folder, PUSHED.replace("friction: 0.5", f"friction: {friction}"), "--factor", "friction")
+        folders.append(str(folder / "results" / "margins"))
+    capsys.readouterr()
+    assert call(["compare", *folders, "--strict"]) == 1
+    assert "friction down: margin 0.1943, now 0.04478" in capsys.readouterr().out
+
+
+@pytest.mark.process
+def test_a_scenario_that_fails_has_no_margins(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    text = PUSHED.replace("friction: 0.5", "friction: 0.1")
+    assert margins_of(tmp_path, text, "--factor", "friction", code=1) == []
+    [scenario] = json.loads((tmp_path / "results" / "margins" / "margins.json").read_text())["scenarios"]
+    assert scenario["reason"].startswith("it has no margins, because it failed (box crossed the bound x = 2.02 m")
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--factor", "frictoin"), "'frictoin' is neither a factor nor a key of"),
+        (("--factor", "noise"), "no scenario that passes has the factor noise"),
+        (("--factor", "latency=1 s:2 s"), "the range does not contain the nominal value, 0 s"),
+        (("--factor", "latency=0 kg:1 kg"), "latency has the unit 's', not 'kg'"),
+        (("--factor", "latency=1"), "expected KEY=FROM:TO"),
+        (("--factor", "world.ground.friction"), "a key needs a range"),
+        (("--at-least", "latency=20%"), "the nominal value is 0, so it has no share"),
+        (("--at-least", "latency=-1 s"), "expected FACTOR=AMOUNT"),
+        (("--factor", "friction", "--budget", "3"), "--budget: 20 runs may be needed, 3 are allowed"),
+    ],
+)
+def test_bad_options(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], message: str
+) -> None:
+    pytest.importorskip("mujoco")
+    path = tmp_path / "one.sim.yml"
+    path.write_text(f"name: one\n{PUSHED}{DRIVEN}")
+    assert call(["margins", str(path), "--allow-outside", "--output-dir", str(tmp_path / "r"), "-q", *options]) == 2
+    assert message in capsys.readouterr().err
+
+
+def searched(passes: Callable[[float], bool], asked: float | None = None, most: int = 20) -> Margin:
+    """Return the margin above 1 of a factor from 1 to 5, found without a simulation."""
+    search = Search(Factor("f", "m", 1.0, 1.0, 5.0), asked, most)
+    while wanted := search.wanted():
+        for side, value in wanted:
+            side.trials.append(Trial(value))
+            side.trials[-1].take(outcome("a.sim.yml", holds=passes(value)))
+    [margin] = search.margins("other")
+    return margin
+
+
+@given(st.floats(1.02, 4.99), st.integers(5, 20))
+def test_bisection_comes_as_near_as_its_runs_allow(threshold: float, most: int) -> None:
+    margin = searched(lambda value: value < threshold, most=most)
+    assert margin.runs <= most
+    assert margin.passes < threshold <= (margin.fails or 0.0)
+    assert (margin.fails or 0.0) - margin.passes <= max(1.0 / 2 ** (most - 4), 0.04)
+
+
+def test_a_demand_is_judged_at_its_own_value() -> None:
+    kept, missed = (searched(lambda value: value < 1.3, asked=asked) for asked in (0.299, 0.301))
+    assert (kept.is_kept, missed.is_kept) == (True, False)
+    # The range grows to what is demanded.
+    assert searched(lambda _: True, asked=9.0).message == "never fails up to 10 m, 900 % above 1 m"
+
+
+def test_several_crossings_are_told() -> None:
+    margin = searched(lambda value: value < 1.5 or value > 2.5)
+    assert margin.threshold == pytest.approx(1.5, abs=0.02)
+    assert "2 changes between passing and failing were seen" in margin.message
+
+
+def test_a_factor_without_effect_is_not_exercised() -> None:
+    margin = searched(lambda _: True)
+    still = margin.model_copy(update={"has_effect": False})
+    assert still.message == "has no effect: the robot moves alike in 4 runs up to 5 m"
+    place = Location("a.sim.yml", 1)
+    assert still.expected(place).status == "warned"
+    assert still.model_copy(update={"asked": 1.0}).expected(place).status == "not_exercised"
+    assert margin.expected(place).status == "passed"
