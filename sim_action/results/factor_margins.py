@@ -104,7 +104,7 @@ class Margin(FrozenModel):
             passed=self.is_kept,
             measured=self.threshold,
             limit=None if self.asked is None else self.nominal + sign * asked,
-            margin=self.distance - asked,
+            margin=self.distance - asked if self.runs else None,
             unit=self.unit,
             message=shortened(self.message, _MAX_REASON),
             judged=None if self.has_effect and self.runs else Judged(),
@@ -164,7 +164,7 @@ class ScenarioMargins(FrozenModel):
     def _tornado(self) -> tuple[Measurement, ...]:
         """Return a bar for each factor, the one with the least margin first."""
         factors = dict.fromkeys(margin.factor for margin in self.margins if margin.has_effect and margin.runs)
-        bars = [_bar(name, [each for each in self.margins if each.factor == name]) for name in factors]
+        bars = [_bar(name, [each for each in self.margins if each.factor == name and each.runs]) for name in factors]
         return tuple(bar for _, bar in sorted(bars, key=lambda pair: pair[0]))
 
 

@@ -7,7 +7,7 @@ Between the last value that passes and the first one that fails, bisection finds
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 from types import MappingProxyType
 from typing import Final
 
@@ -453,7 +453,11 @@ class Side:
             passes=passed,
             fails=None if failed is None else failed.value,
             expectation="" if failed is None else failed.expectation,
-            reason=failed.reason if failed else "" if ran else next((each.reason for each in self.trials), ""),
+            reason=failed.reason
+            if failed
+            else ""
+            if ran
+            else next((each.reason for each in self.trials), "no run was left"),
             crossings=sum(one != other for one, other in pairwise(verdicts)),
             runs=len(ran),
             has_effect=has_effect,
@@ -481,7 +485,9 @@ class Search:
         if self._has_scanned:
             pairs = [(side, value) for side in self.sides if (value := side.middle()) is not None]
         else:
-            pairs = [(side, value) for side in self.sides for value in side.scan()]
+            # The directions take turns, so that few runs leave none of them out.
+            scans = [[(side, value) for value in side.scan()] for side in self.sides]
+            pairs = [pair for several in zip_longest(*scans) for pair in several if pair is not None]
         self._has_scanned = True
         taken = pairs[: self._left]
         self._left -= len(taken)
