@@ -5,9 +5,11 @@ A wrong guess costs time, and never a verdict: an engine that was left out is in
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import stat
+import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
@@ -20,11 +22,14 @@ _MAX_ENTRIES: Final = 20_000
 _MAX_BYTES: Final = 1_000_000
 _MAX_TOTAL_BYTES: Final = 100_000_000
 _SCENARIO: Final = (".sim.yml", ".sim.yaml")
+_WITHOUT_SCENARIOS: Final = frozenset({".git", ".github", "node_modules"})
 _READ: Final = (".yml", ".yaml", "pyproject.toml")
 # A name of the engine, a robot that only it can read, a comparison of engines, or text with escapes.
-_ASKS_MUJOCO: Final = re.compile(rb"mujoco|\bagreement\b|\.xml\b|\.mjcf\b|\bbackend\W+all\b|\\[xu\n\r]")
-# A part of scenarios, such as a base that they extend; a workflow has no such key at its top.
-_PART: Final = re.compile(rb"^\W{0,3}(?:backend|robot|agreement|variations|extends)\b", re.MULTILINE)
+_ASKS_MUJOCO: Final = re.compile(
+    rb"mujoco|\bagreement\b|(?<!\.launch)(?<!\bpackage)\.xml\b|\.mjcf\b|\bbackend\W+all\b|\\[xu\n\r]"
+)
+# A part of scenarios, such as a base that they extend: it has such a key at its top, after a mark of YAML or none.
+_PART: Final = re.compile(rb"^(?:[^\w\s#]{1,4} ?)?(?:backend|robot|agreement|variations|extends)\b", re.MULTILINE)
 _ONLY_MUJOCO: Final = re.compile(rb"^backend[ \t]*:[ \t]*[\"']?mujoco\b", re.MULTILINE)
 
 
@@ -37,7 +42,7 @@ def asked_engines(variables: Mapping[str, str]) -> frozenset[str]:
         return BOTH
     try:
         return _asked_by(_texts(Path(variables.get("INPUT_WORKING_DIRECTORY", "").strip() or ".")))
-    except (_TooMuch, OSError, ValueError, RuntimeError):  # the last for deep folders and loops of links
+    except (_TooMuch, OSError, ValueError, AttributeError, RuntimeError):  # the last: deep folders, loops of links
         return BOTH
 
 
@@ -50,6 +55,8 @@ def _asked_by(texts: Iterator[tuple[str, bytes]]) -> frozenset[str]:
     scenarios = only_mujoco = 0
     for name, text in texts:
         is_scenario = name.endswith(_SCENARIO)
+        if name == "pyproject.toml":
+            text = _settings(text)
         decides = is_scenario or name == "pyproject.toml" or _PART.search(text)
         asked = asked or bool(decides and _ASKS_MUJOCO.search(text))
         if is_scenario:
@@ -60,6 +67,12 @@ def _asked_by(texts: Iterator[tuple[str, bytes]]) -> frozenset[str]:
     if not asked:
         return _DEFAULT
     return frozenset({"mujoco"}) if scenarios else BOTH
+
+
+def _settings(text: bytes) -> bytes:
+    """Return the engine that a pyproject.toml names. Raises ValueError: it is no TOML."""
+    table = tomllib.loads(text.decode()).get("tool", {}).get("sim-action", {})
+    return json.dumps({"backend": table.get("backend")}).encode()
 
 
 def _texts(folder: Path) -> Iterator[tuple[str, bytes]]:
@@ -73,7 +86,7 @@ def _texts(folder: Path) -> Iterator[tuple[str, bytes]]:
             yield "pyproject.toml", _text(above / "pyproject.toml", above)
     seen = total = 0
     for parent, folders, files in os.walk(folder, onerror=_refuse):
-        folders[:] = [name for name in folders if name not in {".git", "node_modules"}]
+        folders[:] = [name for name in folders if name not in _WITHOUT_SCENARIOS]
         seen += len(folders) + len(files)
         if seen > _MAX_ENTRIES:
             raise _TooMuch

@@ -137,9 +137,14 @@ jobs:
     steps:
       - uses: actions/checkout@3d3c42e5aac5ba805825da76410c181273ba90b1 # v7.0.1
       - uses: sim-action/sim-action@{_MOVING_TAG}
+        id: simulation
         with:
           scenario: simulation
           strict: true
+      # Keep the report: the files of a job are lost when it ends.
+      - uses: actions/upload-artifact@043fb46d1a93c77aae656e7c1c64a875d1fc6a0a # v7.0.1
+        if: ${{{{ !cancelled() && steps.simulation.outputs.output-directory != '' }}}}
+        with: {{name: sim-results, path: "${{{{ steps.simulation.outputs.output-directory }}}}"}}
 """
 
 

@@ -33,7 +33,12 @@ def test_scenarios_without_an_engine_get_the_default(workspace: Path) -> None:
     (workspace / ".github").mkdir()
     steps = "    - with:\n        backend: mujoco\n    - run: pytest --junitxml=a.xml\n"
     (workspace / ".github/test.yml").write_text(f"on: push\njobs:\n  a:\n    steps:\n{steps}")
+    (workspace / ".github/robot.yml").write_text("robot: {steps: [run: pytest --junitxml=a.xml]}\n")
     (workspace / "launch.yaml").write_text("urdf: robot.xml\nbackends: [mujoco]\n")
+    (workspace / "compose.yml").write_text("services:\n  robot: {volumes: [robot.xml:/robot.xml]}\n# robot: a.xml\n")
+    (workspace / "ros.sim.yml").write_text(f"{PLAIN}ros2: {{launch: a.launch.xml}}  # see package.xml\n")
+    pytest_alone = '[project]\ndependencies = ["mujoco"]\n[tool.pytest]\naddopts = "--junitxml=a.xml"\n'
+    (workspace / "pyproject.toml").write_text(f'{pytest_alone}[tool.sim-action]\njunit = "b.xml"\n')
     assert asked(workspace) == PYBULLET
 
 
@@ -61,6 +66,9 @@ def test_scenarios_without_an_engine_get_the_default(workspace: Path) -> None:
         ("base.yml", "# a base\n---\n'robot': {model: arm.xml}\n"),
         ("pyproject.toml", '[tool.sim-action]\nbackend = "mujoco"\n'),
         ("pyproject.toml", '[tool.sim-action]\nbackend = "all"\n'),
+        ("pyproject.toml", 'tool.sim-action.backend = "muj\\u006fco"\n'),
+        ("pyproject.toml", "[tool.sim-action\n"),
+        ("pyproject.toml", "tool = 1\n"),
     ],
 )
 def test_files_that_can_ask_for_both_get_both(name: str, text: str, workspace: Path) -> None:
