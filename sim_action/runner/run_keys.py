@@ -18,7 +18,7 @@ from contextlib import suppress
 from dataclasses import asdict
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from sim_action.core.errors import UsageError
 from sim_action.core.git_tree import FileDigests, GitError, GitListing, GitTree
@@ -40,7 +40,22 @@ from sim_action.scenario.child_environment import compared_variables
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.watched_files import MAX_FILES, NamedFiles
 
-_VERSION: Final = 1
+_VERSION: Final = 2
+
+_PARTS: Final = (
+    "scenarios, or their seeds and engines",
+    "files of the workspace",
+    "files that scenarios name",
+    "options",
+    "sim-action",
+    "Python or its packages",
+    "the machine",
+    "the engine",
+    "environment variables",
+)
+"""The parts of a key in words, in their order. A key ends with the beginnings of their digests."""
+
+_SHORT_DIGITS: Final = 8
 
 _NATIVE_VARIABLES: Final = (
     *("LD_*", "DYLD_*", "OMP_*", "OPENBLAS_*", "MKL_*", "NPY_*", "PYTHON*"),
@@ -114,15 +129,15 @@ class RunKeys:
         if files is None:
             return None
         parts = [
-            _VERSION,
             _scenario(loaded),
             tree.digest if isinstance(tree, GitTree) else None,
             files,
-            self._call,
+            *self._call,
             self._engine_build(loaded.scenario.backend),
             self._of_user_code if runs_code else self._of_native_code,
         ]
-        return _digest_of(parts)
+        short = ".".join(_digest_of(part)[:_SHORT_DIGITS] for part in parts)
+        return f"{_digest_of([_VERSION, parts])}:{short}"
 
     def prepare(self) -> None:
         """Read everything that the keys of several runs share."""
@@ -156,10 +171,10 @@ class RunKeys:
         """
         root, named = loaded.workspace.root, self._named.of(loaded.source)
         if (root, named) not in self._contents:
-            self._contents[root, named] = self._contents_of(named, tree)
+            self._contents[root, named] = self._contents_of(named, tree, root)
         return self._contents[root, named]
 
-    def _contents_of(self, named: frozenset[Path], tree: GitTree | str) -> list[tuple[str, str]] | None:
+    def _contents_of(self, named: frozenset[Path], tree: GitTree | str, root: Path) -> list[tuple[str, str]] | None:
         if len(named) >= MAX_FILES:
             return None
         found: list[tuple[str, str]] = []
@@ -167,7 +182,7 @@ class RunKeys:
             content = "in the workspace" if _is_in(path, tree) else self._digests.of(path)
             if content is None:
                 return None
-            found.append((str(path), content))
+            found.append((os.path.relpath(path, root), content))
         return found
 
     def _engine_build(self, backend: str) -> str | None:
@@ -176,22 +191,18 @@ class RunKeys:
         return self._builds[backend]
 
     @cached_property
-    def _call(self) -> str:
-        """The digest of everything that all runs of the call share."""
+    def _call(self) -> tuple[str, ...]:
+        """The digests of the parts that all runs of the call share."""
         options = self._options
-        parts: dict[str, Any] = {
-            "permissions": asdict(options.permissions),
-            "repeat": options.repeat,
-            "formats": sorted(options.formats),
-            "replays": options.replays,
-            "folder": str(Path.cwd()),
-            "sim-action": source_digest(PACKAGE_FOLDER),
-            # A virtual environment may lie in another folder each time; its packages are compared.
-            "python": [sys.version, sys.flags.optimize, os.path.realpath(sys.executable)],
-            "machine": [sys.platform, platform.machine(), *platform.libc_ver(), cpu_model()],
-            "packages": _packages(),
-        }
-        return _digest_of(parts)
+        # A virtual environment may lie in another folder each time; its packages are compared.
+        python = [sys.version, sys.flags.optimize, os.path.realpath(sys.executable)]
+        parts: tuple[object, ...] = (
+            [asdict(options.permissions), options.repeat, sorted(options.formats), options.replays],
+            source_digest(PACKAGE_FOLDER),
+            [python, _packages()],
+            [sys.platform, platform.machine(), *platform.libc_ver(), cpu_model()],
+        )
+        return tuple(map(_digest_of, parts))
 
     @cached_property
     def _of_user_code(self) -> str:
@@ -245,7 +256,8 @@ def _scenario(loaded: LoadedScenario) -> list[object]:
         [(varied.key, varied.value) for varied in source.variation],
         *(scenario.name, scenario.backend, scenario.seed, scenario.unexercised, scenario.trace.rate),
         *(scenario.confidence, loaded.repetition, loaded.compared, loaded.strict),
-        *(str(loaded.workspace.directory), str(loaded.workspace.root)),
+        # The workspace may lie in another folder each time.
+        *(os.path.relpath(place, loaded.workspace.root) for place in (loaded.workspace.directory, Path.cwd())),
     ]
 
 
@@ -293,10 +305,7 @@ def _distributions() -> Iterator[tuple[str, str]]:
                 yield path.name, ""
 
 
-_ALL_CHANGED: Final = (
-    "no verdict of the earlier run is taken over: since then, files, options, environment variables, software or the "
-    "current folder have changed"
-)
+_NONE_TAKEN: Final = "no verdict of the earlier run is taken over"
 _KEYLESS: Final = (
     "no verdict of the earlier run is taken over: its journal does not say which files and options they depend on"
 )
@@ -372,12 +381,16 @@ def take_over(
     if recorded.unsealed:
         remarks += (f"{counted(recorded.unsealed, 'verdict')} of the earlier run {_UNSEALED}",)
     if not records and not remarks and any(record.event == "finished" for record in recorded.records):
-        remarks = (_ALL_CHANGED if search.earlier else _KEYLESS,)
+        remarks = (f"{_NONE_TAKEN}: {search.difference(recorded)}" if search.earlier else _KEYLESS,)
     return TakenOver(tuple(records), frozenset(search.kept), remarks)
 
 
 _Key = tuple[str, int | None]
 """The key of a run, and the number of the repetition; None for a final outcome."""
+
+
+def _short(key: str) -> list[str]:
+    return key.partition(":")[2].split(".")
 
 
 def _by_key(recorded: Recorded) -> dict[_Key, Record]:
@@ -432,6 +445,21 @@ class _Search:
                 if record := self._of_turn(places[0], turn, keys[0]):
                     yield record
                     self._keep(places[0], [turn])
+
+    def difference(self, recorded: Recorded) -> str:
+        """Return what has changed since the earlier call, in words."""
+        keys: dict[tuple[str, str], str] = {}
+        for place, index in self._indices.items():
+            keys[self.planned[place].file, self.planned[place].name] = self.keys.of(self.runs[index]) or ""
+        changed: set[str] = set()
+        for record in recorded.records:
+            key = "" if record.outcome is None else keys.get((record.outcome.file, record.outcome.name), "")
+            if key and record.key is not None:
+                pairs = zip(_PARTS, _short(key), _short(record.key), strict=False)
+                changed.update(name for name, new, old in pairs if new != old)
+        if not changed:
+            return "it has none of these scenarios, or files of its runs are missing"
+        return f"since then, these have changed: {', '.join(name for name in _PARTS if name in changed)}"
 
     def _final(self, place: int, key: str | None) -> Record | None:
         record = self.earlier.get((key, None)) if key is not None else None

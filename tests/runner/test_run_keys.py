@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import time
@@ -110,8 +111,16 @@ def edited(name: str, text: str = "# another\n") -> None:
 def test_keys_of_equal_calls_are_equal(kind: Kind) -> None:
     first = kind()
     assert first is not None
-    assert len(first) == 64
+    assert re.fullmatch(rf"[0-9a-f]{{64}}:(?:[0-9a-f]{{8}}\.){{{len(module._PARTS) - 1}}}[0-9a-f]{{8}}", first)
     assert kind() == first
+
+
+@KINDS
+def test_a_workspace_that_was_renamed_keeps_its_keys(kind: Kind, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = kind()
+    renamed = folder.rename(folder.with_name(f"{folder.name}-renamed"))
+    monkeypatch.chdir(renamed)
+    assert kind() == first is not None
 
 
 def test_scenarios_have_keys_of_their_own() -> None:
@@ -360,12 +369,12 @@ FLAKY = Failure(kind="flaky", title="flaky", message="1 of 2 runs agree")
 class Keys:
     """Keys that are the names of scenarios; `unknown_names` have none."""
 
-    def __init__(self, *unknown_names: str) -> None:
-        self._unknown = unknown_names
+    def __init__(self, *unknown_names: str, short: str = "") -> None:
+        self._unknown, self._short = unknown_names, short
 
     def of(self, loaded: LoadedScenario) -> str | None:
         name = loaded.scenario.name
-        return None if name in self._unknown else f"key of {name}"
+        return None if name in self._unknown else f"key of {name}{self._short and ':'}{self._short}"
 
     def unknown(self, _loaded: LoadedScenario) -> str | None:
         return "git is missing" if self._unknown else None
@@ -480,12 +489,14 @@ def test_runs_without_a_key_run_again_and_the_reason_is_given(call: Call) -> Non
 
 
 def test_a_call_in_which_all_has_changed_says_so(call: Call) -> None:
-    call.journal(Finished(0, call.outcome(0), "another"))
-    (remark,) = call.taken().remarks
+    call.journal(Finished(0, call.outcome(0), "another:1.2.9.4.5.6.7.8.9"))
+    (remark,) = call.taken(Keys(short="1.2.3.4.5.0.7.8.9")).remarks
     assert remark == (
-        "no verdict of the earlier run is taken over: since then, files, options, environment variables, software or "
-        "the current folder have changed"
+        "no verdict of the earlier run is taken over: since then, these have changed: files that scenarios name, "
+        "Python or its packages"
     )
+    (remark,) = Call(call.folder, ("another",)).taken().remarks
+    assert "it has none of these scenarios" in remark
 
 
 def test_without_a_journal_there_is_nothing_to_resume(call: Call) -> None:
