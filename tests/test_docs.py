@@ -31,6 +31,7 @@ ROBOTS = PAGES["docs/models/robots.md"]
 
 MAX_README_BYTES = 12_500
 MAX_PAGE_LINES = 600
+MAX_WORDS = 60_000
 
 
 def with_marker(path: Path, *parameters: Any) -> Any:
@@ -85,8 +86,10 @@ def test_what_was_found_of_a_robot_is_explained() -> None:
     assert rules <= set(re.findall(r"^\| `([a-z-]+)` \|", explained, re.MULTILINE)) <= set(RULES)
 
 
-def test_the_readme_is_short() -> None:
+def test_the_readme_is_short_and_all_pages_together() -> None:
     assert len(README.encode()) <= MAX_README_BYTES
+    words = sum(len(text.split()) for text in PAGES.values())
+    assert words <= MAX_WORDS, f"{words} words; shorten a page by as much as you add"
 
 
 @in_each_page

@@ -165,6 +165,7 @@ def _results(parts: Sequence[Results], outcomes: Iterable[Outcome], gates: Itera
         python=_distinct(part.python for part in parts),
         platform=_distinct(part.platform for part in parts),
         started_at=min((part.started_at for part in parts if part.started_at), default=None),
+        commit=next((part.commit for part in parts if part.commit), None),
         wall_time=max(part.wall_time for part in parts),
         merged=True,
         gates=tuple(gates),

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -35,7 +36,7 @@ from sim_action.results.events import Event, Finished, Progressed, RunEnded, Sta
 from sim_action.results.gates import over_variations
 from sim_action.results.journal_seal import Seal
 from sim_action.results.outcome import Failure, NotNegative, Outcome
-from sim_action.results.results_json import MAX_OUTCOMES, Results, Shard, is_inconsistent
+from sim_action.results.results_json import MAX_OUTCOMES, Commit, Results, Shard, is_inconsistent
 from sim_action.scenario.sharing import share_parts
 from sim_action.scenario.source import Variation
 from sim_action.scenario.variations.gate import PlannedGate
@@ -69,12 +70,19 @@ class Planned:
         return Outcome(**known, status="error", failures=(failure,))
 
 
+def _commit(environment: Mapping[str, str]) -> str | None:
+    """Return the commit that GitHub, GitLab or Jenkins names; None without one."""
+    names = ("GITHUB_SHA", "CI_COMMIT_SHA", "GIT_COMMIT")
+    named = (environment.get(name, "").lower() for name in names)
+    return next((commit for commit in named if re.fullmatch("[0-9a-f]{7,64}", commit)), None)
+
+
 class Header(FrozenModel):
     """The first line of a journal.
 
     Attributes:
         journal: the version of the format.
-        started_at, shard, selected: as in `Results`.
+        started_at, commit, shard, selected: as in `Results`.
         files: the files that the call may write, relative to the journal; the next call removes them.
         gates: the gates of the planned outcomes.
         planned: the planned outcomes, in the order of the results.
@@ -85,6 +93,7 @@ class Header(FrozenModel):
     python: str
     platform: str
     started_at: AwareDatetime | None = None
+    commit: Commit | None = None
     shard: Shard | None = None
     selected: bool = False
     files: tuple[str, ...] = ()
@@ -108,6 +117,7 @@ class Header(FrozenModel):
             python=platform.python_version(),
             platform=platform_name(),
             started_at=datetime.now(UTC).replace(microsecond=0),
+            commit=_commit(os.environ),
             shard=shard,
             selected=selected,
             files=tuple(files),
@@ -209,6 +219,7 @@ class Recorded:
             python=header.python,
             platform=header.platform,
             started_at=header.started_at,
+            commit=header.commit,
             wall_time=max((record.at for record in self.records), default=0.0),
             shard=header.shard,
             selected=header.selected,

@@ -31,6 +31,8 @@ MAX_SHARDS: Final = 256
 
 T = TypeVar("T")
 
+Commit = Annotated[str, Field(pattern=r"^[0-9a-f]{7,64}$")]
+
 _Number = Annotated[int, Field(ge=1, le=MAX_SHARDS)]
 
 
@@ -123,6 +125,7 @@ class Results(FrozenModel):
             Version 1 also named some values of `end` and the key `selected` differently.
         sim_action: the version of sim-action; after `merge`, every version that the shards used.
         started_at: the time at which the call started; after `merge`, that of the first shard; null in older results.
+        commit: the commit that a CI service names; null elsewhere, and in older results.
         wall_time: the wall time in s of the call; after `merge`, that of the slowest shard.
         shard: the part of the list of scenarios that these results cover; null if they cover the whole list.
         selected: true if the call selected scenarios inside files by number; no scenario may be left then.
@@ -135,6 +138,7 @@ class Results(FrozenModel):
     python: str
     platform: str
     started_at: AwareDatetime | None = None
+    commit: Commit | None = None
     wall_time: NotNegative
     shard: Shard | None = None
     selected: bool = False
@@ -196,10 +200,10 @@ class Results(FrozenModel):
         """Write `results.json` into an existing folder and return its path."""
         path = folder / RESULTS_FILE
         with whole_file(path) as file:
-            file.writelines(self._parts())
+            file.writelines(self.parts())
         return path
 
-    def _parts(self) -> Iterator[bytes]:
+    def parts(self) -> Iterator[bytes]:
         """Yield the file in parts, as `model_dump_json(indent=2)` would write it."""
         head = _json(self.model_copy(update={"outcomes": ()}))
         beginning = head.removesuffix("[]\n}")

@@ -6,6 +6,7 @@ No outcome is lost, none occurs twice, and each scenario that no shard has run b
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import datetime
 from itertools import groupby, zip_longest
 from pathlib import Path, PurePosixPath
 from typing import NoReturn
@@ -244,12 +245,15 @@ class EarlierRun:
         outcomes: the outcomes, with those of gates.
         gates: the gates as they are stated.
         folders: `id()` of an outcome -> the folder of its results file, from which its files are named.
+        started_at, commit: as in `Results`.
     """
 
     name: str
     outcomes: tuple[Outcome, ...]
     folders: Mapping[int, Path]
     gates: tuple[PlannedGate, ...] = ()
+    started_at: datetime | None = None
+    commit: str | None = None
 
 
 def read_run(pattern: str) -> EarlierRun:
@@ -264,4 +268,5 @@ def read_run(pattern: str) -> EarlierRun:
     runs = [outcome for outcome in outcomes if outcome.statistics is None]
     origins = [entry.origin for entry in entries if entry.outcome.statistics is None]
     folders = {id(run): origin.parent for run, origin in zip(runs, origins, strict=True) if origin is not None}
-    return EarlierRun(pattern, outcomes, folders, gates)
+    started = min((file.results.started_at for file in files if file.results.started_at), default=None)
+    return EarlierRun(pattern, outcomes, folders, gates, started, files[0].results.commit)

@@ -125,17 +125,7 @@ class Page:
         """Yield the encoded file in parts: a page may have tens of megabytes."""
         built = viewer() if self.has_replays else None
         carried = dict(self.blocks) | ({"viewer3d": built.packed} if built else {})
-        top = element(
-            "head",
-            element("meta", charset="utf-8"),
-            element("meta", http_equiv="Content-Security-Policy", content=self._policy(built)),
-            element("meta", name="viewport", content="width=device-width, initial-scale=1"),
-            element("meta", name="color-scheme", content="light dark"),
-            element("meta", name="generator", content="sim-action"),
-            element("title", self.title),
-            element("link", rel="icon", href=_ICON.format(colour="%23c62f2f" if self.failed else "%233a6ea5")),
-            element("style", Html(self._style)),
-        )
+        top = _head(self.title, self._policy(built), self._style, failed=self.failed)
         layout = " data-embed" if self.is_embedded else ""
         yield encoded(f'<!doctype html>\n<html lang="en"{layout}>{top}<body>')
         yield from self.body
@@ -146,6 +136,27 @@ class Page:
         if self.is_live:
             yield encoded(element("script", Html(_bare(_asset(LIVE_SCRIPT)))))
         yield encoded("</body></html>\n")
+
+
+def _head(title: str, policy_text: str, style: str, *, failed: bool) -> Html:
+    return element(
+        "head",
+        element("meta", charset="utf-8"),
+        element("meta", http_equiv="Content-Security-Policy", content=policy_text),
+        element("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        element("meta", name="color-scheme", content="light dark"),
+        element("meta", name="generator", content="sim-action"),
+        element("title", title),
+        element("link", rel="icon", href=_ICON.format(colour="%23c62f2f" if failed else "%233a6ea5")),
+        element("style", Html(style)),
+    )
+
+
+def still_page(title: str, body: Html, *, failed: bool) -> bytes:
+    """Return a page without a script."""
+    style = _asset("page.css")
+    top = _head(title, policy(fingerprint(style), ["'none'"]), style, failed=failed)
+    return encoded(f'<!doctype html>\n<html lang="en">{top}<body>{body}</body></html>\n')
 
 
 def encoded(text: str) -> bytes:

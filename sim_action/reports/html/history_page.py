@@ -1,0 +1,238 @@
+"""The page of `sim-action report --history`: the margin of each expectation over runs, and the commit that broke it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Final
+
+from sim_action.core.discovery import compared_name
+from sim_action.core.errors import UsageError
+from sim_action.core.files import whole_file
+from sim_action.core.records import dataclass
+from sim_action.core.wording import counted, escaped_line
+from sim_action.reports.escaping import one_line
+from sim_action.reports.formatting import quantity
+from sim_action.reports.html.document import (
+    Html,
+    article,
+    element,
+    faint,
+    heading,
+    joined,
+    reason,
+    reasons,
+    status_mark,
+    still_page,
+    table,
+)
+from sim_action.results.outcome import DisplayStatus, ExpectationOutcome, Outcome
+from sim_action.results.results_json import RESULTS_FILE
+from sim_action.results.shard_results import EarlierRun, read_run
+
+HISTORY_FILE: Final = "history.html"
+
+_GOOD: Final = ("passed", "warned")
+_WIDTH, _HEIGHT, _EDGE = 600.0, 120.0, 10.0
+_COMMIT_DIGITS: Final = 7
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """An expectation in one run.
+
+    Attributes:
+        run: the index of the run.
+        value: the margin, of a goal that was met the time left in s; None: nothing was measured.
+        shown: the value as people read it.
+        message: the sentence of the verdict, or the reason why there is none.
+    """
+
+    run: int
+    status: DisplayStatus
+    value: float | None
+    shown: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """An expectation of a scenario in all runs that have it, the oldest first."""
+
+    scenario: str
+    expectation: str
+    points: tuple[Point, ...]
+
+    @property
+    def judged(self) -> tuple[Point, ...]:
+        """The points of runs that were not skipped or cut off."""
+        return tuple(point for point in self.points if point.status != "skipped")
+
+    @property
+    def broken(self) -> tuple[Point | None, Point] | None:
+        """The last point that was good, if any, and the first of the bad ones since; None: it is not broken now."""
+        bad: Point | None = None
+        for point in reversed(self.judged):
+            if point.status in _GOOD:
+                return (point, bad) if bad is not None else None
+            bad = point
+        return (None, bad) if bad is not None else None
+
+
+def read_runs(places: Sequence[str]) -> list[EarlierRun]:
+    """Return runs in the order of their starts. Raises UsageError.
+
+    A place is a results file, the folder of one, or a folder with a folder for each run; shards are joined.
+    """
+    names: list[str] = []
+    for place in places:
+        is_run = not Path(place).is_dir() or (Path(place) / RESULTS_FILE).is_file()
+        below = [] if is_run else sorted(path for path in Path(place).iterdir() if path.is_dir())
+        names += [place] if is_run else [str(path) for path in below if any(path.rglob(RESULTS_FILE))]
+    if not names:
+        raise UsageError(escaped_line(f"no {RESULTS_FILE} below {', '.join(places)}; name the folders of earlier runs"))
+    runs = [read_run(name) for name in names]
+    return sorted(runs, key=lambda run: (run.started_at.timestamp() if run.started_at else 0.0, run.name))
+
+
+def histories(runs: Sequence[EarlierRun]) -> list[History]:
+    """Return the expectations of all scenarios: those that are broken now first."""
+    points: dict[tuple[str, str], dict[str, list[Point]]] = {}
+    for number, run in enumerate(runs):
+        for outcome in (each for each in run.outcomes if not each.is_sample):
+            by_name = points.setdefault((compared_name(outcome.file), outcome.name), {})
+            for name, point in _points(outcome, number, list(by_name)):
+                by_name.setdefault(name, []).append(point)
+    every = [
+        History(scenario, name, tuple(listed)) for (_, scenario), by in points.items() for name, listed in by.items()
+    ]
+    return sorted(every, key=lambda each: each.broken is None)
+
+
+def _points(outcome: Outcome, run: int, known: Sequence[str]) -> Iterator[tuple[str, Point]]:
+    """Yield the points of one outcome; without a verdict, one for each expectation of earlier runs."""
+    seen: dict[str, int] = {}
+    for expected in outcome.expectations:
+        number = seen[expected.name] = seen.get(expected.name, 0) + 1
+        value, unit = _value(expected)
+        point = Point(run, expected.display_status, value, quantity(value, unit), expected.message)
+        yield (expected.name if number == 1 else f"{expected.name} ({number})"), point
+    if not outcome.expectations:
+        reasons_text = "; ".join(outcome.reasons) or outcome.ending
+        for name in known or ("verdict",):
+            yield name, Point(run, outcome.display_status, None, "", reasons_text)
+
+
+def _value(expected: ExpectationOutcome) -> tuple[float | None, str]:
+    verdict = expected.verdict
+    if verdict.cut_off or verdict.status == "not_exercised":
+        return None, ""
+    if verdict.goal and verdict.status == "passed":
+        end = None if expected.scope is None else expected.scope.end
+        return (None if end is None or verdict.time is None else end - verdict.time), "s"
+    # A goal that was missed has another unit than the time that is left to one that was met.
+    return (None if verdict.goal else verdict.margin), verdict.unit
+
+
+def write_history(runs: Sequence[EarlierRun], folder: Path) -> list[str]:
+    """Write the page into an existing folder, and return a line for each expectation that is broken now."""
+    every, labels = histories(runs), [_label(run) for run in runs]
+    broken = [each for each in every if each.broken is not None]
+    with whole_file(folder / HISTORY_FILE) as file:
+        file.write(still_page("history", _body(every, labels), failed=bool(broken)))
+    return [one_line(f"{each.scenario}: {each.expectation}: {_sentence(each, labels)}") for each in broken]
+
+
+def _label(run: EarlierRun) -> str:
+    """Return the commit of a run, or the name of its folder, with the day."""
+    name = run.commit[:_COMMIT_DIGITS] if run.commit else Path(run.name).name or run.name
+    return f"{name} ({run.started_at:%Y-%m-%d})" if isinstance(run.started_at, datetime) else name
+
+
+def _sentence(history: History, labels: Sequence[str]) -> str:
+    if history.broken is None:
+        return "not broken"
+    good, bad_point = history.broken
+    if good is None:
+        return f"never good since {labels[bad_point.run]}: {bad_point.message}"
+    before = f" (margin {good.shown})" if good.shown else ""
+    return f"broken by {labels[bad_point.run]}: {bad_point.message}; good until {labels[good.run]}{before}"
+
+
+def _body(every: Sequence[History], labels: Sequence[str]) -> Html:
+    broken = [each for each in every if each.broken is not None]
+    kind = "failed" if broken else "passed"
+    title = f"{len(broken)} of {counted(len(every), 'expectation')} broken" if broken else "Nothing is broken"
+    head = element(
+        "header",
+        element("h1", title, class_=kind),
+        element("p", f"{counted(len(labels), 'run')}, {labels[0]} to {labels[-1]}", class_="faint"),
+        class_="run",
+    )
+    by_scenario: dict[str, list[History]] = {}
+    for each in every:
+        by_scenario.setdefault(each.scenario, []).append(each)
+    articles = [_article(f"h{n}", name, listed, labels) for n, (name, listed) in enumerate(by_scenario.items())]
+    return joined(head, element("main", *articles))
+
+
+def _article(identity: str, name: str, listed: Sequence[History], labels: Sequence[str]) -> Html:
+    broken = [each for each in listed if each.broken is not None]
+    kind = "failed" if broken else "passed"
+    told = [reason("", element("h3", each.expectation), _sentence(each, labels)) for each in broken]
+    status = element("p", f"{len(broken)} broken" if broken else "Passed", class_=f"status {kind}")
+    parts = [_chart(each, labels) for each in listed]
+    return article(identity, kind, (status, heading(identity, name)), joined(reasons(told), *parts))
+
+
+def _chart(history: History, labels: Sequence[str]) -> Html:
+    """Return the line of the margins, its bounds in words, and all values in a fold."""
+    values = [point.value for point in history.points if point.value is not None]
+    low, high = min([0.0, *values]), max([0.0, *values])
+    step = (_WIDTH - 2 * _EDGE) / max(1, len(labels) - 1)
+
+    def place(point: Point) -> str:
+        share = 0.0 if point.value is None or high == low else (point.value - low) / (high - low)
+        return f"{_EDGE + step * point.run:.1f} {_HEIGHT - _EDGE - share * (_HEIGHT - 2 * _EDGE):.1f}"
+
+    zero = _HEIGHT - _EDGE - (-low / (high - low) if high > low else 0.0) * (_HEIGHT - 2 * _EDGE)
+    line = " L ".join(place(point) for point in history.points if point.value is not None)
+    dots = [
+        element(
+            "path",
+            element("title", f"{labels[point.run]}: {point.shown or point.status}"),
+            d=f"M {place(point)} h 0.01",
+            class_=f"dot {point.status}",
+        )
+        for point in history.points
+    ]
+    drawing = element(
+        "svg",
+        element("path", d=f"M 0 {zero:.1f} H {_WIDTH:.0f}", class_="zero"),
+        element("path", d=f"M {line}", class_="way") if line else "",
+        *dots,
+        viewBox=f"0 0 {_WIDTH:.0f} {_HEIGHT:.0f}",
+        preserveAspectRatio="none",
+        role="img",
+        aria_label=f"{history.expectation}: {_sentence(history, labels)}",
+        class_="drawing history",
+    )
+    shown = [point.shown for point in history.points if point.shown]
+    bad = sum(point.status not in _GOOD for point in history.judged)
+    rate = f"good in {len(history.judged) - bad} of {counted(len(history.judged), 'run')}"
+    between = f"margin {shown[0]} first, {shown[-1]} last; the dashed line is the limit" if shown else "no margin"
+    rows = [
+        element(
+            "tr",
+            element("td", status_mark(point.status)),
+            element("th", labels[point.run], scope="row"),
+            element("td", point.shown, data_title="Margin"),
+            element("td", point.message, class_="finding", data_title="Verdict"),
+        )
+        for point in reversed(history.points)
+    ]
+    fold = element("details", element("summary", "All values"), table(("Run", "Margin", "Verdict"), joined(*rows)))
+    return joined(
+        element("h3", history.expectation), element("div", drawing, class_="still"), faint(f"{rate}; {between}"), fold
+    )

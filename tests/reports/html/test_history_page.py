@@ -1,0 +1,124 @@
+"""The page of `sim-action report --history`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+
+from sim_action.cli.main import call
+from sim_action.core.errors import UsageError
+from sim_action.reports.html.history_page import HISTORY_FILE, History, histories, read_runs, write_history
+from sim_action.results.outcome import Failure, Outcome, Scope
+from sim_action.state.verdict import Verdict
+from tests.outcomes import like
+from tests.reports.samples import SAMPLES, results_of
+
+PASSED = SAMPLES["passed"].outcomes[0]
+START = datetime(2026, 11, 1, 8, tzinfo=UTC)
+CRASHED = like(
+    PASSED,
+    status="error",
+    expectations=(),
+    failures=(Failure(kind="crash", title="SIGSEGV", message="the engine crashed"),),
+)
+
+
+def outcome(margin: float | None) -> Outcome:
+    """An invariant with a margin; None: a crash."""
+    if margin is None:
+        return CRASHED
+    verdict = Verdict(passed=margin >= 0, message=f"came to {margin:g} m", margin=margin, unit="m", time=1.0)
+    expected = like(PASSED.expectations[0], name="in its lane", verdict=verdict)
+    return like(PASSED, status="passed" if margin >= 0 else "failed", expectations=(expected,))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "runs"
+
+
+def write(folder: Path, margins: Sequence[float | None]) -> Path:
+    """Results of runs, whose folders have another order than their starts."""
+    for number, margin in enumerate(margins):
+        place = folder / f"{9 - number}"
+        place.mkdir(parents=True)
+        started = START + timedelta(days=number)
+        results = results_of(outcome(margin)).model_copy(update={"started_at": started, "commit": f"{number}" * 40})
+        results.write(place)
+    return folder
+
+
+def only(folder: Path) -> History:
+    (history,) = histories(read_runs([str(folder)]))
+    return history
+
+
+@pytest.mark.parametrize(
+    ("margins", "broken"),
+    [
+        ([0.3, 0.2, 0.1], None),
+        ([0.3, -0.1, 0.2], None),
+        ([0.3, 0.2, -0.1, -0.2], (1, 2)),
+        ([0.3, -0.1, 0.2, -0.2], (2, 3)),
+        ([-0.1, -0.2], (None, 0)),
+        ([0.3, None, -0.1], (0, 1)),
+        ([0.3, None, 0.1], None),
+        ([-0.1], (None, 0)),
+    ],
+)
+def test_the_first_bad_run_after_the_last_good_one_broke_it(
+    margins: list[float | None], broken: tuple[int | None, int] | None, folder: Path
+) -> None:
+    history = only(write(folder, margins))
+    assert [point.value for point in history.points] == margins
+    pair = history.broken
+    assert (None if pair is None else (None if pair[0] is None else pair[0].run, pair[1].run)) == broken
+
+
+def test_the_page_names_the_commit_and_draws_each_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(folder, [0.3, 0.2, -0.1, None])
+    assert call(["report", "--history", str(folder), "--output-dir", str(folder)]) == 0
+    printed = capsys.readouterr().out
+    sentence = (
+        "in its lane: broken by 2222222 (2026-11-03): came to -0.1 m; good until 1111111 (2026-11-02) (margin 0.2 m)"
+    )
+    assert sentence in printed
+    page = (folder / HISTORY_FILE).read_text(encoding="utf-8")
+    assert re.findall(r'class="dot (\w+)"', page) == ["passed", "passed", "failed", "error"]
+    assert "1 of 1 expectation broken" in page
+    assert "SIGSEGV: the engine crashed" in page
+    assert "<script" not in page
+
+
+def test_of_goals_the_time_that_is_left_is_drawn(folder: Path) -> None:
+    verdict = Verdict(passed=True, message="arrived", margin=0.1, unit="m", time=2.0, goal=True)
+    goal = like(PASSED.expectations[0], verdict=verdict, scope=Scope(end=30.0))
+    results_of(like(PASSED, expectations=(goal,))).write(_made(folder / "a"))
+    (point,) = only(folder).points
+    assert (point.value, point.shown) == (28.0, "28 s")
+
+
+def _made(place: Path) -> Path:
+    place.mkdir(parents=True)
+    return place
+
+
+@pytest.mark.parametrize("kind", sorted(SAMPLES.keys() - {"failed"}))  # it has a scenario twice
+def test_any_results_have_a_history(kind: str, folder: Path) -> None:
+    """Also of scenarios with several expectations of a name, of gates, and with any text."""
+    for name in ("a", "b"):
+        SAMPLES[kind].write(_made(folder / name))
+    write_history(read_runs([str(folder)]), folder)
+    page = (folder / HISTORY_FILE).read_text(encoding="utf-8")
+    assert "<script" not in page
+    assert "onerror=" not in re.sub(r"&\w+;[^<]*", "", page)
+
+
+def test_folders_without_results_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"no results.json below"):
+        read_runs([str(tmp_path)])
+    assert call(["report", "a", "b"]) == 2
