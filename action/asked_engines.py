@@ -55,10 +55,9 @@ def _asked_by(texts: Iterator[tuple[str, bytes]]) -> frozenset[str]:
     scenarios = only_mujoco = 0
     for name, text in texts:
         is_scenario = name.endswith(_SCENARIO)
-        if name == "pyproject.toml":
-            text = _settings(text)
-        decides = is_scenario or name == "pyproject.toml" or _PART.search(text)
-        asked = asked or bool(decides and _ASKS_MUJOCO.search(text))
+        is_project = name == "pyproject.toml"
+        decides = is_scenario or is_project or _PART.search(text)
+        asked = asked or bool(decides and _ASKS_MUJOCO.search(_settings(text) if is_project else text))
         if is_scenario:
             scenarios += 1
             only_mujoco += bool(_ONLY_MUJOCO.search(text))

@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import pytest
+from _pytest._code.code import ExceptionChainRepr, ExceptionRepr, ReprEntryNative, ReprFileLocation, ReprTraceback
 
 if TYPE_CHECKING:
     import sim_action
@@ -111,12 +112,19 @@ class ScenarioItem(pytest.Item):
         for text in dict.fromkeys(f"{warning.location}: {warning}" for warning in warnings):
             self.warn(SimActionWarning(text))
         if not results.passed:
+            self.stash[_CAUSE] = _cause(results)
             raise (ScenarioError if any(each.errors for each in results) else AssertionError)(results.text)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Return the report of a scenario that did not pass; that of another error as usual."""
-        is_failure = isinstance(excinfo.value, AssertionError)
-        return str(excinfo.value).rstrip("\n") if is_failure else _told(excinfo) or super().repr_failure(excinfo, style)
+        """Return the report of a scenario that did not pass, with its cause for the summary; another error as usual."""
+        text = str(excinfo.value).rstrip("\n") if isinstance(excinfo.value, AssertionError) else _told(excinfo)
+        if text is None or _CAUSE not in self.stash:
+            return text or super().repr_failure(excinfo, style)
+        path, line, _ = self.reportinfo()
+        place = ReprFileLocation(str(path), (line or 0) + 1, self.stash[_CAUSE])
+        return ExceptionChainRepr(
+            [(ReprTraceback([ReprEntryNative([f"{text}\n"])], None, style="native"), place, None)]
+        )
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
         """Return the file, the line from 0, and the name."""
@@ -173,6 +181,34 @@ def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
         names = ", ".join(f"'{each.name}'" for each in ignored)
         pytest.fail(f"{names} did not pass, and the test looked at no verdict: assert results.passed", pytrace=False)
 
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Begin the summary of a failed `assert results.passed` with the cause, where pytest has "assert False".
+
+    It stays as it is if the test asserts something else, such as a value of a scenario that should fail.
+    """
+    report = yield
+    crash = report.longrepr.reprcrash if isinstance(report.longrepr, ExceptionRepr) else None
+    asserted = "" if crash is None else crash.message
+    bad = (each for results in item.stash.get(_RESULTS, []) for each in results if each.record.reasons)
+    if crash is not None and (first := next(bad, None)) is not None and _ON_VERDICT.search(asserted):
+        crash.message = f"{first.record.reasons[0]}\n{asserted}"
+    return report
+
+
+def _cause(results: sim_action.Results) -> str:
+    """Return the most important reason why results did not pass."""
+    return next((reason for each in results for reason in each.record.reasons), "did not pass")
+
+
+_ON_VERDICT: Final = re.compile(
+    r"\A(?:AssertionError: )?assert (?:False\b|(?:Results|(?:Gate)?Outcome)\(|'\w+' == 'passed')"
+)
+"""What pytest says of `assert results.passed`, `assert results`, and `assert results[0].status == "passed"`."""
+
+_CAUSE: Final = pytest.StashKey[str]()
+"""The reason why a scenario did not pass."""
 
 _RESULTS: Final = pytest.StashKey["list[sim_action.Results]"]()
 """The results of all calls of `sim_run` in a test."""

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, SupportsIndex, overload
 
 from sim_action.core.errors import ExitCode, UsageError
-from sim_action.core.wording import system_reason
+from sim_action.core.wording import shortened, system_reason
 from sim_action.reports import ReportOptions
 from sim_action.reports.console import Console
 from sim_action.reports.html.notebook import HtmlConsole, outcome_page, player_frame, report_frame
@@ -26,11 +26,15 @@ from sim_action.results.written_files import JUNIT_FILE
 from sim_action.state.trace_storage import load_trace
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from sim_action.core.errors import Location
     from sim_action.results.outcome import GateStatistics
     from sim_action.state.trace import Trace
 
 _MAX_EMBEDDED_BYTES: Final = 8_000_000
+# pytest cuts longer reprs.
+_MAX_CAUSE: Final = 150
 
 
 class RunFolder:
@@ -108,6 +112,10 @@ def _taken_over(path: Path, is_temporary: bool) -> RunFolder:
 def _remove(path: Path, owner: int) -> None:
     if os.getpid() == owner:
         shutil.rmtree(path, ignore_errors=True)
+
+
+def _cause_of(record: RecordedOutcome) -> str:
+    return shortened(record.reasons[0], _MAX_CAUSE)
 
 
 class Outcome:
@@ -208,7 +216,8 @@ class Outcome:
         return (self.record,)
 
     def __repr__(self) -> str:
-        return f"Outcome(name={self.name!r}, status={self.record.status!r})"
+        cause = f", {_cause_of(self.record)!r}" if self.record.reasons else ""
+        return f"Outcome(name={self.name!r}, status={self.record.status!r}{cause})"
 
     def _repr_html_(self) -> str:
         return self._folder.html_of(self._shown) + self._folder.player_of(self.record)
@@ -342,6 +351,18 @@ class Results:
         """Write the report to a file, and return its path. Raise UsageError if there is none."""
         return Path(shutil.copyfile(self._report(), path))
 
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a table with a row for each expectation of each run; a run without expectations has one row.
+
+        Columns: scenario, status, engine, sim_time in s, each varied key, then expectation, verdict, measured, limit
+        and margin in `unit`, time in s, and message. Raises UsageError: pandas is not installed.
+        """
+        try:
+            import pandas as pd  # an optional package
+        except ImportError:
+            raise UsageError("to_dataframe() needs pandas: pip install pandas") from None
+        return pd.DataFrame([row for each in self.runs for row in _rows(each)])
+
     def _report(self) -> Path:
         report = self._folder.file(REPORT_FILE)
         if not report.is_file():
@@ -355,7 +376,9 @@ class Results:
 
     def __repr__(self) -> str:
         counts = Counter(each.record.status for each in self.outcomes)
-        return f"Results({', '.join(f'{count} {status}' for status, count in counts.items())})"
+        bad = next((each.record for each in self.outcomes if each.record.reasons), None)
+        cause = f"; {bad.name!r}: {_cause_of(bad)}" if bad is not None else ""
+        return f"Results({', '.join(f'{count} {status}' for status, count in counts.items())}{cause})"
 
     def _repr_html_(self) -> str:
         """Return the verdicts and the report with its replays, for a notebook."""
@@ -364,6 +387,19 @@ class Results:
         if not report.is_file() or report.stat().st_size > _MAX_EMBEDDED_BYTES:
             return verdicts
         return verdicts + report_frame(report.read_text(encoding="utf-8"))
+
+
+def _rows(outcome: Outcome) -> Iterator[dict[str, Any]]:
+    """Yield the rows of one run in a table."""
+    record = outcome.read()
+    names = {"scenario": record.name, "status": record.status, "engine": record.engine, "sim_time": record.sim_time}
+    of_run = {**outcome.variation, **names}
+    for each in record.expectations:
+        verdict = each.verdict
+        values = {name: getattr(verdict, name) for name in ("measured", "limit", "margin", "unit", "time", "message")}
+        yield {**names, **of_run, "expectation": each.name, "verdict": each.display_status, **values}
+    if not record.expectations:
+        yield {**names, **of_run, "message": "; ".join(record.reasons)}
 
 
 def _outcomes(record: results_json.Results, folder: RunFolder) -> Iterator[Outcome]:

@@ -345,6 +345,12 @@ report_flags: Final = with_options(
         is_flag=True,
         help="Show only failures and one line with the totals.",
     ),
+    click.option(
+        "--json",
+        "as_json",
+        is_flag=True,
+        help="Print results.json on standard output instead of the report for people, and no annotations.",
+    ),
 )
 """The options for output and reports."""
 
@@ -355,8 +361,10 @@ def report_request(flags: Mapping[str, Any]) -> ReportRequest:
 
     from sim_action.reports import ReportRequest
 
-    quiet, verbose = flags["quiet"], flags["verbose"]
-    if quiet and verbose:
+    quiet, verbose, as_json = flags["quiet"], flags["verbose"], flags["as_json"]
+    if as_json:
+        refuse_typed("--json prints nothing else, and", "quiet", "verbose")
+    if quiet and verbose and not as_json:
         # The command line is stronger than a variable or pyproject.toml.
         given = typed("quiet", "verbose")
         if len(given) != 1:
@@ -366,8 +374,12 @@ def report_request(flags: Mapping[str, Any]) -> ReportRequest:
         folder=Path(flags["output_dir"]),
         junit=Path(flags["junit"]) if flags["junit"] else None,
         junit_strict=flags["junit_strict"],
-        verbosity="verbose" if verbose else "quiet" if quiet else "normal",
-        silenced=frozenset(name for name in ("report", "summary", "annotations") if not flags[name]),
+        verbosity="json" if as_json else "verbose" if verbose else "quiet" if quiet else "normal",
+        silenced=frozenset(
+            name
+            for name in ("report", "summary", "annotations")
+            if not flags[name] or (as_json and name == "annotations")
+        ),
         against=flags["against"],
     )
 

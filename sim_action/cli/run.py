@@ -55,6 +55,7 @@ _OF_RUNS: Final = (
         "annotations",
     ),
     *(
+        "as_json",
         "verbose",
         "quiet",
         "repeat",

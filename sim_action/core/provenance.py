@@ -32,6 +32,7 @@ class Provenance(FrozenModel):
 
     Attributes:
         cpu: the model of the processor.
+        host: the name of the machine; None in older results.
         packages: names and versions of other packages that computed commands.
         engine_build: the version of the engine's package, the platform of its wheel, and a digest of its libraries.
     """
@@ -42,6 +43,7 @@ class Provenance(FrozenModel):
     python: str
     numpy: str | None = None
     platform: str
+    host: str | None = None
     packages: tuple[str, ...] = ()
 
 
@@ -55,6 +57,7 @@ def provenance(package: str, sim_action: str) -> Provenance:
         python=platform.python_version(),
         numpy=installed_version("numpy"),
         platform=_short(platform_name()),
+        host=_short(platform.node()) or None,
     )
 
 

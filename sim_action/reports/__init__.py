@@ -23,11 +23,12 @@ from sim_action.results.results_json import RESULTS_FILE
 if TYPE_CHECKING:
     from sim_action.results.shard_results import EarlierRun
 
-Verbosity = Literal["quiet", "normal", "verbose"]
+Verbosity = Literal["quiet", "normal", "verbose", "json"]
 """The amount of text on the terminal.
 
 - quiet: only failures and one closing line.
 - verbose: also notes, messages of the engine and the output of controllers.
+- json: on standard output, the content of `results.json` and nothing else.
 """
 
 _NO_PERMISSIONS: Final = Permissions()

@@ -91,8 +91,9 @@ class _Document:
         time = sum(outcome.wall_time for outcome in group.outcomes)
         started = self._results.started_at
         timestamp = None if started is None else started.isoformat(timespec="seconds")
-        times = {"time": _seconds(time), "timestamp": timestamp}
-        suite = element("testsuite", {"name": _name(group.name), **totals, **times, "file": file})
+        host = next((each.provenance.host for each in group.outcomes if each.provenance is not None), None)
+        ran = {"time": _seconds(time), "timestamp": timestamp, "hostname": host}
+        suite = element("testsuite", {"name": _name(group.name), **totals, **ran, "file": file})
         inner = INDENT * 2
         suites.add(encoded(f"{INDENT}{start_tag(suite)}>\n{inner}<properties>\n"))
         suites.add(encoded(property_lines(self._suite_properties(group))))
@@ -268,7 +269,7 @@ def _ran(outcome: Outcome) -> dict[str, object]:
 def _made_with(outcome: Outcome) -> dict[str, object]:
     if outcome.provenance is None:
         return {}
-    made = outcome.provenance.model_dump()
+    made = outcome.provenance.model_dump(exclude={"host"})
     return {**made, "packages": ", ".join(outcome.provenance.packages) or None}
 
 

@@ -39,6 +39,12 @@ _MAX_RUNS_OF_GATE: Final = 5
 def print_results(results: Results, options: ReportOptions, stream: TextIO | None = None) -> None:
     """Print the results to a stream (default: standard output), the worst last."""
     stream = stream or sys.stdout
+    if options.verbosity == "json":
+        # In UTF-8, whatever the encoding of the terminal is.
+        stream.flush()
+        stream.buffer.writelines(results.parts())
+        stream.buffer.flush()
+        return
     with open_console(stream, options.environment) as shown:
         printer = _Printer(shown, options)
         printer.scenarios(results.outcomes, results.gates)

@@ -482,13 +482,16 @@ class Outcome(FrozenModel):
         return "failed" if failing else status_of(self.expectations)
 
     @property
+    def reasons(self) -> tuple[str, ...]:
+        """The sentences that say why it did not pass, the most important first."""
+        failures = (f"{failure.title}: {failure.message}" for failure in self.failures)
+        return (*failures, *(expected.message for expected in self.causes), *map(str, self.failing_warnings))
+
+    @property
     def ending(self) -> str:
         """The status with its first reason, such as "failed (travelled 1.2 m of 1.5 m)"."""
-        reasons = [f"{failure.title}: {failure.message}" for failure in self.failures]
-        reasons += [expected.verdict.message for expected in self.causes]
-        reasons += map(str, self.failing_warnings)
         status = "ended in an error" if self.status == "error" else self.status.replace("_", " ")
-        return f"{status} ({reasons[0]})" if reasons else status
+        return f"{status} ({self.reasons[0]})" if self.reasons else status
 
     @property
     def has_verdict(self) -> bool:

@@ -108,6 +108,7 @@ def test_a_package_outside_the_workspace_is_found_if_the_caller_names_it(
         (["run", "--repeat", "2", "--confidence"], "--confidence cannot be combined with --repeat or --update-golden"),
         (["run", "--repeat", "2", "--update-golden"], "--update-golden cannot be combined with --repeat"),
         (["run", "--verbose", "--quiet"], "--verbose and --quiet cannot be combined"),
+        (["run", "--json", "--quiet"], "--json prints nothing else, and cannot be combined with --quiet"),
         (["merge", "x", "--only", "a"], "--only needs --scenarios, the scenarios to select from"),
         (["merge", "x", "--only", "a", "--exclude-tag", "b"], "--only, --exclude-tag need --scenarios"),
         (["compare", "a", "b", "--output-dir", "c"], "NEW cannot be combined with --output-dir"),
@@ -167,7 +168,7 @@ def test_an_option_with_an_empty_text_is_an_error(arguments: list[str], capsys: 
     assert "it is empty; leave the option out, or give it a value" in printed
 
 
-@pytest.mark.parametrize(("option", "verbosity"), [("--quiet", "quiet"), ("--verbose", "verbose")])
+@pytest.mark.parametrize(("option", "verbosity"), [("--quiet", "quiet"), ("--verbose", "verbose"), ("--json", "json")])
 def test_the_command_line_is_stronger_than_the_project(
     option: str, verbosity: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

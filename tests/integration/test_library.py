@@ -9,7 +9,8 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -65,12 +66,24 @@ def test_results_are_those_of_the_command_line(folder: Path) -> None:
         (each["name"], each["status"], each["digest"]) for each in theirs
     ]
     assert [each.status for each in results] == ["passed", "failed"]
-    assert (results.passed, len(results), results["b"].passed, repr(results)) == (
-        False,
-        2,
-        False,
-        "Results(1 passed, 1 failed)",
-    )
+    assert (results.passed, len(results), results["b"].passed) == (False, 2, False)
+    (reason,) = results["b"].record.reasons
+    assert repr(results) == f"Results(1 passed, 1 failed; 'b': {reason})"
+    assert repr(results["b"]) == f"Outcome(name='b', status='failed', {reason!r})"
+
+
+def test_a_table_has_a_row_for_each_expectation(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    results = run(folder, report=False)
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(UsageError, match="pip install pandas"):
+        results.to_dataframe()
+    monkeypatch.setitem(sys.modules, "pandas", SimpleNamespace(DataFrame=list))
+    rows = cast("list[dict[str, Any]]", results.to_dataframe())[::2]  # the other expectation is `upright`
+    assert [(row["scenario"], row["verdict"], row["unit"]) for row in rows] == [
+        ("a", "passed", "m"),
+        ("b", "failed", "m"),
+    ]
+    assert rows[1]["margin"] == rows[1]["measured"] - rows[1]["limit"] < 0
 
 
 def test_results_are_true_if_they_passed(folder: Path) -> None:

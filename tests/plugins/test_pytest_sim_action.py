@@ -99,7 +99,7 @@ def test_scenarios_are_tests_and_failures_have_the_report(pytester: pytest.Pytes
             "✗ stuck  b.sim.yml  *",
             "  ✗ travel at least 0.05 m: travelled *",
             "      b.sim.yml:5:11",
-            "FAILED b.sim.yml::stuck*",
+            "FAILED b.sim.yml::stuck - travelled * of 0.05 m*",
         ]
     )
     result.stdout.no_fnmatch_line("*Traceback*")
@@ -201,6 +201,14 @@ def test_one_of_two(sim_run):
     sim_run("b.sim.yml")
 
 
+@pytest.mark.parametrize("way", ["results", "outcome", "status"])
+def test_that_asserts(sim_run, way):
+    results = sim_run("b.sim.yml")
+    if way == "status":
+        assert results[0].status == "passed"
+    assert results.passed if way == "results" else results[0]
+
+
 def test_that_fails_by_itself(sim_run):
     sim_run("b.sim.yml")
     raise ValueError
@@ -226,11 +234,13 @@ def test_a_failure_that_a_test_ignores_fails_it(pytester: pytest.Pytester, run: 
         "test_it[b-its motion]",
         "test_it[b-its digest]",
         "test_one_of_two",
+        *(f"test_that_asserts[{way}]" for way in ("results", "outcome", "status")),
         "test_that_fails_by_itself",
         "test_of_a_fixture",
     ]
     assert failed[0][1].startswith("Failed: 'stuck' did not pass")
-    assert failed[4][1].startswith("ValueError")
+    assert all(cause.startswith("travelled ") for _, cause in failed[4:7])
+    assert failed[7][1].startswith("ValueError")
     result.stdout.fnmatch_lines(["*Captured sim-action call*", "✗ stuck  b.sim.yml*"])
 
 
@@ -361,4 +371,10 @@ def test_a_gate_that_does_not_pass_shows_its_worst_runs(pytester: pytest.Pyteste
     write(pytester, a=GATE.replace("at_least: 50 %", "at_least: 80 %"))
     result = run("-p", "xdist", "-n", "2", "a.sim.yml::slip[yaw=0]")
     result.assert_outcomes(failed=1)
-    result.stdout.fnmatch_lines(["*6 of 7 runs passed*too few runs to tell*", "*friction=0.0*failed (travelled *"])
+    result.stdout.fnmatch_lines(
+        [
+            "*6 of 7 runs passed*too few runs to tell*",
+            "*friction=0.0*failed (travelled *",
+            "FAILED *slip* - *6 of 7 runs passed*",
+        ]
+    )

@@ -20,7 +20,7 @@ from sim_action.reports.junit import PackedParts, write_junit
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.results_json import Results
 from tests.outcomes import like
-from tests.reports.samples import SAMPLES, results_of
+from tests.reports.samples import PROVENANCE, SAMPLES, results_of
 
 Golden = Callable[[str, str], None]
 
@@ -136,12 +136,14 @@ def test_strict_mode_keeps_the_schema(kind: str, options: ReportOptions) -> None
         assert SUREFIRE_TIME.fullmatch(element.get("time", ""))
 
 
-def test_a_suite_says_when_the_call_started(options: ReportOptions) -> None:
+def test_a_suite_says_when_the_call_started_and_where(options: ReportOptions) -> None:
     started = datetime(2026, 11, 6, 8, 30, tzinfo=UTC)
     for strict in (False, True):
-        results = SAMPLES["failed"].model_copy(update={"started_at": started})
+        outcomes = [like(each, provenance=like(PROVENANCE, host="runner-1\x01")) for each in SAMPLES["failed"].outcomes]
+        results = results_of(*outcomes).model_copy(update={"started_at": started})
         suites = written(results, replace(options, junit_strict=strict)).findall("testsuite")
-        assert {suite.get("timestamp") for suite in suites} == {"2026-11-06T08:30:00+00:00"}
+        said = {(suite.get("timestamp"), suite.get("hostname")) for suite in suites}
+        assert said == {("2026-11-06T08:30:00+00:00", "runner-1")}
 
 
 def test_strict_mode_drops_nothing_else(kind: str, options: ReportOptions) -> None:

@@ -4,6 +4,7 @@ import io
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -98,3 +99,11 @@ def test_the_folder_of_recordings_is_told_once(options: ReportOptions) -> None:
     recorded = [like(made, recordings=("recordings/a.csv", "recordings/a.tum")) for made in results.outcomes]
     text = printed(like(results, outcomes=tuple(recorded)), options)
     assert text.count(f"recordings {options.folder / 'recordings'}\n") == 1
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
+def test_json_on_standard_output_is_the_file(options: ReportOptions, tmp_path: Path, encoding: str) -> None:
+    stream = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
+    print_results(SAMPLES["hostile"], replace(options, verbosity="json"), stream)
+    stream.seek(0)
+    assert stream.buffer.read() == SAMPLES["hostile"].write(tmp_path).read_bytes()

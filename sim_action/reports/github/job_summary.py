@@ -242,11 +242,8 @@ def _reproduction(outcome: Outcome, options: ReportOptions) -> str:
 def _gist(outcome: Outcome) -> str:
     if outcome.status == "skipped":
         return " ".join(outcome.notes)
-    reasons = [f"{failure.title}: {failure.message}" for failure in outcome.failures]
-    reasons += [expected.verdict.message for expected in outcome.causes]
-    reasons += map(str, outcome.failing_warnings)
-    reasons = reasons or [expected.verdict.message for expected in outcome.causes_first if expected.warned]
-    reasons = reasons or [str(warning) for warning in outcome.warnings]
+    reasons = outcome.reasons or tuple(expected.message for expected in outcome.causes_first if expected.warned)
+    reasons = reasons or tuple(map(str, outcome.warnings))
     if reasons:
         more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
         return shortened(reasons[0], MAX_IN_MESSAGE - len(more)) + more
