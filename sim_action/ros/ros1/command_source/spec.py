@@ -61,9 +61,8 @@ class RosCommands(CommandSource):
     @property
     @override
     def unchecked(self) -> tuple[str, ...]:
-        from sim_action.ros.ros1.command_source.file_problems import (
-            why_no_ros,  # the rest of the module runs without it
-        )
+        # the rest of the module runs without it
+        from sim_action.ros.ros1.command_source.file_problems import why_no_ros
 
         return unchecked_notes("ros1", self.ros1.launch, why_no_ros())
 
