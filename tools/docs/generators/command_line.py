@@ -26,10 +26,14 @@ def commands() -> str:
     shared_text = "Several commands take these; `sim-action COMMAND --help` lists all options of one:"
     head = f"## Shared options\n\n{shared_text}\n\n{bullets(listed)}\n"
     seen: set[str] = set()
-    return head + "\n".join(_section(command, shared, seen) for command in program.commands.values())
+    first: dict[tuple[str, str], str] = {}
+    return head + "\n".join(_section(command, shared, seen, first) for command in program.commands.values())
 
 
-def _section(command: click.Command, shared: set[tuple[str, str]], seen: set[str]) -> str:
+def _section(
+    command: click.Command, shared: set[tuple[str, str]], seen: set[str], first: dict[tuple[str, str], str]
+) -> str:
+    """Return the section of a command; `seen`, `first`: paragraphs and options (of which command) above it."""
     arguments = [parameter for parameter in command.params if isinstance(parameter, click.Argument)]
     usage = " ".join(["sim-action", command.name or "", *map(_argument, arguments)])
     paragraphs = [" ".join(paragraph.split()) for paragraph in (command.help or "").strip().split("\n\n")]
@@ -39,7 +43,13 @@ def _section(command: click.Command, shared: set[tuple[str, str]], seen: set[str
     parts = [f"## `sim-action {command.name}`\n", *(f"{escaped(text)}\n" for text in fresh)]
     if arguments:
         parts.append(f"```text\n{usage}\n```\n")
-    own = bullets(option for option in options if option not in shared)
+    again: dict[str, list[str]] = {}
+    for option in options:
+        if option not in shared and option in first:
+            again.setdefault(first[option], []).append(option[0])
+    fresh_options = [option for option in options if option not in shared and option not in first]
+    first |= dict.fromkeys(fresh_options, command.name or "")
+    own = bullets([*fresh_options, *((", ".join(names), f"As for `{name}`.") for name, names in again.items())])
     return "\n".join([*parts, *([own] if own else [])])
 
 
