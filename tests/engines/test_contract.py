@@ -164,4 +164,5 @@ def test_one_row_adds_an_engine_to_the_program(tmp_path: Path) -> None:
     printed("run")
     assert [run["name"] for run in outcomes()] == [f"turns [{engine}]" for engine in (*ENGINES, "fake")]
     lists = printed("run --help", "prove --help", "rostest --help", "schema")
-    assert (lists.count("|mujoco|fake"), lists.count('"fake"')) == (3, 3)
+    # In the schema, as `backend` and in `confidence.engines` of three kinds of files.
+    assert (lists.count("|mujoco|fake"), lists.count('"fake"')) == (3, 6)
