@@ -238,7 +238,7 @@ def point_elsewhere(journal: Path) -> None:
 
 
 def forget_keys(journal: Path) -> None:
-    journal.write_bytes(re.sub(rb'"key":"\w+"', b'"key":null', journal.read_bytes()))
+    journal.write_bytes(re.sub(rb'"key":"[^"]+"', b'"key":null', journal.read_bytes()))
 
 
 def remove_trace(journal: Path) -> None:
