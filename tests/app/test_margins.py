@@ -189,15 +189,33 @@ def test_bad_options(
     assert message in capsys.readouterr().err
 
 
-def searched(passes: Callable[[float], bool], asked: float | None = None, most: int = 20) -> Margin:
-    """Return the margin above 1 of a factor from 1 to 5, found without a simulation."""
-    search = Search(Factor("f", "m", 1.0, 1.0, 5.0), asked, most)
+def both_sides(factor: Factor, passes: Callable[[float], bool], asked: float | None, most: int) -> list[Margin]:
+    """Return the margins of a factor in its directions, found without a simulation."""
+    search = Search(factor, asked, most)
     while wanted := search.wanted():
         for side, value in wanted:
             side.trials.append(Trial(value))
             side.trials[-1].take(outcome("a.sim.yml", holds=passes(value)))
-    [margin] = search.margins("other")
+    return list(search.margins("other"))
+
+
+def searched(passes: Callable[[float], bool], asked: float | None = None, most: int = 20) -> Margin:
+    """Return the margin above 1 of a factor from 1 to 5."""
+    [margin] = both_sides(Factor("f", "m", 1.0, 1.0, 5.0), passes, asked, most)
     return margin
+
+
+@pytest.mark.parametrize("most", [1, 2, 3, 5])
+def test_few_runs_are_shared_by_both_directions(most: int) -> None:
+    margins = both_sides(Factor("f", "m", 3.0, 1.0, 5.0), lambda _: True, None, most)
+    runs = [margin.runs for margin in margins]
+    assert sum(runs) == most
+    assert max(runs) - min(runs) <= 1
+    # A direction without a run has no margin, and the reason.
+    for margin in margins:
+        assert (margin.reason, margin.expected(Location("a.sim.yml", 1)).verdict.margin is None) == (
+            ("", False) if margin.runs else ("no run was left", True)
+        )
 
 
 @given(st.floats(1.02, 4.99), st.integers(5, 20))
