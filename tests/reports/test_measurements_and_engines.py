@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from sim_action.core.version import PACKAGE_FOLDER
 from sim_action.reports import ReportOptions
 from sim_action.reports.formatting import counts_text
 from sim_action.reports.github.job_summary import summary
@@ -159,3 +161,14 @@ def test_results_json_has_the_numbers(own: ReportOptions) -> None:
     written = json.loads(results_json(like(SAMPLES["passed"], outcomes=(outcome,)), own))
     (found,) = written["outcomes"][0]["measurements"]
     assert (found["measured"], found["unit"], found["time"]) == (0.00212, "m", 0.52)
+
+
+def test_no_part_of_a_page_has_a_class_that_the_player_hides(own: ReportOptions) -> None:
+    """A list of the class `measured` was there and invisible: the player's line of that class is hidden until used."""
+    style = (PACKAGE_FOLDER / "reports/viewer/page.css").read_text(encoding="utf-8")
+    hidden = set(re.findall(r"^\.([\w-]+) \{[^}]*(?:visibility: hidden|display: none)", style, re.MULTILINE))
+    assert hidden
+    _, outcome = measured()
+    for results in (*SAMPLES.values(), like(SAMPLES["passed"], outcomes=(outcome,))):
+        used = {name for names in re.findall(r' class="?([\w -]+)', html(results, own)) for name in names.split()}
+        assert used & hidden == set()

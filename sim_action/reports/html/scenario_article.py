@@ -183,7 +183,7 @@ def measurements(outcome: Outcome) -> Html:
         element("li", mark, " ", each.message, " ", "" if each.time is None else value_link(each.time))
         for each in outcome.measurements[:_MAX_MEASUREMENTS]
     ]
-    return titled(INFORMATION.headline, bullets(items, "measured"))
+    return titled(INFORMATION.headline, bullets(items, "measurements"))
 
 
 def _failure_section(failure: Failure, options: ReportOptions) -> Html:
