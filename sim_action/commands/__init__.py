@@ -100,8 +100,8 @@ class CommandSource(Transmission):
         """Let the sources of installed packages count as user code, and refuse one without its own key."""
         if not cls.__module__.startswith("sim_action."):
             cls.runs_user_code = True
-            key = getattr(cls, "key", "")
-            if key not in cls.model_fields:
+            key = getattr(cls, "key", None)
+            if key is not None and key not in cls.model_fields:
                 raise TypeError(f"{cls.__name__} has no field '{key}', which holds the value of its key in a scenario")
 
     needs_drive: ClassVar[bool] = False
