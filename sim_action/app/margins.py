@@ -78,8 +78,8 @@ class _Call:
         self._absent = set(request.factors)
 
     def exit_code(self) -> ExitCode:
-        found = plan_runs(self._request.plan)
-        firsts = list(first_runs(found.plans))
+        plan = plan_runs(self._request.plan)
+        firsts = list(first_runs(plan.plans))
         loaded = [replace(each, mutation=None) for each in firsts if not isinstance(each, Refused)]
         nominal = iter(self._outcomes(loaded))
         outcomes = [Outcome.of_refused(each) if isinstance(each, Refused) else next(nominal) for each in firsts]
@@ -104,14 +104,14 @@ class _Call:
             if each.reason:
                 note(f"{each.name}: {each.reason}")
         shown = [each.shown_by(outcome) for each, outcome in zip(scenarios, outcomes, strict=True)]
-        shown += [*map(Outcome.of_nothing, found.empty), *map(Outcome.of_unmatched, found.unmatched)]
+        shown += [*map(Outcome.of_nothing, plan.empty), *map(Outcome.of_unmatched, plan.unmatched)]
         self._write(Margins(sim_action=__version__, runs=self._runs, scenarios=scenarios))
         results = Results(
             sim_action=__version__,
             python=platform.python_version(),
             platform=platform_name(),
             wall_time=time.monotonic() - self._started,
-            shard=found.shard,
+            shard=plan.shard,
             outcomes=tuple(shown),
         )
         return write_reports(results, self._options)
@@ -179,5 +179,12 @@ class _Call:
 
 def _margins(outcome: Outcome, margins: Sequence[Margin] | None) -> ScenarioMargins:
     reason = "" if margins is not None else f"it has no margins, because it {outcome.ending} with its nominal values"
-    told = ("name", "file", "line", "variation", "engine")
-    return ScenarioMargins(reason=reason, margins=tuple(margins or ()), **{key: getattr(outcome, key) for key in told})
+    return ScenarioMargins(
+        name=outcome.name,
+        file=outcome.file,
+        line=outcome.line,
+        variation=outcome.variation,
+        engine=outcome.engine,
+        reason=reason,
+        margins=tuple(margins or ()),
+    )

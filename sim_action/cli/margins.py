@@ -8,6 +8,7 @@ import click
 
 from sim_action.cli.options import (
     ALLOW_OUTSIDE,
+    ENGINE_OPTION,
     PACKAGES,
     PATHS,
     SEED_OPTION,
@@ -24,7 +25,6 @@ from sim_action.cli.options import (
 )
 from sim_action.core.errors import ExitCode
 from sim_action.core.records import replace
-from sim_action.engines import ENGINES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -67,12 +67,7 @@ if TYPE_CHECKING:
     help="Vary nothing if there may be more than N runs.  [default: any number]",
 )
 @click.option("--shard", callback=not_empty, metavar="I/N", help="Only part I of N of the scenarios, such as 1/4.")
-@click.option(
-    "--backend",
-    envvar="SIM_ACTION_BACKEND",
-    type=click.Choice(tuple(ENGINES)),
-    help='Physics engine for all scenarios.  [default: "backend:" in the file of each scenario]',
-)
+@ENGINE_OPTION
 @SEED_OPTION
 @jobs_option("runs")
 @report_flags

@@ -14,6 +14,7 @@ from typing_extensions import override
 
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.wording import counted, escaped_line, log_line, nearest, note, shown, warn
+from sim_action.engines import ENGINES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -177,6 +178,14 @@ strict_option: Final = click.option(
     envvar="SIM_ACTION_STRICT",
     default=False,
     help="Fail on each warning of the audit of claims, such as a check that saw nothing.  [default: no]",
+)
+
+
+ENGINE_OPTION: Final = click.option(
+    "--backend",
+    envvar="SIM_ACTION_BACKEND",
+    type=click.Choice(tuple(ENGINES)),
+    help='Physics engine for all scenarios.  [default: "backend:" in the file of each scenario]',
 )
 
 

@@ -9,6 +9,7 @@ import click
 
 from sim_action.cli.options import (
     ALLOW_OUTSIDE,
+    ENGINE_OPTION,
     PACKAGES,
     PATHS,
     SEED_OPTION,
@@ -23,7 +24,6 @@ from sim_action.cli.options import (
 )
 from sim_action.core.errors import ExitCode
 from sim_action.core.records import replace
-from sim_action.engines import ENGINES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -50,12 +50,7 @@ if TYPE_CHECKING:
     default=False,
     help="Fail if an expectation has noticed nothing, or if a scenario does not pass.  [default: no]",
 )
-@click.option(
-    "--backend",
-    envvar="SIM_ACTION_BACKEND",
-    type=click.Choice(tuple(ENGINES)),
-    help='Physics engine for all scenarios.  [default: "backend:" in the file of each scenario]',
-)
+@ENGINE_OPTION
 @SEED_OPTION
 @jobs_option("runs")
 @output_dir("Folder with the report, in its subfolder proof.")

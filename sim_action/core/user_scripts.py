@@ -20,8 +20,7 @@ from typing import Any, Final
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
-from sim_action.core.source_excerpt import as_text, excerpt
-from sim_action.core.wording import did_you_mean
+from sim_action.core.wording import as_text, did_you_mean, excerpt
 
 ANYTHING: Final = "*"
 """A name in `Script.names`: the script imports all names of another module."""

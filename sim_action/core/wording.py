@@ -1,18 +1,19 @@
-"""The wording of error messages: one printable line, the found value, and the nearest allowed name."""
+"""The wording of error messages: one printable line, the found value, the nearest allowed name, and lines of a file."""
 
 from __future__ import annotations
 
 import difflib
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
 from itertools import islice
-from typing import Final
+from typing import Final, NamedTuple
 
 MAX_MESSAGE_CHARS: Final = 2_000
 """The largest number of characters of a message."""
 
 _MAX_VALUE_CHARS: Final = 60
+_MAX_LINE_CHARS: Final = 200
 # Limits on the cost of files with any number of names.
 _MAX_NAMES_COMPARED: Final = 1_000
 _MIN_BEGINNING_CHARS: Final = 3
@@ -128,3 +129,37 @@ class FirstFew:
         """Count one more, and return True while it belongs to the first few."""
         self._left -= 1
         return self._left >= 0
+
+
+class SourceLine(NamedTuple):
+    """A line of a file.
+
+    Attributes:
+        number: its number, counted from 1.
+        text: the line without its end.
+        is_marked: True for a line that the excerpt is about.
+    """
+
+    number: int
+    text: str
+    is_marked: bool
+
+    def numbered(self, width: int) -> str:
+        """Return the line with a sign if it is marked, and its number in so many characters."""
+        return f"{'>' if self.is_marked else ' '} {self.number:>{width}} | {self.text}".rstrip()
+
+
+def excerpt(lines: Sequence[str], marked: Collection[int], around: int) -> list[SourceLine]:
+    """Return the marked lines of a file, and up to `around` lines before and after each of them."""
+    shown = {near for line in marked for near in range(line - around, line + around + 1)}
+    return [
+        SourceLine(number, shortened(text.rstrip("\r\n"), _MAX_LINE_CHARS), number in marked)
+        for number, text in enumerate(lines, start=1)
+        if number in shown
+    ]
+
+
+def as_text(lines: Sequence[SourceLine]) -> str:
+    """Return the lines of an excerpt with their numbers."""
+    width = len(str(lines[-1].number)) if lines else 0
+    return "\n".join(line.numbered(width) for line in lines)

@@ -157,8 +157,8 @@ class ScenarioMargins(FrozenModel):
             return outcome.model_copy(update={"notes": (*outcome.notes, self.reason)})
         place = outcome.location or Location(self.file)
         ordered = sorted(self.margins, key=lambda margin: (margin.is_kept, margin.share))
-        found = tuple(margin.expected(place) for margin in ordered)
-        changed = outcome.model_copy(update={"expectations": found, "measurements": self._tornado()})
+        expectations = tuple(margin.expected(place) for margin in ordered)
+        changed = outcome.model_copy(update={"expectations": expectations, "measurements": self._tornado()})
         return changed.model_copy(update={"status": changed.judged_status()})
 
     def _tornado(self) -> tuple[Measurement, ...]:

@@ -15,7 +15,9 @@ LESS = 0.95
 
 
 @pytest.mark.process
-@pytest.mark.skipif((sys.platform, *sys.version_info[:2]) != ("linux", 3, 11), reason="each has calls of its own")
+@pytest.mark.skipif(
+    (sys.platform, *sys.version_info[:2]) != ("linux", 3, 11), reason="another system or Python makes other calls"
+)
 def test_nothing_does_more_than_its_budget() -> None:
     budgets = tomllib.loads(BUDGETS.read_text(encoding="utf-8"))
     counted = dict(figures())

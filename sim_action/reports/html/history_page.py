@@ -180,10 +180,10 @@ def _body(every: Sequence[History], labels: Sequence[str]) -> Html:
 def _article(identity: str, name: str, listed: Sequence[History], labels: Sequence[str]) -> Html:
     broken = [each for each in listed if each.broken is not None]
     kind = "failed" if broken else "passed"
-    told = [reason("", element("h3", each.expectation), _sentence(each, labels)) for each in broken]
+    sentences = [reason("", element("h3", each.expectation), _sentence(each, labels)) for each in broken]
     status = element("p", f"{len(broken)} broken" if broken else "Passed", class_=f"status {kind}")
     parts = [_chart(each, labels) for each in listed]
-    return article(identity, kind, (status, heading(identity, name)), joined(reasons(told), *parts))
+    return article(identity, kind, (status, heading(identity, name)), joined(reasons(sentences), *parts))
 
 
 def _chart(history: History, labels: Sequence[str]) -> Html:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core import units
-from sim_action.core.source_excerpt import excerpt
+from sim_action.core.wording import excerpt
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.sightings import BlindData, ObstacleData, SightingData
 from sim_action.reports import ReportOptions
