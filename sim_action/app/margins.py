@@ -20,7 +20,7 @@ from sim_action.reports import ReportOptions, ReportRequest
 from sim_action.reports.progress import ProgressListener
 from sim_action.reports.writing import open_reports, write_reports
 from sim_action.results.factor_margins import MARGINS_FILE, Margin, Margins, ScenarioMargins
-from sim_action.results.outcome import Outcome
+from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results
 from sim_action.runner.margin_search import FactorRequest, Search, Trial, trial
 from sim_action.runner.mutation.judgement import stored
@@ -91,8 +91,10 @@ class _Call:
         self._announce([search for several in searches for search in several])
         self._search(originals, searches)
         if self._interruption.happened:
-            note("interrupted: the margins are not known")
-            return ExitCode.INTERRUPTED
+            # A search that has not ended knows no margin; a scenario that failed before stays failed.
+            outcomes = [_without_margins(outcome) for outcome in outcomes]
+            originals = []
+            searches = []
         by_outcome = {
             id(original.outcome): tuple(
                 margin for search in several for margin in search.margins(original.outcome.digest)
@@ -100,10 +102,11 @@ class _Call:
             for original, several in zip(originals, searches, strict=True)
         }
         scenarios = tuple(_margins(outcome, by_outcome.get(id(outcome))) for outcome in outcomes)
-        for each in scenarios:
-            if each.reason:
-                note(f"{each.name}: {each.reason}")
-        shown = [each.shown_by(outcome) for each, outcome in zip(scenarios, outcomes, strict=True)]
+        shown = []
+        for scenario, outcome in zip(scenarios, outcomes, strict=True):
+            if scenario.reason and outcome.status != "error":  # reports show the error itself
+                note(f"{scenario.name}: {scenario.reason}")
+            shown.append(scenario.shown_by(outcome))
         shown += [*map(Outcome.of_nothing, plan.empty), *map(Outcome.of_unmatched, plan.unmatched)]
         self._write(Margins(sim_action=__version__, runs=self._runs, scenarios=scenarios))
         results = Results(
@@ -175,6 +178,15 @@ class _Call:
                 file.write((margins.model_dump_json(indent=2) + "\n").encode("utf-8", "backslashreplace"))
         except OSError as error:
             raise UsageError(escaped_line(f"{path} cannot be written: {system_reason(error)}")) from None
+
+
+def _without_margins(outcome: Outcome) -> Outcome:
+    """Return the outcome of a scenario whose margins are not known, because the call was interrupted."""
+    if outcome.status != "passed":
+        return outcome
+    message = "the call was interrupted before the margins were known; the scenario passes with its nominal values"
+    failure = Failure(kind="interrupted", title="interrupted", message=message)
+    return outcome.model_copy(update={"status": "error", "failures": (failure,), "expectations": ()})
 
 
 def _margins(outcome: Outcome, margins: Sequence[Margin] | None) -> ScenarioMargins:

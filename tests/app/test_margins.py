@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,6 +17,7 @@ from hypothesis import strategies as st
 from sim_action.cli.main import call
 from sim_action.core.errors import Location
 from sim_action.results.factor_margins import Margin
+from sim_action.results.results_json import Results
 from sim_action.runner.margin_search import Factor, Search, Trial
 from tests.integration.engines import on_every_engine
 from tests.outcomes import outcome
@@ -162,6 +165,21 @@ def test_a_scenario_that_fails_has_no_margins(tmp_path: Path) -> None:
     assert margins_of(tmp_path, text, "--factor", "friction", code=1) == []
     [scenario] = json.loads((tmp_path / "results" / "margins" / "margins.json").read_text())["scenarios"]
     assert scenario["reason"].startswith("it has no margins, because it failed (box crossed the bound x = 2.02 m")
+
+
+@pytest.mark.process
+def test_an_interrupted_search_leaves_reports_and_no_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("mujoco")
+    wanted = Search.wanted
+
+    def interrupted(search: Search) -> Any:
+        os.kill(os.getpid(), signal.SIGINT)
+        return wanted(search)
+
+    monkeypatch.setattr(Search, "wanted", interrupted)
+    assert margins_of(tmp_path, PUSHED, "--factor", "friction", code=130) == []
+    [run] = Results.read(tmp_path / "results" / "margins" / "results.json").outcomes
+    assert (run.status, [failure.kind for failure in run.failures]) == ("error", ["interrupted"])
 
 
 @pytest.mark.process
