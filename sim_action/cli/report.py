@@ -52,7 +52,7 @@ def report(folders: tuple[str, ...], *, history: bool, **flags: Any) -> ExitCode
 
 
 def _history(places: Sequence[str], folder: Path) -> ExitCode:
-    """Write the page, and print its path and what is broken. Raises UsageError."""
+    """Write the page; print its path and the broken expectations. Raise UsageError."""
     from sim_action.reports.html.history_page import HISTORY_FILE, read_runs, write_history  # the reports do without
 
     runs = read_runs(places)

@@ -494,7 +494,7 @@ class Search:
         return taken
 
     def margins(self, digest: str | None) -> Iterator[Margin]:
-        """Yield the margin of each direction; `digest`: that of the run with the nominal value."""
+        """Yield the margin of each direction; `digest`: of the run with the nominal value."""
         has_effect = any(side.has_effect(digest) for side in self.sides)
         yield from (side.margin(has_effect=has_effect) for side in self.sides)
         if not self.sides:

@@ -260,7 +260,7 @@ class _Compared:
 
     @property
     def difference(self) -> float | None:
-        """The margin of the repetition less that of the run; None if they cannot be compared."""
+        """The margin of the repetition minus the margin of the run; None if they cannot be compared."""
         return None if self.values is None or self.others is None else self.others[1] - self.values[1]
 
     @property
@@ -307,7 +307,7 @@ _Values = tuple[float, float]
 
 
 def _times(ours: Verdict, theirs: Verdict, end: float) -> tuple[_Values, _Values] | None:
-    """Return the times in s of two decisions, and the times left, or missed; None if one is that of the end."""
+    """Return the times in s of two decisions, and the times left, or missed; None if the end decided one of them."""
     if not (_is_early(ours, end) and _is_early(theirs, end)):
         return None
     at, other = ours.time or 0.0, theirs.time or 0.0
@@ -316,7 +316,7 @@ def _times(ours: Verdict, theirs: Verdict, end: float) -> tuple[_Values, _Values
 
 
 def _is_early(verdict: Verdict, end: float) -> bool:
-    """Return True if a verdict was decided before the end: its margin is that of this moment, and says little."""
+    """Return True if a verdict was decided before the end: its margin belongs to this moment, and says little."""
     if verdict.time is None or verdict.goal != verdict.passed:
         return False
     return verdict.goal or verdict.time < end - TIME_EPSILON_S
@@ -329,7 +329,7 @@ def _pair(ours: Verdict, theirs: Verdict) -> tuple[_Values, _Values] | None:
 
 
 def _values(verdict: Verdict) -> _Values | None:
-    """Return the measured value and the margin, those of the extreme step; None if there is no margin of any use."""
+    """Return the measured value and the margin at the extreme step; None if no margin can be compared."""
     margin, extreme, limit, measured = verdict.margin, verdict.extreme, verdict.limit, verdict.measured
     if verdict.cut_off or margin is None or not math.isfinite(margin):
         return None
@@ -347,7 +347,7 @@ def _openness(pair: tuple[_Values, _Values]) -> float:
 
 
 def _with_order(spreads: Sequence[Spread], compared: Sequence[_Compared]) -> Iterator[Spread]:
-    """Yield the spreads; with a quarter of the step, the errors of the step are those of an extrapolation."""
+    """Yield the spreads; with a quarter of the step, an extrapolation gives the errors of the step."""
     by_cause = {one.cause: one for one in compared}
     half, quarter = by_cause.get(_HALF), by_cause.get(_QUARTER)
     order = None if half is None or quarter is None else _extrapolated(half, quarter)

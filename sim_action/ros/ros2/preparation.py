@@ -84,7 +84,7 @@ class Source:
 
 
 def sources_in(workspace: Path) -> dict[str, Source]:
-    """Return the packages of a workspace, and those of its .repos files, each after those that it needs.
+    """Return the packages of a workspace and of its .repos files, each after the packages that it needs.
 
     Raise UsageError.
     """
@@ -138,7 +138,7 @@ def _source(name: str, folder: Path) -> Source:
 
 
 def _message_files(folder: Path) -> list[Path]:
-    """Return the files of messages, services and actions of a package, without those of its tests."""
+    """Return the files of messages, services and actions of a package, without its tests."""
     paths = (path for kind in ("msg", "srv", "action") for path in folder.rglob(f"{kind}/*.{kind}"))
     return sorted(path for path in paths if not path.relative_to(folder).parts[0].startswith("test"))
 

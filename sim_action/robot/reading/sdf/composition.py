@@ -119,7 +119,7 @@ class Scope:
                 yield from entry.scope.scopes()
 
     def plugins(self) -> Iterator[Element]:
-        """Yield the plugins of the models, and then those of their <include> elements."""
+        """Yield the plugins of the models, then the plugins of their <include> elements."""
         includes = (entry.element for entry in self.all_of("model") if entry.element.tag == "include")
         for holder in (*(scope.element for scope in self.scopes()), *includes):
             yield from holder.findall("plugin")
