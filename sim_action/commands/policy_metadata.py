@@ -3,7 +3,8 @@
 mjlab 0.1.0 and later write them (`joint_names`, `default_joint_pos`, `joint_stiffness`, `joint_damping`,
 `action_scale`, `observation_names`, and since its module `exporter_utils` states them, `observation_terms_scale`,
 `_clip` and `_history_length`). BeyondMimic for Isaac Lab 2.1 writes the same names, and `observation_history_lengths`.
-Lists are separated by commas, and rounded to three decimals. rsl_rl 5 and Isaac Lab 2.3 themselves write none.
+Lists are separated by commas, lists in them also by `;` (mjlab 1.6), and rounded to three decimals. rsl_rl 5 and Isaac
+Lab 2.3 themselves write none.
 """
 
 from __future__ import annotations
@@ -101,15 +102,22 @@ def _terms(metadata: Mapping[str, str], names: Sequence[str]) -> Iterator[dict[s
         raise NetworkProblem(f"states {len(names)} observations, with scales, clips or histories for another number")
     for name, scale, clip, length in zip(names, scales, clips, lengths, strict=True):
         term: dict[str, Any] = {"term": _TERMS[name]} if name in _TERMS else {}
-        if scale:
-            numbers = [_number("observation_terms_scale", each) for each in scale.strip("[]").split(",")]
-            term["scale"] = tuple(numbers) if len(numbers) > 1 else numbers[0]
-        bounds = [_number("observation_terms_clip", each) for each in clip.strip("[]").split(",")] if clip else []
-        if bounds and math.isfinite(bounds[-1]):
-            term["clip"] = bounds[-1]
+        if numbers := _entry("observation_terms_scale", scale):
+            term["scale"] = numbers if len(numbers) > 1 else numbers[0]
+        if bounds := _entry("observation_terms_clip", clip):
+            if len(bounds) > 1 and bounds[0] != -bounds[1]:
+                text = f"states the clip {bounds[0]:g} to {bounds[1]:g} for '{name}'; a term is clipped to -X to X"
+                raise NetworkProblem(text)
+            if math.isfinite(bounds[-1]):
+                term["clip"] = bounds[-1]
         if length:
             term["frames"] = max(1, round(_number("observation history", length)))
         yield term
+
+
+def _entry(name: str, text: str) -> tuple[float, ...]:
+    """Return the numbers of an observation: "[1.0, 2.0]", or "1.000;2.000" as mjlab 1.6 has it."""
+    return tuple(_number(name, number) for number in re.split("[,;]", text.strip("[]")) if text)
 
 
 def contradictions(

@@ -237,10 +237,18 @@ def test_a_scenario_need_not_repeat_what_the_network_states(folder: Path) -> Non
     assert source.order == ("elbow", "shoulder")
 
 
-def test_terms_have_the_scale_clip_and_history_that_the_network_states(folder: Path) -> None:
+@pytest.mark.parametrize(
+    ("scale", "clip"),
+    [
+        ("[0.500, 2.000],1.0", "[-inf, inf],[-3.0, 3.0]"),
+        # mjlab 1.6
+        ("0.500;2.000,1.000", "-inf;inf,-3.000;3.000"),
+    ],
+)
+def test_terms_have_the_scale_clip_and_history_that_the_network_states(folder: Path, scale: str, clip: str) -> None:
     texts = {
-        "observation_terms_scale": "[0.500, 2.000],1.0",
-        "observation_terms_clip": "[-inf, inf],[-3.0, 3.0]",
+        "observation_terms_scale": scale,
+        "observation_terms_clip": clip,
         "observation_terms_history_length": "1.000,0.000",
     }
     spec, _, problems = loaded(folder, stating(**texts), {})
@@ -278,6 +286,11 @@ def test_terms_have_the_scale_clip_and_history_that_the_network_states(folder: P
             {"observation_names": "joint_pos,motion_anchor_pos_b"},
             {},
             "for which there is no term",
+        ),
+        (
+            {"observation_terms_clip": "-1.000;3.000,-inf;inf"},
+            {},
+            "policy: a.onnx states the clip -1 to 3 for 'joint_pos'; a term is clipped to -X to X",
         ),
         ({"action_scale": "1,2,3"}, {}, "policy: a.onnx states 3 numbers as 'action_scale' for 2 joints"),
         ({"joint_damping": "1,soft"}, {}, "policy: a.onnx states 'soft' in 'joint_damping', which is not a number"),
