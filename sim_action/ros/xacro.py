@@ -66,7 +66,7 @@ def _expanded(path: Path, arguments: Mapping[str, str]) -> Expansion:
 def _missing(path: Path) -> str:
     folder = path.parent
     names = ", ".join(sorted(file.name for file in folder.iterdir())) if folder.is_dir() else "nothing"
-    if _FALLBACKS in folder.resolve().parents:
+    if folder.is_dir() and _FALLBACKS in folder.resolve().parents:
         return (
             f"'{path.name}' does not exist: sim-action includes only {names} of TurtleBot3; add ROBOTIS's package "
             "turtlebot3_description to the workspace for the others, or set TURTLEBOT3_MODEL=burger"

@@ -29,14 +29,15 @@ class Camera(Sensor):
     - f y / x` and row `height / 2 - f z / x`, from the top left edges.
 
     The picture shows the ground (grey squares of 0.5 m), objects in their `color`, and the robot, all as collision
-    shapes: hulls of at most 64 points, in MJCF bounding boxes of meshes. It has no shadows, blur or noise, and is the
-    same on every engine. A shape that contains the camera is not drawn. Triangles of height fields cost 0.1 ms each.
+    shapes: hulls of at most 64 points, in MJCF bounding boxes of meshes. It has no shadows or blur, and is the same on
+    every engine. A shape that contains the camera is not drawn. Triangles of height fields cost 0.1 ms each.
 
     `trace: true` records 7 bytes per pixel, at most 500 MB.
     """
 
     key: ClassVar[str] = "camera"
     is_picture: ClassVar[bool] = True
+    noises = ("noise",)
     range_keys: ClassVar[Mapping[str, str]] = {"depth": "far"}
 
     width: Annotated[int, Field(ge=1, le=1920, description="pixels")] = 160
@@ -48,6 +49,9 @@ class Camera(Sensor):
     far: Annotated[Metres, Field(le=10_000, description="farther surfaces are not seen; the sky is shown instead")] = (
         10.0
     )
+    noise: Annotated[
+        float, Field(ge=0, le=1, description="standard deviation of each colour, of 1; from the scenario's seed")
+    ] = 0.0
 
     @model_validator(mode="after")
     def _reaches_somewhere(self) -> Self:
@@ -79,6 +83,11 @@ class Camera(Sensor):
         def measure(sight: Sight) -> CameraImage:
             eye = compose(sight.probe.link_pose(mount.link), mount.pose)
             picture = draw(pinhole, eye, placed(sight.probe))
-            return CameraImage(sight.time, picture.rgb, picture.depth)
+            rgb = picture.rgb
+            if self.noise:
+                noisy = rgb + mount.random.normal(0.0, 255 * self.noise, rgb.shape)
+                rgb = noisy.round().clip(0, 255).astype(rgb.dtype)
+                rgb.flags.writeable = False
+            return CameraImage(sight.time, rgb, picture.depth)
 
         return measure

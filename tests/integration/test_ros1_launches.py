@@ -374,10 +374,10 @@ EYED = """\
     <axis xyz="0 0 1"/><limit lower="0.1" upper="0.3" effort="10" velocity="1"/></joint>
   <joint name="eye_joint" type="fixed"><parent link="base_link"/><child link="eye"/><origin xyz="0.15 0 0"/></joint>
   <gazebo reference="eye"><sensor name="camera" type="camera"><update_rate>5</update_rate>
-    <camera><horizontal_fov>1.5707963</horizontal_fov><image><width>8</width><height>6</height><format>R8G8B8</format>
+    <camera><horizontal_fov>1.5707963</horizontal_fov><image><width>8</width><height>6</height><format>B8G8R8</format>
     </image><clip><near>0.01</near><far>50</far></clip></camera>
     <plugin name="eye" filename="libgazebo_ros_camera.so"><cameraName>front</cameraName><frameName>optical</frameName>
-    </plugin></sensor></gazebo>
+    <hackBaseline>0.1</hackBaseline></plugin></sensor></gazebo>
 </robot>
 """
 SEES = """\
@@ -390,26 +390,38 @@ image = rospy.wait_for_message("/front/image_raw", Image)
 info = rospy.wait_for_message("/front/camera_info", CameraInfo)
 assert (image.width, image.height, len(image.data), image.header.frame_id) == (8, 6, 144, "optical"), image
 assert image.data[:3] != image.data[-3:], "the sky has the colour of the ground"
-assert abs(info.K[0] - 4) < 1e-6 and info.width == 8, info
-fixed, = rospy.wait_for_message("/tf_static", TFMessage).transforms
-assert (fixed.header.frame_id, fixed.child_frame_id, fixed.transform.translation.x) == ("base_link", "eye", 0.15), fixed
+assert image.encoding == "bgr8" and image.data[0] > image.data[2], "the sky is blue"
+assert abs(info.K[0] - 4) < 1e-6 and abs(info.P[3] + 0.4) < 1e-6 and info.width == 8, info
 joints = rospy.wait_for_message("/joint_states", JointState)
 assert (joints.name, joints.position) == (["lift"], (0.2,)), joints
-while True:
-    moved, = rospy.wait_for_message("/tf", TFMessage).transforms
-    if moved.child_frame_id == "arm":
-        break
-assert abs(moved.transform.translation.z - 0.4) < 1e-9, moved
+frames = {}
+hear = lambda message: frames.update({frame.child_frame_id: frame for frame in message.transforms})
+subscribers = [rospy.Subscriber(topic, TFMessage, hear) for topic in ("/tf", "/tf_static")]
+assert rospy.wait_for_message("/again", CameraInfo).K == info.K
+while len(frames) < 4:
+    rospy.sleep(0.1)
+places = {child: (frame.header.frame_id, frame.transform.translation) for child, frame in frames.items()}
+assert (places["eye"][0], places["eye"][1].x) == ("base_link", 0.15), places
+assert abs(places["arm"][1].z - 0.4) < 1e-9, places
+assert (places["odom"][0], places["odom"][1].z, frames["odom"].transform.rotation.x) == ("map", 3, 1), frames
+turned = frames["dock"].transform.rotation
+assert places["dock"][0] == "map" and abs(turned.z - turned.w) < 1e-4 and turned.z > 0, frames
+assert rospy.get_param("/joint_state_controller/publish_rate") == 50
 rospy.spin()
 """
 
 
-def test_files_are_launched_together_with_cameras_and_stand_ins_for_the_publishers_of_states(tmp_path: Path) -> None:
+def test_files_are_launched_together_with_cameras_and_stand_ins_for_programs_of_ros(tmp_path: Path) -> None:
     spawn = '<node name="spawn" pkg="gazebo_ros" type="spawn_model" args="-urdf -param robot_description -model r"/>'
     description = """<param name="robot_description" command="xacro '$(find parts)/$(arg robot).xacro'"/>"""
-    states = "".join(
-        f'<node name="{p}" pkg="{p}" type="{p}"/>' for p in ("robot_state_publisher", "joint_state_publisher")
-    )
+    nodes = [(name, name, "") for name in ("robot_state_publisher", "joint_state_publisher")]
+    nodes += [
+        ("tf", "static_transform_publisher", "1 2 3 1 0 0 0 map odom 50"),
+        ("tf2_ros", "static_transform_publisher", "0 0 0 1.5708 0 0 map dock"),
+        ("topic_tools", "relay", "/front/camera_info /again"),
+    ]
+    states = "".join(f'<node name="{pkg}_" pkg="{pkg}" type="{kind}" args="{args}"/>' for pkg, kind, args in nodes)
+    states += '<rosparam file="$(find joint_state_controller)/joint_state_controller.yaml"/>'
     files = {
         "world.launch": f'<launch><arg name="robot"/>{WORLD}{description}{spawn}</launch>',
         "nodes.launch": f'<launch><arg name="robot"/>{states}<node name="sees" pkg="parts" type="sees.py"/></launch>',

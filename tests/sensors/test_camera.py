@@ -41,6 +41,16 @@ def test_a_picture_has_its_time_its_size_and_its_types() -> None:
 DOWN = quaternion_from_rpy(0, math.pi / 2, 0)
 
 
+def test_noise_scatters_each_colour_and_follows_the_seed() -> None:
+    clean, noisy, again = (image(Camera(width=80, height=60, noise=n), Pose(), Pose((0, 0, 1))) for n in (0, 0.1, 0.1))
+    # Only colours that are far enough from black and white to be scattered on both sides.
+    scatter = (noisy.rgb.astype(float) - clean.rgb)[(clean.rgb > 80) & (clean.rgb < 175)]
+    assert abs(scatter.std() - 25.5) < 3
+    assert abs(scatter.mean()) < 3
+    assert (noisy.rgb == again.rgb).all()
+    assert not noisy.rgb.flags.writeable
+
+
 @pytest.mark.parametrize(
     ("link", "pose"),
     [

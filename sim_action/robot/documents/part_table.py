@@ -6,7 +6,7 @@ A table is the file `parts_FORMAT.json` in this folder. It maps places to rows o
 - effect: "read"; "harmless": the motion is the same without it; "reported": a finding names it; "moving": one names it
   in a model that moves; "refused".
 - names: child elements, and attributes as `@name`, separated by commas; `*`: all others. `name=1|true` lists the values
-  with which a reported part has no effect.
+  with which a reported part has no effect, and `name=0~0.02` those nearer to 0 than 0.02.
 - text: the function or class that reads the part; the reason why it is harmless or refused; the consequence.
 
 The table "world" has the rows in which models of a world differ from a robot in SDF; "gazebo_ros" those of the plugins
@@ -137,9 +137,12 @@ def _row(effect: Effect, names: str, text: str) -> PartRow:
 
 def _is_equal(value: str, usual: str) -> bool:
     """Return True if two values are the same text, flag or numbers; one number stands for any count of it."""
+    usual, _, margin = usual.partition("~")
     stated, wanted = _numbers(value), _numbers(usual)
     if stated is None or wanted is None:
         return value.lower() == usual.lower()
+    if margin:
+        return all(abs(number - wanted[0]) < float(margin) for number in stated)
     return stated == wanted or (len(wanted) == 1 and set(stated) == set(wanted))
 
 

@@ -21,6 +21,7 @@ from sim_action.world import MeshFile, Shape
 from sim_action.world.parts import Part, SurfacePart, moved
 from sim_action.world.shape_files.mesh_file import read_mesh_parts
 from sim_action.world.shape_files.shape_error import ShapeError
+from sim_action.world.shapes import MIN_LENGTH_M
 from sim_action.world.world_files.losses import LossList, lost_parts
 
 _LENGTH_TOLERANCE_M: Final = 1e-3
@@ -200,7 +201,7 @@ class ShapeReader:
 def _plain(shape: Element) -> dict[str, Any] | None:
     """Return a box, cylinder or ball as keys; None for another shape. Raises SdfProblem."""
     if shape.tag == "box":
-        return {"box": vector_of(needed(shape, "size"))}
+        return {"box": tuple(map(_resolved, vector_of(needed(shape, "size"))))}
     if shape.tag == "cylinder":
         return {"cylinder": {"radius": _size(shape, "radius"), "height": _size(shape, "length")}}
     if shape.tag == "sphere":
@@ -216,7 +217,12 @@ def _coefficients(stated: Element) -> tuple[float, float]:
 
 
 def _size(shape: Element, tag: str) -> float:
-    return numbers_of(needed(shape, tag), 1)[0]
+    return _resolved(numbers_of(needed(shape, tag), 1)[0])
+
+
+def _resolved(length: float) -> float:
+    """Return a length that engines can resolve: worlds mark the floor with thinner shapes, and Gazebo accepts them."""
+    return max(length, MIN_LENGTH_M) if length > 0 else length
 
 
 def said(error: Exception) -> str:

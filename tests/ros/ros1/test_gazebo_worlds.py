@@ -231,7 +231,8 @@ def test_old_worlds_have_gravity_in_physics(tmp_path: Path) -> None:
 STATE = """
 <state world_name="default"><sim_time>10 0</sim_time><real_time>1 0</real_time><iterations>3</iterations>
   <model name="wall"><pose>4 1 0.5 0 0 0</pose><scale>1 1 1</scale>
-    <link name="link"><pose>4 1 {z} 0 0 0</pose><velocity>0 0 0 0 -0 0</velocity><wrench>0 0 -9.8 0 0 0</wrench></link>
+    <link name="link"><pose>4 1 {z} 0 0 0</pose><velocity>0 0 0.009 0 -0.019 0</velocity>
+    <wrench>0 0 -9.8 0 0 0</wrench></link>
   </model><light name="sun"><pose>0 0 10 0 0 0</pose></light>{more}</state>
 """
 
@@ -245,7 +246,9 @@ def test_the_state_of_a_world_places_its_models_and_links(tmp_path: Path) -> Non
 
 
 def test_a_state_that_moves_or_deletes_is_lost(tmp_path: Path) -> None:
-    text = STATE.format(z=0.5, more="<deletions><name>wall</name></deletions>").replace("0 0 0 0 -0 0", "1 0 0 0 0 0")
+    text = STATE.format(z=0.5, more="<deletions><name>wall</name></deletions>").replace(
+        "0 0 0.009 0 -0.019 0", "1 0 0 0 0 0"
+    )
     _, lost = read(tmp_path, WALL + text)
 
     assert lost == [

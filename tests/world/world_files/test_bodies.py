@@ -120,6 +120,16 @@ def test_a_capsule_is_a_cylinder_and_two_balls(tmp_path: Path) -> None:
     assert lost == []
 
 
+@pytest.mark.parametrize(
+    "shape",
+    ["<cylinder><radius>1</radius><length>0.00001</length></cylinder>", "<box><size>1 2 0.00001</size></box>"],
+)
+def test_a_mark_on_the_floor_is_as_thin_as_engines_resolve(shape: str, tmp_path: Path) -> None:
+    bodies, lost = read(shaped(shape), tmp_path)
+
+    assert (len(bodies), lost) == (1, [])
+
+
 def test_a_round_ellipsoid_is_a_ball(tmp_path: Path) -> None:
     bodies, _ = read(shaped("<ellipsoid><radii>0.2 0.2 0.2</radii></ellipsoid>"), tmp_path)
 

@@ -44,30 +44,65 @@ _NODES: Final = {
     ("robot_state_publisher", "robot_state_publisher"): f"{_PROGRAMS} robot_state_publisher",
     ("robot_state_publisher", "state_publisher"): f"{_PROGRAMS} robot_state_publisher",
     ("joint_state_publisher", "joint_state_publisher"): f"{_PROGRAMS} joint_state_publisher",
+    ("tf", "static_transform_publisher"): f"{_PROGRAMS} static_transform_publisher",
+    ("tf2_ros", "static_transform_publisher"): f"{_PROGRAMS} static_transform_publisher",
+    ("topic_tools", "relay"): f"{_PROGRAMS} relay",
     ("xacro", "xacro"): _XACRO,
     ("xacro", "xacro.py"): _XACRO,
 }
 # Packages of ours that a package of the user or of ROS replaces.
 _FALLBACKS: Final = frozenset(
-    {"turtlebot3_gazebo", "turtlebot3_description", "robot_state_publisher", "joint_state_publisher"}
+    {
+        "joint_state_controller",
+        "joint_state_publisher",
+        "robot_state_publisher",
+        "tf",
+        "tf2_ros",
+        "topic_tools",
+        "turtlebot3_description",
+        "turtlebot3_gazebo",
+    }
 )
 
 _MESSAGE_KINDS: Final = ("msg", "srv")
 
-# One interpreter for all: starting one for each kind and package takes longer than its work.
+# One interpreter for all: starting one for each kind and package takes longer than its work. Definitions that ROS has
+# only as modules are read from those: a module holds the definitions of all messages that its message uses. A package
+# that uses one that nobody has gets a module that says so: most nodes of a workspace do not need it.
 _GENERATE_MESSAGES: Final = """\
-import json, os, sys
+import contextlib, importlib, io, json, os, re, shutil, sys
 from genpy.generator import MsgGenerator, SrvGenerator
 from genpy.generate_initpy import write_modules
 task = json.load(sys.stdin)
+modules, includes = task["modules"], task["includes"]
+texts = [open(file).read() for kinds in task["packages"].values() for files in kinds.values() for file in files]
+for name in {name for text in texts for name in re.findall(r"(?m)^\\s*(\\w+)/\\w+", text)} - includes.keys():
+    with contextlib.suppress(ImportError):
+        for kind in vars(importlib.import_module(name + ".msg")).values():
+            full = f"MSG: {kind._type}\\n{kind._full_text}" if hasattr(kind, "_full_text") else ""
+            for text in re.split("(?m)^=+\\n", full) if full else ():
+                package, _, message = text.split("\\n", 1)[0][5:].partition("/")
+                folder = os.path.join(task["definitions"], package)
+                if includes.setdefault(package, [folder]) == [folder]:
+                    os.makedirs(folder, exist_ok=True)
+                    open(os.path.join(folder, message + ".msg"), "w").write(text.split("\\n", 1)[1])
 for package, kinds in task["packages"].items():
     for kind, generator in (("msg", MsgGenerator()), ("srv", SrvGenerator())):
-        if kinds[kind]:
-            folder = os.path.join(task["modules"], package, kind)
-            os.mkdir(folder)
-            code = generator.generate_messages(package, kinds[kind], folder, task["includes"])
-            if code:
-                sys.exit(code)
+        folder, errors = os.path.join(modules, package, kind), io.StringIO()
+        if not kinds[kind] or os.path.exists(os.path.join(modules, package + ".py")):
+            continue
+        os.mkdir(folder)
+        with contextlib.redirect_stderr(errors):
+            code = generator.generate_messages(package, kinds[kind], folder, includes)
+        missing = re.search(r"unknown package \\[(\\w+)\\]", errors.getvalue())
+        if missing:
+            shutil.rmtree(os.path.join(modules, package))
+            needs = f"the messages of '{package}' need the package '{missing[1]}'"
+            text = f"{needs}, which is neither in the workspace nor in ROS: add it to the workspace, or install it"
+            open(os.path.join(modules, package + ".py"), "w").write(f"raise ImportError({text!r})\\n")
+        elif code:
+            sys.exit(errors.getvalue())
+        else:
             write_modules(folder)
 """
 
@@ -185,7 +220,10 @@ def generate_messages(packages: Mapping[str, Path], known: Mapping[str, Path], m
         (modules / name).mkdir()
         (modules / name / "__init__.py").write_text(_INIT)
     includes = {name: [str(folder / "msg")] for name, folder in known.items() if (folder / "msg").is_dir()}
-    task = json.dumps({"packages": written, "modules": str(modules), "includes": includes})
+    definitions_folder = str(modules.with_name("definitions"))
+    task = json.dumps(
+        {"packages": written, "modules": str(modules), "includes": includes, "definitions": definitions_folder}
+    )
     command = [str(ros.python), "-c", _GENERATE_MESSAGES]
     # It reads the task from standard input.
     made = subprocess.run(  # noqa: S603 - the distribution's Python and a program of ours

@@ -11,6 +11,8 @@ import json
 import os
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Final
 
@@ -56,20 +58,10 @@ def spawn_model() -> int:
     return spawn()
 
 
-def _controller_program(name: str) -> int:
+def _program(name: str, module: str) -> int:
     _add_rospy()
-    # the rest of the module runs without it
-    from sim_action.ros.ros1.node.control.programs import PROGRAMS as CONTROLLER_PROGRAMS
-
-    return CONTROLLER_PROGRAMS[name]()
-
-
-def _state_publisher(name: str) -> int:
-    _add_rospy()
-    # the rest of the module runs without it
-    from sim_action.ros.ros1.node.state_publishers import PROGRAMS as STATE_PUBLISHERS
-
-    return STATE_PUBLISHERS[name]()
+    program: Callable[[], int] = import_module(module).PROGRAMS[name]
+    return program()
 
 
 def _add_rospy() -> None:
@@ -77,14 +69,17 @@ def _add_rospy() -> None:
     sys.path.append(json.loads(request.read_bytes())["modules"])
 
 
+_CONTROL: Final = "sim_action.ros.ros1.node.control.programs"
+_STAND_INS: Final = "sim_action.ros.ros1.node.stand_ins"
+
 PROGRAMS: Final[Mapping[str, Callable[[], int]]] = {
     "gzserver": gzserver,
     "spawn_model": spawn_model,
-    "spawner": lambda: _controller_program("spawner"),
-    "unspawner": lambda: _controller_program("unspawner"),
-    "controller_manager": lambda: _controller_program("controller_manager"),
-    "robot_state_publisher": lambda: _state_publisher("robot_state_publisher"),
-    "joint_state_publisher": lambda: _state_publisher("joint_state_publisher"),
+    **{name: partial(_program, name, _CONTROL) for name in ("spawner", "unspawner", "controller_manager")},
+    **{
+        name: partial(_program, name, _STAND_INS)
+        for name in ("robot_state_publisher", "joint_state_publisher", "static_transform_publisher", "relay")
+    },
 }
 """Program name -> function that runs it and returns the exit code."""
 

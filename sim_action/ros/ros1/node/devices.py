@@ -35,6 +35,7 @@ from sim_action.state.readings import CameraImage, ImuReading, LidarScan
 from sim_action.world.world_files.world_shapes import said
 
 _UNKNOWN: Final = 1e12
+_BGR_FORMATS: Final = ("B8G8R8", "BGR_INT8")
 
 
 def open_drive(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
@@ -160,12 +161,14 @@ def open_camera(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
         return
     publisher, infos = wiring.publisher(topics[0], Image), wiring.publisher(topics[1], CameraInfo)
     schedule = schedule_of(own.number("updateRate", default=0.0) or sensor.number("update_rate", default=0.0))
+    baseline = own.number("hackBaseline", default=0.0)
+    is_bgr = sensor.text("camera/image/format") in _BGR_FORMATS
 
     def publish(seconds: float, seen: Observation) -> None:
         picture, head = seen.sensors[name], header(seconds, frame)
         if isinstance(picture, CameraImage):
-            publisher.send(image_message(picture, head))
-        infos.send(camera_info_message(camera, head))
+            publisher.send(image_message(picture, head, "bgr8" if is_bgr else "rgb8"))
+        infos.send(camera_info_message(camera, head, baseline))
 
     on_schedule = wiring.on_schedule(camera, publisher, schedule)
     rate = schedule.rate if schedule.is_even else TICKS
@@ -182,6 +185,7 @@ def _camera(plugin: Plugin) -> Camera:
         field_of_view=sensor.number("camera/horizontal_fov", default=1.047),
         near=sensor.number("camera/clip/near", default=0.1),
         far=sensor.number("camera/clip/far", default=100.0),
+        noise=sensor.number("camera/noise/stddev", default=0.0),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
 from rospy import Time
@@ -77,15 +78,15 @@ def imu_message(reading: ImuReading, head: Header, deviation: float = 0.0) -> Im
     )
 
 
-def image_message(reading: CameraImage, head: Header) -> Image:
+def image_message(reading: CameraImage, head: Header, encoding: Literal["rgb8", "bgr8"] = "rgb8") -> Image:
     """Return the colours of a camera image as message."""
     height, width, colours = reading.rgb.shape
-    data = reading.rgb.tobytes()
-    return Image(header=head, height=height, width=width, encoding="rgb8", step=width * colours, data=data)
+    data = (reading.rgb if encoding == "rgb8" else reading.rgb[:, :, ::-1]).tobytes()
+    return Image(header=head, height=height, width=width, encoding=encoding, step=width * colours, data=data)
 
 
-def camera_info_message(camera: Camera, head: Header) -> CameraInfo:
-    """Return the message on a camera without distortion."""
+def camera_info_message(camera: Camera, head: Header, baseline: float = 0.0) -> CameraInfo:
+    """Return the message on a camera without distortion; `baseline`: m from the first camera of a pair."""
     focal, cx, cy = pinhole_of(camera.width, camera.height, camera.field_of_view)
     return CameraInfo(
         header=head,
@@ -95,7 +96,7 @@ def camera_info_message(camera: Camera, head: Header) -> CameraInfo:
         D=[0.0] * 5,
         K=[focal, 0.0, cx, 0.0, focal, cy, 0.0, 0.0, 1.0],
         R=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-        P=[focal, 0.0, cx, 0.0, 0.0, focal, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+        P=[focal, 0.0, cx, -focal * baseline, 0.0, focal, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
     )
 
 

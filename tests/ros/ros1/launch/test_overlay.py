@@ -49,9 +49,21 @@ def test_messages_of_a_package_that_nobody_has_built_can_be_imported_beside_its_
     assert python(overlay, f"{imports}; print(SPEED, Goal().place.x)") == "3 0.0"
 
 
-def test_messages_that_cannot_be_are_an_error(tmp_path: Path) -> None:
+def test_messages_need_only_the_modules_of_ros_and_a_package_that_is_missing_ends_only_the_node_that_uses_it(
+    tmp_path: Path,
+) -> None:
     package(tmp_path / "ws", "robot", {"msg/Goal.msg": "nowhere/Thing thing\n"})
-    with pytest.raises(UsageError, match=r"the messages of robot, controller_manager_msgs, gazebo_msgs: .*nowhere"):
+    package(tmp_path / "ws", "seen", {"msg/Seen.msg": "# all of it\nsensor_msgs/Image image\nnav_msgs/Path[] ways\n"})
+    overlay = built(tmp_path)
+    text = "from seen.msg import Seen; from sensor_msgs.msg import Image; s = Seen(); print(type(s.image) is Image)"
+    assert python(overlay, text) == "True"
+    text = "try: import robot.msg\nexcept ImportError as error: print(error)"
+    assert python(overlay, text).startswith("the messages of 'robot' need the package 'nowhere', which is neither in")
+
+
+def test_messages_that_cannot_be_read_are_an_error(tmp_path: Path) -> None:
+    package(tmp_path / "ws", "robot", {"msg/Goal.msg": "float64 1x\n"})
+    with pytest.raises(UsageError, match=r"the messages of robot, controller_manager_msgs, gazebo_msgs: .*1x"):
         built(tmp_path)
 
 

@@ -271,9 +271,11 @@ def test_a_node_of_an_unknown_place_is_at_the_launch_file(tmp_path: Path) -> Non
     assert "elsewhere" in loss.message
 
 
-@pytest.mark.parametrize("name", ["rviz", "rqt_graph", "rqt_robot_steering", "image_view"])
+@pytest.mark.parametrize(
+    "name", ["rviz", "rqt_robot_steering", "image_view", "teleop_twist_keyboard", "turtlebot3_teleop"]
+)
 @looks_for_ros
-def test_a_window_that_is_not_installed_is_no_loss(name: str, tmp_path: Path) -> None:
+def test_a_program_for_a_person_that_is_not_installed_is_no_loss(name: str, tmp_path: Path) -> None:
     assert absent(tmp_path, ERROR.format(f"{name}/{name}", name)) == AbsentNodes()
 
 

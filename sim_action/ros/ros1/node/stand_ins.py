@@ -1,17 +1,21 @@
-"""The programs `robot_state_publisher` and `joint_state_publisher`, for installations of ROS 1 that lack them."""
+"""Programs that publish what they receive or know, for installations of ROS 1 that lack them."""
 
 from __future__ import annotations
 
+import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
+import roslib.message
 import rospy
-from geometry_msgs.msg import Transform, TransformStamped, Vector3
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
+from sim_action.core.geometry import quaternion_from_rpy
 from sim_action.core.workspace import Workspace
 from sim_action.robot.model.robot_model import Joint, RobotModel
 from sim_action.robot.reading.loading import load_model
@@ -74,18 +78,22 @@ def joint_state_publisher() -> int:
     for topic in rospy.get_param("~source_list", []):
         rospy.Subscriber(topic, JointState, hear)
     publisher = rospy.Publisher("joint_states", JointState, queue_size=5)
-    rate = rospy.Rate(float(rospy.get_param("~rate", 10)))
-    while not rospy.is_shutdown():
+    for seconds in _times(float(rospy.get_param("~rate", 10))):
         for joint in joints:
             if joint.mimic is not None and joint.mimic.joint in positions:
                 positions[joint.name] = joint.mimic.multiplier * positions[joint.mimic.joint] + joint.mimic.offset
-        now = header(rospy.get_time(), "")
+        now = header(seconds, "")
         publisher.publish(JointState(header=now, name=list(positions), position=list(positions.values())))
-        try:
-            rate.sleep()
-        except rospy.ROSInterruptException:
-            break
     return 0
+
+
+def _times(rate: float) -> Iterator[float]:
+    """Yield the sim time in s, `rate` times per second, until the node is asked to leave."""
+    sleeper = rospy.Rate(rate)
+    with suppress(rospy.ROSInterruptException):
+        while not rospy.is_shutdown():
+            yield rospy.get_time()
+            sleeper.sleep()
 
 
 def _middle(joint: Joint) -> float:
@@ -95,8 +103,56 @@ def _middle(joint: Joint) -> float:
     return ((lower or 0.0) + (upper or 0.0)) / 2 if is_outside else 0.0
 
 
+def static_transform_publisher() -> int:
+    """Publish a frame until asked to leave: again and again on /tf, as that of tf, or once, as that of tf2_ros.
+
+    The arguments are x, y, z, the rotation as yaw, pitch and roll or as a quaternion, the parent and the child; that of
+    tf has a period in ms after them.
+    """
+    rospy.init_node("static_transform_publisher", anonymous=True)
+    words = rospy.myargv()[1:]
+    period = float(words.pop()) / 1000 if words and words[-1].replace(".", "", 1).isdigit() else None
+    try:
+        *numbers, parent, child = words
+        x, y, z, *turned = map(float, numbers)
+        rotation = turned if len(turned) == len("xyzw") else quaternion_from_rpy(*reversed(turned))
+    except (TypeError, ValueError):
+        sys.exit("usage: static_transform_publisher X Y Z (YAW PITCH ROLL | QX QY QZ QW) PARENT CHILD [PERIOD_MS]")
+    frame = Transform(Vector3(x, y, z), Quaternion(*rotation))
+    publisher = rospy.Publisher("/tf_static" if period is None else "/tf", TFMessage, queue_size=1, latch=True)
+    if period is None:
+        publisher.publish(TFMessage([TransformStamped(header(0.0, parent), child, frame)]))
+        rospy.spin()
+    else:
+        for seconds in _times(1 / period):
+            # It holds until the next one.
+            publisher.publish(TFMessage([TransformStamped(header(seconds + period, parent), child, frame)]))
+    return 0
+
+
+def relay() -> int:
+    """Send each message of a topic on, by default to TOPIC_relay, until asked to leave."""
+    rospy.init_node("relay", anonymous=True)
+    topic, *to = rospy.myargv()[1:]
+    publisher: Any = None
+
+    def send(message: Any) -> None:
+        nonlocal publisher
+        # The type is that of the first message.
+        if publisher is None:
+            kind = roslib.message.get_message_class(message._connection_header["type"])  # noqa: SLF001 - as rospy documents
+            publisher = rospy.Publisher(to[0] if to else f"{topic}_relay", kind, queue_size=None)
+        publisher.publish(publisher.data_class().deserialize(message._buff))  # noqa: SLF001 - as rospy documents
+
+    rospy.Subscriber(topic, rospy.AnyMsg, send)
+    rospy.spin()
+    return 0
+
+
 PROGRAMS: Final[Mapping[str, Callable[[], int]]] = {
     "robot_state_publisher": robot_state_publisher,
     "joint_state_publisher": joint_state_publisher,
+    "static_transform_publisher": static_transform_publisher,
+    "relay": relay,
 }
 """Program name -> function that runs it and returns the exit code."""
