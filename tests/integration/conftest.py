@@ -109,10 +109,12 @@ def environment(temp: Path) -> Path:
     return folder
 
 
-def sim_action(folder: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    """Run the command line outside of GitHub, forked from a process that has imported everything."""
-    code, printed, errors = WARM.call(folder, arguments, outside_of_github(variables))
-    return subprocess.CompletedProcess(["sim-action", *arguments], code, printed, errors)
+def sim_action(
+    folder: Path, *arguments: str, program: str = "sim-action", **variables: str
+) -> subprocess.CompletedProcess[str]:
+    """Run the command line, or pytest, outside of GitHub, forked from a process that has imported everything."""
+    code, printed, errors = WARM.call(folder, arguments, outside_of_github(variables), program)
+    return subprocess.CompletedProcess([program, *arguments], code, printed, errors)
 
 
 def fresh_sim_action(folder: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
 
 from sim_action.engines import installed
-from tests.integration.conftest import interpreter
+from tests.integration.conftest import sim_action
 
 ROOT = Path(__file__).parents[2]
 
 
 def blocks(language: str, page: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL)
-
-
-def run(folder: Path, engine: str) -> subprocess.CompletedProcess[str]:
-    words = ("-m", "sim_action", "run", "--backend", engine, "--no-report", "-v")
-    return interpreter(folder, *words, env={"PYTHONPATH": str(ROOT), "PATH": "", "COLUMNS": "120"})
 
 
 CONTROLLED = """\
@@ -50,7 +44,7 @@ def test_scenarios_of_pages_pass(engine: str, tmp_path: Path) -> None:
     (tmp_path / "controller.py").write_text(blocks("python", "README.md")[0])
     (tmp_path / "controlled.sim.yml").write_text(CONTROLLED)
 
-    ran = run(tmp_path, engine)
+    ran = sim_action(tmp_path, "run", "--backend", engine, "--no-report", "-v", PATH="", COLUMNS="120")
 
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert "5 passed in " in ran.stdout  # without warnings

@@ -11,7 +11,7 @@ import pytest
 
 from sim_action.engines import installed
 from tests.installed_packages import ASSERTION, ROOT, WOBBLE, install_assertion, install_wobble
-from tests.integration.conftest import interpreter, outcomes
+from tests.integration.conftest import outcomes, sim_action
 from tests.soak import soaked
 
 STILL = """\
@@ -23,10 +23,12 @@ time_limit: 0.2 s
 """
 
 
-def python(folder: Path, site: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    outside = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
-    path = os.pathsep.join((str(ROOT), str(site)))
-    return interpreter(folder, *arguments, env={**outside, "PYTHONPATH": path, **variables})
+TESTS = ("-q", "-p", "no:cacheprovider", "tests")
+
+
+def called(folder: Path, site: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run the command line where packages are installed in `site`."""
+    return sim_action(folder, *arguments, PYTHONPATH=os.pathsep.join((str(ROOT), str(site))), **variables)
 
 
 @pytest.fixture
@@ -39,7 +41,7 @@ def test_the_example_runs_with_traces_and_the_same_digest_as_without_the_package
     engine: str, example: Path, tmp_path: Path
 ) -> None:
     site = install_wobble(tmp_path / "site")
-    ran = python(example, site, "-m", "sim_action", "run", "--backend", engine, "-j", "2")
+    ran = called(example, site, "run", "--backend", engine, "-j", "2")
     assert ran.returncode == 0, ran.stdout + ran.stderr
     (outcome,) = outcomes(example)
     assert [each["assertion"] for each in outcome["expectations"]] == ["travel", "wobble", "sensor"]
@@ -47,12 +49,12 @@ def test_the_example_runs_with_traces_and_the_same_digest_as_without_the_package
     own = [line for line in lines if not any(word in line for word in ("wobble:", "inclinometer", "sensors:"))]
     own = [line for line in own if not line.startswith(("    rate", "    trace"))]
     (example / "straight_line.sim.yml").write_text("\n".join(own))
-    assert python(example, tmp_path, "-m", "sim_action", "run", "--backend", engine).returncode == 0
+    assert called(example, tmp_path, "run", "--backend", engine).returncode == 0
     assert outcomes(example)[0]["digest"] == outcome["digest"]
 
 
 def test_the_tests_of_the_example_pass(example: Path, tmp_path: Path) -> None:
-    ran = python(example, install_wobble(tmp_path / "site"), "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests")
+    ran = called(example, install_wobble(tmp_path / "site"), *TESTS, program="pytest")
     assert ran.returncode == 0, ran.stdout
 
 
@@ -66,7 +68,7 @@ def test_the_checks_find_verdicts_that_are_not_as_they_should_be(example: Path, 
         + "def test_wobble():\n    check_assertion(Wobble(), passes=STRICT, fails=DRIVES)\n\n\n"
         + 'def test_sensor():\n    check_sensor(Inclinometer(), scenario=DRIVES.changed({"sensors.0.trace": False}))\n'
     )
-    ran = python(example, install_wobble(tmp_path / "site"), "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests")
+    ran = called(example, install_wobble(tmp_path / "site"), *TESTS, program="pytest")
     assert "wobble: should have passed in 'burger does not wobble', and failed: wobbled " in ran.stdout
     assert "wobble: should have failed in 'burger does not wobble', and passed: wobbled at most " in ran.stdout
     assert "inclinometer: the trace of 'burger does not wobble' has no readings of it" in ran.stdout
@@ -76,7 +78,7 @@ def test_an_assertion_that_cannot_be_imported_stops_its_scenario_only(tmp_path: 
     site = install_assertion(tmp_path / "site", "a-still", "raise ValueError('oh')")
     (tmp_path / "a.sim.yml").write_text(STILL.format(name="a", expect="still: {}"))
     (tmp_path / "b.sim.yml").write_text(STILL.format(name="b", expect="upright: {}"))
-    ran = python(tmp_path, site, "-m", "sim_action", "run", "--no-report")
+    ran = called(tmp_path, site, "run", "--no-report")
     assert "Traceback" not in ran.stdout + ran.stderr
     assert [outcome["status"] for outcome in outcomes(tmp_path)] == ["error", "passed"]
     (failure,) = outcomes(tmp_path)[0]["failures"]
@@ -98,7 +100,7 @@ def test_an_exception_in_a_run_names_the_package_and_the_place(
 ) -> None:
     site = install_assertion(tmp_path / "site", "a-still", ASSERTION.replace(old, new))
     (tmp_path / "a.sim.yml").write_text(STILL.format(name="a", expect="still: {}"))
-    ran = python(tmp_path, site, "-m", "sim_action", "run", "--no-report")
+    ran = called(tmp_path, site, "run", "--no-report")
     assert ran.returncode == 1, ran.stdout
     (failure,) = outcomes(tmp_path)[0]["failures"]
     assert (failure["kind"], failure["title"]) == ("script", "package error")
@@ -112,10 +114,10 @@ def test_a_package_that_cannot_be_imported_in_the_process_of_a_scenario_is_named
     code = f"import os\nif 'MY_KEY' not in os.environ:\n    raise KeyError('MY_KEY')\n{ASSERTION}"
     site = install_assertion(tmp_path / "site", "a-still", code)
     (tmp_path / "a.sim.yml").write_text(STILL.format(name="a", expect="still: {}"))
-    ran = python(tmp_path, site, "-m", "sim_action", "run", "--no-report", MY_KEY="1")
+    ran = called(tmp_path, site, "run", "--no-report", MY_KEY="1")
     assert "Traceback" not in ran.stdout + ran.stderr
     assert "'still' of a-still 1.0 raised KeyError: 'MY_KEY' (a_still.py:3)" in outcomes(tmp_path)[0]["output"]
-    ran = python(tmp_path, site, "-m", "sim_action", "run", "--no-report", "--pass-env", "MY_KEY", MY_KEY="1")
+    ran = called(tmp_path, site, "run", "--no-report", "--pass-env", "MY_KEY", MY_KEY="1")
     assert ran.returncode == 0, ran.stdout
 
 
@@ -125,21 +127,21 @@ def test_a_resumed_run_is_not_taken_over_after_the_package_changed(tmp_path: Pat
     (tmp_path / ".gitignore").write_text("sim-results/\n__pycache__/\n")
     for command in (("init", "-q"), ("add", "-A")):
         subprocess.run(["git", *command], cwd=tmp_path, check=True)
-    run = ("-m", "sim_action", "run", "--no-report", "--resume")
+    run = ("run", "--no-report", "--resume")
     taken = "1 of 1 scenario taken over"
-    first, second = (python(tmp_path, site, *run) for _ in range(2))
+    first, second = (called(tmp_path, site, *run) for _ in range(2))
     assert (first.returncode, second.returncode) == (0, 0), second.stdout
     assert taken not in first.stdout + first.stderr
     assert taken in second.stdout + second.stderr
     module = site / "a_still.py"
     module.write_text(module.read_text().replace("Verdict(True", "Verdict(False"))
-    assert python(tmp_path, site, *run).returncode == 1
+    assert called(tmp_path, site, *run).returncode == 1
 
 
 def test_validate_imports_nothing_where_scripts_are_refused(tmp_path: Path) -> None:
     site = install_assertion(tmp_path / "site", "a-still", "print('imported')")
     (tmp_path / "a.sim.yml").write_text(STILL.format(name="a", expect="still: {}"))
-    ran = python(tmp_path, site, "-m", "sim_action", "validate", GITHUB_EVENT_NAME="issue_comment")
+    ran = called(tmp_path, site, "validate", GITHUB_EVENT_NAME="issue_comment")
     assert ran.returncode == 2
     assert "imported\n" not in ran.stdout
     assert "'still' of a-still 1.0 is not imported: scripts are not run on issue_comment" in ran.stdout

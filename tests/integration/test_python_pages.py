@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import re
+import runpy
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.integration.conftest import sim_action
 
 ROOT = Path(__file__).parents[2]
 README = "README.md"
@@ -34,30 +35,22 @@ PRINTED = [
 TESTS = {README: OF_README[1], PLUGIN: blocks("python", f"{PLUGIN}/README.md")[0]}
 
 
-def call(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    path = os.pathsep.join(map(str, (ROOT, ROOT / PLUGIN)))
-    environment = {
-        "PYTHONPATH": path,
-        "PATH": "",
-        "PYTHONIOENCODING": "utf-8",
-        "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
-    }
-    command = [sys.executable, *arguments]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
-
-
 @pytest.mark.parametrize(
     ("program", "printed"), list(zip([*blocks("python", "docs/python.md"), OF_README[0]], PRINTED, strict=True))
 )
-def test_a_program_prints_what_it_should(program: str, printed: str, tmp_path: Path) -> None:
+def test_a_program_prints_what_it_should(
+    program: str, printed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     if "mujoco" in program:
         pytest.importorskip("mujoco")
     for examples in ("turtlebot3", "gates"):
         shutil.copytree(ROOT / "examples" / examples, tmp_path / "examples" / examples)
     (tmp_path / "program.py").write_text(program, encoding="utf-8")
-    ran = call(tmp_path, "program.py")
-    assert (ran.returncode, ran.stderr) == (0, "")
-    assert printed in ran.stdout
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path("program.py", run_name="__main__")
+    out, errors = capfd.readouterr()
+    assert errors == ""
+    assert printed in out
 
 
 @pytest.mark.parametrize("page", TESTS)
@@ -67,5 +60,7 @@ def test_a_test_of_a_page_passes(page: str, tmp_path: Path) -> None:
         (tmp_path / name).write_text(blocks("yaml", README)[0], encoding="utf-8")
     # Without the settings of another folder, it is the root.
     (tmp_path / "pytest.ini").write_text("[pytest]\n", encoding="utf-8")
-    ran = call(tmp_path, "-m", "pytest", "-p", "pytest_sim_action", "-p", "no:cacheprovider", "test_robot.py")
+    arguments = ("-p", "pytest_sim_action", "-p", "no:cacheprovider", "test_robot.py")
+    path = os.pathsep.join(map(str, (ROOT, ROOT / PLUGIN)))
+    ran = sim_action(tmp_path, *arguments, program="pytest", PYTHONPATH=path, PYTEST_DISABLE_PLUGIN_AUTOLOAD="1")
     assert "2 passed" in ran.stdout, ran.stdout + ran.stderr

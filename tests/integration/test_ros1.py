@@ -21,7 +21,8 @@ from sim_action.ros.launches import LaunchRequest
 from sim_action.ros.ros1.launch_request import TRACE_FILE, SimulationResult
 from sim_action.ros.ros1.verdicts.findings import Findings
 from sim_action.state.trace_storage import load_trace
-from tests.ros.ros1.launches import EXAMPLES, launched, needs_ros, rostest, told
+from tests.integration.conftest import sim_action
+from tests.ros.ros1.launches import EXAMPLES, launched, needs_ros, told
 from tests.ros.ros1.robotis import lay_out
 from tests.soak import soaked
 
@@ -46,6 +47,11 @@ def loaded() -> Iterator[None]:
 
 def example(folder: Path, name: str, workspace: Path = EXAMPLES) -> Findings:
     return launched(folder, LaunchRequest("rostest", "robot_driver", f"{name}.test", workspace=workspace))
+
+
+def rostest(folder: Path, workspace: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """As it is typed in an empty folder."""
+    return sim_action(folder, "rostest", "--workspace", str(workspace), *words)
 
 
 def outcomes(folder: Path) -> tuple[Outcome, ...]:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,6 +11,7 @@ from junitparser import JUnitXml
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.state.trace_storage import load_trace
+from tests.integration.conftest import fresh_sim_action, sim_action
 from tests.ros.ros1.launches import ROOT, needs_ros, package
 from tests.ros.ros1.robotis import lay_out
 from tests.soak import soaked
@@ -41,14 +40,9 @@ DIES = (
 
 def called(folder: Path, program: str, *words: str) -> tuple[int, list[Outcome], str]:
     """The exit code, the outcomes and the printed text of a call in a workspace."""
-    done = subprocess.run(
-        [sys.executable, "-m", "sim_action", program, "--no-report", *words],
-        check=False,
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "1000"},
-        capture_output=True,
-        text=True,
-    )
+    # Forks of one process have its folder for temporary files.
+    run = fresh_sim_action if "TMPDIR" in os.environ else sim_action
+    done = run(folder, program, "--no-report", *words, COLUMNS="1000")
     results = Results.model_validate_json((folder / "sim-results/results.json").read_bytes())
     assert results.exit_code == done.returncode
     assert JUnitXml.fromfile(str(folder / "sim-results/junit.xml")).tests

@@ -21,9 +21,14 @@ from pathlib import Path
 from typing import Any, Final, NoReturn
 
 import pytest
+from pydantic import BaseModel
 
 import sim_action
 from sim_action.cli.main import leave, main
+from sim_action.engines import ENGINES, installed
+from sim_action.runner.child_outcome import engine_provenance
+from sim_action.runner.process_pool import warm_up
+from sim_action.scenario.loading import load_scenario
 
 ROOT: Final = Path(__file__).parents[2]
 
@@ -107,6 +112,16 @@ def _import_everything() -> None:
             # Without an optional package, or on another system, some modules cannot be imported.
             with suppress(ImportError, AssertionError):
                 importlib.import_module(module.name)
+    # Their validators are made at the first use.
+    models = BaseModel.__subclasses__()
+    for model in models:
+        models += model.__subclasses__()
+        model.model_rebuild()
+    loaded = load_scenario(ROOT / "examples/turtlebot3/straight_line.sim.yml")
+    warm_up([loaded], (), replays=True)
+    for engine in installed():
+        ENGINES[engine].load().warm_up()
+        engine_provenance(engine)
 
 
 def _become(asked: dict[str, Any]) -> NoReturn:
@@ -119,9 +134,9 @@ def _become(asked: dict[str, Any]) -> NoReturn:
     sys.path[0] = asked["folder"]
     sys.argv = [str(ROOT / "sim_action/__main__.py"), *asked["arguments"]]
     sys.stdin, sys.stdout, sys.stderr = (os.fdopen(number, "rww"[number], closefd=False) for number in range(3))
+    # An interpreter reads it when it starts.
+    sys.path[1:1] = [path for path in os.environ["PYTHONPATH"].split(os.pathsep) if path not in sys.path]
     if asked["program"] == "pytest":
-        # An interpreter reads it when it starts.
-        sys.path[1:1] = os.environ["PYTHONPATH"].split(os.pathsep)
         leave(pytest.main(asked["arguments"]))
     main()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from collections.abc import Mapping
 from functools import cache
@@ -69,10 +68,3 @@ def told(findings: Findings) -> SimulationResult:
     (run,) = findings.runs
     assert run.result is not None, findings.text
     return run.result
-
-
-def rostest(folder: Path, workspace: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    """As it is typed in an empty folder."""
-    command = [sys.executable, "-m", "sim_action", "rostest", "--workspace", str(workspace), *words]
-    variables = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder, env=variables)
