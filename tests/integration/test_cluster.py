@@ -18,6 +18,7 @@ import pytest
 from distributed import Client
 
 import sim_action
+from sim_action.cli.main import call
 from sim_action.engines import installed
 from sim_action.runner.isolation.process_control import processes
 from tests.patience import PATIENCE, wait_until
@@ -109,20 +110,6 @@ def script(folder: Path, name: str, text: str) -> None:
     (folder / f"{name}.sim.yml").write_text(SCRIPTED.format(name=name))
 
 
-@pytest.mark.parametrize("samples", soaked((6, 200), (6,)))
-def test_results_are_those_of_a_run_without_a_cluster(tmp_path: Path, samples: int) -> None:
-    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=samples))
-    script(tmp_path, "raises", RAISES)
-    here = run(tmp_path, "-j", "2", "--output-dir", "here", "--record", "csv")
-    there = run(tmp_path, "--cluster", "local:2", "--output-dir", "there", "--record", "csv")
-    assert here.returncode == there.returncode == 1, there.stderr
-    assert same_results(tmp_path / "here", tmp_path / "there")
-    assert len(outcomes(tmp_path / "there")) == samples + 1
-    assert files(tmp_path / "here") == files(tmp_path / "there")
-    assert "controllers/raises.py:2" in there.stdout
-    assert there.stderr.count("] passed") == samples
-
-
 @pytest.mark.soak
 def test_repetitions_and_engines_are_compared(tmp_path: Path) -> None:
     (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=1).replace("4 s", "1 s").replace("1.5 m", "0.1 m"))
@@ -178,17 +165,22 @@ def gone(pids: Sequence[int]) -> bool:
 
 
 @pytest.mark.parametrize("samples", soaked((8, 200), (8,)))
-def test_a_worker_that_is_killed_costs_no_outcome_and_doubles_none(tmp_path: Path, samples: int) -> None:
+def test_results_are_those_of_a_run_without_a_cluster_also_if_a_worker_is_killed(tmp_path: Path, samples: int) -> None:
     (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=samples))
-    run(tmp_path, "-j", "2", "--no-report", "--output-dir", "here")
-    with started(tmp_path, "--no-report") as process:
+    script(tmp_path, "raises", RAISES)
+    here = run(tmp_path, "-j", "2", "--output-dir", "here", "--record", "csv")
+    with started(tmp_path, "--record", "csv") as process:
         wait_for(process, 3)
         os.kill(workers_of(process)[0], signal.SIGKILL)
         _, told = process.communicate()
-    assert process.returncode == 0, told
+    assert here.returncode == process.returncode == 1, told
     assert same_results(tmp_path / "here", tmp_path / "there")
-    names = [outcome["name"] for outcome in outcomes(tmp_path / "there")]
-    assert len(set(names)) == len(names) == samples
+    assert files(tmp_path / "here") == files(tmp_path / "there")
+    found = outcomes(tmp_path / "there")
+    assert len({outcome["name"] for outcome in found}) == len(found) == samples + 1
+    assert told.count("] passed") == samples - 3
+    (raised,) = (outcome for outcome in found if outcome["name"] == "raises")
+    assert "controllers/raises.py" in str(raised["failures"])
 
 
 def test_a_signal_ends_all_workers_and_keeps_what_has_ended(tmp_path: Path) -> None:
@@ -280,53 +272,51 @@ def worker(scheduler: str, folder: Path, path: Path = ROOT) -> Iterator[None]:
         yield
 
 
-def test_a_cluster_that_is_there_runs_scenarios_and_keeps_their_workspace(tmp_path: Path, scheduler: str) -> None:
-    project = tmp_path / "project"
+def test_a_cluster_that_is_there_runs_scenarios_with_the_same_software_and_keeps_their_workspace(
+    tmp_path: Path, scheduler: str
+) -> None:
+    project, other = tmp_path / "project", tmp_path / "other"
     project.mkdir()
     (project / "drives.sim.yml").write_text(DRIVES.format(samples=2))
-    with worker(scheduler, tmp_path / "scratch"):
-        results = [run(project, "--cluster", scheduler, "--no-report", "--output-dir", "there") for _ in range(2)]
-        assert [result.returncode for result in results] == [0, 0], results[0].stderr
-        assert len(list((tmp_path / "scratch").rglob("drives.sim.yml"))) == 1
+    options = ("--cluster", scheduler, "--no-report", "--output-dir", "there")
+    result = run(project, *options)
+    assert result.returncode == 2
+    assert f"{scheduler} has no workers; start one on each machine with dask worker {scheduler}" in result.stderr
 
-
-def test_a_worker_with_other_files_of_sim_action_is_refused_by_name(tmp_path: Path, scheduler: str) -> None:
-    other = tmp_path / "other"
     shutil.copytree(ROOT / "sim_action", other / "sim_action", ignore=shutil.ignore_patterns("__pycache__"))
     with (other / "sim_action/errors.py").open("a") as file:
         file.write("# changed\n")
-    project = tmp_path / "project"
-    project.mkdir()
-    (project / "drives.sim.yml").write_text(DRIVES.format(samples=2))
-    with worker(scheduler, tmp_path / "scratch", other):
-        result = run(project, "--cluster", scheduler, "--output-dir", "there")
+    with worker(scheduler, tmp_path / "scratch of another", other):
+        result = run(project, *options)
     assert result.returncode == 2
     assert "the worker tcp://127.0.0.1:" in result.stderr
     assert "has other software: the files of sim-action have the digest" in result.stderr
     assert not (project / "there").exists()
 
+    with Client(scheduler) as client:
+        wait_until(lambda: not client.scheduler_info()["workers"])
+    with worker(scheduler, tmp_path / "scratch"):
+        results = [run(project, *options) for _ in range(2)]
+        assert [result.returncode for result in results] == [0, 0], results[0].stderr
+        assert len(list((tmp_path / "scratch").rglob("drives.sim.yml"))) == 1
 
-def test_a_cluster_without_workers_is_refused(tmp_path: Path, scheduler: str) -> None:
+
+@pytest.mark.parametrize(
+    ("address", "cause"),
+    [
+        ("tcp://127.0.0.1:9", "no Dask scheduler answers at tcp://127.0.0.1:9 within 5 s"),
+        ("tls://127.0.0.1:9", "tls://127.0.0.1:9 needs the certificates of the cluster in the settings of Dask"),
+    ],
+)
+def test_a_scheduler_that_cannot_be_reached_is_refused(
+    address: str, cause: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=2))
-    result = run(tmp_path, "--cluster", scheduler)
-    assert result.returncode == 2
-    assert f"{scheduler} has no workers; start one on each machine with dask worker {scheduler}" in result.stderr
-
-
-def test_a_scheduler_that_does_not_answer_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=2))
-    result = run(tmp_path, "--cluster", "tcp://127.0.0.1:9")
-    assert result.returncode == 2
-    assert "no Dask scheduler answers at tcp://127.0.0.1:9 within 5 s" in result.stderr
-    assert "Traceback" not in result.stderr
-
-
-def test_an_encrypted_connection_without_certificates_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=2))
-    result = run(tmp_path, "--cluster", "tls://127.0.0.1:9")
-    assert result.returncode == 2
-    assert "tls://127.0.0.1:9 needs the certificates of the cluster in the settings of Dask" in result.stderr
-    assert "Traceback" not in result.stderr
+    assert call(["run", "--cluster", address]) == 2
+    printed = capsys.readouterr().err
+    assert cause in printed
+    assert "Traceback" not in printed
 
 
 def test_programs_use_a_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

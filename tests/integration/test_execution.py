@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
-import subprocess
-import sys
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,7 +20,7 @@ from sim_action.runner.isolation.linux_child import LinuxChild
 from sim_action.runner.isolation.portable_child import PortableChild
 from sim_action.scenario.loading import load_scenario
 from sim_action.state.trace_storage import load_trace
-from tests.patience import PATIENCE, wait_until
+from tests.patience import wait_until
 from tests.pool import execute
 from tests.soak import soaked
 
@@ -105,7 +102,7 @@ WAYS: Final = (LinuxChild, PortableChild)
 NAMES: Final = ("linux", "portable")
 
 on_both = pytest.mark.parametrize("run", WAYS, indirect=True, ids=NAMES)
-"""Also without `--soak` in both ways; tests/integration/test_other_systems.py has the second one, too."""
+"""Also without `--soak` in both ways."""
 
 
 @pytest.fixture(params=soaked(WAYS, short=WAYS[:1]), ids=NAMES)
@@ -130,7 +127,7 @@ DEATHS: Mapping[str, tuple[str, str, str, float]] = {
     "segfault": ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "crash", "SIGSEGV", 60),
     "abort": ("import os; print('last words', flush=True); os.abort()", "crash", "SIGABRT", 60),
     "exit zero": ("import os; os._exit(0)", "crash", "exit code 0", 60),
-    "hang": ("while True: pass", "wall limit", "after 2 s of wall time", 2),
+    "hang": ("import time; time.sleep(600)", "wall limit", "after 2 s of wall time", 2),
     "hog": ("hog = [bytearray(1 << 28) for _ in range(1000)]", "memory", "MemoryError", 60),
     "raise": ("return 1 / 0", "script", "ZeroDivisionError", 60),
     "sys exit": ("import sys; sys.exit(0)", "script", "SystemExit", 60),
@@ -140,7 +137,7 @@ DEATHS: Mapping[str, tuple[str, str, str, float]] = {
 }
 
 
-@on_both
+# The second way has such scripts in tests/integration/test_other_systems.py, too.
 def test_a_dead_child_is_an_error_with_its_cause_and_the_others_pass(tmp_path: Path, run: Run) -> None:
     # Where nothing holds a script to its limit, one would take the memory of this machine.
     deaths = {name: death for name, death in DEATHS.items() if death[1] != "memory" or run.way.limits_memory}
@@ -161,7 +158,6 @@ def test_a_dead_child_is_an_error_with_its_cause_and_the_others_pass(tmp_path: P
     assert {outcome.status for outcome in outcomes.values()} == {"passed"}
 
 
-@on_both
 def test_where_no_controller_runs_none_is_stuck(tmp_path: Path, run: Run) -> None:
     (tmp_path / "endless.xacro").write_text(
         '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="${9**9**9}"/></robot>'
@@ -222,22 +218,19 @@ def wait():
 """
 
 
-@pytest.mark.parametrize("asked", ["assertion: level.py:Level", "not: {assertion: 'level.py:Level'}"])
-def test_an_assertion_that_does_not_end_is_told_with_its_line(tmp_path: Path, run: Run, asked: str) -> None:
+def test_user_code_that_does_not_end_is_told_with_its_line(tmp_path: Path, run: Run) -> None:
     (tmp_path / "level.py").write_text(HANGS)
-    path = scenario(tmp_path, "s", wall_limit=5)
-    path.write_text(path.read_text().replace("no_collision", f"{{{asked}}}"))
-    (outcome,) = run([path], tmp_path)
-    (failure,) = outcome.failures
-    assert failure.kind == "wall limit"
-    assert failure.location == Location(str(tmp_path / "level.py"), 10)
-    assert "level.py:10 did not return or a limit that is too low" in failure.message
-
-
-def test_a_controller_that_does_not_end_is_told_with_its_line(tmp_path: Path, run: Run) -> None:
-    (outcome,) = run([script(tmp_path, "hang", "while True: pass", wall_limit=5)], tmp_path)
-    (failure,) = outcome.failures
-    assert failure.location == Location(str(tmp_path / "hang.py"), 4)
+    paths = [script(tmp_path, "hang", "import time; time.sleep(600)", wall_limit=5)]
+    for name, asked in (("alone", "assertion: level.py:Level"), ("negated", "not: {assertion: 'level.py:Level'}")):
+        path = scenario(tmp_path, name, wall_limit=5)
+        path.write_text(path.read_text().replace("no_collision", f"{{{asked}}}"))
+        paths.append(path)
+    controller, *assertions = (outcome.failures[0] for outcome in run(paths, tmp_path))
+    assert controller.location == Location(str(tmp_path / "hang.py"), 4)
+    for failure in assertions:
+        assert failure.kind == "wall limit"
+        assert failure.location == Location(str(tmp_path / "level.py"), 10)
+        assert "level.py:10 did not return or a limit that is too low" in failure.message
 
 
 @on_both
@@ -273,34 +266,88 @@ def test_a_verdict_that_a_script_forges_is_none(tmp_path: Path, run: Run) -> Non
     assert outcome.trace is None
 
 
-@pytest.mark.parametrize("victim", ["outcome", "output"])
-def test_a_pipe_in_the_place_of_a_file_holds_nobody_up(tmp_path: Path, run: Run, victim: str) -> None:
-    in_folder = f"files.{victim}.unlink(missing_ok=True)\n    os.mkfifo(files.{victim})"
-    in_memory = f"os.dup2(os.pipe()[0], files.{victim})"
-    body = f"{FORGED}if isinstance(files.{victim}, int):\n    {in_memory}\nelse:\n    {in_folder}\nos._exit(0)"
-    (outcome,) = run([script(tmp_path, "piper", body)], tmp_path)
-    assert outcome.status == "error"
+DRIVE: Final = "return Twist.planar(0.5)"
+CLOCKS: Final = """\
+import itertools, time
+time.time, time.perf_counter, time.monotonic = lambda: 1e300, itertools.count(1e6, -1.0).__next__, lambda: 5.0
+"""
+PIPED: Final = """\
+if isinstance(files.{0}, int):
+    os.dup2(os.pipe()[0], files.{0})
+else:
+    files.{0}.unlink(missing_ok=True)
+    os.mkfifo(files.{0})
+os._exit(0)
+"""
+STREAMS: Final = {
+    "unfit": "class Tee:\n    def write(self, text): pass\nsys.stdout, sys.stderr = None, Tee()",
+    "failing": "class Tee:\n    def flush(self): raise RuntimeError('never flush me')\nsys.stdout = Tee()",
+}
+DIES_LATE: Final = """\
+import os, signal, sys
+class Last:
+    def write(self, text): pass
+    def flush(self): os.kill(os.getpid(), signal.SIGKILL)
+sys.stdout = Last()
+"""
+# Name -> what the controller does, and what stands before it.
+SCRIPTS: Final[Mapping[str, tuple[str, str]]] = {
+    "words": ("if observation.time > 1:\n    print('wheel came off', flush=True)\n    import os; os.abort()", ""),
+    "raises": ("x = 1\nreturn x / 0", ""),
+    "imports": ("return None", "import nowhere_to_be_found"),
+    "outcome": (FORGED + PIPED.format("outcome"), ""),
+    "output": (FORGED + PIPED.format("output"), ""),
+    # A thread that goes on holds no verdict up.
+    "nosy": (
+        f"import os\nprint(sorted(n for n, v in os.environ.items() if v == 'secret'))\n{DRIVE}",
+        "import threading, time\nthreading.Thread(target=time.sleep, args=(600,)).start()",
+    ),
+    "stopper": ("return Twist.planar(0.0 if observation.pose.position_xyz[0] > 0.3 else 0.4)", ""),
+    "clocks": (
+        "return JointTargets(velocity=dict.fromkeys(('wheel_left_joint', 'wheel_right_joint'), 0.2 / 0.033))",
+        CLOCKS,
+    ),
+    **{name: (DRIVE, f"import sys\n{text}") for name, text in STREAMS.items()},
+    "dies": (DRIVE, DIES_LATE),
+}
 
 
-def test_a_thread_that_a_script_leaves_running_holds_no_verdict_up(tmp_path: Path, run: Run) -> None:
-    before = "import threading, time\nthreading.Thread(target=time.sleep, args=(600,)).start()"
-    path = script(tmp_path, "threads", "return Twist.planar(0.5)", wall_limit=20, before=before)
-    (outcome,) = run([path], tmp_path)
-    assert outcome.status == "passed"
+@pytest.fixture(scope="module", params=soaked(WAYS, short=WAYS[:1]), ids=NAMES)
+def ran(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Outcome]:
+    """The outcomes of all SCRIPTS in one call, where variables have the value `secret` that no script may see."""
+    folder = tmp_path_factory.mktemp("scripts")
+    # Only Linux keeps a verdict whose process is killed after it.
+    paths = [
+        script(folder, name, body, before=before)
+        for name, (body, before) in SCRIPTS.items()
+        if request.param is LinuxChild or (name != "dies" and name not in STREAMS)
+    ]
+    stops = folder / "stopper.sim.yml"
+    stops.write_text(stops.read_text() + "duration: 4 s\n")
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("GITHUB_TOKEN", "GITHUB_ENV", "GITHUB_OUTPUT", "ACTIONS_RUNTIME_TOKEN", "INPUT_SCENARIO"):
+            patch.setenv(name, "secret")
+        return {outcome.name: outcome for outcome in Run(request.param)(paths, folder)}
 
 
-def test_last_words_and_sim_time_are_kept(tmp_path: Path, run: Run) -> None:
-    body = "if observation.time > 1:\n    print('wheel came off', flush=True)\n    import os; os.abort()"
-    (outcome,) = run([script(tmp_path, "killer", body)], tmp_path)
-    assert "wheel came off" in outcome.failures[0].details
-    assert "wheel came off" in outcome.output
+def test_what_scripts_do_to_their_process_changes_no_verdict(ran: dict[str, Outcome]) -> None:
+    passed = {name for name, outcome in ran.items() if outcome.status == "passed"}
+    assert ran.keys() - passed == {"words", "raises", "imports", "outcome", "output"}
+    assert set(ran["nosy"].output.split("\n")) == {"[]"}
+    # It sees that it is past 0.3 m at a tick, and stops from 0.4 m/s within 0.08 m.
+    assert 0.3 < (ran["stopper"].travelled or 0) < 0.3 + 0.04 + 0.08 + 0.01
+    assert 0 < ran["clocks"].wall_time < 3600
+    assert "dies" not in ran or "after the verdict, its process ended: SIGKILL" in ran["dies"].notes
 
 
-def test_a_script_error_names_the_users_file_and_line(tmp_path: Path, run: Run) -> None:
-    (outcome,) = run([script(tmp_path, "killer", "x = 1\nreturn x / 0")], tmp_path)
-    location = outcome.failures[0].location
-    assert location is not None
-    assert (Path(location.file).name, location.line) == ("killer.py", 5)
+def test_errors_of_scripts_keep_last_words_and_name_the_users_line(ran: dict[str, Outcome]) -> None:
+    for name, line in (("raises", 5), ("imports", 2)):
+        location = ran[name].failures[0].location
+        assert location is not None
+        assert (Path(location.file).name, location.line) == (f"{name}.py", line)
+    assert "nowhere_to_be_found" in ran["imports"].failures[0].message
+    assert "wheel came off" in ran["words"].failures[0].details
+    assert "wheel came off" in ran["words"].output
 
 
 def test_a_script_error_tells_when_it_was_and_how_it_came_there(
@@ -321,14 +368,6 @@ def test_a_script_error_tells_when_it_was_and_how_it_came_there(
     assert [line.split(", ")[2] for line in named] == ["in control", "in helper"]
 
 
-def test_an_error_at_import_names_the_users_line(tmp_path: Path, run: Run) -> None:
-    (outcome,) = run([script(tmp_path, "killer", "return None", before="import nowhere_to_be_found")], tmp_path)
-    location = outcome.failures[0].location
-    assert location is not None
-    assert location.line == 2
-    assert "nowhere_to_be_found" in outcome.failures[0].message
-
-
 @on_both
 def test_processes_that_a_script_leaves_behind_are_ended(tmp_path: Path, run: Run) -> None:
     body = (
@@ -342,34 +381,6 @@ def test_processes_that_a_script_leaves_behind_are_ended(tmp_path: Path, run: Ru
     (outcome,) = run([script(tmp_path, "forker", body)], tmp_path)
     assert outcome.status == "passed"
     wait_until(lambda: processes_of(tmp_path) == [])
-
-
-def test_a_script_does_not_see_what_it_could_act_with(
-    tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name in ("GITHUB_TOKEN", "GITHUB_ENV", "GITHUB_OUTPUT", "ACTIONS_RUNTIME_TOKEN", "INPUT_SCENARIO"):
-        monkeypatch.setenv(name, "secret")
-    body = "import os\nprint(sorted(n for n, v in os.environ.items() if v == 'secret'))\nreturn Twist.planar(0.5)"
-    (outcome,) = run([script(tmp_path, "nosy", body)], tmp_path)
-    assert outcome.status == "passed"
-    assert set(outcome.output.split("\n")) == {"[]"}
-
-
-def test_a_controller_closes_the_loop(tmp_path: Path, run: Run) -> None:
-    body = "return Twist.planar(0.0 if observation.pose.position_xyz[0] > 0.3 else 0.4)"
-    path = script(tmp_path, "stopper", body)
-    path.write_text(path.read_text().replace("time_limit: 5 s", "duration: 4 s\ntime_limit: 5 s"))
-    (outcome,) = run([path], tmp_path)
-    assert outcome.status == "passed"
-    # It sees that it is past 0.3 m at a tick, and stops from 0.4 m/s within 0.08 m.
-    assert outcome.travelled is not None
-    assert 0.3 < outcome.travelled < 0.3 + 0.04 + 0.08 + 0.01
-
-
-def test_joint_targets_drive_as_a_twist_does(tmp_path: Path, run: Run) -> None:
-    body = "return JointTargets(velocity=dict.fromkeys(('wheel_left_joint', 'wheel_right_joint'), 0.2 / 0.033))"
-    (outcome,) = run([script(tmp_path, "wheels", body)], tmp_path)
-    assert outcome.status == "passed"
 
 
 @pytest.mark.pybullet
@@ -407,34 +418,6 @@ def test_many_runs_have_one_digest(tmp_path: Path, run: Run, copies: int) -> Non
     assert len({*alone, *digests}) == 1
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_run_reports_what_had_finished(tmp_path: Path, number: signal.Signals) -> None:
-    scenario(tmp_path, "a-quick")
-    script(tmp_path, "b-endless", "while True: pass")
-    scenario(tmp_path, "c-never-started")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "sim_action", "run", ".", "--jobs", "1"],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
-    )
-    assert process.stdout is not None
-    line = process.stdout.readline()
-    assert "a-quick" in line
-    # The next child is there by now or soon: it never ends by itself.
-    wait_until(lambda: processes_of(tmp_path))
-    process.send_signal(number)
-    process.communicate(timeout=PATIENCE)
-    assert process.returncode == 130
-    junit = (tmp_path / "sim-results" / "junit.xml").read_text()
-    assert 'name="a-quick"' in junit
-    assert junit.count("<error") == 2
-    assert processes_of(tmp_path) == []
-
-
 @on_both
 def test_a_robot_that_begins_inside_something_is_told_on_the_line_to_change_and_spoils_no_other(
     tmp_path: Path, run: Run
@@ -469,52 +452,3 @@ def test_a_child_that_is_killed_leaves_no_file_in_the_systems_folder(
     assert [failure.title for failure in outcome.failures] == ["SIGKILL"]
     assert Path(kept.read_text()).is_relative_to(temporary)
     assert not list(temporary.iterdir())
-
-
-CLOCKS = {"stands still": "lambda: 5.0", "goes back": "itertools.count(1e6, -1.0).__next__", "jumps": "lambda: 1e300"}
-
-
-@pytest.mark.parametrize("clock", soaked(CLOCKS, short=["goes back"]))
-def test_a_script_that_replaces_the_clocks_changes_no_verdict(tmp_path: Path, run: Run, clock: str) -> None:
-    names = ("time", "perf_counter", "monotonic")
-    before = "import itertools, time\n" + "".join(f"time.{name} = {CLOCKS[clock]}\n" for name in names)
-    (outcome,) = run([script(tmp_path, "clock", "return Twist.planar(0.5)", before=before)], tmp_path)
-    assert (outcome.status, outcome.failures) == ("passed", ())
-    assert 0 < outcome.wall_time < 3600
-
-
-STREAMS = {
-    "without": "sys.stdout = None",
-    "unfit": "class Tee:\n    def write(self, text): pass\nsys.stderr = Tee()",
-    "failing": "class Tee:\n    def flush(self): raise RuntimeError('never flush me')\nsys.stdout = Tee()",
-}
-
-
-@pytest.mark.parametrize("way", STREAMS)
-def test_streams_that_user_code_replaces_lose_no_verdict(way: str, tmp_path: Path) -> None:
-    (outcome,) = Run(LinuxChild)(
-        [script(tmp_path, way, "return Twist.planar(0.5)", before=f"import sys\n{STREAMS[way]}")], tmp_path, 1
-    )
-    assert outcome.status == "passed", outcome.failures
-
-
-def test_a_process_that_dies_after_its_verdict_keeps_it(tmp_path: Path) -> None:
-    body = "global steps\nsteps += 1\nreturn Twist.planar(0.5)"
-    before = (
-        "import os, signal, sys\nsteps = 0\n"
-        "class Last:\n    def write(self, text): pass\n    def flush(self): os.kill(os.getpid(), signal.SIGKILL)\n"
-        "sys.stdout = Last()"
-    )
-    (outcome,) = Run(LinuxChild)([script(tmp_path, "dies", body, before=before)], tmp_path, 1)
-    assert outcome.status == "passed", outcome.failures
-    assert "after the verdict, its process ended: SIGKILL" in outcome.notes
-
-
-def test_a_full_disk_behind_standard_error_changes_no_verdict(tmp_path: Path) -> None:
-    for name in "abcd":
-        scenario(tmp_path, name)
-    with Path("/dev/full").open("w") as full:
-        ran = subprocess.run(
-            [sys.executable, "-m", "sim_action", "run", "--jobs", "1"], cwd=tmp_path, stderr=full, check=False
-        )
-    assert ran.returncode == 0

@@ -19,6 +19,7 @@ import pytest
 import yaml
 
 from sim_action.results.results_json import Results
+from tests.integration.marked_processes import processes_of
 from tests.patience import PATIENCE, wait_until
 from tests.soak import soaked
 
@@ -93,7 +94,14 @@ def running(folder: Path, *before: str, streams: int | None = None) -> Iterator[
     """A run with one job; `before`: what starts it; `streams`: the descriptor of standard output and standard error."""
     words = [*before, sys.executable, "-m", "sim_action", "run", ".", "--jobs", "1"]
     stream: int | IO[bytes] = subprocess.DEVNULL if streams is None else streams
-    process = subprocess.Popen(words, cwd=folder, stdout=stream, stderr=stream, env=ENVIRONMENT, start_new_session=True)
+    process = subprocess.Popen(
+        words,
+        cwd=folder,
+        stdout=stream,
+        stderr=stream,
+        env={**ENVIRONMENT, "ROS_MARK": str(folder)},
+        start_new_session=True,
+    )
     try:
         yield process
     finally:
@@ -118,12 +126,14 @@ def reported(folder: Path) -> Mapping[str, str]:
     return found
 
 
-@pytest.mark.parametrize("number", soaked(SIGNALS, short=[signal.SIGINT, signal.SIGHUP]))
+# SIGHUP comes with the closed terminal below.
+@pytest.mark.parametrize("number", soaked(SIGNALS, short=[signal.SIGINT, signal.SIGTERM]))
 def test_a_signal_leaves_reports_of_what_had_finished(folder: Path, number: signal.Signals) -> None:
     with running(folder) as process:
         await_endless(folder)
         process.send_signal(number)
         assert process.wait(PATIENCE) == 130
+    assert processes_of(folder) == []
     assert reported(folder) == {"a-quick": "passed", "b-endless": "interrupted", "c-later": "interrupted"}
 
 

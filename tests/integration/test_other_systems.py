@@ -38,7 +38,7 @@ SCRIPTS: Final = {
     "aborts": ("print('last words', flush=True)\nos.abort()", "SIGABRT"),
     "leaves": ("os._exit(7)", "exit 7"),
     "closes": (f"os.closerange(1, 64)\n{DRIVE}", "script error"),
-    "loops": ("while True: pass", "wall limit"),
+    "loops": ("time.sleep(600)", "wall limit"),
     "floods": ("while True: print('x' * 1000)", "output limit"),
     "threads": (f"threading.Thread(target=time.sleep, args=(600,)).start()\n{DRIVE}", ""),
 }
@@ -180,7 +180,7 @@ def digest_here(folder: Path) -> str | None:
     ),
 )
 def test_an_interrupted_run_leaves_no_process(tmp_path: Path, system: System, number: signal.Signals) -> None:
-    write_script(tmp_path, "loops", "while True: pass")
+    write_script(tmp_path, "loops", "time.sleep(600)")
     run = start(tmp_path, variables_of(system, tmp_path), "--backend", "mujoco")
     wait_for(2, tmp_path)
     run.send_signal(number)
