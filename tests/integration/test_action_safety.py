@@ -59,13 +59,14 @@ HOSTILE_CHOICES = [
 CHATTER = "::error::forged\n##[error]forged\n::set-output name=conclusion::forged\n::stop-commands::forged\n"
 
 
-# Each text comes once in the short form, every other choice once with one of the texts.
-SOME_HOSTILE = [HOSTILE[0], HOSTILE[5], HOSTILE[7]]
-HOSTILE_BY_CHOICE = list(itertools.product(CHOICES, HOSTILE_CHOICES))
-SOME_HOSTILE_BY_CHOICE = list(zip(CHOICES, itertools.cycle(HOSTILE_CHOICES), strict=False))[::2]
+# The short form has all texts at once, one folder below the other, and a text for each choice.
+SOME_HOSTILE = [HOSTILE[0], HOSTILE[5]]
+ALL_HOSTILE = "/".join([HOSTILE[5], *HOSTILE[:5], *HOSTILE[6:]])
+ALL_CHOICES = dict(zip(CHOICES, itertools.cycle(HOSTILE_CHOICES), strict=False))
+HOSTILE_BY_CHOICE = [{name: text} for name, text in itertools.product(CHOICES, HOSTILE_CHOICES)]
 
 
-@pytest.mark.parametrize("text", soaked(HOSTILE, short=[*SOME_HOSTILE, HOSTILE[8]]))
+@pytest.mark.parametrize("text", soaked([ALL_HOSTILE, *HOSTILE], short=[ALL_HOSTILE]))
 def test_paths_are_paths_whatever_is_in_them(runner: Runner, text: str) -> None:
     write(runner.workspace / text / "straight.sim.yml", TUTORIAL)
     as_folder = runner.run(ACTION, folders(text))
@@ -83,7 +84,7 @@ def test_scenarios_are_paths_whatever_is_in_them(runner: Runner, text: str) -> N
     assert_harmless(as_scenario, runner)
 
 
-@pytest.mark.parametrize("text", soaked(HOSTILE, short=SOME_HOSTILE))
+@pytest.mark.parametrize("text", soaked([ALL_HOSTILE, *HOSTILE], short=[ALL_HOSTILE]))
 def test_missing_folders_are_paths_whatever_is_in_them(runner: Runner, text: str) -> None:
     write(runner.workspace / "straight.sim.yml", TUTORIAL)
     as_missing_folder = runner.run(ACTION, folders(text))
@@ -96,10 +97,10 @@ def folders(text: str) -> dict[str, str]:
     return {"working-directory": text, "output-directory": f"{text}/out", "junit-path": f"{text}/junit.xml"}
 
 
-@pytest.mark.parametrize(("name", "text"), soaked(HOSTILE_BY_CHOICE, short=SOME_HOSTILE_BY_CHOICE))
-def test_choices_are_refused_and_not_executed(runner: Runner, name: str, text: str) -> None:
+@pytest.mark.parametrize("choices", soaked([ALL_CHOICES, *HOSTILE_BY_CHOICE], short=[ALL_CHOICES]))
+def test_choices_are_refused_and_not_executed(runner: Runner, choices: dict[str, str]) -> None:
     write(runner.workspace / "straight.sim.yml", TUTORIAL)
-    result = runner.run(ACTION, {name: text})
+    result = runner.run(ACTION, choices)
     assert result.exit_code != 0
     assert not list(runner.workspace.rglob("results.json"))
     assert_harmless(result, runner)
@@ -155,7 +156,6 @@ def test_scripts_of_strangers_wait_for_permission(runner: Runner, event: str) ->
     assert event in refused.annotations[0].message
     assert (refused.annotations[0].file, refused.annotations[0].line) == ("box.sim.yml", 3)
     assert not (runner.workspace / "pwned").exists()
-    assert runner.run(ACTION, {"allow-scripts": "false"}).exit_code == 2
     assert privileged.run(ACTION, {"allow-scripts": "true"}).exit_code == 1
     assert (runner.workspace / "pwned").exists()
 
@@ -181,14 +181,6 @@ def test_inputs_of_rostest_are_text(runner: Runner, text: str) -> None:
     assert_harmless(result, runner)
 
 
-def test_a_removed_input_is_refused_with_its_replacement(runner: Runner) -> None:
-    write(runner.workspace / "straight.sim.yml", TUTORIAL)
-    result = runner.run(ACTION, {"rostest": "robot a.test"})
-    assert result.exit_code == 2
-    assert "the input rostest was removed: a rostest has its own action" in result.annotations[0].message
-    assert not (runner.workspace / "sim-results").exists()
-
-
 def test_modules_of_the_caller_do_not_stand_in_for_ours(runner: Runner) -> None:
     for name in ("click", "yaml", "sim_action", "sitecustomize"):
         write(runner.workspace / f"{name}.py", IMPOSTOR)
@@ -199,7 +191,7 @@ def test_modules_of_the_caller_do_not_stand_in_for_ours(runner: Runner) -> None:
     assert not (runner.workspace / "pwned").exists()
 
 
-@pytest.mark.parametrize("text", soaked(HOSTILE, short=SOME_HOSTILE[:2]))
+@pytest.mark.parametrize("text", soaked(HOSTILE, short=SOME_HOSTILE))
 def test_inputs_of_matrix_and_merge_are_text(runner: Runner, text: str) -> None:
     write(runner.workspace / text / f"{text}.sim.yml", TUTORIAL)
     inputs = {"shards": "2", "scenario": f"{text}.sim.yml", "working-directory": text, "durations": text}
@@ -215,7 +207,7 @@ def test_inputs_of_matrix_and_merge_are_text(runner: Runner, text: str) -> None:
         assert "forged" not in {annotation.message for annotation in result.annotations}
 
 
-@pytest.mark.parametrize("text", soaked(HOSTILE_CHOICES, short=HOSTILE_CHOICES[:2]))
+@pytest.mark.parametrize("text", soaked(HOSTILE_CHOICES, short=HOSTILE_CHOICES[:1]))
 def test_choices_of_matrix_are_refused(runner: Runner, text: str) -> None:
     write(runner.workspace / "straight.sim.yml", TUTORIAL)
     assert runner.run(ACTION / "matrix", {"shards": text}).exit_code == 2
@@ -227,7 +219,7 @@ SWITCHES = ["junit-strict", "summary", "annotations", "fail-on-failure"]
 
 @pytest.mark.parametrize(
     ("name", "text"),
-    soaked(itertools.product(SWITCHES, HOSTILE_CHOICES), short=zip(SWITCHES, HOSTILE_CHOICES, strict=True)),
+    soaked(itertools.product(SWITCHES, HOSTILE_CHOICES), short=[(SWITCHES[-1], HOSTILE_CHOICES[2])]),
 )
 def test_choices_of_merge_are_refused(runner: Runner, name: str, text: str) -> None:
     refused = runner.run(ACTION / "merge", {"results": ".", name: text})

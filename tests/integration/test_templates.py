@@ -92,16 +92,13 @@ def test_minimal(run_template: RunTemplate, repository: Path) -> None:
     assert (annotation.file, annotation.line) == ("simulation/b.sim.yml", ASSERTION_LINE)
 
 
-def test_gate_keeps_the_results_of_failures(run_template: RunTemplate, repository: Path) -> None:
-    write(repository / "simulation/b.sim.yml", STUCK)
+def test_gate_keeps_the_results_of_failures_and_links_the_report_at_their_moment(
+    run_template: RunTemplate, repository: Path
+) -> None:
+    write(repository / "simulation/b.sim.yml", STUCK.replace("burger drives straight", "stuck (again)"))
     result = run_template("pull-request-gate", event_name="pull_request")
     assert result.conclusion == "failure"
     assert JUnitXml.fromfile(str(result.artifacts / "sim-results/junit.xml")).failures == 1
-
-
-def test_gate_links_the_report_at_the_moment_of_the_failure(run_template: RunTemplate, repository: Path) -> None:
-    write(repository / "simulation/b.sim.yml", STUCK.replace("burger drives straight", "stuck (again)"))
-    result = run_template("pull-request-gate", event_name="pull_request")
     assert (result.artifacts / "report.html/report.html").is_file()
     (link,) = re.findall(r"^\[Replays and plots.*\]\((\S+)\)$", result.jobs["simulation"].summary, re.MULTILINE)
     address, _, fragment = link.partition("#")
