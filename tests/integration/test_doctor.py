@@ -29,18 +29,13 @@ def doctor(**variables: str) -> tuple[int, dict[str, tuple[str, str]]]:
     return found.returncode, {name: (mark, text) for mark, name, text in lines}
 
 
-def test_engines_drive_a_robot() -> None:
-    code, told = doctor()
+def test_engines_drive_a_robot_and_folders_are_told(tmp_path: Path) -> None:
+    code, told = doctor(TMPDIR=str(tmp_path), XDG_CACHE_HOME=str(tmp_path / "cache"))
     assert code == 0
     for engine in installed():
         mark, text = told[engine]
         assert (mark, text.rpartition(": ")[2]) == ("ok", "a robot drove")
     assert {"sim-action", "mcap", "parallel runs", "temporary files", "cache", "ROS 1", "ROS 2"} <= set(told)
-
-
-def test_the_folders_of_temporary_files_and_of_the_cache_are_told(tmp_path: Path) -> None:
-    code, told = doctor(TMPDIR=str(tmp_path), XDG_CACHE_HOME=str(tmp_path / "cache"))
-    assert code == 0
     assert told["temporary files"][1].startswith(f"{tmp_path}, ")
     assert told["cache"] == ("ok", f"0 MB of hulls of meshes in {tmp_path / 'cache/sim-action'}")
 

@@ -16,7 +16,7 @@ from tests.soak import soaked
 
 SEED = 4
 
-CASES = 12
+CASES = 8
 """Inputs of each kind."""
 
 
