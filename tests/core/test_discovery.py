@@ -30,34 +30,28 @@ def names(*patterns: str) -> list[str]:
 
 
 @pytest.mark.usefixtures("tree")
-class TestDiscover:
-    def test_a_folder_means_the_scenarios_in_it_and_below_but_not_hidden_ones(self) -> None:
-        assert names(".") == ["a.sim.yml", "b.sim.yml", "odd [1].sim.yml", "deep/er/c.sim.yml"]
+@pytest.mark.parametrize(
+    ("patterns", "expected"),
+    [
+        # A folder means the scenarios in it and below, but not hidden ones.
+        ([".", "./b.sim.yml", "deep/../b.sim.yml"], ["a.sim.yml", "b.sim.yml", "odd [1].sim.yml", "deep/er/c.sim.yml"]),
+        (["*.yml"], ["a.sim.yml", "b.sim.yml", "odd [1].sim.yml", "other.yml"]),
+        (["**/*.sim.yml"], ["a.sim.yml", "b.sim.yml", "deep/er/c.sim.yml", "odd [1].sim.yml"]),
+        (["d*"], ["deep/er/c.sim.yml"]),
+        # Each file counts once, at the first pattern that matches it.
+        (["b.sim.yml", "?.sim.yml"], ["b.sim.yml", "a.sim.yml"]),
+        # A name without wildcards needs no file.
+        (["nowhere.sim.yml"], ["nowhere.sim.yml"]),
+        (["odd [1].sim.yml"], ["odd [1].sim.yml"]),
+    ],
+)
+def test_a_pattern_stands_for_scenarios(patterns: list[str], expected: list[str]) -> None:
+    assert names(*patterns) == expected
 
-    def test_a_glob_matches_files_of_any_name(self) -> None:
-        assert names("*.yml") == ["a.sim.yml", "b.sim.yml", "odd [1].sim.yml", "other.yml"]
 
-    def test_a_glob_with_two_stars_goes_down_but_not_into_what_others_installed(self) -> None:
-        assert names("**/*.sim.yml") == ["a.sim.yml", "b.sim.yml", "deep/er/c.sim.yml", "odd [1].sim.yml"]
-
-    def test_a_glob_may_match_folders(self) -> None:
-        assert names("d*") == ["deep/er/c.sim.yml"]
-
-    def test_each_file_counts_once_at_the_pattern_that_finds_it_first(self) -> None:
-        assert names("b.sim.yml", ".", "./b.sim.yml", "deep/../b.sim.yml")[0] == "b.sim.yml"
-        assert len(names("b.sim.yml", ".", "./b.sim.yml")) == 4
-
-    def test_a_name_without_wildcards_is_taken_even_if_it_is_not_there(self) -> None:
-        assert names("nowhere.sim.yml") == ["nowhere.sim.yml"]
-
-    def test_a_file_with_brackets_in_its_name_can_be_named(self) -> None:
-        assert names("odd [1].sim.yml") == ["odd [1].sim.yml"]
-
-    def test_a_pattern_that_matches_nothing_is_told_apart(self) -> None:
-        assert discover(["no*.sim.yml", "a.sim.yml"]) == {"no*.sim.yml": [], "a.sim.yml": [Path("a.sim.yml")]}
-
-    def test_an_absolute_glob_works(self, tree: Path) -> None:
-        assert names(f"{tree}/a*.yml") == [f"{tree}/a.sim.yml"]
+@pytest.mark.usefixtures("tree")
+def test_a_pattern_that_matches_nothing_is_told_apart() -> None:
+    assert discover(["no*.sim.yml", "a.sim.yml"]) == {"no*.sim.yml": [], "a.sim.yml": [Path("a.sim.yml")]}
 
 
 def test_links_that_lead_in_circles_are_not_followed(tree: Path) -> None:

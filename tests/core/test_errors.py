@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core import errors
-from sim_action.core.errors import ExitCode, InvalidScenario, Location, ModelError, Problem
+from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem
 from sim_action.core.version import PACKAGE_FOLDER
 from sim_action.core.wording import did_you_mean, escaped_line, log_line, nearest, shown
 
@@ -31,10 +31,6 @@ from sim_action.core.wording import did_you_mean, escaped_line, log_line, neares
 def test_every_error_has_the_exit_code_that_the_module_draws(error: type[errors.SimActionError], code: int) -> None:
     assert issubclass(error, errors.SimActionError)
     assert error.exit_code == code
-
-
-def test_exit_codes_are_those_of_the_readme() -> None:
-    assert [int(code) for code in ExitCode] == [0, 1, 2, 3, 5, 130]
 
 
 @pytest.mark.parametrize(
@@ -62,28 +58,11 @@ def test_only_one_function_decides_the_exit_code_of_a_command() -> None:
     assert [path.name for path in modules if ranking.search(path.read_text(encoding="utf-8"))] == []
 
 
-@pytest.mark.parametrize(
-    ("location", "text"),
-    [
-        (Location("a.yml"), "a.yml"),
-        (Location("a.yml", 3), "a.yml:3"),
-        (Location("a.yml", 3, 7), "a.yml:3:7"),
-    ],
-)
-def test_a_location_reads_as_editors_write_it(location: Location, text: str) -> None:
-    assert str(location) == text
-
-
 def test_an_invalid_scenario_says_all_its_problems_a_line_each() -> None:
     problems = [Problem(Location("a.yml", 1, 2), "first"), Problem(Location("a.yml", 3, 4), "second")]
     error = InvalidScenario(iter(problems))
     assert error.problems == tuple(problems)
     assert str(error) == "a.yml:1:2: first\na.yml:3:4: second"
-
-
-def test_a_model_error_begins_with_its_place() -> None:
-    assert str(ModelError("no mass", Location("r.urdf", 5))) == "r.urdf:5: no mass"
-    assert str(ModelError("no mass")) == "no mass"
 
 
 def test_a_near_name_is_offered() -> None:

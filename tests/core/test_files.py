@@ -12,12 +12,6 @@ import pytest
 from sim_action.core.files import append_whole, open_regular, read_at_most, similar_path, whole_file
 
 
-def test_a_file_is_read(tmp_path: Path) -> None:
-    (tmp_path / "file").write_bytes(b"a\r\nb")
-    with open_regular(tmp_path / "file", follow_link=False) as file:
-        assert file.read() == b"a\r\nb"
-
-
 @pytest.mark.parametrize("has_flag", [True, False])
 def test_a_link_is_followed_only_if_that_is_asked_for(
     has_flag: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

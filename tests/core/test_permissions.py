@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import tempfile
 from collections.abc import Mapping
+from copy import copy
 from pathlib import Path
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from action import environment
@@ -21,6 +23,7 @@ from sim_action.core.permissions import (
     foreign_checkout,
     scripts_refused,
 )
+from tests.soak import examples
 
 ALLOWED = ["push", "pull_request", "schedule", "merge_group", "release", "workflow_dispatch", "repository_dispatch", ""]
 """Events that need the right to write, or that have the rights of a fork; and no workflow at all."""
@@ -396,26 +399,10 @@ def test_a_submodule_has_the_commit_that_its_parent_says(tmp_path: Path) -> None
 
 
 @pytest.mark.process
-def test_what_git_itself_leaves_after_a_fetch_is_a_sign(tmp_path: Path) -> None:
-    there, here = tmp_path / "there", tmp_path / "here"
-    for folder in (there, here):
-        folder.mkdir()
-        git("init", "-q", "-b", "main", folder=folder)
-    git("-c", "user.name=a", "-c", "user.email=a@b", "commit", "-q", "--allow-empty", "-m", "x", folder=there)
-    git("update-ref", "refs/pull/7/merge", "HEAD", folder=there)
-    # As actions/checkout does.
-    git("fetch", "-q", str(there), "+refs/pull/7/merge:refs/remotes/pull/7/merge", folder=here)
-    git("checkout", "-q", "--force", "refs/remotes/pull/7/merge", folder=here)
-    assert "refs/pull/7/" in (sign(here) or "")
-    (here / ".git/FETCH_HEAD").unlink()
-    assert "refs/remotes/pull/7/merge" in (sign(here) or "")
-
-
-@pytest.mark.process
 @example("HEAD", b"\0")
 @example("FETCH_HEAD", b"1\t\thttps://[x/y/z")
 @example("config", b'[branch "x"]\nremote')
-@settings(max_examples=50)
+@examples(50)
 @given(st.sampled_from(["HEAD", "FETCH_HEAD", "config", "packed-refs", "commondir", "logs"]), st.binary(max_size=200))
 def test_any_content_of_files_is_read(name: str, content: bytes) -> None:
     with tempfile.TemporaryDirectory() as folder:
@@ -459,6 +446,19 @@ class Origin:
             identity = ("-c", "user.name=a", "-c", "user.email=a@b", "-c", "protocol.file.allow=always")
             folder = self.here / words.pop(0) if words[0] in ("pr", "sub") else self.here
             git(*identity, *words, folder=folder)
+
+
+@pytest.fixture(scope="module")
+def first_origin(tmp_path_factory: pytest.TempPathFactory) -> Origin:
+    return Origin(tmp_path_factory.mktemp("origin"))
+
+
+@pytest.fixture
+def origin(first_origin: Origin, tmp_path: Path) -> Origin:
+    copied = copy(first_origin)
+    copied.here = tmp_path / "here"
+    shutil.copytree(first_origin.here, copied.here, symlinks=True)
+    return copied
 
 
 def commit(folder: Path, name: str) -> str:
@@ -513,17 +513,15 @@ FETCH, LATER = "fetch -q origin refs/pull/7/head", "fetch -q origin main"
         (["init -q pr"], "pr"),
     ],
 )
-def test_a_pull_request_is_refused_however_it_came(commands: list[str], folder: str, tmp_path: Path) -> None:
-    origin = Origin(tmp_path)
+def test_a_pull_request_is_refused_however_it_came(commands: list[str], folder: str, origin: Origin) -> None:
     origin.do(*commands)
     assert "of a pull request" in (origin.sign(folder) or "")
     assert "of a pull request" in (origin.sign(folder, GITHUB_EVENT_NAME="workflow_dispatch", GITHUB_SHA="") or "")
 
 
 @pytest.mark.process
-def test_a_pull_request_from_another_remote_is_refused(tmp_path: Path) -> None:
+def test_a_pull_request_from_another_remote_is_refused(origin: Origin) -> None:
     """The address of the remote has another owner; so the names of its branches and tags say nothing."""
-    origin = Origin(tmp_path)
     origin.do("remote add fork {there}", "fetch -q fork +refs/pull/7/head:refs/remotes/fork/main", "checkout -q {pull}")
     origin.do("update-ref refs/tags/mine {pull}", "remote set-url fork https://github.com/stranger/robot")
     (origin.here / ".git/FETCH_HEAD").unlink()
@@ -556,15 +554,13 @@ def test_a_pull_request_from_another_remote_is_refused(tmp_path: Path) -> None:
         (["clone -q {there} pr", "pr checkout -q {older}"], "pr"),
     ],
 )
-def test_commits_of_the_repository_and_of_the_job_are_known(commands: list[str], folder: str, tmp_path: Path) -> None:
-    origin = Origin(tmp_path)
+def test_commits_of_the_repository_and_of_the_job_are_known(commands: list[str], folder: str, origin: Origin) -> None:
     origin.do(*commands)
     assert origin.sign(folder) is None
 
 
 @pytest.mark.process
-def test_a_shallow_checkout_knows_the_commit_of_the_event(tmp_path: Path) -> None:
-    origin = Origin(tmp_path)
+def test_a_shallow_checkout_knows_the_commit_of_the_event(origin: Origin, tmp_path: Path) -> None:
     git("clone", "-q", "--depth=1", f"file://{origin.there}", str(tmp_path / "shallow"), folder=tmp_path)
     origin.here = tmp_path / "shallow"
     origin.do("commit -q --allow-empty -m x")

@@ -15,16 +15,6 @@ from sim_action.drives import DRIVES, Drive
 COLOURS = Table[type]("colour", {"red": "fractions:Fraction", "green": "decimal:Decimal"})
 
 
-def test_a_table_lists_its_names_in_order() -> None:
-    assert list(COLOURS) == ["red", "green"]
-    assert "red" in COLOURS
-    assert "blue" not in COLOURS
-
-
-def test_a_name_loads_the_class_behind_it() -> None:
-    assert COLOURS.load("red").__name__ == "Fraction"
-
-
 def test_an_unknown_name_is_a_key_error() -> None:
     with pytest.raises(KeyError, match="blue"):
         COLOURS.load("blue")

@@ -141,12 +141,6 @@ def test_values_are_displayed_as_people_read_them(value: float, unit: str, text:
     assert display(value, unit) == text
 
 
-def test_no_two_units_of_a_joint_share_a_symbol() -> None:
-    joint = (units.ANGLE, units.LENGTH, units.ANGULAR_SPEED, units.SPEED, units.TORQUE, units.FORCE)
-    symbols = [symbol for dimension in joint for symbol in dimension.factors]
-    assert len(symbols) == len(set(symbols))
-
-
 @pytest.mark.parametrize(
     ("value", "limit", "texts"),
     [

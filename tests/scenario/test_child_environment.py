@@ -52,10 +52,6 @@ def test_other_variables_are_seen_only_if_the_caller_names_them(name: str) -> No
     assert compared_variables({name: "x"}, [name]) == {name: "x"}
 
 
-def test_a_named_variable_that_does_not_exist_is_left_out() -> None:
-    assert code_environment({}, ["MY_ROBOT"]) == {}
-
-
 def test_the_last_source_counts() -> None:
     job = {"TZ": "job", "ROUTE": "job", "PATH": "/bin"}
     assert code_environment(job, (), {"TZ": "scenario", "ROUTE": "scenario"}) == {

@@ -26,6 +26,7 @@ from sim_action.world.claims import RULES, Ceiling
 from sim_action.world.scene import Scene
 from tests.scenarios import LEAST, load, problems, told
 from tests.simulation.test_unearned_passes import LIMITS_OF_RUNS
+from tests.soak import examples
 from tests.traces import expectation
 
 WALL = "world: {objects: [{name: wall, box: [0.1, 2.0, 0.5], pose: {x: 3.0}}]}\n"
@@ -644,7 +645,7 @@ def test_each_limit_of_an_assertion_is_tested_or_has_a_reason() -> None:
 
 
 @pytest.mark.parametrize("expect", _LIMITS)
-@settings(max_examples=6, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(examples(4), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     most=st.floats(20, 500).map(lambda value: round(value, 2)),
     start=st.floats(-10, 10).map(lambda value: round(value, 2)),

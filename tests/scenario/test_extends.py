@@ -99,46 +99,6 @@ def test_nothing_changes_in_the_same_folder(tmp_path: Path) -> None:
     assert seen_from(tmp_path, document, tmp_path) is document
 
 
-def test_the_keys_of_files_are_those_that_the_specs_tell() -> None:
-    assert set(file_keys()) == {
-        ("robot", "model"),
-        ("robot", "srdf"),
-        ("robot", "packages", "*"),
-        ("world", "file"),
-        ("world", "objects", "*", "shapes", "*", "mesh", "file"),
-        ("world", "objects", "*", "mesh", "file"),
-        ("world", "objects", "*", "shapes", "*", "mesh", "file"),
-        ("world", "objects", "*", "heightfield", "image"),
-        ("world", "objects", "*", "map", "file"),
-        ("commands", "script"),
-        ("commands", "*", "script"),
-        ("commands", "script", "file"),
-        ("commands", "*", "script", "file"),
-        ("commands", "policy"),
-        ("commands", "*", "policy"),
-        ("commands", "policy", "file"),
-        ("commands", "*", "policy", "file"),
-        ("commands", "replay"),
-        ("commands", "*", "replay"),
-        ("commands", "ros1", "workspace"),
-        ("commands", "*", "ros1", "workspace"),
-        ("commands", "ros2", "workspace"),
-        ("commands", "*", "ros2", "workspace"),
-        ("commands", "ros2", "nodes", "*", "file"),
-        ("commands", "*", "ros2", "nodes", "*", "file"),
-        ("expect", "**", "assertion"),
-        ("expect", "**", "follow_path", "file"),
-        ("expect", "**", "matches", "trace"),
-        ("expect", "**", "assertion", "class"),
-    }
-    assert file_keys(if_there=True) == (
-        ("commands", "process", "*"),
-        ("commands", "process", "command", "*"),
-        ("commands", "*", "process", "*"),
-        ("commands", "*", "process", "command", "*"),
-    )
-
-
 def test_each_key_whose_description_speaks_of_a_path_or_a_folder_is_known() -> None:
     """A new key that names files is told of here: annotate it with NamesFile."""
     keys = (*file_keys(), *file_keys(if_there=True))

@@ -54,10 +54,6 @@ def test_everything_spelled_out_is_read(tmp_path: Path) -> None:
     assert (scenario.duration, scenario.wall_seconds, scenario.trace_rate) == (5.0, 60.0, 20.0)
 
 
-def test_a_scene_has_its_model_read(tmp_path: Path) -> None:
-    assert build_scene(load(tmp_path, FULL)).model.root == "base_footprint"
-
-
 def test_a_suite_reads_a_model_once_and_hands_it_to_its_runs(tmp_path: Path) -> None:
     paths = [tmp_path / f"{number}.sim.yml" for number in range(3)]
     for path in paths:
@@ -302,17 +298,6 @@ def test_a_broken_model_is_told_with_its_own_line(tmp_path: Path) -> None:
     with pytest.raises(InvalidScenario) as refused:
         load_scenario(tmp_path / "a.sim.yml")
     assert str(refused.value) == f"{tmp_path}/bad.urdf:2: <link> has no attribute 'name' [missing-part]"
-
-
-def test_a_joint_of_an_expectation_is_looked_up_in_the_model(tmp_path: Path) -> None:
-    (problem,) = told(tmp_path, LEAST.replace("travel: {at_least: 1.5 m}", "joint: {name: wheel, at_most: 1}"))
-    assert problem.startswith("9:13: expect.0.joint.name: the model has no moving joint 'wheel'")
-
-
-def test_the_problems_of_one_file_are_one_error(tmp_path: Path) -> None:
-    (tmp_path / "s.sim.yml").write_text("name: a\n")
-    with pytest.raises(InvalidScenario, match=r"(?s)robot.*expect.*time_limit"):
-        load_scenario(tmp_path / "s.sim.yml")
 
 
 @pytest.mark.parametrize(

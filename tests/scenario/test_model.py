@@ -6,8 +6,6 @@ import pickle
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sim_action.assertions.distance import Travel
@@ -68,11 +66,6 @@ def test_the_rate_of_the_physics_is_the_least_from_240_that_all_rates_divide(
     assert common_rate(rates, 240.0, 1000.0) == common
 
 
-@given(st.floats(min_value=1, max_value=1e5), st.floats(min_value=0, exclude_min=True, allow_infinity=False))
-def test_any_rate_divides_or_does_not(physics: float, rate: float) -> None:
-    assert rate_divides(physics, rate) in (True, False)
-
-
 @pytest.mark.parametrize(
     ("seconds", "step"), [(0, 0), (1 / 240, 1), (0.1, 24), (0.7, 168), (0.33, 80), (10, 2400), (0.1 + 0.2, 72)]
 )
@@ -123,10 +116,6 @@ def test_limits_that_nothing_could_run_in_are_refused(key: str, written: object)
 def test_the_trace_is_kept_at_the_fastest_rate_of_a_command() -> None:
     assert SIMPLE.trace_rate == 10.0
     assert changed(commands=(DRIVES, ScriptCommands(script="a.py", rate=5.0))).trace_rate == 20.0
-
-
-def test_ticks_are_whole_steps_apart() -> None:
-    assert SIMPLE.steps_between_ticks(10.0) == 24
 
 
 def test_a_script_is_code_of_the_users() -> None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import random
-from collections.abc import Callable
 from fractions import Fraction
 from math import comb
 
@@ -72,29 +70,6 @@ def test_a_run_without_a_value_counts_against_each_bound() -> None:
     assert bounds.upper == quantile_bounds(values[:97] + [math.inf] * 3, 0.5, 0.95).upper == 58.0
     assert quantile_bounds(values[:50], 0.5, 0.95, missing=50) == QuantileBounds(lower=None, upper=None)
     assert quantile_bounds([1.0] * 58, 0.05, 0.95, missing=1) == QuantileBounds(lower=None, upper=1.0)
-
-
-@pytest.mark.parametrize(
-    ("draw", "median"),
-    [
-        (random.Random.random, 0.5),
-        (lambda draws: draws.expovariate(1.0), math.log(2.0)),
-        # Atoms: P(0) = 0.4, P(1) = 0.2, P(2) = 0.4, and a coin, whose medians are all numbers from 0 to 1.
-        (lambda draws: float(draws.choices((0, 1, 2), (2, 1, 2))[0]), 1.0),
-        (lambda draws: float(draws.random() < 0.5), 0.0),
-        (lambda draws: float(draws.random() < 0.5), 1.0),
-    ],
-)
-def test_bounds_are_wrong_as_rarely_as_stated(draw: Callable[[random.Random], float], median: float) -> None:
-    draws, repetitions, confidence = random.Random(5), 2_000, 0.9
-    above = below = 0
-    for _ in range(repetitions):
-        bounds = quantile_bounds([draw(draws) for _ in range(25)], 0.5, confidence)
-        assert bounds.lower is not None
-        assert bounds.upper is not None
-        above += bounds.lower > median
-        below += bounds.upper < median
-    assert max(above, below) / repetitions <= 1.0 - confidence
 
 
 @pytest.mark.parametrize("q", [0.0, 1.0, -0.1, float("nan")])

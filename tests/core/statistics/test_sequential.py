@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from fractions import Fraction
 from itertools import product
 from math import log
@@ -124,16 +123,6 @@ def test_error_rates_are_within_the_bounds_of_wald(test: SequentialTest) -> None
     wrongly_accepted, wrongly_rejected = test.exact(test.reject).accepted, test.exact(test.accept).rejected
     assert max(wrongly_accepted, wrongly_rejected) <= error / test.confidence + 1e-9
     assert wrongly_accepted + wrongly_rejected <= 2.0 * error + 1e-9
-
-
-@pytest.mark.parametrize("true_rate", [0.5, 0.85, 0.9, 0.95])
-def test_simulated_gates_agree_with_the_exact_figures(true_rate: float) -> None:
-    draws, gates = random.Random(26), 2_000
-    decisions = [GATE.decision(draws.random() < true_rate for _ in range(GATE.most)) for _ in range(gates)]
-    exact = GATE.exact(true_rate)
-    assert sum(each.runs for each in decisions) / gates == pytest.approx(exact.mean_runs, rel=0.1)
-    for verdict, share in (("accepted", exact.accepted), ("rejected", exact.rejected), (None, exact.undecided)):
-        assert sum(each.verdict == verdict for each in decisions) / gates == pytest.approx(share, abs=0.03)
 
 
 @pytest.mark.parametrize(

@@ -213,16 +213,3 @@ def test_bounds_of_a_normal_distribution_have_the_unit_of_its_mean_or_none_for_0
     )
     assert plain == other
     assert list(Normal(normal=("3 cm", "5 cm"), between=(0, "1 m")).drawn([0.0])) == ["0.0 cm"]
-
-
-@pytest.mark.parametrize("between", [(-6, 1), (-1, 6), (2, 5)])
-def test_truncated_samples_rise_with_their_share(between: tuple[float, float]) -> None:
-    found = list(Normal(normal=(0, 1), between=between).drawn(share / 100 for share in range(100)))
-    assert sorted(found, key=float) == found
-    assert found[0] == pytest.approx(between[0])
-
-
-def test_a_normal_distribution_without_bounds_is_wide() -> None:
-    found = drawn(Normal(normal=(0, 1)))
-    assert max(found) > 3
-    assert min(found) < -3

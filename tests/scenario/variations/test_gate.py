@@ -285,10 +285,6 @@ def told_of_first(folder: Path, text: str, least: str = LEAST) -> list[str]:
     return []
 
 
-def test_shares_in_words() -> None:
-    assert [percent(share) for share in (0.9, 0.951, 0.12345, 1.0)] == ["90 %", "95.1 %", "12.35 %", "100 %"]
-
-
 def test_a_stored_gate_is_read_again() -> None:
     gate = Gate.model_validate({"passes": {"at_least": "90 %"}, "quantile": {"of": "a.margin", "q": 0.1, "at_most": 1}})
     assert Gate.model_validate_json(gate.model_dump_json()) == gate
@@ -314,11 +310,6 @@ def test_a_draw_of_which_no_sample_can_run_has_no_advice_about_bounds(tmp_path: 
     (problem,) = refused.problems
     assert ("unknown key" if key.endswith("frction") else "no unit") in problem.message
     assert "drawn from" not in problem.message
-
-
-def test_a_misspelt_gate_is_named(tmp_path: Path) -> None:
-    (found,) = refused(tmp_path, f"{DRAWN}gates: {{passes: {{at_least: 50 %}}, runs: 7}}\n")
-    assert found == f"{LINE + 1}:1: gates: unknown key; did you mean 'gate'?"
 
 
 def test_a_problem_of_one_of_several_quantiles_is_at_its_entry(tmp_path: Path) -> None:
