@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.workspace import Workspace
-from sim_action.robot.documents.package_search import Listings, folders_below
-from sim_action.robot.documents.packages import PackageError, Packages, Reference
+from sim_action.robot.documents.package_search import Listings
+from sim_action.robot.documents.packages import PackageError, Packages
 from tests.ros_workspace import written
 
 
@@ -299,13 +299,6 @@ def test_an_included_file_may_be_deeper_in_the_source_of_its_package(tmp_path: P
             packages.included(root / missing, missing)
 
 
-def test_only_the_workspace_lists_folders_by_name(tmp_path: Path) -> None:
-    written(tmp_path / "a/b/c.stl", "")
-    written(tmp_path / "p/package.xml", "")
-    assert sorted(folders_below(tmp_path, inside_packages=True).folders) == ["a", "b", tmp_path.name]
-    assert not folders_below(tmp_path, inside_packages=False).folders
-
-
 def test_an_exact_name_comes_before_other_letters(tmp_path: Path) -> None:
     for name in ("A.stl", "a.stl", "a.STL"):
         written(tmp_path / "m" / name, "")
@@ -315,17 +308,3 @@ def test_an_exact_name_comes_before_other_letters(tmp_path: Path) -> None:
     assert listings.matched(tmp_path / "m", r"..\M\A.STL", Path.is_dir) == tmp_path / "m/A.stl"
     assert listings.matched(tmp_path, "m/a\0b", Path.is_dir) is None
     assert listings.matched(tmp_path, "m/a.stl", Path.is_file) is None
-
-
-@pytest.mark.parametrize(
-    ("text", "parts"),
-    [
-        ("m/a.stl", ("", "", "m/a.stl")),
-        ("model://a/b/c", ("model", "a", "b/c")),
-        ("file://localhost/a/b", ("file", "", "/a/b")),
-        ("file:/a/b", ("file", "", "/a/b")),
-        ("model://a.dae", ("model", "", "a.dae")),
-    ],
-)
-def test_the_parts_of_a_reference(text: str, parts: tuple[str, str, str]) -> None:
-    assert Reference.parsed(text) == parts

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.core.files import read_at_most
 from sim_action.core.workspace import Workspace
 from sim_action.robot.documents import package_search
 from sim_action.robot.documents.package_search import folders_below, package_name
-from sim_action.robot.documents.packages import PackageError, Packages, find_model_file, parsed_version
+from sim_action.robot.documents.packages import PackageError, Packages, find_model_file
 from tests.ros_workspace import RosWorkspace, gazebo_model, ros_package, written
 
 BOTH = {"AMENT_PREFIX_PATH": "{e}", "ROS_PACKAGE_PATH": "{e}/src"}
@@ -100,18 +99,6 @@ def test_a_map_to_no_folder_is_refused(
     with pytest.raises(PackageError, match=message) as raised:
         ros.packages({"rover": stated}).find("rover", ros.rover)
     assert raised.value.rule == rule
-
-
-def test_a_folder_without_package_xml_serves_as_a_package_with_a_note(ros: RosWorkspace) -> None:
-    robot = ros.write("rover_arm/urdf/robot.urdf", "<robot/>")
-    found = ros.packages().find("rover_arm", robot)
-    assert found.path == ros.root / "rover_arm"
-    assert [note.text for note in found.notes] == [
-        (
-            "no package.xml or model.config has the name 'rover_arm': rover_arm, above robot.urdf, is used; "
-            "set robot.packages to choose another"
-        )
-    ]
 
 
 def test_of_two_packages_of_one_name_the_nearer_wins_with_a_warning(ros: RosWorkspace) -> None:
@@ -447,27 +434,6 @@ def test_the_length_of_a_reference_is_limited(reference: str, ros: RosWorkspace)
     assert len(str(error.value)) < 200
 
 
-def test_a_package_is_searched_once_for_all_files_that_a_model_names(
-    ros: RosWorkspace, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    read = list[Path]()
-    packages = ros.packages()
-
-    def counted(path: Path, most: int) -> bytes | None:
-        read.append(path)
-        return read_at_most(path, most)
-
-    monkeypatch.setattr(package_search, "read_at_most", counted)
-    for number in range(5):
-        written(ros.sensors / f"{number}.stl", "")
-        linked = ros.root / f"far/away/from/here/linked{number}"
-        linked.mkdir(parents=True)
-        (linked / "package.xml").symlink_to(ros.sensors / "package.xml")
-        packages.resolve(f"package://rover_sensors/{number}.stl", ros.rover)
-    # Above the model, and in the search of the workspace.
-    assert max(read.count(path) for path in read) <= 2
-
-
 def test_a_package_xml_may_not_be_a_link_into_git(ros: RosWorkspace) -> None:
     written(ros.root / ".git/x", "<package><name>secret</name></package>")
     (ros.root / "src/p").mkdir()
@@ -573,11 +539,6 @@ def test_what_leads_nowhere_is_told(inside: str, reference: str, rule: str, word
     with pytest.raises(PackageError) as raised:
         found(folder, reference)
     assert (raised.value.rule, words in str(raised.value)) == (rule, True), raised.value
-
-
-@pytest.mark.parametrize(("text", "version"), [("1.9", (1, 9)), (" 1.10 ", (1, 10)), ("1", (0, 0)), ("a.b", (0, 0))])
-def test_versions_are_numbers(text: str, version: tuple[int, int]) -> None:
-    assert parsed_version(text) == version
 
 
 @pytest.mark.parametrize("scheme", ["model", "file"])

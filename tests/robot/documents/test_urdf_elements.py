@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from xml.etree import ElementTree as ET
 
 import pytest
 
-from sim_action.robot.documents.urdf_elements import axis
 from sim_action.robot.model.robot_model import RobotModel, Surface
 from sim_action.robot.reading.urdf import read_urdf
 from tests.robot.bad_models import GOOD
@@ -86,16 +84,3 @@ def test_names_that_are_not_there_cost_what_they_take_to_write(tmp_path: Path) -
 def test_only_the_first_names_that_are_not_there_are_told_what_there_is(tmp_path: Path) -> None:
     findings = read(tmp_path, '<gazebo reference="uper"/>' * 20).findings
     assert ["did you mean 'upper'?" in finding.message for finding in findings] == [True] * 10 + [False] * 10
-
-
-@pytest.mark.parametrize(
-    ("stated", "expected"),
-    [
-        ("", (1, 0, 0)),
-        ('<axis xyz="0 0 0"/>', (1, 0, 0)),
-        ('<axis xyz="0 -2 0"/>', (0, -1, 0)),
-        ('<axis xyz="3e-200 0 4e-200"/>', (0.6, 0, 0.8)),
-    ],
-)
-def test_an_axis_has_unit_length_and_is_x_if_none_is_stated(stated: str, expected: tuple[float, float, float]) -> None:
-    assert axis(ET.fromstring(f"<joint>{stated}</joint>")) == pytest.approx(expected)

@@ -26,7 +26,6 @@ from sim_action.robot.model.inverse_kinematics import (
     damped_least_squares,
     reach,
     search,
-    square_sum,
 )
 from sim_action.robot.model.kinematics import link_poses
 from sim_action.robot.model.robot_model import RobotModel
@@ -104,7 +103,7 @@ def arm(name: str) -> tuple[Chain, Values]:
 
 @pytest.mark.parametrize(
     ("name", "count"),
-    [("ur5e", 150), ("kuka", 60), ("franka", 40), *(pytest.param(name, 500, marks=pytest.mark.soak) for name in ARMS)],
+    [("ur5e", 100), ("kuka", 30), ("franka", 20), *(pytest.param(name, 500, marks=pytest.mark.soak) for name in ARMS)],
 )
 def test_targets_within_the_limits_are_found(name: str, count: int) -> None:
     chain, start = arm(name)
@@ -323,11 +322,3 @@ def test_every_derivative_is_zero(
     for column, part in zip(columns, found, strict=True):
         derivative = math.fsum(a * b for a, b in zip(column, rest, strict=True)) + damping * part
         assert derivative == pytest.approx(0.0, abs=1e-6)
-
-
-def test_without_columns_nothing_moves() -> None:
-    assert damped_least_squares([], (1.0, 2.0, 3.0), 0.1) == []
-
-
-def test_the_square_of_a_vector() -> None:
-    assert square_sum((3.0, 4.0)) == 25.0

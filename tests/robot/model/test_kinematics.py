@@ -17,7 +17,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.meshes.collision_hulls import shrunk
 from sim_action.meshes.hull_file import hull_lines
-from sim_action.robot.model.kinematics import Mobility, beyond_limits, link_poses, robot_box, too_fast, too_strong
+from sim_action.robot.model.kinematics import beyond_limits, link_poses, robot_box, too_fast, too_strong
 from sim_action.robot.model.robot_model import ENGINE_MARGIN_M, Joint, JointType, Link, RobotModel, Shape
 from sim_action.robot.reading.urdf import read_urdf
 from tests.robot.bad_models import GOOD
@@ -166,13 +166,3 @@ def test_a_limit_itself_is_allowed_however_it_was_rounded(way: int) -> None:
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_a_joint_without_limits_can_do_anything(value: float) -> None:
     assert (beyond_limits(FREE, value), too_fast(FREE, value), too_strong(FREE, value)) == (None, None, None)
-
-
-def test_who_turns_in_place_has_no_turning_radius() -> None:
-    assert Mobility().turns_in_place
-    assert Mobility().turning_radius == 0
-
-
-def test_a_turning_radius_is_that_of_the_tightest_curve() -> None:
-    assert not Mobility(tightest=2.0).turns_in_place
-    assert Mobility(tightest=2.0).turning_radius == 0.5

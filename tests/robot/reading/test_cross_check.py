@@ -37,6 +37,7 @@ from tests.robot.independent_readers import (
     urchins,
 )
 from tests.ros_workspace import written
+from tests.soak import soaked
 
 PYBULLET_DATA: Final = Path(pytest.importorskip("pybullet_data").getDataPath()).resolve()
 REPOSITORY: Final = Path(__file__).parents[3]
@@ -218,7 +219,7 @@ def file_name(path: Path) -> str:
     return path.relative_to(PYBULLET_DATA if path.is_relative_to(PYBULLET_DATA) else REPOSITORY).as_posix()
 
 
-@pytest.mark.parametrize("path", [*URDFS, *sorted(OURS)], ids=file_name)
+@pytest.mark.parametrize("path", soaked([*URDFS, *sorted(OURS)], [*URDFS[::3], *OURS]), ids=file_name)
 def test_a_urdf_is_as_urchin_reads_it(path: Path) -> None:
     model = loaded(path)
     pytest.importorskip("urchin")
@@ -258,6 +259,7 @@ def test_an_mjcf_is_as_mujoco_compiles_it(path: Path) -> None:
         assert not list(joint_differences(replace(one, ends=("", "")), yours))
 
 
+@pytest.mark.soak
 def test_most_models_are_compared() -> None:
     """A model that is refused with a reason is not compared above."""
     refused = [file_name(path) for path in (*URDFS, *MJCFS) if isinstance(loaded(path), str)]

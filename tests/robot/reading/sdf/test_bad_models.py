@@ -57,11 +57,6 @@ def test_a_bad_model_breaks_its_rule_on_its_line(bad: BadSdf, workspace: Path) -
     assert problem.message.isprintable()
 
 
-@pytest.mark.parametrize("rule", ["unknown-frame", "frame-loop", "include-loop", "unsupported-part"])
-def test_every_rule_of_sdf_has_a_model_that_breaks_it(rule: str) -> None:
-    assert rule in {bad.rule for bad in BAD_SDF_MODELS}
-
-
 @pytest.mark.parametrize("rule", ["unsupported-joint", "unsupported-part", "impossible-inertia"])
 def test_an_error_can_be_let_go_and_is_told_all_the_same(rule: str, workspace: Path) -> None:
     bad = next(bad for bad in BAD_SDF_MODELS if bad.rule == rule)
@@ -171,7 +166,8 @@ def test_names_that_lead_nowhere_cost_the_same_each(tmp_path: Path) -> None:
         return work_of(lambda: refused(tmp_path, sdf(link("a"), *frames)))
 
     # The first few are compared with all names.
-    assert work(400) - work(200) < 1.2 * 2 * (work(200) - work(100)) + 1_000
+    few, some, many = map(work, (50, 100, 200))
+    assert many - some < 1.2 * 2 * (some - few) + 1_000
 
 
 WORDS = ("0", "-1", "nan", "1e309", "0 0 1", "0 0 1 0 0 0", "world", "base", "tool", "a::tool", "__model__", "true", "")

@@ -129,11 +129,6 @@ def test_of_two_models_of_a_name_the_nearer_is_taken_and_said(tmp_path: Path) ->
     assert [finding.rule for finding in model.findings] == ["several-packages"]
 
 
-def test_a_folder_without_a_manifest_has_a_model_sdf(tmp_path: Path) -> None:
-    written(tmp_path / "parts/wheel/model.sdf", sdf(link("rim")))
-    assert load_named(tmp_path, "model://wheel").root == "rim"
-
-
 def test_meshes_lie_beside_the_file_that_names_them(tmp_path: Path) -> None:
     written(tmp_path / "parts/wheel/model.sdf", sdf(link("rim", MESH.format("meshes/rim.stl"))))
     written(tmp_path / "parts/wheel/meshes/rim.stl", TETRAHEDRON)

@@ -268,11 +268,3 @@ def test_joints_anywhere_in_their_links_move_them_alike(seed: int, tmp_path_fact
     positions = [source.uniform(-1, 2) for _ in parts]
     for one, other in zip(balls_of_model(model, positions), balls_of_sdf(parts, positions), strict=True):
         assert one == pytest.approx(other, abs=1e-9)
-
-
-@given(seed=st.integers(0, 2**32))
-@examples(80)
-def test_angles_of_a_rotation_make_it_again(seed: int) -> None:
-    pose = random_pose(Random(seed))
-    again = geometry.quaternion_from_rpy(*geometry.rpy_from_quaternion(pose.orientation_xyzw))
-    assert_same_pose(pose, Pose(pose.position_xyz, again))

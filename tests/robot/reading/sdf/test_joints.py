@@ -13,7 +13,6 @@ from sim_action.robot.model.robot_model import Mimic
 from tests.robot.reading.sdf.models import INERTIAL, SPHERE, joint, link, load, near, position, rules, sdf
 
 HALF = math.pi / 2
-QUARTER_TURN = f"0 0 0 0 0 {HALF}"
 
 
 # --- joints and their frames ---
@@ -42,29 +41,6 @@ def test_a_link_keeps_its_frame_where_that_moves_alike(pose: str, kind: str, tmp
     model = load(tmp_path, sdf(turning(f"<pose>{pose}</pose>", kind=kind)))
     assert position(model, "b") == near(1, 0, 0)
     assert model.links_by_name["b"].collisions[0].pose.position_xyz == near(0, 0, 0)
-
-
-@pytest.mark.parametrize(
-    ("version", "axis", "expected"),
-    [
-        # The child is turned by 90 degrees about z, and the joint by as much again: its x axis is the parent's -x.
-        ("1.4", "<xyz>1 0 0</xyz>", (0, -1, 0)),
-        ("1.6", "<xyz>1 0 0</xyz>", (0, 1, 0)),
-        ("1.6", "<xyz>1 0 0</xyz><use_parent_model_frame>true</use_parent_model_frame>", (0, -1, 0)),
-        ("1.6", "<xyz>1 0 0</xyz><use_parent_model_frame>0</use_parent_model_frame>", (0, 1, 0)),
-        ("1.7", "<xyz>1 0 0</xyz>", (0, 1, 0)),
-        ("1.9", '<xyz expressed_in="__model__">1 0 0</xyz>', (0, -1, 0)),
-        ("1.9", '<xyz expressed_in="b">1 0 0</xyz>', (1, 0, 0)),
-        ("1.9", '<xyz expressed_in="a">1 0 0</xyz>', (0, -1, 0)),
-        ("1.9", "", (0, 0, 1)),
-    ],
-)
-def test_an_axis_is_in_the_frame_that_its_version_says(
-    version: str, axis: str, expected: Vector3, tmp_path: Path
-) -> None:
-    text = sdf(turning(f"<pose>{QUARTER_TURN}</pose>", axis), version=version)
-    (made,) = load(tmp_path, text).joints
-    assert made.axis_xyz == near(*expected)
 
 
 @pytest.mark.parametrize(
@@ -216,13 +192,6 @@ def test_a_link_named_world_is_the_world_where_it_may_be(tmp_path: Path) -> None
 
 def test_a_newer_version_is_read_as_the_newest_that_is_known(tmp_path: Path) -> None:
     assert rules(load(tmp_path, sdf(link("a"), version="1.13"))) == ["passed-over"]
-
-
-@pytest.mark.parametrize("limit", ["1.79769e+308", "1.7976931348623157e308", "inf", "3.4e38"])
-def test_the_largest_number_of_a_type_is_no_limit(limit: str, tmp_path: Path) -> None:
-    limits = f"<limit><lower>-{limit}</lower><upper>{limit}</upper></limit>"
-    (made,) = load(tmp_path, sdf(turning(axis=f"<xyz>0 0 1</xyz>{limits}"))).joints
-    assert (made.type, made.lower, made.upper) == ("continuous", None, None)
 
 
 def test_a_static_model_needs_no_mass(tmp_path: Path) -> None:
