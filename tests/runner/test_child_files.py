@@ -7,15 +7,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.runner import child_files
-from sim_action.runner.child_files import ChildFiles, OutcomeWriter
-
-
-def test_files_lie_in_the_scratch_folder(tmp_path: Path) -> None:
-    files = ChildFiles.in_folder(tmp_path)
-    assert files.descriptors == ()
-    assert {files.outcome, files.output, files.stack_dump} == {
-        tmp_path / name for name in ("outcome.json", "output.txt", "hang.txt")
-    }
+from sim_action.runner.child_files import OutcomeWriter
 
 
 def test_a_later_outcome_replaces_the_earlier(tmp_path: Path) -> None:

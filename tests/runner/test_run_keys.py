@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -55,22 +56,25 @@ DRIVE = "from sim_action import Twist\n\n\ndef control(observation):\n    return
 OPTIONS = RunOptions(Permissions())
 
 
+@pytest.fixture(scope="module")
+def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("repository")
+    files = {"native.sim.yml": NATIVE, "rock.obj": ROCK, "scripted.sim.yml": SCRIPTED, "drive.py": DRIVE, "notes": ""}
+    for name, text in {**files, ".gitignore": "rock.obj\nignored\n"}.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    for words in (("init", "-q"), ("add", ".")):
+        subprocess.run(["git", *words], cwd=folder, check=True, capture_output=True)
+    return folder
+
+
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The root of a repository; its files were written long ago."""
     now = time.time_ns
     monkeypatch.setattr(time, "time_ns", lambda: now() + 3_600_000_000_000)
     monkeypatch.chdir(tmp_path)
-    files = {"native.sim.yml": NATIVE, "rock.obj": ROCK, "scripted.sim.yml": SCRIPTED, "drive.py": DRIVE, "notes": ""}
-    for name, text in {**files, ".gitignore": "rock.obj\nignored\n"}.items():
-        Path(name).write_text(text, encoding="utf-8")
-    git("init", "-q")
-    git("add", ".")
+    shutil.copytree(repository, tmp_path, symlinks=True, dirs_exist_ok=True)
     return tmp_path
-
-
-def git(*words: str) -> None:
-    subprocess.run(["git", *words], check=True, capture_output=True)
 
 
 def plan(name: str, options: RunOptions = OPTIONS, engine: str | None = None) -> LoadedScenario:

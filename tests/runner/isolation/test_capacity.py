@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import resource
 import tempfile
 import threading
 from pathlib import Path
@@ -105,8 +104,3 @@ def test_the_cause_is_in_plain_words(number: int, monkeypatch: pytest.MonkeyPatc
 def test_memory_that_python_lacks_is_told_as_that_of_the_system() -> None:
     assert cause_of(MemoryError()) == CAUSES[errno.ENOMEM]
     assert cause_of(OSError("nothing known")) == "nothing known"
-
-
-def test_limits_are_those_of_this_process() -> None:
-    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    assert capacity._soft_limit("RLIMIT_NOFILE") == (INFINITY if soft == resource.RLIM_INFINITY else soft)

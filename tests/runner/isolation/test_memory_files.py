@@ -41,14 +41,6 @@ def test_what_was_not_written_is_empty(files: MemoryFiles) -> None:
     assert files.printed == 0
 
 
-def test_the_last_outcome_counts(files: MemoryFiles) -> None:
-    writer = OutcomeWriter(files.inherited.outcome)
-    writer.write(b"first")
-    assert files.read().outcome == b"first"
-    writer.write(b"the second")
-    assert files.read().outcome == b"the second"
-
-
 def test_an_outcome_that_is_cut_off_leaves_the_earlier(files: MemoryFiles) -> None:
     OutcomeWriter(files.inherited.outcome).write(b"first")
     # Its length comes last.
