@@ -212,13 +212,6 @@ def test_a_list_in_a_title_shows_where_it_ends() -> None:
     )
 
 
-def test_a_fold_that_was_there_before_is_used_again() -> None:
-    opened: Monitor = monitor(any_of(NEARER, FAR))
-    before = opened.state
-    opened.observe(ride())
-    assert opened.state is before
-
-
 class _Steady(NamedTuple):
     """A goal that never comes true, which counts how often it is asked anything; more than `most` times is an error."""
 
@@ -331,14 +324,6 @@ def test_a_reading_counts_until_the_next_one() -> None:
     assert judged(at_once(near, HERE), seen).passed
     assert not judged(at_once(near, THERE), seen).passed
     assert not judged(at_once(near, Reach(x=0, y=0)), seen).passed
-
-
-def test_a_reading_before_the_block_counts() -> None:
-    near = SensorReading(name="scan", reading="ranges", which="min", at_most=1.0)
-    readings = SensorRecord("lidar", np.array([0.0]), {"ranges": np.array([[0.8]])})
-    opened = monitor(at_once(near, THERE)).observe(replace(WAY.first(2), sensors={"scan": readings}))
-    assert opened.state is State.PENDING
-    assert opened.observe(WAY.rows(slice(2, 4))).state is State.HOLDS
 
 
 def test_parts_without_a_truth_at_a_moment_are_refused() -> None:

@@ -99,13 +99,6 @@ def test_the_way_begins_at_the_start_and_is_in_space() -> None:
     assert judged(PathLength(at_most=9.0), trace([1.0]), start).measured == 2.0
 
 
-def test_the_way_between_two_blocks_counts() -> None:
-    seen = monitor(PathLength(at_most=9.0))
-    for block in (trace([1.0], x=[1.0]), trace([]), trace([2.0], x=[3.0])):
-        seen = seen.observe(block)
-    assert seen.verdict().measured == 3.0
-
-
 @pytest.mark.parametrize(("after", "length"), [(0.0, 4.0), (1.0, 3.0), (1.5, 3.0), (2.0, 2.0), (4.0, 0.0)])
 def test_the_way_is_counted_since_after(after: float, length: float) -> None:
     # Out and back: a straight line from the start to where the window opens would be shorter, or 0.

@@ -79,6 +79,7 @@ def test_the_end_is_a_goal() -> None:
     opened = monitor(spec)
     assert opened.state is State.PENDING
     assert opened.observe(SWERVE.first(3)).state is State.PENDING
+    assert opened.observe(SWERVE).is_decided
     short = math.hypot(1, 0.5)
     verdict = judged(spec, SWERVE.first(3))
     assert (verdict.passed, verdict.limit, verdict.time) == (False, 0.25, 3.0)

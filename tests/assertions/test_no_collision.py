@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from sim_action.assertions.monitors import State
 from sim_action.assertions.monitors.proximity import nearest_of
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.state.trace_records import ClearanceRecord, Nearness
 from sim_action.state.verdict import Verdict
-from tests.traces import START, contact, judged, monitor, scene, trace
+from tests.traces import START, contact, judged, scene, trace
 
 TOUCHED = trace([1.0, 2.0, 3.0], contacts=[contact(2.0), contact(2.0, link="base_scan"), contact(3.0)])
 
@@ -67,21 +66,11 @@ def test_what_is_allowed_does_not_count(allow: tuple[str, ...], first: str | Non
     assert verdict.message.startswith(f"{first} touched" if first else "touched nothing")
 
 
-def test_the_first_contact_of_all_blocks_is_kept() -> None:
-    seen = monitor(NoCollision()).observe(TOUCHED).observe(trace([4.0], contacts=[contact(4.0, body="ball")]))
-    assert seen.state is State.BROKEN
-    assert seen.verdict().time == 2.0
-
-
 def test_names_that_are_not_there_are_problems() -> None:
     spec = NoCollision(allow=("wall", "wal", "base_scan", "ground"))
     assert [(path, message.partition(" (")[0]) for path, message in spec.problems(scene())] == [
         (("allow", 1), "'wal' is neither an object nor a link; did you mean 'wall'?")
     ]
-
-
-def test_it_asks_for_contacts() -> None:
-    assert NoCollision().channels.contacts
 
 
 def test_only_the_first_unknown_names_are_told_what_there_is() -> None:

@@ -85,15 +85,6 @@ def test_of_several_what_failed_speaks_else_what_is_nearest_to_its_limit() -> No
     assert judged(OdometryError(position=10.0, yaw=0.1, drift=0.3), AHEAD).limit == 0.3
 
 
-def test_the_truth_is_that_of_the_reading_though_the_moment_came_in_an_earlier_block() -> None:
-    spec = OdometryError(position=0.75, drift=0.9)
-    blocks = monitor(spec).observe(
-        replace(AHEAD.rows(slice(0, 4)), sensors={"odometry": told([0.0, 1.0], [0.0, 1.125])})
-    )
-    blocks = blocks.observe(replace(AHEAD.rows(slice(4, 8)), sensors={"odometry": told([2.0, 3.0], [2.5, 3.25])}))
-    assert blocks.verdict() == monitor(spec).observe(AHEAD).verdict()
-
-
 def test_the_way_before_its_window_counts_as_way() -> None:
     verdict = Window(monitor(OdometryError(drift=0.5)), 2.5).observe(AHEAD).verdict()
     assert verdict.measured == pytest.approx(0.25 / 3)

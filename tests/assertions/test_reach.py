@@ -8,7 +8,7 @@ import pytest
 
 from sim_action.assertions.reach import Reach
 from sim_action.state.verdict import Verdict
-from tests.traces import judged, monitor, trace
+from tests.traces import judged, trace
 
 PAST = trace([1.0, 2.0, 3.0], x=[0.0, 1.75, 3.0], z=[0.5, 0.5, 0.5], yaw=[0.0, 0.5, 1.0])
 
@@ -52,12 +52,6 @@ def test_headings_are_compared_the_short_way_round() -> None:
 def test_the_first_moment_that_is_right_counts() -> None:
     twice = trace([1.0, 2.0], x=[1.04, 1.0])
     assert judged(Reach(x=1.0, y=0.0), twice).time == 1.0
-
-
-def test_the_nearest_moment_of_an_earlier_block_is_kept() -> None:
-    seen = monitor(Reach(x=2.0, y=0.0, yaw=0.0)).observe(PAST).observe(trace([4.0], x=[9.0]))
-    assert seen.verdict().time == 2.0
-    assert "in 4.0 s" in seen.verdict().message
 
 
 def test_a_miss_by_a_hair_is_told_apart_from_the_tolerance() -> None:

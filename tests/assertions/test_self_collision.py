@@ -7,14 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.assertions.monitors import State
 from sim_action.assertions.self_collision import SelfCollision
 from sim_action.state.observation import SelfContact
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from tests.robot.reading.test_srdf import model_with
 from tests.scenarios import told
-from tests.traces import START, judged, monitor, scene, trace
+from tests.traces import START, judged, scene, trace
 
 
 def touch(time: float, other: str = "wheel_right_link", force: float = 0.0, depth: float = 0.002) -> SelfContact:
@@ -65,12 +64,6 @@ def test_links_that_collide_touch_with_the_force_of_all_points() -> None:
 )
 def test_allowed_pairs_may_touch_in_either_order(allow: tuple[tuple[str, str], ...], passed: bool) -> None:
     assert judged(SelfCollision(allow=allow), touched(touch(2.0))).passed is passed
-
-
-def test_it_is_broken_for_good() -> None:
-    opened = monitor(SelfCollision()).observe(touched(touch(2.0)))
-    assert opened.state is State.BROKEN
-    assert opened.observe(touched()).state is State.BROKEN
 
 
 SCENARIO = "name: arm\nrobot: {{model: arm.urdf, base: fixed{robot}}}\nexpect: [{expect}]\ntime_limit: 1 s\n"
