@@ -104,12 +104,6 @@ def test_driven_wheels_that_are_steered_are_as_fast_as_their_own_radius() -> Non
     assert list(targets.velocity) == ["a", "b", "c", "d"]
 
 
-def test_backwards_the_same_curve_has_the_same_angles() -> None:
-    (there,), (back,) = (QUICK.open(CAR, 100.0).targets(Twist.planar(way * 2.0, way * 1.0), 1) for way in (1, -1))
-    assert there.position == back.position
-    assert there.velocity == {name: pytest.approx(-speed) for name, speed in back.velocity.items()}
-
-
 def test_axes_that_point_the_other_way_turn_the_other_way() -> None:
     model = cart(wheel("c", 0.0, 0.2, axis=(0.0, -1.0, 0.0)), REAR[1], steered("a", 0.5, 0.2, axis=DOWN), *FRONT[1:])
     (plain,), (turned,) = (QUICK.open(car, 100.0).targets(Twist.planar(2.0, 1.0), 1) for car in (CAR, model))
@@ -194,15 +188,6 @@ def test_no_step_is_beyond_a_limit(twists: list[tuple[float, float, int]]) -> No
             now = (targets.velocity["c"] + targets.velocity["d"]) * RADIUS / 2
             assert abs(now - speed) <= 0.03 * (1 + 1e-6)
             angles, speed = dict(targets.position), now
-
-
-@given(st.integers(1, 60), st.floats(-1, 1), st.floats(-3, 3))
-def test_a_twist_planned_at_once_is_the_twist_planned_step_by_step(steps: int, linear: float, angular: float) -> None:
-    twist, drive = Twist.planar(linear, angular), DRIVE.model_copy(update={"steering_rate": 2.0})
-    whole = drive.open(CAR, 60.0).targets(twist, steps)
-    single = drive.open(CAR, 60.0)
-    one_by_one = [single.targets(twist, 1)[0] for _ in range(steps)]
-    assert [*whole, *[whole[-1]] * (steps - len(whole))] == one_by_one
 
 
 def test_stated_figures_win_over_the_models() -> None:

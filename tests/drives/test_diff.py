@@ -165,13 +165,6 @@ def test_turning_left_is_the_right_wheel_forward() -> None:
     assert rims(targets) == pytest.approx((-SEPARATION / 2, SEPARATION / 2))
 
 
-def test_the_mean_of_both_sides_is_the_forward_speed() -> None:
-    (targets,) = BURGER.open(burger(), 0.1).targets(Twist.planar(0.5, 2.0), 1)
-    left, right = rims(targets)
-    assert (left + right) / 2 == pytest.approx(0.5)
-    assert (right - left) / SEPARATION == pytest.approx(2.0)
-
-
 def test_all_wheels_of_a_side_roll_alike() -> None:
     four = DiffDrive(left=("a", "b"), right=("c", "d"))
     model = cart(*FOUR[:1], wheel("b", -0.2, 0.3, radius=0.2), *FOUR[2:])
@@ -279,15 +272,6 @@ def test_no_step_changes_a_rim_by_more_than_the_acceleration(
             change = max(abs(a - b) for a, b in zip(now, before, strict=True))
             assert change <= acceleration / 240 * (1 + 1e-9)
             before = now
-
-
-@given(st.integers(1, 60), st.floats(-1, 1), st.floats(-3, 3))
-def test_a_twist_planned_at_once_is_the_twist_planned_step_by_step(steps: int, linear: float, angular: float) -> None:
-    twist = Twist.planar(linear, angular)
-    whole = BURGER.open(burger(), 60.0).targets(twist, steps)
-    single = BURGER.open(burger(), 60.0)
-    one_by_one = [single.targets(twist, 1)[0] for _ in range(steps)]
-    assert [*whole, *[whole[-1]] * (steps - len(whole))] == one_by_one
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from sim_action.core.geometry import Pose
 from sim_action.drives import DRIVES, recognise
-from sim_action.drives.diff import DiffDrive
 from sim_action.robot.model.robot_model import Joint, Link, RobotModel
-from tests.traces import burger
-
-
-def test_the_first_drive_that_fits_is_taken() -> None:
-    assert isinstance(recognise(burger()), DiffDrive)
 
 
 def test_a_model_without_wheels_has_no_drive() -> None:

@@ -34,22 +34,6 @@ def rims(twist: Twist) -> list[float]:
     return [speed * RADIUS for speed in targets(twist).velocity.values()]
 
 
-@pytest.mark.parametrize(
-    ("twist", "front_left", "rear_left", "front_right", "rear_right"),
-    [
-        (Twist.planar(1.0), 1, 1, 1, 1),
-        (Twist.planar(lateral=1.0), -1, 1, 1, -1),
-        (Twist.planar(angular=1.0), -AHEAD - LEFT, -AHEAD - LEFT, AHEAD + LEFT, AHEAD + LEFT),
-        (Twist.planar(1.0, lateral=1.0), 0, 2, 2, 0),
-    ],
-    ids=["ahead", "to the left", "on the spot", "along a diagonal"],
-)
-def test_wheels_turn_as_rollers_at_45_degrees_ask_for(
-    twist: Twist, front_left: float, rear_left: float, front_right: float, rear_right: float
-) -> None:
-    assert rims(twist) == pytest.approx([front_left, rear_left, front_right, rear_right])
-
-
 @given(st.floats(-2, 2), st.floats(-2, 2), st.floats(-3, 3))
 def test_no_wheel_slides_across_its_rollers(ahead: float, left: float, turn: float) -> None:
     """What touches the ground moves along the roller's axle as fast as the wheel's rim takes it there."""
@@ -105,17 +89,6 @@ def test_no_step_changes_the_velocity_of_a_wheels_hub_by_more_than_the_accelerat
                 hub = math.hypot(change[0] - y * change[2], change[1] + x * change[2])
                 assert hub <= 0.01 * (1 + 1e-9)
             before = now
-
-
-@given(st.integers(1, 60), st.floats(-1, 1), st.floats(-1, 1), st.floats(-3, 3))
-def test_a_twist_planned_at_once_is_the_twist_planned_step_by_step(
-    steps: int, ahead: float, left: float, turn: float
-) -> None:
-    twist = Twist.planar(ahead, turn, lateral=left)
-    whole = DRIVE.open(CART, 60.0).targets(twist, steps)
-    single = DRIVE.open(CART, 60.0)
-    one_by_one = [single.targets(twist, 1)[0] for _ in range(steps)]
-    assert [*whole, *[whole[-1]] * (steps - len(whole))] == one_by_one
 
 
 def test_what_is_not_level_is_noted() -> None:

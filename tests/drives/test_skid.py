@@ -113,10 +113,6 @@ def test_a_plugin_without_a_separation_leaves_the_slip_to_the_model() -> None:
     assert recognise(plugin("gazebo_ros_diff_drive", *parameters)) == SKID
 
 
-def test_forward_is_as_any_wheels_roll() -> None:
-    assert list(targets(SKID, Twist.planar(0.5)).velocity.values()) == pytest.approx([0.5 / RADIUS] * 4)
-
-
 @pytest.mark.parametrize(("slip", "factor"), [(None, SLIP), (1.0, 1.0), (2.0, 2.0)])
 def test_turning_takes_rims_that_are_faster_by_the_slip(slip: float | None, factor: float) -> None:
     drive = SKID.model_copy(update={"slip": slip})

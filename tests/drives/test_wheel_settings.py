@@ -19,6 +19,7 @@ from sim_action.drives.skid import SkidSteer
 from sim_action.drives.wheel_settings import WheelSpeeds, heading_text, radius_text, ramp_towards, torque_text
 from sim_action.robot.model.robot_model import Plugin, RobotModel
 from tests.drives.carts import FOUR, RADIUS, cart, steered, wheel
+from tests.soak import examples
 from tests.traces import WHEELS, burger
 
 FASTEST = 20.0
@@ -45,6 +46,7 @@ def speeds(motion: DriveMotion, twist: Twist) -> dict[str, float]:
 
 
 @every_drive
+@examples(20)
 @given(linear=st.floats(-9, 9), curvature=st.floats(-1, 1), lateral=st.floats(-9, 9))
 def test_wheels_are_held_to_their_limits_all_alike(name: str, linear: float, curvature: float, lateral: float) -> None:
     lateral = lateral if name == "mecanum" else 0.0
@@ -64,6 +66,21 @@ def test_what_a_twist_asked_for_is_noted_once(name: str) -> None:
         motion.targets(Twist.planar(linear), 1)
     (note,) = motion.notes
     assert "for 2292 deg/s, but its limit in the model is 1146 deg/s: all wheels were slowed by the same factor" in note
+
+
+@every_drive
+@examples(20)
+@given(steps=st.integers(1, 60), ahead=st.floats(-1, 1), left=st.floats(-1, 1), turn=st.floats(-3, 3))
+def test_a_twist_planned_at_once_is_the_twist_planned_step_by_step(
+    name: str, steps: int, ahead: float, left: float, turn: float
+) -> None:
+    drive, model = DRIVES[name]
+    slow = drive.model_copy(update={"acceleration": 1.0} | ({"steering_rate": 2.0} if name == "ackermann" else {}))
+    twist = Twist.planar(ahead, turn, lateral=left if name == "mecanum" else 0.0)
+    whole = slow.open(model, 60.0).targets(twist, steps)
+    single = slow.open(model, 60.0)
+    one_by_one = [single.targets(twist, 1)[0] for _ in range(steps)]
+    assert [*whole, *[whole[-1]] * (steps - len(whole))] == one_by_one
 
 
 def test_the_base_of_a_mecanum_drive_is_pushed_no_faster_than_its_wheels_turn() -> None:

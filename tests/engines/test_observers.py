@@ -13,6 +13,7 @@ from sim_action.state.observation import Contact
 from sim_action.world import Body, PathPoint, World, path_of
 from sim_action.world.scene import Scene
 from sim_action.world.shapes import Sphere
+from tests.soak import examples
 from tests.traces import burger, scene
 
 
@@ -112,6 +113,7 @@ times = st.lists(st.floats(0.05, 2.0), min_size=1, max_size=5)
 places = st.lists(st.floats(-3, 3), min_size=6, max_size=6)
 
 
+@examples(20)
 @given(times, places, st.booleans(), st.floats(0, 1))
 def test_every_overlap_is_seen_at_its_step(gaps: list[float], xs: list[float], loop: bool, begins: float) -> None:
     points, at = [(begins, xs[0])], begins
