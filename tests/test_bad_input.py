@@ -96,13 +96,10 @@ def test_an_alias_bomb(tmp_path: Path) -> None:
         ("travel: {at_least: 1.5 m}", "travel: 1.5 m", "9:5: expect.0.travel: expected a map of keys, found '1.5 m'"),
         ("travel: {at_least: 1.5 m}", "5", "9:5: expect.0: expected a map with one assertion (travel, "),
         ("30 s", "", "10:1: time_limit: expected time such as '1 s', found nothing"),
-        ("30 s", "true", "10:1: time_limit: expected time such as '1 s', found true"),
         ("30 s", "[30 s]", "10:1: time_limit: expected time such as '1 s', found a list of 1"),
-        ("30 s", "soon", "10:1: time_limit: expected time such as '1 s', found 'soon'"),
         ("30 s", "1:30", "10:1: time_limit: ':30' is not a unit of time; use one of: s, ms, us, min, h"),
         # Numbers
         ("30 s", "-30 s", "10:1: time_limit: must be greater than 0, found '-30 s'"),
-        ("30 s", "0", "10:1: time_limit: must be greater than 0, found 0"),
         ("30 s", "2 days", "10:1: time_limit: 'days' is not a unit of time; use one of: s, ms, us, min, h"),
         ("30 s", "48 h", "10:1: time_limit: must be at most 86,400 s, found '48 h'"),
         ("30 s", ".nan", "10:1: time_limit: expected a finite time such as '1 s', found nan"),
@@ -112,10 +109,7 @@ def test_an_alias_bomb(tmp_path: Path) -> None:
         ("30 s", "0x" + "f" * 9000, "10:13: a number of 9002 digits; the maximum is 400"),
         ("30 s", "0x" + "f" * 300, "10:1: time_limit: expected a finite time such as '1 s', found "),
         ("1.5 m", ".nan", "9:14: expect.0.travel.at_least: expected a finite length such as '1 m', found nan"),
-        ("1.5 m", "-1 cm", "9:14: expect.0.travel.at_least: must be greater than 0, found '-1 cm'"),
         # Units
-        ("30 s", "30 kg", "10:1: time_limit: 'kg' is not a unit of time; use one of: s, ms, us, min, h"),
-        ("1.5 m", "1.5 s", "9:14: expect.0.travel.at_least: 's' is not a unit of length; use one of: m, mm, cm, km"),
         ("10 Hz", "10 s", "5:3: commands.rate: 's' is not a unit of frequency; use one of: Hz, kHz"),
         # Rates, windows, claims
         ("10 Hz", "7 kHz", "5:3: commands.rate: 7000 Hz does not divide physics.rate, 240 Hz; nearest: 240 Hz; or set"),
@@ -128,7 +122,6 @@ def test_an_alias_bomb(tmp_path: Path) -> None:
         ),
         ("twist:\n    - {linear: 1.0}", f"process: {'x' * 5000}", "6:3: commands.process: program 'x"),
         (f"\n  {MODEL}", f" {{model: 'package://{'x' * 5000}/a.urdf'}}", "2:"),
-        ("10 Hz", "1e-300", "5:3: commands.rate: 1e-300 Hz does not divide physics.rate, 240 Hz; nearest: 1 Hz"),
         ("time_limit: 30 s", "trace: {rate: 1e-300}\ntime_limit: 30 s", "10:9: trace.rate: 1e-300 Hz does not divide"),
         ("1.5 m}", "1.5 m}\n    before: 31 s", "10:5: expect.0.before: 31 s is later than time_limit (30 s)"),
         ("  - travel: {at_least: 1.5 m}", "  []", "8:1: expect: must not be empty"),

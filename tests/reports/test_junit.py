@@ -21,6 +21,7 @@ from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.results_json import Results
 from tests.outcomes import like
 from tests.reports.samples import PROVENANCE, SAMPLES, results_of
+from tests.soak import examples
 
 Golden = Callable[[str, str], None]
 
@@ -159,7 +160,7 @@ def test_strict_mode_drops_nothing_else(kind: str, options: ReportOptions) -> No
     assert ET.tostring(full) == ET.tostring(strict)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
+@settings(examples(50), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(text=st.text())
 def test_any_text_survives_as_text(text: str, options: ReportOptions) -> None:
     outcome = SAMPLES["failed"].outcomes[2]

@@ -37,6 +37,7 @@ from sim_action.scenario.selection import Selection, selected
 from sim_action.scenario.source import Source
 from tests.outcomes import like
 from tests.reports.samples import SAMPLES, results_of
+from tests.soak import examples
 
 NAMES = (
     "gap < 1 m",
@@ -58,7 +59,7 @@ def with_names(test: Callable[..., None]) -> Callable[..., None]:
     for name in NAMES:
         test = example(name=name)(test)
     checks = [HealthCheck.function_scoped_fixture]
-    return given(name=TITLES)(settings(max_examples=20, deadline=None, suppress_health_check=checks)(test))
+    return given(name=TITLES)(settings(examples(20), suppress_health_check=checks)(test))
 
 
 def failed(name: str) -> Outcome:

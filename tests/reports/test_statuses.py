@@ -122,15 +122,6 @@ def test_the_style_sheet_has_each_status(status: DisplayStatus) -> None:
         assert re.search(rf"\.{selector}(?:\.{status}\b|  *\{{)", css), selector
 
 
-def test_not_exercised_has_a_colour_of_its_own() -> None:
-    css = (VIEWER / "page.css").read_text(encoding="utf-8")
-    for selector in (".run h1", ".mark", ".status"):
-        assert f"{selector}.not_exercised {{ color: var(--unjudged); }}" in css
-    for name in ("unjudged", "unjudged-soft"):
-        # The light and the dark scheme.
-        assert css.count(f"--{name}: #") == 2
-
-
 @pytest.mark.parametrize("status", EXPECTATION_STATUSES)
 def test_the_types_of_the_viewer_have_each_status(status: ExpectationStatus) -> None:
     types = (ROOT / "tools/viewer/src/page.d.ts").read_text(encoding="utf-8")

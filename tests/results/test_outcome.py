@@ -12,7 +12,6 @@ from sim_action.assertions.self_collision import SelfCollision
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, MissingScenario, Problem
 from sim_action.results.gates import over_variations
 from sim_action.results.outcome import (
-    WORST_FIRST,
     ExpectationOutcome,
     ExpectationStatus,
     Outcome,
@@ -127,10 +126,6 @@ def test_the_worst_expectation_gives_the_status_and_all_but_a_pass_exit_code_1(
     outcome = Outcome(name="a", file="a.sim.yml", status=status, expectations=expectations)
     assert outcome.display_status == status
     assert outcome.exit_code is (ExitCode.PASSED if status == "passed" else ExitCode.FAILED)
-
-
-def test_the_order_of_all_statuses() -> None:
-    assert WORST_FIRST == ("error", "failed", "flaky", "inconclusive", "not_exercised", "warned", "skipped", "passed")
 
 
 def test_a_warning_of_the_audit_keeps_the_status_and_is_displayed() -> None:

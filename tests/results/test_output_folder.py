@@ -105,7 +105,7 @@ def test_a_call_that_was_killed_leaves_no_stale_lock(tmp_path: Path, holder: sub
 
 @pytest.mark.process
 def test_of_many_calls_that_start_at_once_exactly_one_has_the_folder(tmp_path: Path) -> None:
-    several = [started(tmp_path / "out") for _ in range(8)]
+    several = [started(tmp_path / "out") for _ in range(4)]
     for process in several:
         begin(process)
     answers = [answer(process) for process in several]
@@ -114,7 +114,7 @@ def test_of_many_calls_that_start_at_once_exactly_one_has_the_folder(tmp_path: P
     [winner] = [process for process, said in zip(several, answers, strict=True) if said == "locked"]
     others = [said for said in answers if said != "locked"]
     assert all(f"(process {winner.pid})" in said for said in others)
-    assert len(others) == 7
+    assert len(others) == 3
 
 
 @pytest.mark.process

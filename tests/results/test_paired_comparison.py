@@ -71,12 +71,6 @@ def test_identical_commits_show_no_change(noise: float) -> None:
         assert found.count(None) == SEEDS
 
 
-def test_runs_that_are_as_independent_as_can_be_show_no_change() -> None:
-    draws = random.Random(26)
-    pairs = [[[draws.random() < 0.95 for _ in range(100)] for _ in "ab"] for _ in range(SEEDS)]
-    assert [direction(of_runs(pair)) for pair in pairs].count(None) >= 95
-
-
 def test_a_fallen_rate_fails_although_the_gate_still_passes() -> None:
     comparison = compared(verdicts(passing(95)), verdicts(passing(80)))
     change, gate = only(comparison)

@@ -285,16 +285,6 @@ def test_a_name_that_no_file_can_have_is_but_a_name(tmp_path: Path, monkeypatch:
     assert names(files(results(outcome(name), outcome("z"))), listed("z")) == ["z", name]
 
 
-def test_names_are_compared_as_paths() -> None:
-    parts = files(results(outcome("./a"), outcome("b//c")))
-    assert names(parts, listed("a", "b/c")) == ["./a", "b//c"]
-
-
-def test_the_same_scenario_in_two_results_is_refused() -> None:
-    told = refused(files(results(outcome("a"), outcome("b")), results(outcome("./b"))))
-    assert told == "both 1/results.json and 2/results.json contain results of ./b; each scenario may occur only once"
-
-
 def test_outcomes_that_are_of_no_file_are_not_the_same() -> None:
     parts = sharded(["a", "b", "c"], 3)
     missing = merge_shards(parts[:1], None)[-1]

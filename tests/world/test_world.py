@@ -101,17 +101,26 @@ def test_a_body_with_no_shape_or_two_is_refused(shape: dict[str, Any]) -> None:
         {"friction": -0.1},
         {"name": "a|b"},
         {"colour": "red"},
+        {"sphere": None, "box": (1, 2)},
+        {"sphere": None, "box": (1, 2, 3, 4)},
+        {"sphere": None, "box": (1, 0, 3)},
+        {"sphere": None, "box": (1, -2, 3)},
+        {"box": (1e9, 1, 1), "sphere": None},
+        {"sphere": {"radius": 1e-9}},
+        {"sphere": {"radius": 1e9}},
+        {"mass": 1e9},
+        {"mass": 1e-9},
+        {"friction": 1e9},
+        {"pose": {"x": 1e9}},
+        {"sphere": None, "ramp": {"length": 1, "width": 1, "angle": "89.9 deg"}},
+        {"sphere": None, "stairs": {"steps": 1_000_000, "rise": 0.1, "run": 0.1, "width": 1}},
+        {"sphere": None, "stairs": {"steps": 0, "rise": 0.1, "run": 0.1, "width": 1}},
     ],
 )
 def test_impossible_bodies_are_refused(change: dict[str, Any]) -> None:
+    body = {key: value for key, value in {**BALL, **change}.items() if value is not None}
     with pytest.raises(ValidationError):
-        Body.model_validate({**BALL, **change})
-
-
-@pytest.mark.parametrize("size", [(1, 2), (1, 2, 3, 4), (1, 0, 3), (1, -2, 3)])
-def test_a_box_has_three_sizes_greater_than_zero(size: tuple[float, ...]) -> None:
-    with pytest.raises(ValidationError):
-        Body.model_validate({"name": "thing", "box": size})
+        Body.model_validate(body)
 
 
 @pytest.mark.parametrize("rate", [0, -240, 0.5, "1 MHz", 100_001])
@@ -178,27 +187,6 @@ def test_stairs_are_columns_that_stand_on_one_floor() -> None:
         [-0.05, 0.05, 0.15]
     )
     assert [column.pose.position_xyz[0] for column in columns] == pytest.approx([-0.3, 0, 0.3])
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"box": (1e9, 1, 1), "sphere": None},
-        {"sphere": {"radius": 1e-9}},
-        {"sphere": {"radius": 1e9}},
-        {"mass": 1e9},
-        {"mass": 1e-9},
-        {"friction": 1e9},
-        {"pose": {"x": 1e9}},
-        {"sphere": None, "ramp": {"length": 1, "width": 1, "angle": "89.9 deg"}},
-        {"sphere": None, "stairs": {"steps": 1_000_000, "rise": 0.1, "run": 0.1, "width": 1}},
-        {"sphere": None, "stairs": {"steps": 0, "rise": 0.1, "run": 0.1, "width": 1}},
-    ],
-)
-def test_what_breaks_engines_is_refused(change: dict[str, Any]) -> None:
-    body = {key: value for key, value in {**BALL, **change}.items() if value is not None}
-    with pytest.raises(ValidationError):
-        Body.model_validate(body)
 
 
 @pytest.mark.parametrize(

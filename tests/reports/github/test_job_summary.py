@@ -17,6 +17,7 @@ from sim_action.results.results_json import Results
 from tests.outcomes import like
 from tests.reports.replays import replay, signal
 from tests.reports.samples import SAMPLES, results_of
+from tests.soak import examples
 
 ON_GITHUB = {"GITHUB_SERVER_URL": "https://github.com", "GITHUB_REPOSITORY": "a/b", "GITHUB_SHA": "c0ffee"}
 
@@ -76,7 +77,7 @@ def test_no_room_is_no_error(options: ReportOptions) -> None:
     assert summary(SAMPLES["failed"], options, most_bytes=100) == ""
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
+@settings(examples(50), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(text=st.one_of(st.text(), st.text(alphabet="|`<>@#[]()\n\r\\_* ")))
 def test_hostile_text_changes_no_structure(text: str, options: ReportOptions) -> None:
     def structure(hostile: str) -> list[str]:
@@ -120,7 +121,7 @@ def test_a_page_has_few_charts_however_many_fail(options: ReportOptions) -> None
     assert len(text.encode()) < MAX_BYTES
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=25)
+@settings(examples(25), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(name=st.text(min_size=1, max_size=200).filter(lambda text: text.encode(errors="ignore").decode() == text))
 def test_the_name_of_a_curve_ends_no_chart(name: str, options: ReportOptions) -> None:
     text = summary(with_replays(SAMPLES["failed"], options, name), options)

@@ -73,16 +73,6 @@ def test_both_limits_are_drawn() -> None:
     assert axis(text, "y") == (-1.24, 2.24)
 
 
-def test_without_a_limit_there_is_one_line() -> None:
-    text = chart(curve())
-    assert '    title "travelled"' in text
-    assert len(lines(text)) == 1
-
-
-def test_what_has_no_unit_has_its_name_at_the_axis() -> None:
-    assert '    y-axis "drift" ' in chart(curve(name="drift", unit=""))
-
-
 @pytest.mark.parametrize(
     ("values", "limit", "expected"),
     [

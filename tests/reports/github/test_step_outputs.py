@@ -11,6 +11,7 @@ from sim_action.reports import ReportOptions
 from sim_action.reports.github.step_outputs import outputs, write_outputs
 from tests.outcomes import like
 from tests.reports.samples import SAMPLES
+from tests.soak import examples
 
 
 def read_back(text: str) -> dict[str, str]:
@@ -82,7 +83,7 @@ def test_nothing_without_a_file(options: ReportOptions, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
+@settings(examples(50), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(folder=st.text(st.characters(exclude_characters="\0\r", exclude_categories=["Cs"]), min_size=1))
 def test_no_path_forges_an_output(folder: str, options: ReportOptions, tmp_path: Path) -> None:
     file = tmp_path / "output"

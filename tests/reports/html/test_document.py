@@ -18,7 +18,6 @@ from sim_action.reports.html.document import (
     Html,
     Page,
     element,
-    joined,
     page_script,
     policy,
     text,
@@ -99,22 +98,8 @@ def test_what_is_html_already_stays_so() -> None:
     assert element("p", element("b", "<"), Html("&amp;")) == "<p><b>&lt;</b>&amp;</p>"
 
 
-def test_attributes_without_a_value_and_without_being_there() -> None:
-    assert element("p", hidden=True, open=False, id=None, class_="a", aria_label="b") == (
-        '<p hidden class="a" aria-label="b"></p>'
-    )
-
-
-def test_some_elements_have_no_end() -> None:
-    assert element("meta", charset="utf-8") == '<meta charset="utf-8">'
-
-
 def test_text_that_reorders_what_follows_loses_that() -> None:
     assert text("a\u202eb") == "ab"
-
-
-def test_empty_parts_leave_no_line() -> None:
-    assert joined("a", "", Html("<b>")) == "a\n<b>"
 
 
 def test_false_and_none_omit_an_attribute_and_zero_does_not() -> None:

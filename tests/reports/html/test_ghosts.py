@@ -199,13 +199,6 @@ def test_the_first_repetition_that_differs_is_a_ghost_drawn_at_once(tmp_path: Pa
     assert none == []
 
 
-def test_what_differs_in_the_world_of_the_base_run_is_named(tmp_path: Path) -> None:
-    old, new = run(tmp_path / "old", "a", 1.0), run(tmp_path, "a", 0.5, holds=False)
-    kept(drive(distance=1.0, body="crate"), tmp_path / "old", "a")
-    found = page(results(new), options(tmp_path, old))
-    assert "Since the base run: in its world, <b>wall is new, crate is gone</b>; " in body(found)
-
-
 TIMES = Column(scale=1.0, first=0, deltas=(1, 1))
 STILL = Column(scale=1.0, first=0)
 
