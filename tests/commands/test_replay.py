@@ -29,6 +29,7 @@ from sim_action.world.scene import Scene
 from tests.commands.logs import bags
 from tests.commands.logs.bags import drive, joint_state, joints, mcap_file, ros1_bag, ros2_bag
 from tests.scenarios import LEAST, load, told
+from tests.soak import examples
 from tests.traces import scene
 
 ROOT = Path(__file__).parents[2]
@@ -515,7 +516,7 @@ JOINT_ROWS = st.lists(st.tuples(st.floats(0, 5), CELLS, CELLS, st.floats(-9, 9))
 )
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(examples(60), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(JOINT_ROWS, st.floats(-3, 3), st.sampled_from(["240 Hz", "10 Hz"]))
 def test_any_rows_of_joints_give_finite_targets(
     tmp_path: Path, rows: list[tuple[float, ...]], offset: float, rate: str
