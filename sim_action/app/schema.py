@@ -20,6 +20,7 @@ from sim_action.core.registry import PackageProblem, Table
 from sim_action.drives import DRIVES
 from sim_action.results.proof import Proof
 from sim_action.results.results_json import Results
+from sim_action.scenario.events import Action, ConditionOptions, EventKeys
 from sim_action.scenario.model import ExpectationOptions, Scenario
 from sim_action.sensors import SENSORS, Mounting
 
@@ -153,7 +154,7 @@ def _models(added: Added = MappingProxyType({})) -> tuple[Schema, Schema]:
     """Return the schema of one scenario and the definitions that it refers to."""
     assertions, sensors = (_kinds(table, added) for table in (ASSERTIONS, SENSORS))
     families = [table.load(name) for table in (ASSERTIONS, COMMANDS, DRIVES, SENSORS) for name in table]
-    models: list[type[BaseModel]] = [Scenario, ExpectationOptions, Mounting, *families]
+    models: list[type[BaseModel]] = [Scenario, EventKeys, ConditionOptions, ExpectationOptions, Mounting, *families]
     _, schema = models_json_schema(
         [(model, "validation") for model in models], ref_template="#/$defs/{model}", schema_generator=_Untitled
     )
@@ -167,6 +168,7 @@ def _models(added: Added = MappingProxyType({})) -> tuple[Schema, Schema]:
     scenario["properties"]["sensors"]["items"] = {"$ref": "#/$defs/Sensor"}
     scenario["properties"]["commands"] = _commands(scenario["properties"]["commands"]["description"], added)
     definitions["Expectation"] = _one_of(assertions, definitions.pop(ExpectationOptions.__name__)["properties"])
+    _describe_events(scenario, definitions, assertions)
     definitions |= _combined_assertions(definitions, assertions)
     definitions["Sensor"] = _one_of(sensors, definitions.pop(Mounting.__name__)["properties"])
     for name in COMMANDS:
@@ -175,6 +177,22 @@ def _models(added: Added = MappingProxyType({})) -> tuple[Schema, Schema]:
     robot = definitions["DrivenRobot"]["properties"]
     robot["drive"] = {"description": robot["drive"]["description"], **_choice(_drive_keys())}
     return scenario, definitions
+
+
+def _describe_events(scenario: Schema, definitions: Schema, assertions: Kinds) -> None:
+    """Let events have conditions, which are assertions, times or other events, and actions, one of which is a word."""
+    scenario["properties"]["events"]["items"] = _ref(EventKeys)
+    options = definitions.pop(ConditionOptions.__name__)["properties"]
+    condition = _one_of(assertions, {key: options.pop(key) for key in ("for", "since")})
+    choice = condition["anyOf"][-1]
+    choice["properties"] |= options
+    choice["oneOf"] += [{"required": [key]} for key in options]
+    when = definitions[EventKeys.__name__]["properties"]["when"]
+    definitions["Condition"] = {"description": when["description"], **condition}
+    definitions[EventKeys.__name__]["properties"]["when"] = {"$ref": "#/$defs/Condition"}
+    action = definitions[Action.__name__]
+    words = {"description": action["description"], "anyOf": [{"enum": ["end"]}, _choice(action["properties"])]}
+    definitions[Action.__name__] = words
 
 
 def _kinds(table: Table[Any], added: Added) -> Kinds:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 from pydantic import Field
 from typing_extensions import override
 
-from sim_action.core.field_types import PositiveHertz
+from sim_action.core.field_types import Name, PositiveHertz
 from sim_action.core.records import dataclass, field
 from sim_action.core.registry import Table
 from sim_action.core.units import rate_divides
@@ -116,6 +116,7 @@ class CommandSource(Transmission):
     map_key: ClassVar[str | None] = None
     """The name of its own key in a map of all keys: `script: {file: a.py, class: A}` is `script: a.py` with `class`."""
 
+    name: Annotated[Name | None, Field(description="for events; default: its key")] = None
     rate: Annotated[PositiveHertz, Field(description="rate of the ticks at which commands are given")] = 10.0
 
     @property

@@ -178,6 +178,10 @@ class ClearanceRecorder:
         moving = (body for body in scene.world.objects if body.name in watched and _moves(body))
         self._moving = {body.name: BodyMotionBound(_radius(body)) for body in moving}
 
+    def open_at(self, time: float) -> None:
+        """Begin all observations again at a later sim time in s."""
+        self._openings = sorted({*self._openings, first_step(time, self._rate)}, reverse=True)
+
     @property
     def is_idle(self) -> bool:
         """Return True if there is no watch."""
@@ -270,7 +274,7 @@ class ClearanceRecorder:
 
 
 def _moves(body: Body) -> bool:
-    return body.mass is not None or bool(body.path) or body.appears is not None
+    return body.mass is not None or bool(body.path) or body.appears is not None or body.disappears is not None
 
 
 def _radius(body: Body) -> float:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from sim_action.state.sensor_inputs import EngineQueries
 from sim_action.state.trace_channels import Channels
+from sim_action.world import World
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -59,6 +60,13 @@ class Engine(EngineQueries, Protocol):
         until the next one replaces it; so are the wrenches on links (`JointTargets.wrenches`). `first_step` is the
         number of the state before the first step; the sim time of a state is its number over `physics.rate`. Bodies
         on paths, bodies that appear and disturbances act at their own steps.
+        """
+
+    def follow(self, world: World, time: float) -> None:
+        """Let what happens in the world come about at the times of another world, which are later than the present.
+
+        Only times differ from those of the world before: of bodies, paths, patches and disturbances. Observations of
+        clearances begin again at `time`, in s.
         """
 
     def collect(self) -> Trace:

@@ -21,11 +21,13 @@ from sim_action.robot.model.joint_selection import matches_name
 from sim_action.state.observation import Contact, PresentContacts
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import BodyRecord, ContactRecord, LinkTouch, frame_stride
-from sim_action.world import Body, path_of
+from sim_action.world import Body, World, path_of
 from sim_action.world.parts import reach
 from sim_action.world.scene import Scene
 
 _NUMBERS: Final = 7
+ALWAYS: Final = (-math.inf, math.inf)
+"""The steps, or sim times, between which a body is there that never appears or disappears."""
 
 ReadPoses = Callable[[], Sequence[float] | NDArray[np.float64]]
 """Returns 7 numbers per body, one after the other: position and unit quaternion x, y, z, w."""
@@ -56,10 +58,10 @@ def path_contacts(scene: Scene, shaped: Collection[str], nearest: NearestPoints)
     return PathContacts(scene, links, nearest) if links else None
 
 
-def arrivals(scene: Scene) -> dict[str, float]:
-    """Return the sim time in s of the first step at which a body is there, for bodies that appear."""
-    rate = scene.physics.rate
-    return {body.name: first_step(body.appears, rate) / rate for body in scene.world.objects if body.appears}
+def presences(world: World, rate: float) -> dict[str, tuple[float, float]]:
+    """Return the sim times in s between which a body is there, for bodies that appear or disappear."""
+    bodies = (body for body in world.objects if body.appears or body.disappears)
+    return {body.name: (first / rate, gone / rate) for body in bodies for first, gone in [body.presence(rate)]}
 
 
 class BodyRecorder:
@@ -70,7 +72,7 @@ class BodyRecorder:
         self._rate, self._stride = scene.physics.rate, stride
         self._names = [body.name for body in scene.world.objects if body.name in names]
         self._read_poses = reader(self._names)
-        self._arrivals = arrivals(scene) if stride == 1 else {}
+        self._presences = presences(scene.world, self._rate) if stride == 1 else {}
         self._steps: list[int] = []
         self._rows: list[Sequence[float] | NDArray[np.float64]] = []
 
@@ -93,7 +95,12 @@ class BodyRecorder:
         rows = np.array(self._rows, dtype=np.float64).reshape(len(time), len(self._names), _NUMBERS)
         self._steps, self._rows = [], []
         found = ((name, BodyRecord(time, rows[:, i, :3], rows[:, i, 3:])) for i, name in enumerate(self._names))
-        return {name: record.appearing(self._arrivals.get(name, -math.inf)) for name, record in found}
+        return {name: record.within(*self._presences.get(name, ALWAYS)) for name, record in found}
+
+    def follow(self, world: World) -> None:
+        """Take the times at which bodies of a world appear and disappear."""
+        if self._presences:
+            self._presences = presences(world, self._rate)
 
 
 class ContactRecorder:
@@ -135,6 +142,10 @@ class Recorders:
         names = channels.link_contacts
         links = [link.name for link in scene.model.links if any(matches_name(name, link.name) for name in names)]
         self._contacts = ContactRecorder(links, rate, contacts)
+
+    def follow(self, world: World) -> None:
+        """Take the times at which bodies of a world appear and disappear."""
+        self._objects.follow(world)
 
     @property
     def watchers(self) -> list[Callable[[int], None]]:
@@ -203,7 +214,7 @@ class _Traveller:
         fastest, _ = path.fastest(max(map(reach, parts)))
         self.name, self.due = body.name, 0
         self._way = fastest / scene.physics.rate
-        self._end = _NEVER if body.loop else first_step(path.times[-1], scene.physics.rate)
+        self._end = _NEVER if body.loop or body.pace else first_step(path.times[-1], scene.physics.rate)
 
     def update_due(self, step: int, distance: float) -> None:
         """Set `due` after a query at a step with the distance to the nearest link, in m."""

@@ -15,7 +15,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.units import first_step
 from sim_action.engines.body_control import BodyControl, Target
-from sim_action.world import Body, Disturbance, Patch
+from sim_action.world import Body, Disturbance, Patch, World
 from sim_action.world.body_path import PosePath
 from sim_action.world.scene import Scene
 
@@ -28,12 +28,16 @@ class _Mover(Protocol):
     def reach(self, step: int) -> None:
         """Move the body to its place at a step."""
 
+    def follow(self, world: World) -> None:
+        """Take the times of a world, which differ from those before only after the present step."""
+
 
 class WorldEvents:
     """All events of one scene. The engine calls it before and after each step, in order."""
 
-    def __init__(self, control: BodyControl, movers: Sequence[_Mover], disturbances: Sequence[_Acting]) -> None:
-        self._control, self._movers, self._disturbances = control, movers, disturbances
+    def __init__(self, scene: Scene, control: BodyControl, movers: Sequence[_Mover]) -> None:
+        self._scene, self._control, self._movers = scene, control, movers
+        self._disturbances = [_Acting(acts, scene) for acts in scene.world.disturbances if acts.payload is None]
         self._reached: int | None = None
         self.after_step(-1)
 
@@ -45,11 +49,15 @@ class WorldEvents:
         """
         rate, objects = scene.physics.rate, scene.world.objects
         travels = [_Travel(control, body, rate) for body in objects if body.path]
-        absent = [body for body in objects if body.appears is not None]
+        absent = [body for body in objects if body.appears is not None or body.disappears is not None]
         movers: list[_Mover] = [
             *travels,
             *(_Absence(control, body, rate, number) for number, body in enumerate(absent, start=1)),
-            *(_Payload(control, load, scene) for load in scene.world.disturbances if load.payload is not None),
+            *(
+                _Payload(control, index, load, scene)
+                for index, load in enumerate(scene.world.disturbances)
+                if load.payload is not None
+            ),
         ]
         belts = [body for body in objects if body.surface_velocity is not None and drives_surfaces]
         movers += [_Belt(control, body, rate) for body in belts]
@@ -58,8 +66,13 @@ class WorldEvents:
             for index, patch in enumerate(scene.world.patches)
             if patch.appears is not None
         ]
-        disturbances = [_Acting(acts, scene) for acts in scene.world.disturbances if acts.payload is None]
-        return cls(control, movers, disturbances) if movers or disturbances else None
+        return cls(scene, control, movers) if movers or scene.world.disturbances else None
+
+    def follow(self, world: World) -> None:
+        """Take the times of a world in which something has happened; its parts are the same as before."""
+        self._disturbances = [_Acting(acts, self._scene) for acts in world.disturbances if acts.payload is None]
+        for mover in self._movers:
+            mover.follow(world)
 
     def before_step(self, step: int) -> None:
         """Apply the disturbances from this state to the next, with every body at its pose of this state."""
@@ -87,10 +100,18 @@ class _Travel(_Mover):
     def __init__(self, control: BodyControl, body: Body, rate: float) -> None:
         self._control, self._name, self._rate = control, body.name, rate
         # Only the engine knows the height of a body that was placed onto the ground.
-        height = control.pose(body.name).position_xyz[2]
-        self._path = PosePath.of(body.pose.model_copy(update={"z": height}), body.path, loops=body.loop)
+        self._height = control.pose(body.name).position_xyz[2]
+        self._path = self._path_of(body)
         self._ahead = -1, self._path.pose(0.0)
         self._rests = False
+
+    def _path_of(self, body: Body) -> PosePath:
+        start = body.pose.model_copy(update={"z": self._height})
+        return PosePath.of(start, body.path, loops=body.loop, pace=body.pace)
+
+    @override
+    def follow(self, world: World) -> None:
+        self._path = self._path_of(_body(world, self._name))
 
     @override
     def reach(self, step: int) -> None:
@@ -102,6 +123,10 @@ class _Travel(_Mover):
             return
         self._rests = here == ahead
         self._control.set_pose(self._name, here, geometry.twist_between(here, ahead, 1 / self._rate))
+
+
+def _body(world: World, name: str) -> Body:
+    return next(body for body in world.objects if body.name == name)
 
 
 class _Belt(_Mover):
@@ -123,32 +148,41 @@ class _Belt(_Mover):
         at = geometry.compose(self._pose, turned)
         self._control.set_pose(self._name, at, self._twist if step >= 0 else _AT_REST)
 
+    @override
+    def follow(self, world: World) -> None:
+        """Do nothing: a belt has no times."""
+
 
 class _Absence(_Mover):
-    """A body that is absent until its time."""
+    """A body that is absent before or after a time."""
 
     def __init__(self, control: BodyControl, body: Body, rate: float, number: int) -> None:
-        assert body.appears is not None
-        self._control, self._name, self._first = control, body.name, first_step(body.appears, rate)
+        self._control, self._name, self._rate = control, body.name, rate
+        self._first, self._last = body.presence(rate)
         self._pose = control.pose(body.name)
         x, y, _ = self._pose.position_xyz
         self._away = Pose((x, y, number * _PARKING_HEIGHT_M), self._pose.orientation_xyzw)
-        self._is_there = False
+        self._is_there = body.appears is None
 
     @override
     def reach(self, step: int) -> None:
-        if not self._is_there:
-            self._is_there = step >= self._first
-            self._control.set_pose(self._name, self._pose if self._is_there else self._away, _AT_REST)
+        is_there = self._first <= step < self._last
+        if not is_there or not self._is_there:
+            self._control.set_pose(self._name, self._pose if is_there else self._away, _AT_REST)
+        self._is_there = is_there
+
+    @override
+    def follow(self, world: World) -> None:
+        self._first, self._last = _body(world, self._name).presence(self._rate)
 
 
 class _Ice(_Mover):
     """A patch of the ground that gets its own friction at a step."""
 
     def __init__(self, control: BodyControl, index: int, patch: Patch, scene: Scene) -> None:
-        rate, ground = scene.physics.rate, scene.world.ground
+        self._rate, ground = scene.physics.rate, scene.world.ground
         self._control, self._index, self._factor = control, index, patch.friction / ground.friction
-        self._first = first_step(patch.appears or 0.0, rate)
+        self._first = first_step(patch.appears or 0.0, self._rate)
         self._is_there = False
 
     @override
@@ -157,16 +191,25 @@ class _Ice(_Mover):
             self._is_there = True
             self._control.scale_friction(self._index, self._factor)
 
+    @override
+    def follow(self, world: World) -> None:
+        self._first = first_step(world.patches[self._index].appears or 0.0, self._rate)
+
 
 class _Payload(_Mover):
     """A load on a link from a step until another."""
 
-    def __init__(self, control: BodyControl, load: Disturbance, scene: Scene) -> None:
-        rate = scene.physics.rate
-        self._control, self._link, self._mass = control, load.link or scene.model.root, load.payload or 0.0
-        self._first = first_step(load.at, rate)
-        self._last = math.inf if load.duration is None else first_step(load.end, rate)
+    def __init__(self, control: BodyControl, index: int, load: Disturbance, scene: Scene) -> None:
+        self._control, self._index, self._rate = control, index, scene.physics.rate
+        self._link, self._mass = load.link or scene.model.root, load.payload or 0.0
         self._is_there = False
+        self.follow(scene.world)
+
+    @override
+    def follow(self, world: World) -> None:
+        load = world.disturbances[self._index]
+        self._first = first_step(load.at, self._rate)
+        self._last = math.inf if load.duration is None else first_step(load.end, self._rate)
 
     @override
     def reach(self, step: int) -> None:
@@ -183,7 +226,10 @@ class _Acting:
         name = disturbance.body or scene.model.link_of(disturbance.link or scene.model.root)
         self._target = Target(name, is_link=disturbance.body is None)
         pushes = disturbance.velocity is not None
-        self.first = first_step(disturbance.at, self._rate) if pushes else int(disturbance.at * self._rate)
+        # One of an event that has not happened has no step yet.
+        self.first: float = math.inf
+        if math.isfinite(disturbance.at):
+            self.first = first_step(disturbance.at, self._rate) if pushes else int(disturbance.at * self._rate)
         self.last = self.first + 1 if pushes else math.inf
         if math.isfinite(disturbance.end) and not pushes:
             self.last = first_step(disturbance.end, self._rate)

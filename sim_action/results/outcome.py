@@ -145,6 +145,7 @@ class Scope(FrozenModel):
         allowed: the names in `allow`, sorted; pairs are joined by "with".
         end: the time in s at which a window without `before` ends at the latest; None if only a goal ends the run.
         stated: what the assertion states: path of a key -> value in SI units. Empty in older results.
+        since: the name of the event from which on it judges; empty without one.
     """
 
     after: float = 0.0
@@ -153,6 +154,7 @@ class Scope(FrozenModel):
     allowed: tuple[str, ...] = ()
     end: float | None = None
     stated: dict[str, JsonValue] = Field(default_factory=dict)
+    since: str = ""
 
     @classmethod
     def of(cls, expected: Expectation, scenario: Scenario) -> Self:
@@ -165,12 +167,14 @@ class Scope(FrozenModel):
         ):
             end = scenario.duration
         return cls(
-            after=expected.after,
+            # The time of an event is a result.
+            after=0.0 if expected.since else expected.after,
             before=before,
             held=held,
             allowed=tuple(sorted(_allowed(expected.assertion))),
             end=end,
             stated=dict(_stated(expected.assertion)),
+            since=expected.since,
         )
 
 
@@ -358,9 +362,10 @@ class Outcome(FrozenModel):
         gate: the name of the gate that judges this run together with others; the run does not count by itself.
         statistics: the counts and bounds of a gate, if this is the outcome of the gate itself.
         marks: what acted on the robot or changed its surroundings, in the order of time.
+        events: name of each event -> the sim times in s at which it happened.
         measurements: the values that were measured for information only; nothing judged them.
         failures: the reasons why there is no verdict; empty unless `status` is "error" or "flaky".
-        end: the reason for the end of the run: "goals met", "expectation failed", "duration", "time limit" or
+        end: the reason for the end of the run: "goals met", "expectation failed", "duration", "event", "time limit" or
             "controllers finished"; with ROS 1 nodes "test finished", "nodes finished", "time limit" or "failed".
         sim_time: the sim time in s at the end of the run.
         wall_time: the wall time in s of the process, loading included; the sum if the scenario was run repeatedly.
@@ -399,6 +404,7 @@ class Outcome(FrozenModel):
     status: Status
     expectations: tuple[ExpectationOutcome, ...] = ()
     marks: Annotated[tuple[TimeMark, ...], Field(max_length=MAX_TIME_MARKS)] = ()
+    events: dict[str, tuple[float, ...]] = Field(default_factory=dict)
     measurements: tuple[Measurement, ...] = ()
     failures: tuple[Failure, ...] = ()
     end: str | None = None

@@ -247,10 +247,12 @@ def _stored_run(job: Job, progress: _Progress, kept: _Kept) -> SimulationRun:
             if not isinstance(error, RunError) and not isinstance(InternalError.of(error), PackageFault):
                 raise
             # The recorded part shows the problem.
+            job, scene = _as_it_happened(job, scene, footage)
             kept.marks = footage.marks
             kept.notes += store_evidence(job, scene, footage)
             kept.runs += run_to_record(job, scene, footage)
             raise
+        job, scene = _as_it_happened(job, scene, footage)
         kept.marks = footage.marks
         kept.notes += store_evidence(job, scene, footage)
         if loaded.workspace.updates_golden and (trace := footage.trace()) is not None:
@@ -261,6 +263,16 @@ def _stored_run(job: Job, progress: _Progress, kept: _Kept) -> SimulationRun:
             kept.notes += notes
         kept.runs += run_to_record(job, scene, footage)
     return run
+
+
+def _as_it_happened(job: Job, scene: Scene, footage: RunRecorder) -> tuple[Job, Scene]:
+    """Return a job and its scene with the times of the events of the run, and without what never came."""
+    if not footage.scenario.events:
+        return job, scene
+    from sim_action.scenario.events import without_absent  # few scenarios have events
+
+    scenario = without_absent(footage.scenario)
+    return replace(job, loaded=replace(job.loaded, scenario=scenario)), replace(scene, world=scenario.world)
 
 
 def _reserved() -> mmap.mmap:
@@ -430,6 +442,7 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         strict=job.loaded.strict,
         notes=run.notes,
         model_notes=run.model_notes,
+        events=dict(run.events),
     )
     return outcome.model_copy(update={"status": outcome.judged_status(is_varied=is_varied)})
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
@@ -43,7 +44,8 @@ def time_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> SpecPr
     for path, expectation in zip(expect_paths, scenario.expect, strict=True):
         if expectation.before != float("inf") and expectation.before > limit:
             yield (*path, "before"), f"{expectation.before:g} s is later than time_limit ({limit:g} s)"
-        if expectation.after >= limit:
+        # An infinite time is that of an event.
+        if limit <= expectation.after < math.inf:
             yield (*path, "after"), f"{expectation.after:g} s is not earlier than time_limit ({limit:g} s)"
         first = max(1, scenario.steps(expectation.after)) / scenario.physics.rate
         if expectation.after < expectation.before < first - _TIME_ROUNDING:
@@ -192,7 +194,7 @@ def patch_problems(scenario: Scenario) -> SpecProblems:
     for index, patch in enumerate(patches):
         if patch.appears is not None:
             where = ("world", "patches", index, "appears")
-            if patch.appears >= scenario.time_limit:
+            if scenario.time_limit <= patch.appears < math.inf:
                 yield where, f"{patch.appears:g} s is not earlier than time_limit ({scenario.time_limit:g} s)"
             if not scenario.world.ground.friction:
                 yield where, "the ground has no friction before, so a patch of it cannot get one; state a small one"
@@ -342,10 +344,14 @@ def source_problems(scenario: Scenario, scene: Scene, command_paths: Sequence[Ke
     wheels = _wheels(scenario, scene.model)
     owners: dict[str, KeyPath] = {}
     driver: KeyPath | None = None
-    for path, source in zip(command_paths, scenario.commands, strict=True):
+    waiting = {place for event in scenario.events for place in event.starts}
+    for index, (path, source) in enumerate(zip(command_paths, scenario.commands, strict=True)):
         below, begins = source.begins
         if begins >= scenario.time_limit:
             yield (*path, *below), f"{begins:g} s is not earlier than time_limit ({scenario.time_limit:g} s)"
+        if index in waiting:
+            # An event may stop the other one first.
+            continue
         if source.gives_twists(scene):
             if driver is not None:
                 yield path, f"{_dotted(driver)} drives the base already; one source at a time does"

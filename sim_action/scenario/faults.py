@@ -182,7 +182,8 @@ def fault_problems(
     """
     for index, fault in enumerate(faults):
         path = ("faults", index)
-        if fault.at >= limit:
+        # An infinite time is that of an event.
+        if limit <= fault.at < math.inf:
             yield (*path, "at"), f"{fault.at:g} s is not earlier than time_limit ({limit:g} s)"
         for before in faults[:index]:
             if before.target == fault.target and max(before.at, fault.at) < min(before.end, fault.end):

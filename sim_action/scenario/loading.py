@@ -5,6 +5,7 @@ Every error has its file, line and column, and all of them are reported at once.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
@@ -75,7 +76,12 @@ def checked(
     read in the scenario's own process. Raises InvalidScenario with all problems.
     """
     commands = unfolded(source.document)
-    source = replace(source, document=commands.document)
+    document = commands.document
+    if isinstance(document.data, dict) and "events" in document.data:
+        from sim_action.scenario.events import event_places  # few scenarios have events
+
+        document = event_places(document)
+    source = replace(source, document=document)
     loader = _Loader(source, permissions, libraries or Libraries(), commands, evaluate=evaluate)
     scenario = loader.load()
     if source.group is not None:
@@ -179,9 +185,11 @@ def _scene(
         ),
         file=source.document.file,
         variation=source.values_in_file_names,
-        acted_on=bool(scenario.commands or scenario.world.disturbances),
+        acted_on=bool(scenario.commands or scenario.world.disturbances or scenario.events),
         places=places,
-        stuck=frozenset(fault.target for fault in scenario.faults if fault.stuck and fault.at < scenario.time_limit),
+        stuck=frozenset(
+            fault.target for fault in scenario.faults if fault.stuck and not scenario.time_limit <= fault.at < math.inf
+        ),
     )
 
 
@@ -225,6 +233,10 @@ class _Loader:
             found = filled(scenario, self._workspace, self._libraries.worlds, self._problems, self._allowed)
             scenario, self.parts, self.warnings = found.scenario, found.parts, found.warnings
             self.places = found.places
+            if scenario.events:
+                from sim_action.scenario.events import with_events  # few scenarios have events
+
+                scenario = with_events(scenario)
             self._check(scenario, written, states_drive="drive" in data["robot"])
         if scenario is None or self._problems:
             raise self._problems.error()
@@ -284,6 +296,10 @@ class _Loader:
         yield from scenario_checks.engine_problems(scenario)
         yield from scenario_checks.compared_body_problems(scenario)
         yield from scenario_checks.patch_problems(scenario)
+        if scenario.events or any(expected.since for expected in scenario.expect):
+            from sim_action.scenario.events import event_problems  # few scenarios have events
+
+            yield from event_problems(scenario)
 
     def _read_model(self, robot: DrivenRobot) -> RobotModel | None:
         """Return the robot model; None if it has a noted problem, or may only be read in the scenario's own process."""
@@ -318,6 +334,10 @@ class _Loader:
         self._problems.note_all((), fault_problems(scenario.faults, scene, drive, scenario.sensors, limit))
         self._problems.note_all((), scenario_checks.source_problems(scenario, scene, self._parts.command_paths))
         self._problems.note_all((), scenario_checks.sensor_problems(scene, scenario.sensors, self._parts.sensor_paths))
+        if scenario.events:
+            from sim_action.scenario.events import condition_problems  # few scenarios have events
+
+            self._problems.note_all((), condition_problems(scenario, scene))
         if scenario.agreement is not None:
             self._problems.note_all((), scenario_checks.agreement_problems(scene, scenario.agreement))
         # A refused drive is missing from the scenario. That is not a second problem.

@@ -49,10 +49,14 @@ from sim_action.world.claims import AuditWarning, ClaimFinding
 from sim_action.world.scene import Scene, WorldPlaces
 
 if TYPE_CHECKING:
+    from sim_action.scenario.events import Event
     from sim_action.state.observation import Observation
     from sim_action.state.trace import Trace
     from sim_action.state.verdict import Mark, Signal
     from sim_action.world.parts import Part
+else:
+    # Few scenarios have events, and their classes take time to make.
+    Event = Any
 
 # Address space. The interpreter, the engine and numpy need 250 MB before the first step.
 _MIN_MEMORY: Final = 512 << 20
@@ -84,6 +88,7 @@ class ExpectationOptions(FrozenModel):
     after: Annotated[
         NonNegativeSeconds, Field(description="sim time from which it is checked; the run goes on until then")
     ] = 0.0
+    since: Annotated[Title | None, Field(description="name of the event from which it is checked")] = None
     before: Annotated[
         PositiveSeconds | None,
         Field(description="deadline in sim time: a goal must become true by then, an invariant is checked until then"),
@@ -106,6 +111,7 @@ class Expectation:
 
     Attributes:
         after, before: the time window in s of sim time.
+        since: the name of the event from which it is checked; empty: from `after` on.
         span: the time in s for which a goal must hold; None if one moment is enough, or if the assertion checks it.
         allow: rules of the audit of claims whose findings on it are accepted.
     """
@@ -118,6 +124,7 @@ class Expectation:
     severity: Severity = "error"
     span: float | None = None
     allow: tuple[str, ...] = ()
+    since: str = ""
 
     @property
     def channels(self) -> Channels:
@@ -225,6 +232,9 @@ class Scenario(FrozenModel):
     commands: Annotated[tuple[CommandSource, ...], Field(description="command sources that drive the robot")] = ()
     sensors: Annotated[tuple[MountedSensor, ...], Field(description="sensors that controllers can read")] = ()
     faults: Annotated[tuple[Fault, ...], Field(description="motors and sensors that fail during the run")] = ()
+    events: Annotated[
+        tuple[Event, ...], Field(description="what happens when a condition comes true, instead of at a time")
+    ] = ()
     expect: Annotated[
         tuple[Expectation, ...], Field(min_length=1, description="the expectations that decide the verdict")
     ]
@@ -335,7 +345,7 @@ class Scenario(FrozenModel):
         """Return True if the scenario needs an interpreter of its own."""
         of_sources = any(source.runs_user_code for source in self.commands)
         of_sensors = any(mounted.sensor.runs_user_code for mounted in self.sensors)
-        of_assertions = any(assertion.runs_user_code for assertion in self.assertions)
+        of_assertions = any(assertion.runs_user_code for assertion in (*self.assertions, *self.conditions))
         return self.robot.is_xacro or of_sources or of_sensors or of_assertions
 
     @property
@@ -356,12 +366,19 @@ class Scenario(FrozenModel):
         """All assertions that look at the robot, including nested ones."""
         return tuple(leaf for expected in self.expect for leaf in expected.assertion.leaves())
 
+    @property
+    def conditions(self) -> tuple[Assertion, ...]:
+        """The assertions that are conditions of events."""
+        return tuple(event.when.assertion for event in self.events if event.when.assertion is not None)
+
     def time_marks(self) -> Iterator[TimeMark]:
         """Yield the marks of the timeline that the run cannot change, in no order."""
         yield from self.world.time_marks()
         yield from (fault.time_mark for fault in self.faults)
+        waiting = {place for event in self.events for place in event.starts}
         for index, source in enumerate(self.commands):
-            yield from source.time_marks(f"commands[{index}]")
+            if index not in waiting:
+                yield from source.time_marks(f"commands[{index}]")
         for mounted in self.sensors:
             yield from mounted.transmission.time_marks(f"sensor '{mounted.name}'")
 

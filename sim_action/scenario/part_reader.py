@@ -28,6 +28,7 @@ from sim_action.world.claims import allowed_rules
 
 if TYPE_CHECKING:
     from sim_action.assertions.combined import Combined
+    from sim_action.scenario.events import Condition, Event
 
 Model = TypeVar("Model", bound=BaseModel)
 Options = TypeVar("Options", bound=BaseModel)
@@ -97,6 +98,8 @@ class PartReader:
             parts["sensors"] = self._sensors(sensors, standard)
         if isinstance(data.get("expect"), tuple):
             parts["expect"] = self._expectations(data["expect"])
+        if isinstance(data.get("events"), tuple):
+            parts["events"] = self._events(data["events"])
         robot = data.get("robot")
         if isinstance(robot, dict) and "drive" in robot:
             parts["robot"] = {**robot, "drive": self._drive(robot["drive"], ("robot", "drive"))}
@@ -140,6 +143,36 @@ class PartReader:
         found = [(("expect", index), self._expectation(entry, ("expect", index))) for index, entry in enumerate(few)]
         self.expect_paths = [path for path, expectation in found if expectation is not None]
         return _with_unique_names(tuple(expectation for _, expectation in found if expectation is not None))
+
+    def _events(self, data: tuple[Any, ...]) -> tuple[Event, ...]:
+        from sim_action.scenario.events import MAX_EVENTS  # few scenarios have events
+
+        few = self._few("events", data, MAX_EVENTS, "events")
+        found = [self._event(entry, ("events", index)) for index, entry in enumerate(few)]
+        return tuple(event for event in found if event is not None)
+
+    def _event(self, data: Any, path: KeyPath) -> Event | None:
+        from sim_action.scenario.events import Event, EventKeys  # few scenarios have events
+
+        keys = self.validated(EventKeys, data, path)
+        if keys is None or (when := self._condition(keys.when, (*path, "when"))) is None:
+            return None
+        location = self._document.location((*path, "when"))
+        return Event(keys.name or when.title, when, keys.do, location, every=keys.every)
+
+    def _condition(self, data: Any, path: KeyPath) -> Condition | None:
+        from sim_action.scenario.events import Condition, ConditionOptions  # few scenarios have events
+
+        own = [key for key in ("at", "event") if isinstance(data, dict) and key in data]
+        if not own:
+            found = self._with_options(ASSERTIONS, ConditionOptions, data, path, self._assertion)
+            return None if found is None else Condition(found[0], span=found[1].span or 0.0, since=found[1].since or "")
+        options = self.validated(ConditionOptions, data, path)
+        if options is None:
+            return None
+        if len(own) > 1 or options.since is not None:
+            self._problems.note(path, "a condition is an assertion, 'at' or 'event'; 'since' is for assertions")
+        return Condition(at=options.at or 0.0, event=options.event or "", span=options.span or 0.0)
 
     def _sensors(self, data: tuple[Any, ...], standard: tuple[Any, ...]) -> tuple[MountedSensor, ...]:
         few = self._few("sensors", data, _MAX_SENSORS, "sensors")
@@ -186,6 +219,8 @@ class PartReader:
             assertion, span = assertion.lasting(span), None
         if span is not None and (reason := _why_not_for(assertion)) is not None:
             self._problems.note((*path, "for"), reason)
+        if options.since is not None and options.after:
+            self._problems.note((*path, "since"), "gives the time from which it is checked; remove 'after'")
         if options.before is not None and options.before <= options.after:
             self._problems.note((*path, "before"), f"must be later than 'after' ({options.after:g} s)")
         return Expectation(
@@ -197,6 +232,7 @@ class PartReader:
             severity=options.severity,
             span=span,
             allow=options.allow,
+            since=options.since or "",
         )
 
     def _assertion(self, kind: type[Assertion], data: Any, path: KeyPath) -> Assertion | None:

@@ -45,9 +45,13 @@ def motion_problems(scenario: Scenario, parts: Mapping[str, Sequence[Part]]) -> 
     """
     for index, body in enumerate(scenario.world.objects):
         limit = scenario.time_limit
-        if body.appears is not None and body.appears >= limit:
+        # An infinite time is that of an event.
+        if body.appears is not None and limit <= body.appears < math.inf:
             late = f"{body.appears:g} s is not earlier than time_limit ({limit:g} s)"
             yield ("world", "objects", index, "appears"), late
+        if body.disappears is not None and limit <= body.disappears < math.inf:
+            late = f"{body.disappears:g} s is not earlier than time_limit ({limit:g} s)"
+            yield ("world", "objects", index, "disappears"), late
         start = _start(body, parts.get(body.name))
         for below, message in _path_problems(body, start, scenario.physics, limit):
             yield ("world", "objects", index, "path", *below), message
@@ -189,6 +193,8 @@ def _turn(start: Placement, end: Placement) -> float:
 
 
 def _time_problems(disturbance: Disturbance, limit: float) -> SpecProblems:
+    if disturbance.at == math.inf:
+        return
     if disturbance.at >= limit:
         yield ("at",), f"{disturbance.at:g} s is not earlier than time_limit ({limit:g} s)"
     elif disturbance.duration is not None and disturbance.end > limit:
@@ -254,5 +260,5 @@ def _body_problems(disturbance: Disturbance, name: str, scene: Scene) -> SpecPro
     elif body.mass is None and disturbance.adhesion is None:
         why = "goes its way" if body.path else "is fixed"
         yield ("body",), f"body '{name}' {why} whatever acts on it; only one with a 'mass' can be disturbed"
-    elif body.appears is not None and disturbance.at < body.appears:
+    elif body.appears is not None and disturbance.at < body.appears < math.inf:
         yield ("at",), f"body '{name}' is not there before it appears, at {body.appears:g} s"

@@ -188,6 +188,10 @@ class Crossings(Guard):
         self._scene = scene
 
     @override
+    def follow(self, scene: Scene) -> None:
+        self._scene = scene
+
+    @override
     def notes(self, end: float) -> Iterator[str]:
         scene = self._scene
         travellers = [_Traveller.of(scene, body) for body in scene.world.objects if body.path]
@@ -240,11 +244,13 @@ class _Traveller:
 
     def _moments(self, end: float, path: PosePath | None) -> Sequence[float]:
         """Return the sim times in s to look at, up to the end of a run."""
-        loops = self.path.loops or (path is not None and path.loops)
+        paths = [each for each in (self.path, path) if each is not None]
+        # A path with a pace ends later or earlier than it states.
+        loops = any(each.loops or each.pace for each in paths)
         last = max(self.path.times[-1], path.times[-1] if path is not None else 0.0)
         until = end if loops else min(last, end)
         frames: list[float] = (np.arange(min(int(until * FRAME_RATE) + 1, _MAX_FRAMES)) / FRAME_RATE).tolist()
-        corners = [time for each in (self.path, path) if each is not None for time in each.times if time <= until]
+        corners = [time for each in paths for time in each.times if time <= until]
         # Bodies may appear after the end of the path.
         return sorted({*frames, *corners, end})
 
@@ -291,6 +297,6 @@ def _obstacle(scene: Scene, bodies: Sequence[Body], *, moves: bool) -> Obstacle 
         parts = scene.parts_of(body)
         pieces, soups = tuple(part_pieces(parts)), tuple(part_soups(parts, is_solid=True))
         if pieces or soups:
-            first = 0 if body.appears is None else first_step(body.appears, scene.physics.rate)
-            found.append((body.name, first, Pose() if moves else placed(body, parts), pieces, soups))
+            pose = Pose() if moves else placed(body, parts)
+            found.append((body.name, body.presence(scene.physics.rate), pose, pieces, soups))
     return Obstacle.of(found) if found else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from copy import deepcopy
 from functools import lru_cache
@@ -62,6 +62,8 @@ class _Source:
         moved: the joints that it has commanded so far.
         wrenches: link -> the wrenches on it that are in effect.
         due: the rising physics steps at which its controller is called; None: at every tick.
+        origin: the physics step at which it starts, from which its ticks and the times of its commands count.
+        kinds: joint -> "position", "velocity" or "effort": what it commanded last; kept if events may stop it.
     """
 
     index: int
@@ -71,11 +73,13 @@ class _Source:
     moved: set[str] = field(default_factory=set)
     wrenches: dict[str, tuple[LinkWrench, ...]] = field(default_factory=dict)
     due: Sequence[int] | None = None
+    origin: int = 0
+    kinds: dict[str, str] = field(default_factory=dict)
 
 
 def _until_due(source: _Source, step: int) -> int:
     """Return the number of physics steps until the controller of a source is called next."""
-    due = source.due or ()
+    due, step = source.due or (), step - source.origin
     following = bisect_right(due, step)
     return due[following] - step if following < len(due) else sys.maxsize
 
@@ -184,6 +188,15 @@ class _Motions:
         self.active = [each for each in self.active if start - each.delay_s < each.motion.end]
         return rows
 
+    def left(self, names: Collection[str]) -> dict[str, float]:
+        """Let joints leave their motions, and return their last position targets."""
+        self.active = [
+            followed._replace(motion=motion)
+            for followed in self.active
+            for motion in without_joints((followed.motion,), set(names))
+        ]
+        return {name: self._last[name][0] for name in names}
+
     def _note_step(self, name: str, position: float, velocity: float, step: int) -> None:
         """Keep the position target of a joint, and note if it is a step."""
         before, speed, when = self._last.get(name, (position, 0.0, step))
@@ -231,6 +244,11 @@ class Controls:
             ]
             self._closing = closing.pop_all()
         self._late = [(source, source.line) for source in self._sources if source.line is not None]
+        self._has_events = bool(scenario.events)
+        waiting = {place for event in scenario.events for place in event.starts}
+        # Those that an event has not stopped, or is still to start.
+        self._active = [source for source in self._sources if source.index not in waiting]
+        self._halt: JointTargets | None = None
         looking = [source for source in self._sources if isinstance(source.controller, ClosedLoop)]
         self._look_together = len(looking) > 1
 
@@ -316,18 +334,53 @@ class Controls:
         """Close the sources after the run, and end the programs that they started."""
         self._closing.close()
 
+    def start(self, index: int, step: int) -> None:
+        """Let a source begin at a physics step; one that is at work begins again."""
+        others = [source for source in self._active if source.index != index]
+        source = replace(self._sources[index], origin=step)
+        self._active = sorted((*others, source), key=lambda source: source.index)
+
+    def stop(self, index: int) -> None:
+        """Let a source end: what it commanded stops, and others may move its joints."""
+        source = next((source for source in self._active if source.index == index), None)
+        if source is None:
+            return
+        self._active.remove(source)
+        if source.line is not None:
+            source.line.drop()
+        joints = set(source.moved)
+        if self._driver is not None and self._driver.index == index and self._motion is not None:
+            self._driver, self._twist, self._reached = None, Twist(), ()
+            joints -= self._motion.joints
+        for joint in source.moved:
+            self._owners.pop(joint, None)
+        source.moved.clear()
+        kinds = {name: source.kinds[name] for name in sorted(joints) if name in source.kinds}
+        held = self._motions.left([name for name, kind in kinds.items() if kind == "position"])
+        turning, pressed = ({name: 0.0 for name in kinds if kinds[name] == kind} for kind in ("velocity", "effort"))
+        wrenches = None
+        if source.wrenches:
+            source.wrenches.clear()
+            wrenches = tuple(each for other in self._sources for link in other.wrenches.values() for each in link)
+        halt = JointTargets(held, turning, pressed, wrenches=wrenches)
+        self._halt = halt if self._halt is None else self._halt.updated_by(halt)
+
     def plan(self, step: int, end: int, look: Look) -> list[JointTargets | None]:
         """Return the targets of the steps until the next tick, the next late command, or step `end`. Raise ScriptError.
 
         A target of None keeps the last one.
         """
         asked = self._ask(step, look)
+        if self._halt is not None:
+            asked, self._halt = self._halt if asked is None else self._halt.updated_by(asked), None
         steps = end - step
-        for source in self._sources:
+        for source in self._active:
             # Without a call, because this is done at every tick of every run.
-            steps = min(steps, source.period - step % source.period if source.due is None else _until_due(source, step))
+            period, since = source.period, step - source.origin
+            steps = min(steps, period - since % period if source.due is None else _until_due(source, step))
         if self._late:
-            steps = int(min([steps, *(line.next_step - step for _, line in self._late)]))
+            lines = [source.line for source in self._active if source.line is not None]
+            steps = int(min([steps, *(line.next_step - step for line in lines)]))
         planned = self._driven(step, steps)
         if self._motions.active and (followed := self._motions.rows(step, steps)):
             pairs = zip(followed, planned, strict=False)
@@ -355,8 +408,9 @@ class Controls:
         """Apply the commands of this step, and return the joint targets among them."""
         targets: JointTargets | None = None
         look_once = lru_cache(maxsize=1)(look) if self._look_together else look
-        for source in self._sources:
-            is_due = step % source.period == 0 if source.due is None else _until_due(source, step - 1) == 1
+        for source in self._active:
+            since = step - source.origin
+            is_due = since % source.period == 0 if source.due is None else _until_due(source, step - 1) == 1
             if not is_due and (source.line is None or source.line.next_step > step):
                 continue
             try:
@@ -381,10 +435,12 @@ class Controls:
             self._twist = command
             return targets
         self._claim(source, set(command.names()))
+        if self._has_events:
+            source.kinds.update(_kinds(command))
         # What arrives late, or not at all, is known until the next tick only.
         is_sampled = source.line is not None and isinstance(source.controller, OpenLoop)
         until = (step + source.period) / self._rate if is_sampled else math.inf
-        self._motions.take(command, step, sent=sent, until=until)
+        self._motions.take(command, step, sent=sent - source.origin, until=until)
         if command.wrenches is not None:
             command = replace(command, wrenches=self._pressed(source, command.wrenches))
         targets = targets.updated_by(command) if targets else command
@@ -413,7 +469,7 @@ class Controls:
     def _asked(self, source: _Source, step: int, look: Look) -> tuple[Twist | JointTargets, ...]:
         """Return the commands of a source at its tick; its wrenches are together in one JointTargets."""
         if isinstance(source.controller, OpenLoop):
-            answer = source.controller.command(step / self._rate)
+            answer = source.controller.command((step - source.origin) / self._rate)
         else:
             answer = source.controller.command(look(step))
         if type(answer) is Twist:
@@ -437,7 +493,7 @@ class Controls:
         if self._motion is None:
             raise ScriptError(NO_WHEELS)
         driver = self._driver = self._driver or source
-        if driver is not source:
+        if driver.index != source.index:
             first, second = sorted((driver.index, source.index))
             raise ScriptError(
                 f"commands.{first} and commands.{second} both drive the base; only one command source can do so"
@@ -450,13 +506,20 @@ class Controls:
             return
         for joint in sorted(joints):
             owner = self._owners.setdefault(joint, source)
-            if owner is not source:
+            if owner.index != source.index:
                 first, second = sorted((owner.index, source.index))
                 raise ScriptError(
                     f"commands.{first} and commands.{second} both move joint '{joint}'; "
                     "command sources must move different joints"
                 )
         source.moved.update(joints)
+
+
+def _kinds(command: JointTargets) -> dict[str, str]:
+    """Return joint -> what a command states for it."""
+    moving = (name for motion in command.motions for name in motion.names)
+    groups = {"velocity": command.velocity, "effort": command.effort, "position": (*command.position, *moving)}
+    return {name: kind for kind, names in groups.items() for name in names}
 
 
 def _with_wrenches_together(commands: tuple[Command, ...]) -> tuple[Twist | JointTargets, ...]:

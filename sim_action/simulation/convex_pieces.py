@@ -180,7 +180,7 @@ class Obstacle:
         thickness, radius: (N,) m.
         groups: (N,); a contact with a piece is a contact with all of its group.
         bodies: (N,) the index into `names`.
-        appears: (N,) the step from which the piece is there.
+        appears, disappears: (N,) the steps between which the piece is there; infinite for ever.
         blocks: the corners of the pieces in their order, (M, P, 3) of each M pieces.
         starts: the number of the first piece of each block.
     """
@@ -192,26 +192,29 @@ class Obstacle:
     radius: FloatArray
     groups: NDArray[np.int64]
     bodies: NDArray[np.int64]
-    appears: NDArray[np.int64]
+    appears: FloatArray
+    disappears: FloatArray
     blocks: tuple[FloatArray, ...]
     starts: NDArray[np.int64]
 
     @classmethod
-    def of(cls, several: Sequence[tuple[str, int, Pose, Sequence[Piece], Sequence[Soup]]]) -> Self:
-        """Return the obstacle of at least one body: name, first step, pose, pieces and soups of each."""
-        blocks, columns = list[FloatArray](), list[tuple[int, float, float, int, int]]()
-        for number, (_, first, pose, pieces, soups) in enumerate(several):
+    def of(cls, several: Sequence[tuple[str, tuple[float, float], Pose, Sequence[Piece], Sequence[Soup]]]) -> Self:
+        """Return the obstacle of at least one body: name, steps of its presence, pose, pieces and soups of each."""
+        blocks, columns = list[FloatArray](), list[tuple[int, float, float, int, float, float]]()
+        for number, (_, there, pose, pieces, soups) in enumerate(several):
             for piece in pieces:
                 blocks.append((turned(piece.points, pose.orientation_xyzw) + pose.position_xyz)[None])
-                columns.append((1, piece.width, piece.radius, number, first))
+                columns.append((1, piece.width, piece.radius, number, *there))
             for soup in soups:
                 for group in np.unique(soup.groups).tolist():
                     corners = soup.corners[soup.groups == group]
                     placed = turned(corners.reshape(-1, 3), pose.orientation_xyzw) + pose.position_xyz
                     blocks.append(placed.reshape(corners.shape))
-                    columns.append((len(corners), 0.0, 0.0, number, first))
+                    columns.append((len(corners), 0.0, 0.0, number, *there))
         counts = [count for count, *_ in columns]
-        _, thickness, radius, bodies, appears = (np.repeat(column, counts) for column in zip(*columns, strict=True))
+        _, thickness, radius, bodies, appears, gone = (
+            np.repeat(column, counts) for column in zip(*columns, strict=True)
+        )
         lower = np.concatenate([block.min(axis=1) for block in blocks]) - radius[:, None]
         upper = np.concatenate([block.max(axis=1) for block in blocks]) + radius[:, None]
         return cls(
@@ -223,6 +226,7 @@ class Obstacle:
             np.repeat(np.arange(len(blocks)), counts),
             bodies,
             appears,
+            gone,
             tuple(blocks),
             np.cumsum([0, *counts[:-1]]),
         )
@@ -240,6 +244,7 @@ class Obstacle:
 
     def near(self, lower: FloatArray, upper: FloatArray, step: int) -> list[int]:
         """Return the pieces that overlap a box (3,), (3,) and are there at a step."""
-        inside = (self.lower <= upper).all(axis=1) & (self.upper >= lower).all(axis=1) & (self.appears <= step)
+        inside = (self.lower <= upper).all(axis=1) & (self.upper >= lower).all(axis=1)
+        inside &= (self.appears <= step) & (step < self.disappears)
         found: list[int] = np.flatnonzero(inside).tolist()
         return found

@@ -45,12 +45,12 @@ class FaultSeams(Seams):
         self._faults, self._inner, self._model = faults, inner, scene.model
         self.runs_on = inner.runs_on
         self._kinds = {fitting.name: fitting.kind for fitting in scene.sensors}
-        rate, held = scene.physics.rate, held_joints(scene.model)
+        self._rate, held = scene.physics.rate, held_joints(scene.model)
         self._motors = [
             _Motor(
                 fault,
-                first_step(fault.at, rate),
-                math.inf if fault.duration is None else first_step(fault.end, rate),
+                first_step(fault.at, self._rate),
+                math.inf if fault.duration is None else first_step(fault.end, self._rate),
                 JointTargets({fault.target: scene.joint_positions[fault.target]})
                 if fault.target in held
                 else JointTargets(effort={fault.target: 0.0}),
@@ -77,6 +77,13 @@ class FaultSeams(Seams):
         for motor in self._motors:
             motor.asked = _only(resting, motor.fault.target) or motor.asked
         return resting
+
+    @override
+    def follow(self, faults: Sequence[Fault]) -> None:
+        self._faults = faults
+        rate, motors = self._rate, (fault for fault in faults if fault.motor)
+        for motor, fault in zip(self._motors, motors, strict=True):
+            motor.first, motor.last = first_step(fault.at, rate), first_step(fault.end, rate)
 
     @override
     def until(self, step: int, until: int) -> int:
@@ -120,12 +127,16 @@ class FaultSeams(Seams):
     @override
     def measure(self, sensor: str, measure: Measure) -> Measure:
         measure = self._inner.measure(sensor, measure)
-        for fault in self._faults:
+        for index, fault in enumerate(self._faults):
+            acts = partial(self._acts, index)
             if fault.sensor == sensor and fault.frozen:
-                measure = frozen(measure, partial(_acts, fault))
+                measure = frozen(measure, acts)
             if fault.sensor == sensor and fault.biased is not None:
-                measure = _biased(measure, fault, self._kinds[sensor])
+                measure = _biased(measure, fault, self._kinds[sensor], acts)
         return measure
+
+    def _acts(self, index: int, time: float) -> bool:
+        return _acts(self._faults[index], time)
 
     @override
     def delivers(self, sensor: str, time: float) -> bool:
@@ -134,7 +145,8 @@ class FaultSeams(Seams):
     @property
     @override
     def notes(self) -> tuple[str, ...]:
-        return tuple(f"fault: {fault.time_mark.title}" for fault in self._faults)
+        begun = (fault for fault in self._faults if fault.at < math.inf)
+        return tuple(f"fault: {fault.time_mark.title}" for fault in begun)
 
 
 def _acts(fault: Fault, time: float) -> bool:
@@ -170,12 +182,12 @@ def frozen(measure: Measure, is_frozen: Callable[[float], bool] = lambda _: True
     return repeated
 
 
-def _biased(measure: Measure, fault: Fault, kind: str) -> Measure:
-    """Return the function of a sensor that adds an error to its readings during a fault."""
+def _biased(measure: Measure, fault: Fault, kind: str, acts: Callable[[float], bool]) -> Measure:
+    """Return the function of a sensor that adds an error to its readings at the sim times in s at which `acts`."""
     offsets = fault.offsets(kind)
 
     def biased(sight: Sight) -> Any:
         reading = measure(sight)
-        return shifted(reading, kind, offsets) if _acts(fault, sight.time) else reading
+        return shifted(reading, kind, offsets) if acts(sight.time) else reading
 
     return biased

@@ -73,6 +73,9 @@ class Guard:
     def judged(self, trace: Trace, touching: Iterable[Overlap | Clash]) -> None:
         """Take the moments that the expectations have judged, and the contacts of the last of them."""
 
+    def follow(self, scene: Scene) -> None:
+        """Take a scene that states the times of what has happened in the world since t = 0."""
+
     def notes(self, end: float) -> Iterable[str]:
         """Return notes on a run that ended at this sim time in s."""
         return ()
@@ -237,6 +240,11 @@ class Tunnelling(Guard):
         self._parts = Parts(scene, solid_terrain=solid_terrain)
         self._calm = self._parts.calm_state()
         self._search: SweptSearch | None = None
+
+    @override
+    def follow(self, scene: Scene) -> None:
+        self._parts, self._search = Parts(scene, solid_terrain=self._parts.solid_terrain), None
+        self._calm = self._parts.calm_state()
 
     @override
     def watch(self, trace: Trace, bodies: FloatArray) -> tuple[Trace, RunError | None]:

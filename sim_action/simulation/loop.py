@@ -1,35 +1,29 @@
-"""The loop of a run: controllers give targets, the engine steps, and the monitors see every step.
-
-The panel of monitors shows each step to the monitors of all expectations, and decides when the run ends.
-"""
+"""The loop of a run: controllers give targets, the engine steps, and the monitors see every step."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing
-from functools import cached_property
 from itertools import repeat
-from typing import Final, Literal, Self
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.temporal_logic.becoming import MOVED_M, Rest
-from sim_action.assertions.temporal_logic.windows import Window
-from sim_action.core.errors import BadStart, ControllersFinished, FileProblem, RunError
-from sim_action.core.records import dataclass, replace
-from sim_action.core.units import TIME_EPSILON_S
+from sim_action.core.errors import ControllersFinished, RunError
+from sim_action.core.records import dataclass, field, replace
 from sim_action.drives import Drive, recognise
 from sim_action.engines import ENGINES, chosen
 from sim_action.engines.engine import Engine
-from sim_action.engines.observers import arrivals
+from sim_action.engines.observers import presences
 from sim_action.robot.model.findings import announced, unannounced
 from sim_action.scenario.model import Expectation, Scenario
 from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
 from sim_action.simulation.controllers import Controls, padded
 from sim_action.simulation.guards import NO_BODIES, Guard, Tunnelling, Watchdog
+from sim_action.simulation.panel import End, Panel
 from sim_action.simulation.recorder import RunRecorder, moving_bodies
 from sim_action.simulation.run_audit import Beginning, Motion, RunFacts, audit_run, unreached_events
 from sim_action.simulation.seams import UNTOUCHED, Seams
@@ -58,12 +52,18 @@ from sim_action.world.ground import GROUND
 from sim_action.world.out_of_reach import reached_patches
 from sim_action.world.scene import Scene
 
+if TYPE_CHECKING:
+    from sim_action.scenario.events import Action
+    from sim_action.simulation.events import RunEvents
+
 Progress = Callable[[float], None]
 """Receives the sim time in s during the run."""
 
 # The speed limit for a robot at rest, in m/s and rad/s, at the end of a settling period.
 _REST_SPEED: Final = 5e-3
 _SETTLE_PERIOD_S: Final = 0.1
+# The share of the time of a run by which it goes on to see by how much its goals are met.
+_AHEAD: Final = 0.2
 # Of the positions of joints.
 _POSITION_UNITS: Final = frozenset({"rad", "m"})
 
@@ -81,6 +81,7 @@ class SimulationRun:
         notes: assumptions and observations, for people.
         model_notes: notes on the robot model that every report shows.
         findings: of the audit of claims after the run, except those that the scenario allows.
+        events: name of each event -> the sim times in s at which it happened.
     """
 
     trace: Trace
@@ -93,6 +94,7 @@ class SimulationRun:
     notes: tuple[str, ...]
     model_notes: tuple[str, ...] = ()
     findings: tuple[ClaimFinding, ...] = ()
+    events: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @property
     def sim_time(self) -> float:
@@ -124,6 +126,11 @@ def simulate(
     springs = links_with_springs(scene.model)
     scene = drive.prepared(scene) if drive else scene
     channels = _judged_channels(scenario)
+    if scenario.events:
+        # Few scenarios have events.
+        from sim_action.simulation.events import channels_of
+
+        channels |= channels_of(scenario)
     paths = Channels(contacts=any(body.path for body in scene.world.objects))
     watched = channels | footage.channels(scene.world) | paths
     engine = ENGINES[chosen(scenario.backend)].load()
@@ -189,6 +196,11 @@ class _Loop:
         about_model = (*about_model_of_drive(scenario, scene, noted, motion), *about_links(scenario, scene))
         self._model_notes = (*announced(scene.model.findings), *backend.model_notes, *about_model)
         self._arrivals = Spawns.of(scenario)
+        self._events: RunEvents | None = None
+        # The command sources that an event starts or stops at the present step.
+        self._switched: list[tuple[Action, int]] = []
+        # The moments that the conditions of events have seen already.
+        self._seen: list[Trace] = []
         self._last_step = scenario.steps(scenario.time_limit)
         self._step = 0
         # The first one; all moments of a run that looks ahead.
@@ -213,6 +225,7 @@ class _Loop:
         self._settle()
         start = self._backend.observe(0, contacts=self._judged.contacts)
         opening: tuple[Trace, ...] = (self._first_moment(start),)
+        self._open_events(start, opening[0])
         placed = self._placed_bodies()
         self._guards += self._guards_from(start, placed)
         raised = raised_to_stand(self._scene, self._placed.pose)
@@ -227,7 +240,7 @@ class _Loop:
         started, earlier = time.perf_counter(), panel
         while panel.end is None:
             trace, failure = self._advance(panel.next_period(earlier), progress)
-            earlier = panel
+            earlier = panel = self._after_events(panel)
             if len(trace):
                 panel, seen = panel.observe_until_end(Trace.concatenate((*opening, trace)) if opening else trace)
                 if opening:
@@ -243,6 +256,7 @@ class _Loop:
                 if len(seen):
                     stored, bodies = self._sensing.stored(seen), self._body_poses
                     footage.add(stored, judged=seen.sensors, is_last=is_last, bodies=bodies)
+            panel = self._without_later_events(panel)
             if failure is not None or panel.end is not None:
                 footage.marks = self._marks(panel.time if panel.end else self._step / self._scenario.physics.rate)
             if isinstance(failure, ControllersFinished):
@@ -253,7 +267,6 @@ class _Loop:
         wall_time = max(0.0, time.perf_counter() - started)
         kept = footage.trace()
         assert kept is not None
-        x, y, _ = start.pose.position_xyz
         for transcript in self._controls.transcripts:
             digest.add_transcript(transcript, panel.time)
         losses = (ClaimFinding(NOT_SIMULATED, ("commands",), loss) for loss in self._controls.losses)
@@ -262,6 +275,7 @@ class _Loop:
             *losses,
             *self._races(),
             *self._logged_errors(),
+            *self._missed_events(panel),
         )
         told = {finding.message for finding in findings}
         missed = (message for _, message in unreached_events(self._scenario, panel.time))
@@ -272,11 +286,12 @@ class _Loop:
             verdicts=self._verdicts(panel, start, progress),
             end=panel.end or "controllers finished",
             digest=digest.hexdigest(),
-            travelled=float(kept.planar_distance_to(x, y)[-1]),
+            travelled=float(kept.planar_distance_to(*start.pose.position_xyz[:2])[-1]),
             wall_time=wall_time,
             engine=self._backend.version,
             notes=notes,
             findings=findings,
+            events={} if self._events is None else self._events.times(panel.time),
         )
 
     def _verdicts(self, panel: Panel, start: Observation, progress: Progress) -> tuple[Verdict, ...]:
@@ -297,6 +312,8 @@ class _Loop:
     def _marks(self, end: float) -> tuple[TimeMark, ...]:
         """Return the marks of the timeline of the run until a sim time in s."""
         own = (*self._scenario.time_marks(), *self._controls.time_marks(), *self._sensing.time_marks())
+        if self._events is not None:
+            own = (*self._events.time_marks(end), *own)
         trace = self._footage.trace() if self._scene.world.patches else None
         return in_order((*own, *(() if trace is None else reached_patches(self._scene, trace))), end)
 
@@ -353,6 +370,30 @@ class _Loop:
             for message in self._controls.logged_errors:
                 yield ClaimFinding(LOGGED_ERROR, ("commands",), message)
 
+    def _open_events(self, start: Observation, opening: Trace) -> None:
+        if self._scenario.events:
+            from sim_action.simulation.events import RunEvents  # few scenarios have events
+
+            self._events = RunEvents(self._scenario, self._scene, start, opening)
+
+    def _after_events(self, panel: Panel) -> Panel:
+        """Return the panel after what happened in the last period."""
+        return panel if self._events is None else panel.following(self._scenario, self._events.end)
+
+    def _without_later_events(self, panel: Panel) -> Panel:
+        """Forget events after the end of the run, as far as the last period went on after it; return the panel."""
+        if self._events is None or panel.end is None:
+            return panel
+        self._scenario = self._footage.scenario = self._events.scenario_until(panel.time)
+        self._scene = replace(self._scene, world=self._scenario.world)
+        return self._after_events(panel)
+
+    def _missed_events(self, panel: Panel) -> Iterator[ClaimFinding]:
+        if self._events is not None and panel.end != "expectation failed":
+            for finding in self._events.findings(panel.time):
+                if not self._scenario.accepts(finding):
+                    yield finding
+
     def _all_notes(self, end: float) -> tuple[str, ...]:
         of_drive = self._motion.notes if self._motion else ()
         return (*self._notes, *self._seams.notes, *of_drive, *self._controls.notes(end), *self._sensing.notes)
@@ -386,6 +427,8 @@ class _Loop:
         has_faults = bool(self._scenario.faults)
         try:
             while self._step < end:
+                if self._events is not None:
+                    end = min(end, self._events_until(self._events, end))
                 self._sensing.read(self._step)
                 until = self._arrivals.next(self._step, self._sensing.next_tick(self._step, end))
                 until = self._seams.until(self._step, until) if has_faults else until
@@ -398,9 +441,10 @@ class _Loop:
                 progress(self._step / rate)
         except RunError as error:
             failure = error
-        told = self._backend.collect()
-        if readings := self._sensing.collect():
-            told = replace(told, sensors=readings)
+        told = self._collected()
+        if self._events is not None:
+            self._events.judge(told)
+            told, self._seen = Trace.concatenate((*self._seen, told)), []
         if self._scene.world.objects:
             self._body_poses = self._backend.collect_bodies()
         for guard in self._guards:
@@ -410,6 +454,42 @@ class _Loop:
         if self._seams.looks_ahead:
             self._moments.append(told)
         return told, failure
+
+    def _collected(self) -> Trace:
+        """Return the moments since the last call, with the readings of sensors."""
+        told = self._backend.collect()
+        readings = self._sensing.collect()
+        return replace(told, sensors=readings) if readings else told
+
+    def _events_until(self, events: RunEvents, end: int) -> int:
+        """Let what is due happen from the next step on; return the step up to which the run may go on."""
+        for action, place in self._switched:
+            if action.start:
+                self._controls.start(place, self._step)
+            else:
+                self._controls.stop(place)
+        self._switched = []
+        if events.watches and self._step:
+            self._seen.append(self._collected())
+            events.judge(self._seen[-1])
+        happening = events.happening(self._step)
+        if not happening:
+            return min(end, events.next_due(self._step, end))
+        step, rate = self._step + 1, self._scenario.physics.rate
+        self._scenario = self._footage.scenario = events.scenario_until(step / rate)
+        self._scene = replace(self._scene, world=self._scenario.world)
+        self._backend.follow(self._scene.world, step / rate)
+        self._seams.follow(self._scenario.faults)
+        for guard in self._guards:
+            guard.follow(self._scene)
+        for event in happening:
+            pairs = zip(event.actions, event.places, strict=True)
+            switches = ((action, place) for action, place in pairs if action.start or action.stop)
+            self._switched += ((action, place) for action, place in switches if place is not None)
+            self._arrivals.add(step, [action.appear for action in event.actions if action.appear])
+        if events.end < math.inf:
+            self._last_step = min(self._last_step, self._scenario.steps(events.end))
+        return step
 
     def _placed_bodies(self) -> FloatArray:
         bodies = self._scene.world.objects
@@ -429,7 +509,8 @@ class _Loop:
     def _first_pose(self, body: str) -> BodyRecord:
         pose = self._backend.body_pose(body)
         found = BodyRecord(np.zeros(1), np.array([pose.position_xyz]), np.array([pose.orientation_xyzw]))
-        return found.appearing(arrivals(self._scene).get(body, 0.0))
+        first, _ = presences(self._scene.world, self._scene.physics.rate).get(body, (0.0, 0.0))
+        return found.within(first)
 
     def _guards_from(self, start: Observation, placed: FloatArray) -> Iterator[Guard]:
         """Yield the guards of a run that starts with this observation and these poses of bodies."""
@@ -450,150 +531,3 @@ class _Loop:
 def _fastest(trace: Trace) -> float:
     last = (trace.speed[-1:], trace.turn_rate[-1:], np.abs(trace.joint_velocity[-1]))
     return float(np.concatenate(last).max())
-
-
-End = Literal["goals met", "expectation failed", "duration", "time limit", "controllers finished"]
-"""The reason for the end of a run; "controllers finished": every process that commands the robot has ended."""
-
-# The monitors see all steps of a period at once, because each call costs time. Steps after the end of the run are
-# discarded: a run with goals often ends early, a run without goals rarely does.
-_PERIOD_S: Final = 0.5
-_PERIOD_WITHOUT_GOALS_S: Final = 1.0
-# Most goals come true when their pace said, or a little later. The last period has few steps after that.
-_LEAST_PERIOD_S: Final = 0.05
-_LATER: Final = 1.05
-# The share of the time of a run by which it goes on to see by how much its goals are met.
-_AHEAD: Final = 0.2
-
-
-@dataclass(frozen=True)
-class Panel:
-    """The state of all monitors; each observation returns a new panel.
-
-    Attributes:
-        scenario: the scenario; its expectations have the same order as the monitors.
-        goals: True for each monitor that was pending at the start.
-        time: the sim time of the last moment seen, in s.
-        runs_on: True if the run goes on after an expectation has failed.
-    """
-
-    scenario: Scenario
-    monitors: tuple[Window, ...]
-    goals: tuple[bool, ...]
-    time: float = 0.0
-    runs_on: bool = False
-
-    @classmethod
-    def open(cls, scenario: Scenario, scene: Scene, start: Observation, *, runs_on: bool = False) -> Self:
-        """Return the panel before the first step. Raises BadStart."""
-        monitors = tuple(_opened(index, expected, scene, start) for index, expected in enumerate(scenario.expect))
-        goals = tuple(monitor.state is State.PENDING for monitor in monitors)
-        return cls(scenario, monitors, goals, runs_on=runs_on)
-
-    @cached_property
-    def has_goals(self) -> bool:
-        """True if an expectation that can fail the run was pending at the start."""
-        pairs = zip(self.goals, self.scenario.expect, strict=True)
-        return any(goal and expected.severity == "error" for goal, expected in pairs)
-
-    def observe(self, trace: Trace) -> Self:
-        """Return the panel after the following moments."""
-        monitors = tuple(monitor.observe(trace) for monitor in self.monitors)
-        return replace(self, monitors=monitors, time=float(trace.time[-1]))
-
-    @cached_property
-    def end(self) -> End | None:
-        """The reason why the run ends at the last moment seen; None if it goes on."""
-        if not self.runs_on and any(m.state is State.BROKEN for m in self._decisive()):
-            return "expectation failed"
-        duration = self.scenario.duration
-        if self.has_goals:
-            is_over = self.time > 0 and not self.is_pending and self._reached(duration or 0.0)
-            if is_over and self._all_closed():
-                return "goals met"
-        elif duration is not None and self._reached(duration) and self._all_closed():
-            return "duration"
-        return "time limit" if self._reached(self.scenario.time_limit) else None
-
-    def observe_until_end(self, trace: Trace) -> tuple[Self, Trace]:
-        """Return the panel at the first moment that ends the run, or after all, with the moments seen."""
-        later = self.observe(trace)
-        if later.end is None:
-            return later, trace
-        if later.end != "expectation failed" and not self._is_over_before_last(trace):
-            return later, trace
-        # A run that has ended stays ended, so bisection finds the first such moment.
-        before, ended = 0, len(trace)
-        while ended - before > 1:
-            middle = (before + ended) // 2
-            before, ended = (before, middle) if self.observe(trace.first(middle)).end else (middle, ended)
-        seen = trace.first(ended)
-        return (later, trace) if ended == len(trace) else (self.observe(seen), seen)
-
-    def _is_over_before_last(self, trace: Trace) -> bool:
-        least = min(self.scenario.duration or 0.0, self.scenario.time_limit)
-        return len(trace) > 1 and self._is_reached(least, float(trace.time[-2]))
-
-    def verdicts(self) -> tuple[Verdict, ...]:
-        """Return one verdict for each expectation, as if the run ended now."""
-        pairs = zip(self.monitors, self.goals, strict=True)
-        verdicts = (replace(monitor.verdict(), goal=goal) for monitor, goal in pairs)
-        if self.end != "expectation failed":
-            return tuple(verdicts)
-        return tuple(map(_undecided, self.monitors, verdicts))
-
-    def _decisive(self) -> list[Monitor]:
-        pairs = zip(self.monitors, self.scenario.expect, strict=True)
-        return [monitor for monitor, expected in pairs if expected.severity == "error"]
-
-    @property
-    def is_pending(self) -> bool:
-        """True if a goal has not come true yet."""
-        return any(monitor.state is State.PENDING for monitor in self.monitors)
-
-    @property
-    def may_end_soon(self) -> bool:
-        """True if goals that come true would end the run, and the last one has not yet; a duration comes first."""
-        return self.is_pending and self._reached(self.scenario.duration or 0.0)
-
-    def next_period(self, earlier: Self) -> float:
-        """Return the time in s until the monitors see the next steps; `earlier`: the panel one period ago."""
-        if not self.may_end_soon:
-            return _PERIOD_WITHOUT_GOALS_S
-        pairs, passed = zip(earlier.monitors, self.monitors, strict=True), self.time - earlier.time
-        wait = max(_time_to_goal(was, now, passed) for was, now in pairs if now.state is State.PENDING)
-        return min(_PERIOD_S, max(_LEAST_PERIOD_S, _LATER * wait))
-
-    def _all_closed(self) -> bool:
-        return self._reached(max((monitor.needed_until for monitor in self.monitors), default=0.0))
-
-    def _reached(self, time: float) -> bool:
-        return self._is_reached(time, self.time)
-
-    def _is_reached(self, time: float, seen: float) -> bool:
-        return seen >= self.scenario.steps(time) / self.scenario.physics.rate - TIME_EPSILON_S
-
-
-def _opened(index: int, expected: Expectation, scene: Scene, start: Observation) -> Window:
-    try:
-        monitor = expected.assertion.opened(scene, start, expected.span)
-    except FileProblem as error:
-        raise BadStart([(("expect", index), str(error))]) from None
-    return Window(monitor, expected.after, expected.before)
-
-
-def _time_to_goal(earlier: Monitor, now: Monitor, passed: float) -> float:
-    """Return the time in s until a goal comes true at the pace of the last `passed` s; infinite if none is known."""
-    was, left = earlier.verdict().margin, now.verdict().margin
-    if was is None or left is None or not was < left < 0:
-        return math.inf
-    return -left / (left - was) * passed
-
-
-def _undecided(monitor: Window, verdict: Verdict) -> Verdict:
-    """Return the verdict after another expectation ended the run; it is marked if it was still undecided."""
-    if verdict.passed or monitor.over or monitor.state is State.BROKEN:
-        return verdict
-    is_cut_short = monitor.state is State.PENDING and verdict.status == "failed"
-    told = ", when the run ended" if is_cut_short else ""
-    return replace(verdict, message=f"{verdict.message}{told}", cut_off=True)

@@ -44,12 +44,14 @@ class RunRecorder:
         readings: the readings of all open sensors by name, for a replay; None without one. The last ones may be later
             than the end of the run.
         marks: the marks of the timeline, in the order of time; empty before the end.
+        scenario: the scenario, with the times of the events that happened.
     """
 
     def __init__(
         self, scenario: Scenario, *, filmed: bool = False, recorded: bool = False, compared: bool = False
     ) -> None:
         """Prepare the recorder; `filmed`: for a replay; `recorded`: for recordings; `compared`: for a comparison."""
+        self.scenario = scenario
         self._steps = EveryStep(scenario) if compared else None
         self._judges_contacts = any(expected.channels.contacts for expected in scenario.expect)
         self._contacts: list[Contact] = []

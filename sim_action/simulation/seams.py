@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from sim_action.commands import Controller
     from sim_action.drives import DriveMotion
+    from sim_action.scenario.faults import Fault
     from sim_action.sensors import Measure
     from sim_action.state.command import JointTargets
     from sim_action.state.observation import Observation
@@ -42,6 +43,9 @@ class Seams:
     def measure(self, sensor: str, measure: Measure) -> Measure:
         """Return the function that measures, of the sensor with this name."""
         return measure
+
+    def follow(self, faults: Sequence[Fault]) -> None:
+        """Take the times of the same faults after an event has happened."""
 
     def until(self, step: int, until: int) -> int:
         """Return the step until which targets can be planned: that of the next fault, or `until` if it is earlier."""

@@ -9,7 +9,7 @@ throw it at 5 m/s. Measurements after that say nothing about the robot.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from collections.abc import Set as AbstractSet
 from typing import Final, Self
 
@@ -205,6 +205,11 @@ class Spawns:
         if not self.names:
             return until
         return min((arrival for arrival in self.names if step < arrival < until), default=until)
+
+    def add(self, step: int, names: Sequence[str]) -> None:
+        """Take bodies that appear at a step because of an event; patches are none."""
+        if bodies := tuple(name for name in names if name in self.indices):
+            self.names[step] = (*self.names.get(step, ()), *bodies)
 
     def refuse_blocked(self, step: int, rate: float, backend: Engine) -> None:
         """Raise RunError if a body that has just appeared is inside the robot or another moving body."""

@@ -19,7 +19,7 @@ from sim_action.core import geometry
 from sim_action.core.convex import hull_distance
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass, replace
-from sim_action.core.units import first_step
+from sim_action.engines.observers import ALWAYS
 from sim_action.robot.model.link_motion import Frames, frames_of, link_frames
 from sim_action.simulation.convex_pieces import Obstacle, Piece, link_pieces, part_pieces, part_soups, turned
 from sim_action.simulation.fast_motion import FIXED, Block, Miss, Parts
@@ -135,10 +135,9 @@ class SweptSearch:
             for body in bodies:
                 parts = self._scene.parts_of(body)
                 pose = placed(body, parts) if number == FIXED else Pose()
-                appears = body.appears if number == FIXED else None
-                first = 0 if appears is None else first_step(appears, self._rate)
+                there = body.presence(self._rate) if number == FIXED else ALWAYS
                 soups = part_soups(parts, is_solid=self._parts.solid_terrain)
-                found.append((body.name, first, pose, tuple(part_pieces(parts)), tuple(soups)))
+                found.append((body.name, there, pose, tuple(part_pieces(parts)), tuple(soups)))
             self._obstacles[number] = Obstacle.of(found)
         return self._obstacles[number]
 

@@ -58,9 +58,9 @@ class BodyRecord:
         """Return some of the moments."""
         return type(self)(self.time[wanted], self.position_xyz[wanted], self.orientation_xyzw[wanted])
 
-    def appearing(self, time: float) -> Self:
-        """Return the record of a body that appears at a sim time in s: its poses before it are NaN."""
-        absent = self.time < time - TIME_EPSILON_S
+    def within(self, first: float, gone: float = math.inf) -> Self:
+        """Return the record of a body that is there from a sim time in s to another one; else its poses are NaN."""
+        absent = (self.time < first - TIME_EPSILON_S) | (self.time >= gone - TIME_EPSILON_S)
         if not absent.any():
             return self
         position_xyz, orientation_xyzw = self.position_xyz.copy(), self.orientation_xyzw.copy()

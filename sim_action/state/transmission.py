@@ -97,6 +97,10 @@ class Line(Generic[Message]):
         self._waiting.append((self._last_arrival, message))
         return True
 
+    def drop(self) -> None:
+        """Forget the messages that are on their way."""
+        self._waiting.clear()
+
     def time_marks(self, sender: str) -> Iterator[TimeMark]:
         """Yield the mark of the first loss, see `Transmission.time_marks`."""
         if self.lost:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from pydantic import Field, model_validator
@@ -23,8 +24,9 @@ from sim_action.core.field_types import (
     RelativePose,
 )
 from sim_action.core.geometry import Pose, Twist, symmetric_eigenvalues
+from sim_action.core.units import first_step
 from sim_action.state.timeline import TimeMark
-from sim_action.world.body_path import PathPoint, PosePath, placements
+from sim_action.world.body_path import Pace, PathPoint, PosePath, placements
 from sim_action.world.ground import Friction
 from sim_action.world.physics import MAX_MASS, MAX_SPEED
 from sim_action.world.shapes import (
@@ -230,6 +232,9 @@ class Body(FrozenModel):
         Field(description="poses over time, joined by straight lines; it pushes what it meets and is never stopped"),
     ] = ()
     loop: Annotated[bool, Field(description="repeat the path from its end")] = False
+    pace: Annotated[
+        tuple[Pace, ...], Field(description="changes of the speed along the path, in the order of time")
+    ] = ()
     surface_velocity: Annotated[
         SurfaceVelocity | None,
         Field(description="motion of the surface of a fixed object from 0 s on, which carries what touches it"),
@@ -238,14 +243,29 @@ class Body(FrozenModel):
         PositiveSeconds | None,
         Field(description="sim time at which the object appears; with a mass, it falls from then on"),
     ] = None
+    disappears: Annotated[PositiveSeconds | None, Field(description="sim time at which the object is removed")] = None
 
     def time_marks(self) -> Iterator[TimeMark]:
         """Yield the marks of the timeline: when it appears, and when its path begins and ends."""
         if self.appears is not None:
             yield TimeMark(self.appears, self.appears, f"body '{self.name}' appeared")
+        if self.disappears is not None:
+            yield TimeMark(self.disappears, self.disappears, f"body '{self.name}' disappeared")
+        for change in self.pace:
+            share = "" if change.speed == 1 else f" at {change.speed:g} times its speed"
+            moves = f"moved along its path{share}" if change.speed else "stopped on its path"
+            if change.at or change.speed:
+                yield TimeMark(change.at, change.at, f"body '{self.name}' {moves}")
+        if self.pace:
+            return
         ends = self.path[:1] if self.loop else self.path[:1] + self.path[-1:]
         for point, what in zip(ends, ("began", "ended"), strict=False):
             yield TimeMark(point.at, point.at, f"body '{self.name}' {what} its path")
+
+    def presence(self, rate: float) -> tuple[float, float]:
+        """Return the steps, at `rate` Hz, from which on it is there, and from which on it is gone; or infinities."""
+        first = -math.inf if self.appears is None else first_step(self.appears, rate)
+        return first, math.inf if self.disappears is None else first_step(self.disappears, rate)
 
     @property
     def beginning(self) -> Placement:
@@ -255,6 +275,7 @@ class Body(FrozenModel):
     @model_validator(mode="after")
     def _moves_as_it_can(self) -> Self:
         _refuse_impossible_path(self)
+        _refuse_impossible_times(self)
         return self
 
     @model_validator(mode="after")
@@ -306,13 +327,18 @@ def placed(body: Body, parts: Sequence[Part]) -> Pose:
 def path_of(body: Body, parts: Sequence[Part]) -> PosePath:
     """Return the path of a body with these parts; without a z it stands on the ground."""
     at = body.pose.model_copy(update={"z": placed(body, parts).position_xyz[2]})
-    return PosePath.of(at, body.path, loops=body.loop)
+    return PosePath.of(at, body.path, loops=body.loop, pace=body.pace)
 
 
 def _refuse_impossible_path(body: Body) -> None:
     """Raise ValueError if the keys on the motion of a body contradict each other."""
     if body.surface_velocity is not None:
-        others = {"mass": body.mass is not None, "path": body.path, "appears": body.appears is not None}
+        others = {
+            "mass": body.mass is not None,
+            "path": body.path,
+            "appears": body.appears is not None,
+            "disappears": body.disappears is not None,
+        }
         if stated := [name for name, is_stated in others.items() if is_stated]:
             raise ValueError(f"'surface_velocity' is of an object that is fixed from the start; remove '{stated[0]}'")
     if body.loop and not body.path:
@@ -329,6 +355,16 @@ def _refuse_impossible_path(body: Body) -> None:
         raise ValueError(
             "a path with 'loop: true' must end where it starts; give its last point the pose of its first, including z"
         )
+
+
+def _refuse_impossible_times(body: Body) -> None:
+    """Raise ValueError if the times of a body contradict each other."""
+    if body.pace and not body.path:
+        raise ValueError("'pace' needs a 'path'")
+    if any(later.at <= earlier.at for earlier, later in pairwise(body.pace)):
+        raise ValueError("the changes of 'pace' must be in the order of time")
+    if body.disappears is not None and body.appears is not None and body.disappears <= body.appears:
+        raise ValueError(f"'disappears' must be later than 'appears' ({body.appears:g} s)")
 
 
 def _differ(places: Sequence[Placement]) -> bool:

@@ -6,13 +6,16 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Annotated, Self
+from typing import Annotated, Final, Self
 
 from pydantic import Field
 
 from sim_action.core.field_types import Coordinate, FrozenModel, NonNegativeSeconds, Placement, Radians
 from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.core.records import dataclass
+
+MAX_PACE: Final = 100.0
+"""The greatest multiple of the speed that a path states."""
 
 
 class PathPoint(FrozenModel):
@@ -30,6 +33,15 @@ class PathPoint(FrozenModel):
         """Return the placement at this point, given the previous one."""
         stated = self.model_dump(exclude={"at"}, exclude_none=True)
         return before.model_copy(update=stated)
+
+
+class Pace(FrozenModel):
+    """A change of the speed along a path, which then lasts longer or shorter, or stops."""
+
+    at: Annotated[NonNegativeSeconds, Field(description="sim time of the change")]
+    speed: Annotated[
+        float, Field(ge=0, le=MAX_PACE, description="speed from then on, as a multiple of the stated one; 0: it stops")
+    ]
 
 
 def placements(start: Placement, points: Sequence[PathPoint]) -> tuple[Placement, ...]:
@@ -52,20 +64,26 @@ class PosePath:
         times: of the points in s, ascending.
         points: the numbers at those times.
         loops: True if the path repeats; otherwise the pose stays at the last point.
+        pace: the changes of the speed along the path: sim time in s, and a multiple of the stated speed.
     """
 
     times: tuple[float, ...]
     points: tuple[Numbers, ...]
     loops: bool = False
+    pace: tuple[Pace, ...] = ()
 
     @classmethod
-    def of(cls, start: Placement, points: Sequence[PathPoint], *, loops: bool = False) -> Self:
+    def of(
+        cls, start: Placement, points: Sequence[PathPoint], *, loops: bool = False, pace: tuple[Pace, ...] = ()
+    ) -> Self:
         """Return the path of a body; `start` gives the keys that its points omit."""
         numbers = tuple((p.x, p.y, p.z or 0.0, p.roll, p.pitch, p.yaw) for p in placements(start, points))
-        return cls(tuple(point.at for point in points), numbers, loops)
+        return cls(tuple(point.at for point in points), numbers, loops, pace)
 
     def numbers(self, time: float) -> Numbers:
         """Return the numbers at a time in s; before the first point, those of the first point."""
+        if self.pace:
+            time = self._along(time)
         first, last = self.times[0], self.times[-1]
         if self.loops and time > last:
             time = first + (time - first) % (last - first)
@@ -81,6 +99,15 @@ class PosePath:
         )
         return x, y, z, roll, pitch, yaw
 
+    def _along(self, time: float) -> float:
+        """Return the time in s of the path at a sim time in s."""
+        along, since, speed = 0.0, 0.0, 1.0
+        for change in self.pace:
+            if change.at >= time:
+                break
+            along, since, speed = along + (change.at - since) * speed, change.at, change.speed
+        return along + (time - since) * speed
+
     def pose(self, time: float) -> Pose:
         """Return the pose at a time in s, world frame."""
         x, y, z, roll, pitch, yaw = self.numbers(time)
@@ -92,4 +119,5 @@ class PosePath:
         for (begins, one), (ends, other) in pairwise(zip(self.times, self.points, strict=True)):
             ways = [abs(after - before) / (ends - begins) for before, after in zip(one, other, strict=True)]
             speed, turn = max(speed, math.hypot(*ways[:3])), max(turn, sum(ways[3:]))
-        return speed + turn * reach, turn
+        most = max([1.0, *(change.speed for change in self.pace)])
+        return most * (speed + turn * reach), most * turn

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
-from sim_action.core.field_types import FrozenModel, Metres, NonNegativeRatio, PositiveSeconds
+from sim_action.core.field_types import FrozenModel, Metres, Name, NonNegativeRatio, PositiveSeconds
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass
 
@@ -39,6 +39,7 @@ class Patch(FrozenModel):
     the ground. Patches may touch but must not overlap; at most 50 are allowed. With patches, the ground ends at 10 km.
     """
 
+    name: Annotated[Name | None, Field(description="for events")] = None
     x: Annotated[Metres, Field(ge=-1000, le=1000, description="centre of the patch")] = 0.0
     y: Annotated[Metres, Field(ge=-1000, le=1000, description="centre of the patch")] = 0.0
     size: Annotated[tuple[Side, Side], Field(description="size in x and y")]

@@ -226,7 +226,7 @@ def random_poses(rng: np.random.Generator, time: FloatArray) -> BodyRecord:
     """Poses of a body that appears after some steps."""
     places = np.cumsum(rng.normal(scale=0.1, size=(len(time), 3)), axis=0)
     turns = np.tile((0.0, 0.0, 0.0, 1.0), (len(time), 1))
-    return BodyRecord(time, places, turns).appearing(float(time[rng.integers(0, 5)]))
+    return BodyRecord(time, places, turns).within(float(time[rng.integers(0, 5)]))
 
 
 def random_scans(rng: np.random.Generator, time: FloatArray) -> SensorRecord:

@@ -11,7 +11,7 @@ from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.monitors import State
 from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core.geometry import Pose, multiply, quaternion_from_rpy
-from sim_action.simulation.loop import Panel
+from sim_action.simulation.panel import Panel
 from sim_action.state.verdict import Verdict
 from tests.traces import START, expectation, judged, monitor, scenario, scene, trace
 

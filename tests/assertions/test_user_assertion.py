@@ -20,7 +20,7 @@ from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.assertions.user_assertion import History, UserAssertion
 from sim_action.core.errors import ScriptError
 from sim_action.core.workspace import Workspace
-from sim_action.simulation.loop import Panel
+from sim_action.simulation.panel import Panel
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from sim_action.world.scene import Scene

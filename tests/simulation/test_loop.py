@@ -23,8 +23,9 @@ from sim_action.core.geometry import Pose, Twist
 from sim_action.scenario.loading import build_scene
 from sim_action.scenario.model import Expectation, LoadedScenario, Scenario
 from sim_action.sensors import Measure, Mount, MountedSensor, Sensor
-from sim_action.simulation import loop
-from sim_action.simulation.loop import End, Panel, SimulationRun, simulate
+from sim_action.simulation import panel
+from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.panel import End, Panel
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Transcript
 from sim_action.state.trace import Trace
@@ -107,8 +108,8 @@ def test_the_length_of_a_period_changes_no_result(
         return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
 
     usual = run()
-    monkeypatch.setattr(loop, "_PERIOD_S", 1.7)
-    monkeypatch.setattr(loop, "_PERIOD_WITHOUT_GOALS_S", 0.3)
+    monkeypatch.setattr(panel, "_PERIOD_S", 1.7)
+    monkeypatch.setattr(panel, "_PERIOD_WITHOUT_GOALS_S", 0.3)
     other = run()
     assert usual.end == other.end == end
     assert (usual.digest, usual.verdicts, usual.findings) == (other.digest, other.verdicts, other.findings)

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from sim_action.core.geometry import Pose, Vector3, compose, quaternion_from_rpy
 from sim_action.engines.motion_bound import motion_factors
+from sim_action.engines.observers import ALWAYS
 from sim_action.robot.model.kinematics import link_poses
 from sim_action.robot.model.link_motion import frames_of, link_frames
 from sim_action.robot.model.robot_model import Joint, Link, RobotModel, Shape
@@ -116,9 +117,9 @@ def test_an_obstacle_finds_what_is_near_and_there() -> None:
     hills = GridPart((2.0, 2.0), np.zeros((3, 3)))
     made = Obstacle.of(
         [
-            ("box", 5, Pose((10.0, 0, 0)), tuple(part_pieces((BoxPart((1.0, 1, 1)),))), ()),
-            ("mesh", 0, Pose(), (), tuple(part_soups((surface,), is_solid=True))),
-            ("hills", 0, Pose((0.0, 0, 5)), (), tuple(part_soups((hills,), is_solid=True))),
+            ("box", (5.0, math.inf), Pose((10.0, 0, 0)), tuple(part_pieces((BoxPart((1.0, 1, 1)),))), ()),
+            ("mesh", ALWAYS, Pose(), (), tuple(part_soups((surface,), is_solid=True))),
+            ("hills", ALWAYS, Pose((0.0, 0, 5)), (), tuple(part_soups((hills,), is_solid=True))),
         ]
     )
 

@@ -143,12 +143,12 @@ def test_objects_are_cut_and_joined_with_the_state() -> None:
 
 def test_an_object_is_nowhere_until_it_appears() -> None:
     record = crate(0.1, 0.2, 0.3)
-    late = record.appearing(0.2)
+    late = record.within(0.2)
     assert np.isnan(late.position_xyz).all(axis=1).tolist() == [True, False, False]
     assert np.isnan(late.orientation_xyzw).all(axis=1).tolist() == [True, False, False]
     assert late.position_xyz[1:].tolist() == record.position_xyz[1:].tolist()
     assert np.isfinite(record.position_xyz).all()
-    assert record.appearing(0.1) is record
+    assert record.within(0.1) is record
 
 
 def test_objects_are_stored_if_they_have_a_pose_for_each_moment(tmp_path: Path) -> None:

@@ -57,6 +57,9 @@ class Window(Monitor):
     @property
     def needed_until(self) -> float:
         """See Monitor.needed_until. Nothing is needed after the window, or if no later step can matter."""
+        if self.after == math.inf:
+            # It waits for an event.
+            return 0.0
         if self.over or self.monitor.is_decided:
             return self.after
         return self.before if math.isfinite(self.before) else max(self.after, self.monitor.needed_until)

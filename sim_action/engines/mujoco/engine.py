@@ -41,6 +41,7 @@ from sim_action.state.observation import ByName, Clash, Contact, JointState, Obs
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import ContactRecord
+from sim_action.world import World
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -121,6 +122,13 @@ class MuJoCoEngine(Engine):
             self._advance(first_step, targets)
         except mujoco.FatalError as error:
             raise EngineError(f"the engine gave up: {with_user_names(str(error), self._scene)}") from None
+
+    @override
+    def follow(self, world: World, time: float) -> None:
+        self._clearances.open_at(time)
+        if self._events is not None:
+            self._events.follow(world)
+            self._recorders.follow(world)
 
     @override
     def collect(self) -> Trace:

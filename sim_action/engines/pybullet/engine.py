@@ -61,7 +61,7 @@ from sim_action.state.observation import ByName, Clash, Contact, JointState, Obs
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import ContactRecord
-from sim_action.world import GROUND
+from sim_action.world import GROUND, World
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -162,6 +162,13 @@ class PyBulletEngine(Engine):
             keep(step)
             if is_watched:
                 self._watch(step)
+
+    @override
+    def follow(self, world: World, time: float) -> None:
+        self._clearances.open_at(time)
+        if self._events is not None:
+            self._events.follow(world)
+            self._recorders.follow(world)
 
     def _watch(self, step: int) -> None:
         """Record everything but the state of the robot after a step."""

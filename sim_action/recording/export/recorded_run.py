@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.records import dataclass, field, replace
-from sim_action.core.units import TIME_EPSILON_S, first_step
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.scenario.model import Scenario
 from sim_action.sensors import MountedSensor
 from sim_action.state.command import LinkWrench
@@ -58,14 +58,16 @@ class RecordedRun:
             rows = np.searchsorted(record.time, self.trace.time + TIME_EPSILON_S, side="right") - 1
             found[name] = np.column_stack((record.position_xyz, record.orientation_xyzw))[rows.clip(0)]
         for body in self.scene.world.objects:
-            if body.appears is not None:
+            if body.appears is not None or body.disappears is not None:
                 poses = found[body.name] if body.name in found else self._fixed(body)
-                found[body.name] = np.where(self._is_there(body.appears)[:, None], poses, np.nan)
+                found[body.name] = np.where(self._is_there(body)[:, None], poses, np.nan)
         return found
 
-    def _is_there(self, appears: float) -> NDArray[np.bool_]:
+    def _is_there(self, body: Body) -> NDArray[np.bool_]:
         rate = self.scene.physics.rate
-        return self.trace.time >= first_step(appears, rate) / rate - TIME_EPSILON_S
+        first, gone = (step / rate - TIME_EPSILON_S for step in body.presence(rate))
+        is_there: NDArray[np.bool_] = (self.trace.time >= first) & (self.trace.time < gone)
+        return is_there
 
     def _fixed(self, body: Body) -> FloatArray:
         pose = placed(body, self.scene.parts_of(body))

@@ -86,7 +86,7 @@ def replay_of(
     contacts, left_out = strongest_touches(joined_touches(film.contacts), links, bodies, scene.physics.rate)
     joints = scene.model.moving_joints
     sliding = [joint.type == "prismatic" for joint in joints]
-    tracks = [Track(film.bodies[body.name], body.appears or 0.0) for body in moving]
+    tracks = [Track(film.bodies[body.name], body.appears or 0.0, body.disappears) for body in moving]
     frames = thinned(film)
     return Replay(
         version=2,
@@ -206,10 +206,11 @@ def thinned(trace: Trace) -> Trace:
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """A moving body; `appears` is the time in s before which its record is not valid."""
+    """A moving body, whose record is valid from `appears` to `disappears`, in s."""
 
     record: BodyRecord
     appears: float = 0.0
+    disappears: float | None = None
 
 
 def frames_of(
@@ -250,10 +251,13 @@ def _track(track: Track, time: FloatArray) -> PoseColumns:
     record = track.record
     first = min(int(np.searchsorted(record.time, track.appears - TIME_EPSILON_S)), len(record) - 1)
     rows = np.searchsorted(record.time, time + TIME_EPSILON_S, side="right") - 1
-    rows = np.clip(rows, first, None)
+    last = len(record) - 1
+    if track.disappears is not None:
+        last = max(first, int(np.searchsorted(record.time, track.disappears - TIME_EPSILON_S)) - 1)
+    rows = np.clip(rows, first, last)
     position, orientation = record.position_xyz[rows], steady(record.orientation_xyzw[rows])
     since = time[-1] - record.time[-1]
-    if since > TIME_EPSILON_S and len(record) - first > 1:
+    if since > TIME_EPSILON_S and last == len(record) - 1 > first:
         # The last moment lies after the last record, so extrapolate the motion.
         ahead = since / (record.time[-1] - record.time[-2])
         position[-1] += ahead * (record.position_xyz[-1] - record.position_xyz[-2])

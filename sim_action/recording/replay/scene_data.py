@@ -188,13 +188,14 @@ class BodyData(FrozenModel):
     Attributes:
         pose: the initial pose in the world.
         track: the index of its columns in `Frames.tracks`; null if it does not move.
-        appears: the time in s at which it appears; null if it always exists.
+        appears, disappears: the times in s between which it is there; null if it always exists.
     """
 
     name: Text
     pose: PoseNumbers
     track: Index | None = None
     appears: Length | None = None
+    disappears: Length | None = None
     shapes: Shapes = ()
 
 

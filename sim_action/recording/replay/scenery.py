@@ -243,7 +243,7 @@ def _scenery(shown: _Shown) -> SceneData:
         robot=scene.model.name[:MAX_TEXT_LENGTH],
         links=tuple(link.model_copy(update={"shapes": shapes}) for link, shapes in zip(links, robot, strict=True)),
         bodies=tuple(_body_data(scene, body, tracks, shapes) for body, shapes in zip(bodies, world, strict=True)),
-        patches=tuple(PatchData(**patch.model_dump(exclude={"appears"})) for patch in scene.world.patches),
+        patches=tuple(PatchData(**patch.model_dump(exclude={"appears", "name"})) for patch in scene.world.patches),
         meshes=shelf,
         ground=_ground(scene.model),
         notes=notes_of(scene, pieces, [*drawn, *solids], shelf),
@@ -266,6 +266,7 @@ def _body_data(scene: Scene, body: Body, tracks: Sequence[str], shapes: tuple[Sh
         pose=pose_numbers(placed(body, scene.parts_of(body))),
         track=tracks.index(body.name) if body.name in tracks else None,
         appears=body.appears,
+        disappears=body.disappears,
         shapes=shapes,
     )
 

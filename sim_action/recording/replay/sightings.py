@@ -190,6 +190,8 @@ class _Rays:
         parts, near = scene.parts_of(body), _NEAR_M + _DEVIATIONS * self.noise
         poses = _body_poses(scene, film, name, self.time)
         is_there = self.time >= (body.appears or 0.0) - TIME_EPSILON_S
+        if body.disappears is not None:
+            is_there &= self.time < body.disappears - TIME_EPSILON_S
         within = max(reach(part) for part in parts) + near
         for start in range(0, len(self.time), _BLOCK):
             rows = slice(start, start + _BLOCK)

@@ -37,7 +37,7 @@ def values(text: str, seen: Trace) -> list[float]:
 
 def body(places: list[tuple[float, float, float]], appears: float = 0.0) -> BodyRecord:
     turns = np.tile(quaternion_from_rpy(0.1, 0.2, 0.3), (len(places), 1))
-    return BodyRecord(np.array(TIMES), np.array(places), turns).appearing(appears)
+    return BodyRecord(np.array(TIMES), np.array(places), turns).within(appears)
 
 
 def test_a_link_is_where_kinematics_says() -> None:

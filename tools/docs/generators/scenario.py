@@ -13,7 +13,7 @@ from pydantic import BaseModel
 from sim_action.app import catalogue
 from sim_action.assertions import ASSERTIONS, Reference
 from sim_action.cli.init import files
-from sim_action.commands import COMMANDS
+from sim_action.commands import COMMANDS, CommandSource
 from sim_action.commands.robot_description import RobotDescription
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Twist
@@ -106,6 +106,8 @@ _SHOWN_ELSEWHERE: Final = (
 )
 # Keys that every command source has; a table of their own lists them.
 _OF_EVERY_SOURCE: Final = frozenset(f"`{key}`" for key in Transmission.model_fields)
+# The key that every command source has for events, which have a section.
+_NAME_OF_SOURCE: Final = CommandSource.model_fields["name"].description or ""
 # Keys of a scenario that have rows for the keys below them.
 _OPENED: Final = ("agreement", "sphere", "cylinder")
 
@@ -177,7 +179,7 @@ def file_of(path: str, language: str) -> str:
 def _section(family: str, name: str, seen: set[Key]) -> str:
     model = FAMILIES[family].load(name)
     parts = [f"## `{name}`\n", f"{inspect.getdoc(model)}\n"]
-    rows = [row for row in keys(model) if row[0] not in _OF_EVERY_SOURCE]
+    rows = [row for row in keys(model) if row[0] not in _OF_EVERY_SOURCE and not row[1].endswith(_NAME_OF_SOURCE)]
     lines = bullets(row for row in rows if row not in seen)
     if repeated := [row[0] for row in rows if row in seen]:
         lines += f"- {', '.join(repeated)}: as above\n"

@@ -105,7 +105,8 @@ class Motion {
   placeBodies(row, share, time) {
     const { bodies, here } = this.moment;
     this.scene.bodies.forEach((body, i) => {
-      here[i] = body.appears === undefined || time >= body.appears;
+      const gone = body.disappears !== undefined && time >= body.disappears;
+      here[i] = !gone && (body.appears === undefined || time >= body.appears);
       if (body.track === undefined) bodies.set(body.pose, 7 * i);
       else between(this.tracks[body.track], row, share, bodies, 7 * i);
     });

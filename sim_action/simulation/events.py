@@ -1,0 +1,202 @@
+"""The events of a run: their conditions are judged after every step, and their actions act from the next step on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.temporal_logic.stl_assertion import Stl
+from sim_action.assertions.temporal_logic.windows import HoldTime
+from sim_action.core.units import first_step
+from sim_action.scenario.events import Condition, Event, Happening, after, awaited, time_marks
+from sim_action.scenario.model import Scenario
+from sim_action.state.observation import Observation
+from sim_action.state.timeline import TimeMark
+from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import Channels
+from sim_action.world.claims import ClaimFinding
+from sim_action.world.scene import Scene
+
+EVENT_NEVER_BEGAN: Final = "event-never-began"
+
+
+def channels_of(scenario: Scenario) -> Channels:
+    """Return what the conditions of events read."""
+    return Channels.all_of(part.channels | part.truth_channels for part in scenario.conditions)
+
+
+class _Watch:
+    """The condition of one event, judged from a step on.
+
+    Attributes:
+        holds: True if it became true at the last moments that it saw.
+    """
+
+    def __init__(self, condition: Condition, scene: Scene, start: Observation) -> None:
+        assert condition.assertion is not None
+        self._condition, self._scene, self._start = condition, scene, start
+        self._was_true = False
+        self._monitor = self._opened()
+        self._hold = HoldTime(condition.span) if condition.span else None
+
+    def _opened(self, *, negated: bool = False) -> Monitor:
+        """Return the monitor of the assertion; that of a formula waits until it is true, or false if `negated`."""
+        assertion, span = self._condition.assertion, self._condition.span
+        if isinstance(assertion, Stl):
+            lasting = f"always[0 s, {span!r} s] " if span and not negated else ""
+            formula = f"eventually {lasting}({'not ' * negated}({awaited(assertion)}))"
+            assertion = Stl(formula=formula)
+        assert assertion is not None
+        return assertion.started(self._scene, self._start)
+
+    @property
+    def nearest(self) -> str:
+        """The nearest that the condition came to being true, in words."""
+        return self._monitor.verdict().message
+
+    def becomes_true(self, trace: Trace) -> bool:
+        """Take the next moments; return True if the condition became true at one of them."""
+        if isinstance(self._condition.assertion, Stl):
+            self._monitor = self._monitor.observe(trace)
+            if self._monitor.state is not State.HOLDS:
+                return False
+            # It can become true again after it was false.
+            self._was_true = not self._was_true
+            self._monitor = self._opened(negated=self._was_true)
+            return self._was_true
+        time, holds = self._monitor.truth(trace)
+        self._monitor = self._monitor.observe(trace)
+        if self._hold is not None and len(time):
+            held = self._hold.observe(time, holds)
+            holds = self._hold.lasting(time, holds) >= self._condition.span
+            self._hold = held
+        before, self._was_true = self._was_true, bool(holds[-1]) if len(holds) else self._was_true
+        return bool(np.any(holds & ~np.concatenate(([before], holds[:-1])))) if len(holds) else False
+
+
+class RunEvents:
+    """The events of one run.
+
+    Attributes:
+        happenings: what has happened, in the order of time and then of the file.
+        end: the sim time in s at which an event ends the run; infinite without one.
+    """
+
+    def __init__(self, scenario: Scenario, scene: Scene, start: Observation, opening: Trace) -> None:
+        """Open the conditions at t = 0; `opening`: the moment at t = 0."""
+        self._scenario, self._scene, self._start = scenario, scene, start
+        self._rate = scenario.physics.rate
+        self.happenings: list[Happening] = []
+        self.end = math.inf
+        self._names = {event.name: index for index, event in enumerate(scenario.events)}
+        # Index of an event -> the step at which it happens.
+        self._due: dict[int, int] = {}
+        self._watches: dict[int, _Watch] = {}
+        self._waiting: set[int] = set()
+        self._over: set[int] = set()
+        for index, event in enumerate(scenario.events):
+            if event.when.at:
+                self._due[index] = max(1, first_step(event.when.at + event.when.span, self._rate))
+            elif event.when.assertion is not None and not event.when.since:
+                self._watches[index] = _Watch(event.when, scene, start)
+            elif event.when.assertion is not None:
+                self._waiting.add(index)
+        self._true = self._judged(opening)
+
+    @property
+    def watches(self) -> bool:
+        """True if a condition has to be judged at each step."""
+        return bool(self._watches)
+
+    def judge(self, trace: Trace) -> None:
+        """Judge the moments since the last call, the last of which is the present."""
+        self._true |= self._judged(trace)
+
+    def _judged(self, trace: Trace) -> set[int]:
+        # The watchdog reports a state that is not a number.
+        if not len(trace) or not np.isfinite(trace.state).all():
+            return set()
+        return {index for index, watch in self._watches.items() if watch.becomes_true(trace)}
+
+    def next_due(self, step: int, until: int) -> int:
+        """Return the step up to which the run may go on before events are asked for again."""
+        if self._watches:
+            return step + 1
+        return min([until, *(max(step + 1, due - 1) for due in self._due.values())])
+
+    def happening(self, step: int) -> list[Event]:
+        """Return the events that happen at the step after a step, in the order of the file."""
+        happening = step + 1
+        begins = self._true | {index for index, due in self._due.items() if due <= happening}
+        self._true = set()
+        waiting = [*begins]
+        while waiting:
+            # Events that wait for one of these happen at the same step, or later.
+            name = self._scenario.events[waiting.pop()].name
+            for index, event in enumerate(self._scenario.events):
+                if event.when.event != name or index in begins | self._over:
+                    continue
+                if event.when.span:
+                    self._due[index] = happening + max(1, first_step(event.when.span, self._rate))
+                else:
+                    begins.add(index)
+                    waiting.append(index)
+        for index in sorted(begins):
+            self._happen(index, happening)
+        return [self._scenario.events[index] for index in sorted(begins)]
+
+    def _happen(self, index: int, step: int) -> None:
+        event = self._scenario.events[index]
+        self.happenings.append(Happening(index, step / self._rate))
+        self._due.pop(index, None)
+        if not event.every:
+            self._over.add(index)
+            self._watches.pop(index, None)
+        if any(action.end for action in event.actions):
+            self.end = min(self.end, step / self._rate)
+        for later in [later for later in self._waiting if self._scenario.events[later].when.since == event.name]:
+            self._waiting.remove(later)
+            self._watches[later] = _Watch(self._scenario.events[later].when, self._scene, self._start)
+
+    def scenario_until(self, end: float) -> Scenario:
+        """Return the scenario with the times of what happened until a sim time in s."""
+        return after(self._scenario, self.until(end))
+
+    def until(self, end: float) -> list[Happening]:
+        """Return what happened until a sim time in s."""
+        return [happening for happening in self.happenings if happening.time <= end + 0.5 / self._rate]
+
+    def times(self, end: float) -> dict[str, tuple[float, ...]]:
+        """Return the name of each event -> the sim times in s at which it happened, until a sim time in s."""
+        happened = self.until(end)
+        return {
+            event.name: tuple(each.time for each in happened if each.event == index)
+            for index, event in enumerate(self._scenario.events)
+        }
+
+    def time_marks(self, end: float) -> Iterator[TimeMark]:
+        """Yield the marks of what happened until a sim time in s."""
+        return time_marks(self._scenario, self.until(end))
+
+    def findings(self, end: float) -> Iterator[ClaimFinding]:
+        """Yield a finding on each event that did not happen until a sim time in s."""
+        happened = {happening.event for happening in self.until(end)}
+        for index, event in enumerate(self._scenario.events):
+            if index not in happened:
+                why = self._why_not(index, end)
+                words = "; ".join(action.words for action in event.actions)
+                message = f"event '{event.name}' never happened: {why} (so not: {words})"
+                yield ClaimFinding(EVENT_NEVER_BEGAN, ("events", index, "when"), message)
+
+    def _why_not(self, index: int, end: float) -> str:
+        when = self._scenario.events[index].when
+        name = when.event or (when.since if index in self._waiting else "")
+        if name:
+            return f"it waits for event '{name}', and the run ended at {end:.4g} s"
+        if when.assertion is None:
+            return f"it is due at {when.at + when.span:g} s, but the run ended at {end:.4g} s"
+        return self._watches[index].nearest if index in self._watches else f"the run ended at {end:.4g} s"

@@ -1,0 +1,248 @@
+"""Events: what they may say, when they happen, and that they act as the same thing stated with that time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_action.simulation.loop import SimulationRun
+from tests.scenarios import told
+from tests.simulated import simulated
+
+ENGINES = ("pybullet", "mujoco")
+
+BASE: dict[str, Any] = {
+    "name": "burger drives",
+    "robot": {"model": "turtlebot3_burger"},
+    "commands": [{"twist": [{"linear": 0.4}]}],
+    "expect": [{"travel": {"at_least": "0.1 m"}}],
+    "duration": "2 s",
+    "time_limit": "3 s",
+}
+CRATE = {"name": "crate", "box": [0.1, 0.1, 0.1], "pose": {"x": 0.8, "y": 0.02}, "mass": 0.2}
+CART = {"name": "cart", "box": [0.2, 0.2, 0.2], "path": [{"at": 0, "x": 2, "y": -1}, {"at": 2, "y": 1}]}
+PASSES = {"name": "passes", "when": {"stl": "x > 0.15 m"}}
+
+
+def run(folder: Path, **keys: Any) -> SimulationRun:
+    return simulated(folder, BASE | keys)
+
+
+def with_event(folder: Path, do: list[Any], **keys: Any) -> tuple[SimulationRun, float]:
+    """The run in which `do` is done as the robot passes a line, and the time at which it did."""
+    found = run(folder, events=[{**PASSES, "do": do}], **keys)
+    (time,) = found.events["passes"]
+    return found, time
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    ("do", "world", "stated"),
+    [
+        (
+            {"disturb": {"force": [0, 3, 0], "for": 0.2}},
+            {},
+            lambda time: {"disturbances": [{"at": time, "force": [0, 3, 0], "for": 0.2}]},
+        ),
+        (
+            {"disturb": {"payload": 1.0, "at": 0.1}},
+            {},
+            lambda time: {"disturbances": [{"at": time + 0.1, "payload": 1.0}]},
+        ),
+        (
+            {"appear": "crate"},
+            {"objects": [CRATE]},
+            lambda time: {"objects": [{**CRATE, "appears": time}]},
+        ),
+        (
+            {"remove": "crate"},
+            {"objects": [{**CRATE, "mass": 50, "pose": {"x": 0.5}}]},
+            lambda time: {"objects": [{**CRATE, "mass": 50, "pose": {"x": 0.5}, "disappears": time}]},
+        ),
+        (
+            {"appear": "ice"},
+            {"patches": [{"name": "ice", "x": 1, "size": [3, 2], "friction": 0.01}]},
+            lambda time: {"patches": [{"x": 1, "size": [3, 2], "friction": 0.01, "appears": time}]},
+        ),
+        (
+            {"start": "cart"},
+            {"objects": [{**CART, "path": [{"at": 0, "x": 0.5, "y": -0.6}, {"at": 1, "y": 0.6}]}]},
+            lambda time: {
+                "objects": [
+                    {
+                        **CART,
+                        "path": [{"at": 0, "x": 0.5, "y": -0.6}, {"at": 1, "y": 0.6}],
+                        "pace": [{"at": 0, "speed": 0}, {"at": time, "speed": 1}],
+                    }
+                ]
+            },
+        ),
+    ],
+    ids=["push", "load", "appear", "remove", "friction", "path"],
+)
+def test_an_action_is_the_same_thing_stated_with_its_time(
+    tmp_path: Path, engine: str, do: Any, world: Any, stated: Any
+) -> None:
+    least = [{"travel": {"at_least": "0.01 m"}}]
+    found, time = with_event(tmp_path, [do], world=world, backend=engine, expect=least)
+    again = run(tmp_path, world={**world, **stated(time)}, backend=engine, expect=least)
+    without = run(tmp_path, world=stated(2.7), backend=engine, expect=least)
+    assert 0.4 < time < 1.2
+    assert found.digest == again.digest
+    assert found.digest != without.digest
+    assert found.end == again.end == "duration" or found.end == again.end == "goals met"
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_fault_of_a_motor_begins_with_an_event(tmp_path: Path, engine: str) -> None:
+    fault = {"motor": "wheel_left_joint", "stuck": True}
+    found, time = with_event(tmp_path, [{"fault": {**fault, "for": 0.5}}], backend=engine)
+    assert found.digest == run(tmp_path, faults=[{**fault, "for": 0.5, "at": time}], backend=engine).digest
+    assert abs(found.trace.yaw[-1]) > 0.1
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_run_ends_with_an_event_as_with_its_time_limit(tmp_path: Path, engine: str) -> None:
+    found, time = with_event(tmp_path, ["end"], expect=["upright"], backend=engine)
+    short = run(tmp_path, expect=["upright"], duration=time, time_limit=time, backend=engine)
+    assert (found.end, found.sim_time, found.digest) == ("event", time, short.digest)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_command_sources_start_and_stop(tmp_path: Path, engine: str) -> None:
+    """A robot that stops for an event, and goes back with another, does what one source says that has both times."""
+    sources = [
+        {"twist": [{"linear": 0.4}], "name": "go", "rate": 240},
+        {"twist": [{"linear": -0.2}], "name": "back", "rate": 240},
+    ]
+    events = [
+        {**PASSES, "do": [{"stop": "go"}]},
+        {"when": {"event": "passes", "for": "0.5 s"}, "do": [{"start": "back"}], "name": "later"},
+    ]
+    found = run(tmp_path, commands=sources, events=events, backend=engine)
+    (stop,), (back,) = found.events["passes"], found.events["later"]
+    twist = [{"linear": 0.4, "for": stop}, {"linear": 0, "for": back - stop}, {"linear": -0.2}]
+    stated = run(tmp_path, commands=[{"twist": twist, "rate": 240}], backend=engine)
+    assert back == pytest.approx(stop + 0.5)
+    assert found.digest == stated.digest
+
+
+def test_a_condition_holds_at_the_step_before_its_event(tmp_path: Path) -> None:
+    found, time = with_event(tmp_path, ["end"], trace={"rate": 240}, expect=["upright"])
+    x = found.trace.base_position_xyz[:, 0]
+    assert x[-2] >= 0.15 > x[-3]
+    assert time == pytest.approx(found.trace.time[-1])
+
+
+@pytest.mark.parametrize(
+    "when",
+    [
+        {"reach": {"x": 0.2, "y": 0, "tolerance": "5 cm"}},
+        {"stl": "x > 0.15 m"},
+        {"stl": "eventually (x > 0.15 m)"},
+        {"at_once": [{"reach": {"x": 0.2, "y": 0}}, "upright"]},
+        {"not": {"stay_within": {"x": [-1, 0.15]}}},
+    ],
+)
+def test_conditions_of_all_kinds_see_the_same_moment(tmp_path: Path, when: Any) -> None:
+    found = run(tmp_path, events=[{"name": "there", "when": when, "do": ["end"]}], expect=["upright"])
+    assert found.trace.base_position_xyz[-1, 0] == pytest.approx(0.15, abs=0.003)
+
+
+def test_contact_and_events_before_are_conditions(tmp_path: Path) -> None:
+    wall = {"name": "wall", "box": [0.1, 2, 0.5], "pose": {"x": 0.5}}
+    events = [
+        {"name": "bumps", "when": {"contact": {"with": "wall"}}, "do": [{"stop": "twist"}]},
+        {"when": {"event": "bumps", "for": "0.3 s"}, "do": ["end"]},
+    ]
+    found = run(tmp_path, world={"objects": [wall]}, events=events, expect=["upright"])
+    (bump,), (over,) = found.events.values()
+    assert found.end == "event"
+    assert over == found.sim_time == pytest.approx(bump + 0.3)
+    assert found.trace.speed[-1] < 0.01
+
+
+def test_an_event_happens_once_or_each_time(tmp_path: Path) -> None:
+    """A robot that drives to and fro passes a line several times; it must leave before it can pass it again."""
+    commands = [{"twist": [{"linear": 0.4, "for": 0.8}, {"linear": -0.4, "for": 1.4}, {"linear": 0.4}]}]
+    for when in ({"stl": "x > 0.15 m"}, {"not": {"stay_within": {"x": [-1, 0.15]}}}):
+        event = {"name": "passes", "when": when, "do": [{"disturb": {"velocity": [0, 0.05, 0]}}]}
+        once = run(tmp_path, commands=commands, events=[event])
+        often = run(tmp_path, commands=commands, events=[{**event, "every": True}], duration="4 s", time_limit="4 s")
+        assert len(once.events["passes"]) == 1
+        assert len(often.events["passes"]) == 2
+        assert often.events["passes"][0] == once.events["passes"][0]
+
+
+def test_an_event_that_never_came_is_told_and_its_expectation_not_exercised(tmp_path: Path) -> None:
+    found = run(
+        tmp_path,
+        events=[{"name": "far", "when": {"reach": {"x": 3, "y": 0}}, "do": [{"disturb": {"velocity": [0, 1, 0]}}]}],
+        expect=[{"travel": {"at_least": "0.1 m"}}, {"upright": {}, "since": "far"}],
+    )
+    travel, upright = found.verdicts
+    (finding,) = (finding for finding in found.findings if finding.rule == "event-never-began")
+    assert (travel.status, upright.status) == ("passed", "not_exercised")
+    assert upright.message == "never checked: event 'far' never happened"
+    assert finding.path == ("events", 0, "when")
+    assert "event 'far' never happened: came no closer than 2." in finding.message
+    assert "so not: pushed by 1 m/s" in finding.message
+
+
+def test_an_expectation_is_judged_from_its_event_on(tmp_path: Path) -> None:
+    found = run(
+        tmp_path,
+        events=[{**PASSES, "do": [{"stop": "twist"}]}],
+        expect=[{"max_speed": {"linear": "0.3 m/s"}, "since": "passes"}, {"travel": {"at_least": "0.1 m"}}],
+    )
+    assert found.verdicts[0].status == "failed"
+    assert found.verdicts[0].time == pytest.approx(found.events["passes"][0], abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("events", "message"),
+    [
+        ("[{when: {stl: x > 1}, do: [{remove: wal}]}]", "there is no object 'wal'; did you mean 'wall'?"),
+        ("[{when: {event: passd}, do: [end]}, {name: passed, when: {at: 1 s}, do: [end]}]", "did you mean 'passed'?"),
+        ("[{when: {at: 9 s}, do: [end]}]", "9 s is not earlier than time_limit (8 s)"),
+        ("[{when: {at: 1 s}, do: []}]", "must not be empty"),
+        ("[{when: {at: 1 s}, do: [{start: wall}]}]", "object 'wall' has no 'path'"),
+        ("[{when: {at: 1 s}, do: [{start: twst}]}]", "no object with a path named 'twst'; did you mean 'twist'?"),
+        ("[{when: {stl: always (x < 1)}, do: [end]}]", "looks ahead by more than 60 s"),
+        ("[{when: {all_of: [upright]}, do: [end]}]", "is not true or false at a moment"),
+        (
+            "[{name: a, when: {event: b}, do: [end]}, {name: b, when: {event: a}, do: [end]}]",
+            "these events wait for each other, so none of them can happen: a -> b -> a",
+        ),
+        ("[{name: a, when: {at: 1 s}, do: [end]}, {name: a, when: {at: 2 s}, do: [end]}]", "a second event named 'a'"),
+        (
+            """[{name: a, when: {at: 1 s}, do: [{remove: crate}]},
+            {when: {event: a}, do: [{disturb: {velocity: [1, 0, 0], body: crate}}]}]""",
+            "event 'a', which comes before, removes 'crate'",
+        ),
+        ("[{when: {at: 1 s}, do: [{disturb: {force: [1, 0, 0], for: 1 s, link: nose}}]}]", "no link 'nose'"),
+        ("[{when: {at: 1 s}, do: [{fault: {motor: wheel, off: true}}]}]", "wheel"),
+        ("[{when: {at: 1 s, event: a}, do: [end]}]", "a condition is an assertion, 'at' or 'event'"),
+        ("[{when: {at: 1 s}, do: [{end: true, remove: crate}]}]", "an action has exactly one of"),
+        ("[{when: {stl: x > 1}, every: true, do: [{remove: crate}]}]", "would remove each time"),
+        ("[{when: {object: {name: crat, upright: {}}}, do: [end]}]", "did you mean 'crate'?"),
+    ],
+)
+def test_what_is_wrong_is_named_with_its_remedy(tmp_path: Path, events: str, message: str) -> None:
+    wall, crate = (
+        "{name: wall, box: [0.1, 1, 1], pose: {x: 3}}",
+        "{name: crate, box: [0.1, 0.1, 0.1], mass: 1, pose: {x: 2}}",
+    )
+    text = f"""
+name: burger
+robot: {{model: turtlebot3_burger}}
+world: {{objects: [{wall}, {crate}], disturbances: [{{at: 1 s, velocity: [0.5, 0, 0]}}]}}
+commands: {{twist: [{{linear: 0.2}}]}}
+events: {events}
+expect: [{{travel: {{at_least: 1}}}}]
+time_limit: 8 s
+"""
+    found = told(tmp_path, text)
+    assert any(message in each for each in found), found
