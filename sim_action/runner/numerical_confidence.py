@@ -13,16 +13,19 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
+import numpy as np
+
 from sim_action.core import units
 from sim_action.core.errors import ExitCode, InvalidScenario, UsageError
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import shortened
 from sim_action.engines import ENGINES, chosen
-from sim_action.results.outcome import ExpectationOutcome, Outcome, Repetition, Spread, repetition_name
+from sim_action.results.outcome import ExpectationOutcome, Measurement, Outcome, Repetition, Spread, repetition_name
 from sim_action.robot.model.robot_model import WORLD
 from sim_action.scenario.model import ConfidenceKind, LoadedScenario, Scenario
 from sim_action.scenario.mutation import Mutation
+from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.verdict import Verdict
 from sim_action.world import MAX_PHYSICS_RATE_HZ
 
@@ -34,6 +37,9 @@ _FIRST_ORDER: Final = 2.0
 _ROUNDING: Final = 1e-9
 # The least ratio of two differences that shows a convergence: that of an order of 1/4.
 _LEAST_RATIO: Final = 2**0.25
+# Motions diverge if they differ by this share of their range; smaller ranges in m or rad count as this one.
+_DIVERGENT: Final = 0.25
+_LEAST_RANGE: Final = 0.1
 
 
 def _with_rate(factor: int) -> Callable[[Scenario], Scenario]:
@@ -147,12 +153,59 @@ def repetition(loaded: LoadedScenario, name: str) -> LoadedScenario:
     return replace(loaded, scenario=named, compared=False)
 
 
-def with_confidence(loaded: LoadedScenario, outcome: Outcome, runs: Mapping[str, Outcome]) -> Outcome:
+def divergence(ours: Trace | None, repetitions: Mapping[str, Trace | None]) -> tuple[Measurement, ...]:
+    """Return the first moment at which the motions of a run and of a repetition have nothing in common, if any.
+
+    `repetitions`: by change. Another engine does not count: it has another model of contacts. A start that is turned
+    or moved turns or moves the whole motion, so motions are seen from their start.
+    """
+    pairs = [(name, trace) for name, trace in repetitions.items() if name in _CAUSES and trace is not None]
+    several = [(parted, name) for name, trace in pairs if ours is not None and (parted := _parted(ours, trace))]
+    if not several:
+        return ()
+    (at, what, share), name = min(several)
+    message = (
+        f"chaotic, or at a tipping point: {_CAUSES[name].doing} changes {what} by up to {100 * share:.0f} % of its "
+        f"range; places and times after {at:.2f} s are those of this run alone"
+    )
+    return (Measurement(name="divergence of the motion", measured=share, time=at, message=message),)
+
+
+def _parted(ours: Trace, theirs: Trace) -> tuple[float, str, float] | None:
+    """Return the first time in s at which a quantity diverges, its name, and its largest difference as a share."""
+    count = min(len(ours), len(theirs))
+    same = np.abs(ours.time[:count] - theirs.time[:count]) < TIME_EPSILON_S
+    parted = []
+    for (what, mine), (_, others) in zip(_motion(ours), _motion(theirs), strict=True):
+        apart = np.linalg.norm(mine[:count][same] - others[:count][same], axis=1)
+        apart /= max(float(np.linalg.norm(np.ptp(mine, axis=0))), _LEAST_RANGE)
+        if len(apart) and apart.max() > _DIVERGENT:
+            at = ours.time[:count][same][np.argmax(apart > _DIVERGENT)]
+            parted.append((float(at), what, float(apart.max())))
+    return min(parted, default=None)
+
+
+def _motion(trace: Trace) -> Iterator[tuple[str, FloatArray]]:
+    """Yield the quantities of a motion, (T, N) each: position and heading seen from the start, and the joints."""
+    heading, moved = trace.yaw[0], trace.base_position_xyz - trace.base_position_xyz[0]
+    cosine, sine = np.cos(heading), np.sin(heading)
+    yield "the position", moved @ np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
+    yield "the heading", np.unwrap(trace.yaw)[:, None] - heading
+    yield from (
+        (f"joint {name}", column[:, None])
+        for name, column in zip(trace.joint_names, trace.joint_position.T, strict=True)
+    )
+
+
+def with_confidence(
+    loaded: LoadedScenario, outcome: Outcome, runs: Mapping[str, Outcome], measurements: Sequence[Measurement] = ()
+) -> Outcome:
     """Return the outcome of a run with the confidence of its verdicts; `runs`: change -> outcome of its repetition."""
     repetitions = tuple(_repetition(cause, run) for cause, run in runs.items())
     outcome = outcome.model_copy(
         update={
             "repetitions": repetitions,
+            "measurements": (*outcome.measurements, *measurements),
             "wall_time": outcome.wall_time + sum(run.wall_time for run in runs.values()),
             "notes": (
                 *outcome.notes,

@@ -219,10 +219,12 @@ class OutcomeAssembly:
             return turns[0]
         if not scenario.changes:
             return merge_repeats(run, turns, self._folder)
-        from sim_action.runner.numerical_confidence import with_confidence  # a usual run does without it
+        from sim_action.runner.numerical_confidence import divergence, with_confidence  # a usual run does without them
 
+        traces = [_trace(each, self._folder) for each in turns]
+        parted = divergence(traces[0], dict(zip(scenario.changes, traces[1:], strict=True)))
         _remove(self._folder, [each.model_copy(update={"replay": None}) for each in turns[1:]])
-        return with_confidence(run, turns[0], dict(zip(scenario.changes, turns[1:], strict=True)))
+        return with_confidence(run, turns[0], dict(zip(scenario.changes, turns[1:], strict=True)), parted)
 
 
 _CAUSES: Final = (

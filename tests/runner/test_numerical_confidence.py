@@ -16,10 +16,12 @@ from sim_action.core.errors import InvalidScenario, Location
 from sim_action.core.records import replace
 from sim_action.core.units import rate_divides
 from sim_action.results.outcome import Failure, Outcome
-from sim_action.runner.numerical_confidence import with_confidence, with_repetitions
+from sim_action.results.results_json import Results
+from sim_action.runner.numerical_confidence import divergence, with_confidence, with_repetitions
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.variations.gate import Gate, PlannedGate
+from sim_action.state.trace import COLUMNS, Trace
 from sim_action.state.verdict import Signal, Verdict
 from tests.integration.engines import on_every_engine
 from tests.outcomes import like, outcome
@@ -307,3 +309,70 @@ def test_a_fall_is_judged_as_its_converged_error_says(tmp_path: Path, engine: st
     several = [sim_action.run(path, report=False, jobs=jobs).runs for jobs in (1, 2)]
     assert [each.status for each in several[0]] == ["passed", "inconclusive", "inconclusive", "failed"]
     assert [each.expectations for each in several[0]] == [each.expectations for each in several[1]]
+
+
+TIME = np.arange(0, 10, 0.1)
+
+
+def motion(start: float = 0.0, drift: float = 0.0, joint: np.ndarray[Any, Any] | None = None) -> Trace:
+    """Return a circle of 1 m whose start is turned by an angle in rad and moved; `drift` in m/s, away from it."""
+    heading = start + TIME
+    columns = {name: np.zeros((len(TIME), 3)) for name in COLUMNS if name.startswith("base")}
+    columns["base_position_xyz"][:, 0] = np.sin(heading) - np.sin(start) + start + drift * TIME
+    columns["base_position_xyz"][:, 1] = np.cos(start) - np.cos(heading)
+    half = heading / 2
+    columns["base_orientation_xyzw"] = np.column_stack([0 * half, 0 * half, np.sin(half), np.cos(half)])
+    joints = {name: np.zeros((len(TIME), 1)) for name in COLUMNS if name.startswith("joint")}
+    joints["joint_position"] = (np.sin(TIME) if joint is None else joint)[:, None]
+    return Trace.of_columns(("j",), time=TIME, **columns, **joints)
+
+
+def test_only_motions_that_have_nothing_in_common_diverge() -> None:
+    ours, half = motion(), "half the step"
+    harmless = {
+        "the start turned by 1 deg": motion(1.0),  # seen from its start, it is the same
+        half: motion(drift=0.05, joint=np.sin(TIME) + 0.04 * TIME),
+        "MuJoCo": motion(joint=np.cos(TIME)),
+    }
+    assert divergence(ours, harmless) == ()
+    assert divergence(ours, {half: None}) == divergence(None, {half: ours}) == ()
+    jumps = motion(joint=np.where(TIME > 4, 9.0, np.sin(TIME)))
+    [parted] = divergence(ours, {**harmless, half: jumps, "the start moved by 1 mm": motion(drift=0.1)})
+    assert (parted.time, parted.measured) == pytest.approx((4.1, 5.0), abs=0.01)
+    assert parted.message == (
+        "chaotic, or at a tipping point: halving the step changes joint j by up to 500 % of its range; places and "
+        "times after 4.10 s are those of this run alone"
+    )
+
+
+PENDULUM = """
+name: pendulum
+robot: {{model: two.urdf, base: fixed, pose: {{z: 5}}, joints: {{a: {angle} deg, b: {angle} deg}}}}
+physics: {{settle: 0 s}}
+backend: {engine}
+confidence: numerical
+expect: [{{joint: {{name: a, at_most: 1000 rad}}}}]
+duration: 8 s
+time_limit: 8 s
+"""
+
+
+@pytest.mark.process
+@on_every_engine
+@pytest.mark.parametrize(("angle", "diverges"), [(90, True), (5, False)])
+def test_a_double_pendulum_is_chaotic_and_a_small_swing_is_not(
+    tmp_path: Path, engine: str, angle: int, *, diverges: bool
+) -> None:
+    pytest.importorskip(engine)
+    inertia = " ".join(f'{axes}="{0.01 * (axes[1] == axes[2])}"' for axes in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+    link = f'<inertial><origin xyz="0 0 -0.5"/><mass value="1"/><inertia {inertia}/></inertial>'
+    joint = '<joint name="{}" type="continuous"><parent link="{}"/><child link="{}"/>{}<axis xyz="0 1 0"/></joint>'
+    joints = joint.format("a", "base", "l", "") + joint.format("b", "l", "m", '<origin xyz="0 0 -1"/>')
+    links = "".join(f'<link name="{name}">{link}</link>' for name in ("base", "l", "m"))
+    (tmp_path / "two.urdf").write_text(f'<robot name="two">{links}{joints}</robot>')
+    path = tmp_path / "pendulum.sim.yml"
+    path.write_text(PENDULUM.format(engine=engine, angle=angle))
+    sim_action.run(path, report=False, output_dir=tmp_path / "results")
+    [ran] = Results.read(tmp_path / "results" / "results.json").outcomes
+    assert ran.status == "passed"
+    assert [each.name for each in ran.measurements] == ["divergence of the motion"] * diverges
