@@ -15,7 +15,7 @@ import io
 import os
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -32,7 +32,8 @@ from sim_action.results.written_files import JUNIT_FILE
 
 TRUE_OR_FALSE: Final = ("true", "false")
 ROSTEST_ACTION: Final = (
-    "a rostest has its own action, sim-action/sim-action/rostest@v0, with the inputs package, file and arguments"
+    "was removed: a rostest has its own action, sim-action/sim-action/rostest@v0, with the inputs package, file and "
+    "arguments"
 )
 
 
@@ -51,7 +52,7 @@ class Subcommand:
         switches: input -> the options for true and for false.
         required: inputs that must not be empty.
         single: inputs among the arguments with one line at most.
-        moved: input of earlier versions -> its replacement.
+        moved: input that means nothing -> the reason, and what to do.
     """
 
     arguments: tuple[str, ...]
@@ -86,8 +87,9 @@ class Subcommand:
     def _check(self, inputs: Mapping[str, str]) -> None:
         """Raise InputError for an input that was removed, is missing, or has too many lines."""
         for name, replacement in self.moved.items():
-            if inputs.get(name, "").strip():
-                raise InputError(f"the input {name} was removed: {replacement}")
+            value = inputs.get(name, "").strip()
+            if value and not (value == "false" and name in SUBCOMMANDS["run"].switches):
+                raise InputError(f"the input {name} {replacement}")
         for name in self.required:
             refuse_empty(name, inputs)
         for name in (*self.options, *self.single):
@@ -146,6 +148,24 @@ SUBCOMMANDS: Final = {
         },
         required=("package", "file", "allow-losses", "allow-scripts"),
         single=("package", "file"),
+    ),
+    "margins": Subcommand(
+        arguments=("scenario",),
+        lists={**_SELECTION, "packages": "--package", "pass-env": "--pass-env"},
+        options={
+            **_REPORTS,
+            "backend": "--backend",
+            "seed": "--seed",
+            "jobs": "--jobs",
+            "shard": "--shard",
+            "allow-scripts": "--allow-scripts",
+        },
+        switches={**_SWITCHES, "resume": ("--resume", "--no-resume")},
+        required=("allow-scripts",),
+        moved=dict.fromkeys(
+            ("repeat", "unexercised", "confidence", "against", "record", "fail-fast", "strict"),
+            "cannot be combined with margins; remove one of the two",
+        ),
     ),
     "prove": Subcommand(
         arguments=("scenario",),
@@ -292,6 +312,14 @@ def of_this_use(name: str, inputs: Mapping[str, str]) -> Mapping[str, str]:
     return {**inputs, "output-directory": folder, "junit-path": inputs["junit-path"] or f"{folder}/{JUNIT_FILE}"}
 
 
+def margin_options(factors: Sequence[str]) -> Iterator[str]:
+    """Yield an option for each line of the input margins: `all`, FACTOR, FACTOR=FROM:TO or FACTOR=AMOUNT."""
+    for line in factors:
+        if line != "all":
+            _, equals, value = line.partition("=")
+            yield f"--{'at-least' if equals and ':' not in value else 'factor'}={line}"
+
+
 def run(name: str, inputs: Mapping[str, str]) -> int:
     """The exit code. Raises InputError."""
     forgiving = "fail-on-failure" in inputs and one_of(TRUE_OR_FALSE, "fail-on-failure", inputs) == "false"
@@ -301,7 +329,11 @@ def run(name: str, inputs: Mapping[str, str]) -> int:
     # The call reports an invalid table of the project.
     with suppress(UsageError, OSError):
         inputs = of_this_use(name, inputs)
-    code = call([name, *subcommand.command_line(inputs)], subcommand.names)
+    words = [name, *subcommand.command_line(inputs)]
+    if factors := lines(inputs.get("margins", "")) if name == "run" else []:
+        subcommand = SUBCOMMANDS["margins"]
+        words = ["margins", *margin_options(factors), *subcommand.command_line(inputs)]
+    code = call(words, subcommand.names)
     return ExitCode.PASSED if forgiving and code == ExitCode.FAILED else code
 
 

@@ -1,7 +1,7 @@
 """YAML text -> Scenario -> Simulation(Engine, Commands, Monitors) -> Trace + Verdicts -> Outcome -> Reports.
 
-The names exported here are for programs, and for code that scenarios name. A program calls `run`, `load` and
-`validate`, and may build a `Scenario` of the parts in `sim_action.parts`; the errors are in `sim_action.errors`. A
+The names exported here are for programs, and for code that scenarios name. A program calls `run`, `margins`, `load`
+and `validate`, and may build a `Scenario` of the parts in `sim_action.parts`; the errors are in `sim_action.errors`. A
 controller is given a `RobotDescription` and an `Observation`, and may return a `Twist`, `JointTargets` or a
 `LinkWrench`; an assertion is given a `Trace` and returns a `Verdict`. All are imported at first use, so that
 `sim-action --help` does not wait for them.
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sim_action.app.library import load as load
+    from sim_action.app.library import margins as margins
     from sim_action.app.library import run as run
     from sim_action.app.library import validate as validate
     from sim_action.app.library_results import GateOutcome as GateOutcome
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
     from sim_action.state.verdict import Verdict as Verdict
 
 _HOMES = {
-    "sim_action.app.library": ("load", "run", "validate"),
+    "sim_action.app.library": ("load", "margins", "run", "validate"),
     "sim_action.app.library_results": ("GateOutcome", "Outcome", "Results"),
     "sim_action.commands.robot_description": ("JointDescription", "RobotDescription"),
     "sim_action.core.geometry": ("Pose", "Twist"),

@@ -9,14 +9,15 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from numbers import Integral
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final, get_args
+from typing import Final, TypeVar, get_args
 
 from sim_action.app.library_results import Results, RunFolder
+from sim_action.app.margins import MARGINS_FOLDER, MarginsRequest, find_margins
 from sim_action.app.run import FinishedRun, RunRequest, refuse_invalid, run_scenarios
 from sim_action.core.errors import InvalidScenario, Location, UsageError
 from sim_action.core.permissions import AllowScripts, Permissions, checked_names, package_folders, scripts_refused
@@ -24,10 +25,12 @@ from sim_action.core.process import Interruption, usable_cores
 from sim_action.core.records import replace
 from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import current_folder
-from sim_action.engines import EngineOrAll
+from sim_action.engines import ENGINES, EngineName, EngineOrAll
 from sim_action.recording.export import wanted_formats
 from sim_action.reports import ReportRequest
-from sim_action.results.events import Event
+from sim_action.results.events import Event, Listener
+from sim_action.results.factor_margins import ScenarioMargins
+from sim_action.runner.margin_search import FactorRequest
 from sim_action.runner.run_plan import PlanRequest
 from sim_action.scenario.loading import load_all
 from sim_action.scenario.model import ConfidenceKind, Unexercised
@@ -39,12 +42,14 @@ _ARGUMENTS: Final = MappingProxyType(
     {
         "--allow-outside": "allow_outside",
         "--allow-scripts": "allow_scripts",
+        "--at-least": "at_least",
         "--backend": "backend",
         "--cluster": "cluster",
         "--confidence": "confidence",
         "--exclude": "exclude",
         "--exclude-tag": "exclude_tags",
         "--fail-fast": "fail_fast",
+        "--factor": "factors",
         "--jobs": "jobs",
         "--only": "only",
         "--output-dir": "output_dir",
@@ -89,6 +94,8 @@ _CALL: Final = Location("sim_action")
 """The place of a problem with a path: that of a file which does not exist is the call."""
 
 _MAX_REPEATS: Final = 1000
+
+_Answer = TypeVar("_Answer")
 
 _SILENCED: Final = frozenset({"terminal", "annotations", "summary", "outputs"})
 """Reports that are for the command line only."""
@@ -222,11 +229,8 @@ def run(
         ("confidence", confidence, (None, *get_args(ConfidenceKind))),
         ("allow_scripts", allow_scripts, get_args(AllowScripts)),
     ):
-        if value not in allowed:
-            raise UsageError(f"{argument}: expected {' or '.join(map(repr, allowed))}, found {value!r}")
-    seed, jobs = _whole("seed", seed), _whole("jobs", jobs)
-    if jobs is not None and jobs < 1:
-        raise UsageError(f"jobs: at least one scenario runs at a time, found {jobs}")
+        _refuse_others(argument, value, allowed)
+    seed, jobs = _whole("seed", seed), _jobs(jobs)
     repeat = _whole("repeat", repeat) or 0
     if not 1 <= repeat <= _MAX_REPEATS:
         raise UsageError(f"repeat: a scenario runs 1 to {_MAX_REPEATS} times, found {repeat}")
@@ -251,25 +255,84 @@ def run(
     request = RunRequest(
         PlanRequest(suite, permissions, None, backend, seed, unexercised, strict, confidence),
         reports,
-        jobs or usable_cores(),
+        jobs,
         fail_fast,
         wanted_formats(_texts(record)),
         repeat,
         valid_only=True,
         cluster=cluster,
     )
-    finished = _finished(request, on_event or _ignore)
+    finished = _beside(_run_here, request, on_event or _ignore)
     return Results(finished.results, finished.exit_code, folder)
 
 
-def _finished(request: RunRequest, listen: Callable[[Event], None]) -> FinishedRun:
+@naming_arguments()
+def margins(
+    scenarios: Scenarios = ".",
+    *,
+    factors: Iterable[str] = (),
+    at_least: Iterable[str] = (),
+    runs: int = 20,
+    backend: EngineName | None = None,
+    jobs: int | None = None,
+    seed: int | None = None,
+    output_dir: str | os.PathLike[str] | None = None,
+    allow_scripts: AllowScripts = "auto",
+    allow_outside: bool = False,
+    packages: Mapping[str, str] | None = None,
+) -> tuple[ScenarioMargins, ...]:
+    """Find how far each factor of scenarios can move before they fail, and return their margins.
+
+    Args:
+        scenarios: paths and scenarios; one that is not valid has no margins, and the reason.
+        factors: those to vary, such as "friction", "latency=0 s:2 s"; empty: those of `at_least`, else all.
+        at_least: the distances that must be left, such as "friction=20%"; see `ScenarioMargins.is_kept`.
+        runs: the largest number of runs for each factor.
+        backend: the physics engine for all of them; None: as each scenario says.
+        jobs: how many runs there are at the same time; None: one for each core.
+        seed: the random seed for all of them; None: as each scenario says.
+        output_dir: the folder below which `margins` has the reports; None: they do not stay.
+        allow_scripts: as of `run`.
+        allow_outside: True if files may be outside the workspace.
+        packages: name of a ROS package -> its folder.
+
+    Raises UsageError for arguments that cannot be followed, KeyboardInterrupt after Ctrl-C.
+    """
+    _refuse_others("backend", backend, (None, *ENGINES))
+    _refuse_others("allow_scripts", allow_scripts, get_args(AllowScripts))
+    suite = _suite(scenarios, outside=allow_outside)
+    refused = scripts_refused(allow_scripts, os.environ, _folders_of(current_folder(), suite))
+    permissions = Permissions(allow_outside, scripts_refused=refused, packages=package_folders(packages or {}))
+    folder = RunFolder(output_dir)
+    request = MarginsRequest(
+        PlanRequest(suite, permissions, None, backend, _whole("seed", seed)),
+        ReportRequest(
+            folder.path / MARGINS_FOLDER, junit=None, junit_strict=False, verbosity="quiet", silenced=_SILENCED
+        ),
+        _jobs(jobs),
+        FactorRequest.parsed(_texts(factors), _texts(at_least)),
+        _whole("runs", runs) or 0,
+    )
+    return _beside(_margins_here, request, _ignore)
+
+
+def _margins_here(request: MarginsRequest, *, emit: Callable[[Event], None]) -> tuple[ScenarioMargins, ...]:
+    del emit
+    with Interruption() as interruption:
+        found, _ = find_margins(request, interruption)
+    if interruption.happened:
+        raise KeyboardInterrupt
+    return found.scenarios
+
+
+def _beside(function: Callable[..., _Answer], request: RunRequest | MarginsRequest, listen: Listener) -> _Answer:
     """Run scenarios in a process that may fork: this one may have threads, and settings of its own."""
     if sys.platform == "linux":
         from sim_action.runner.warm_process import call_beside  # this module has no such function elsewhere
 
-        finished: FinishedRun = call_beside(_run_here, (request,), listen)
-        return finished
-    return _run_here(request, emit=listen)
+        answer: _Answer = call_beside(function, (request,), listen)
+        return answer
+    return function(request, emit=listen)
 
 
 def _run_here(request: RunRequest, *, emit: Callable[[Event], None]) -> FinishedRun:
@@ -303,6 +366,18 @@ def _selection(
     only: Iterable[str], exclude: Iterable[str], tags: Iterable[str], exclude_tags: Iterable[str]
 ) -> Selection:
     return Selection(*map(_texts, (only, exclude, tags, exclude_tags)))
+
+
+def _refuse_others(argument: str, value: object, allowed: Sequence[object]) -> None:
+    if value not in allowed:
+        raise UsageError(f"{argument}: expected {' or '.join(map(repr, allowed))}, found {value!r}")
+
+
+def _jobs(value: int | None) -> int:
+    jobs = _whole("jobs", value)
+    if jobs is not None and jobs < 1:
+        raise UsageError(f"jobs: at least one scenario runs at a time, found {jobs}")
+    return jobs or usable_cores()
 
 
 def _whole(argument: str, value: object) -> int | None:

@@ -2,31 +2,34 @@
 
 from __future__ import annotations
 
-import platform
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.files import whole_file
 from sim_action.core.process import Interruption
-from sim_action.core.provenance import platform_name
 from sim_action.core.records import dataclass, replace
 from sim_action.core.version import __version__
-from sim_action.core.wording import counted, escaped_line, note, system_reason
+from sim_action.core.wording import counted, escaped_line, note, system_reason, warn
 from sim_action.reports import ReportOptions, ReportRequest
 from sim_action.reports.progress import ProgressListener
-from sim_action.reports.writing import open_reports, write_reports
+from sim_action.reports.writing import open_reports, remove_earlier, write_reports
+from sim_action.results.events import Event, Finished, RunEnded
 from sim_action.results.factor_margins import MARGINS_FILE, Margin, Margins, ScenarioMargins
-from sim_action.results.outcome import Failure, Outcome
-from sim_action.results.results_json import Results
-from sim_action.runner.margin_search import FactorRequest, Search, Trial, trial
+from sim_action.results.journal import JOURNAL_FILE, Header, Journal
+from sim_action.results.outcome import Outcome
+from sim_action.runner.margin_search import FACTORS, FactorRequest, Search, Trial, trial
 from sim_action.runner.mutation.judgement import stored
 from sim_action.runner.mutation.mutant import Original
 from sim_action.runner.mutation.planning import first_runs
+from sim_action.runner.outcome_assembly import planned_outcomes
 from sim_action.runner.process_pool import Pool, PoolOptions
+from sim_action.runner.run_keys import RunKeys, RunOptions, trusted_journal
 from sim_action.runner.run_plan import PlanRequest, plan_runs
 from sim_action.runner.runs import Runs
 from sim_action.scenario.loading import Libraries
@@ -45,6 +48,7 @@ class MarginsRequest:
         factors: those to vary; empty: all that apply.
         runs: the largest number of runs for each factor.
         budget: the largest number of runs in all; None: any.
+        resume: True to take over runs of the earlier call in the output folder.
     """
 
     plan: PlanRequest
@@ -53,81 +57,107 @@ class MarginsRequest:
     factors: tuple[FactorRequest, ...] = ()
     runs: int = 20
     budget: int | None = None
+    resume: bool = False
 
 
-def find_margins(request: MarginsRequest, interruption: Interruption) -> ExitCode:
-    """Find the margins of all scenarios, write the reports and return the exit code. Raise UsageError."""
+def find_margins(request: MarginsRequest, interruption: Interruption) -> tuple[Margins, ExitCode]:
+    """Find the margins of all scenarios, and write the reports. Raise UsageError."""
     with (
-        open_reports(request.reports) as options,
+        closing(_keys(request)) as keys,
+        open_reports(request.reports, keeps_earlier=request.resume) as options,
         tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as folder,
     ):
-        return _Call(request, options, Path(folder), interruption).exit_code()
+        return _Call(request, options, Path(folder), interruption, keys).margins()
+
+
+def _keys(request: MarginsRequest) -> RunKeys:
+    outputs = [path for path in (request.reports.folder, request.reports.junit) if path is not None]
+    return RunKeys(request.plan.suite.files, RunOptions(request.plan.permissions, replays=False), outputs)
 
 
 class _Call:
-    """One call; `folder` holds the files of the runs that are no reports. Raise UsageError."""
+    """One call; `folder` holds the files of the runs that are no reports. Raise UsageError.
+
+    Each scenario has a place in the results and in the journal. Its nominal run and its trials are turns there.
+    """
 
     def __init__(
-        self, request: MarginsRequest, options: ReportOptions, folder: Path, interruption: Interruption
+        self, request: MarginsRequest, options: ReportOptions, folder: Path, interruption: Interruption, keys: RunKeys
     ) -> None:
         self._request, self._options, self._folder, self._interruption = request, options, folder, interruption
-        self._started = time.monotonic()
-        self._libraries = Libraries()
-        self._runs = 0
+        self._keys, self._libraries = keys, Libraries()
+        self._turns: Counter[int] = Counter()
+        self._taken = 0
+        plan = plan_runs(request.plan)
+        self._firsts = [
+            each if isinstance(each, Refused) else replace(each, mutation=None) for each in first_runs(plan.plans)
+        ]
+        self._of_patterns = [*map(Outcome.of_nothing, plan.empty), *map(Outcome.of_unmatched, plan.unmatched)]
+        planned = planned_outcomes(
+            [each if isinstance(each, Refused) else (each,) for each in self._firsts], self._of_patterns
+        )
+        self._names = [each.name for each in planned]
+        self._earlier = self._resumed() if request.resume else {}
+        header = Header.of_call(planned, (*options.files, MARGINS_FILE), plan.shard)
+        options.room.reserve(len(planned))
+        self._journal = Journal(options.folder, header, warn, time.monotonic(), make_room=options.room.make)
         # The factors of the command line that no run has.
         self._absent = set(request.factors)
 
-    def exit_code(self) -> ExitCode:
-        plan = plan_runs(self._request.plan)
-        firsts = list(first_runs(plan.plans))
-        loaded = [replace(each, mutation=None) for each in firsts if not isinstance(each, Refused)]
+    def _resumed(self) -> dict[str, Outcome]:
+        """Return the runs of the earlier call, by their keys, and remove its other files."""
+        try:
+            records = trusted_journal(self._options.folder).records
+        except UsageError as error:
+            note(f"--resume: {error}")
+            records = []
+        remove_earlier(self._request.reports, {JOURNAL_FILE})
+        return {record.key: record.outcome for record in records if record.key and record.outcome is not None}
+
+    def margins(self) -> tuple[Margins, ExitCode]:
+        """Run everything, and write the reports."""
+        loaded = [(place, each) for place, each in enumerate(self._firsts) if not isinstance(each, Refused)]
         nominal = iter(self._outcomes(loaded))
-        outcomes = [Outcome.of_refused(each) if isinstance(each, Refused) else next(nominal) for each in firsts]
-        originals = list(self._originals(firsts, outcomes))
-        searches = [list(self._searches(original)) for original in originals]
+        outcomes = [Outcome.of_refused(each) if isinstance(each, Refused) else next(nominal) for each in self._firsts]
+        originals = dict(self._originals(outcomes))
+        searches = {place: list(self._searches(original)) for place, original in originals.items()}
         if originals and self._absent:
             names = ", ".join(sorted(request.name for request in self._absent))
             raise UsageError(f"no scenario that passes has the factor {names}; name another one")
-        self._announce([search for several in searches for search in several])
+        self._announce([search for several in searches.values() for search in several])
         self._search(originals, searches)
-        if self._interruption.happened:
-            # A search that has not ended knows no margin; a scenario that failed before stays failed.
-            outcomes = [_without_margins(outcome) for outcome in outcomes]
-            originals = []
-            searches = []
-        by_outcome = {
-            id(original.outcome): tuple(
-                margin for search in several for margin in search.margins(original.outcome.digest)
-            )
-            for original, several in zip(originals, searches, strict=True)
-        }
-        scenarios = tuple(_margins(outcome, by_outcome.get(id(outcome))) for outcome in outcomes)
-        shown = []
-        for scenario, outcome in zip(scenarios, outcomes, strict=True):
+        if self._taken:
+            note(f"--resume: {counted(self._taken, 'run')} of {sum(self._turns.values())} taken over")
+        scenarios = []
+        for place, outcome in enumerate(outcomes):
+            several = None
+            if place in originals and self._interruption.happened:
+                # A search that has not ended knows no margin; a scenario that failed before stays failed.
+                reason = "the call was interrupted before the margins were known"
+                scenarios.append(_margins(outcome, ()).model_copy(update={"reason": reason}))
+                continue
+            if place in originals:
+                several = tuple(each for search in searches[place] for each in search.margins(outcome.digest))
+            scenario = _margins(outcome, several)
             if scenario.reason and outcome.status != "error":  # reports show the error itself
                 note(f"{scenario.name}: {scenario.reason}")
-            shown.append(scenario.shown_by(outcome))
-        shown += [*map(Outcome.of_nothing, plan.empty), *map(Outcome.of_unmatched, plan.unmatched)]
-        self._write(Margins(sim_action=__version__, runs=self._runs, scenarios=scenarios))
-        results = Results(
-            sim_action=__version__,
-            python=platform.python_version(),
-            platform=platform_name(),
-            wall_time=time.monotonic() - self._started,
-            shard=plan.shard,
-            outcomes=tuple(shown),
-        )
-        return write_reports(results, self._options)
+            self._journal(Finished(place, scenario.shown_by(outcome)))
+            scenarios.append(scenario)
+        for place, outcome in enumerate(self._of_patterns, start=len(self._firsts)):
+            self._journal(Finished(place, outcome))
+        found = Margins(sim_action=__version__, runs=sum(self._turns.values()), scenarios=tuple(scenarios))
+        self._write(found)
+        return found, write_reports(self._journal.close(), self._options)
 
-    def _originals(self, firsts: Sequence[LoadedScenario | Refused], outcomes: Sequence[Outcome]) -> Iterator[Original]:
-        """Yield the runs that passed."""
-        for each, outcome in zip(firsts, outcomes, strict=True):
+    def _originals(self, outcomes: Sequence[Outcome]) -> Iterator[tuple[int, Original]]:
+        """Yield the runs that passed, with their places."""
+        for place, (each, outcome) in enumerate(zip(self._firsts, outcomes, strict=True)):
             trace = stored(outcome, self._folder) if outcome.status == "passed" else None
             if trace is not None and not isinstance(each, Refused):
-                yield Original(each, outcome, trace)
+                yield place, Original(each, outcome, trace)
 
     def _searches(self, original: Original) -> Iterator[Search]:
-        for request in self._request.factors or FactorRequest.of_all():
+        for request in self._request.factors or map(FactorRequest, FACTORS):
             factors = request.factors(original)
             self._absent.difference_update([request] if factors else [])
             yield from (Search(factor, request.least(factor), self._request.runs) for factor in factors)
@@ -144,32 +174,62 @@ class _Call:
         if self._request.reports.verbosity != "quiet":
             note(f"{counted(len(searches), 'factor')}, at most {counted(most, 'run')}")
 
-    def _search(self, originals: Sequence[Original], searches: Sequence[Sequence[Search]]) -> None:
+    def _search(self, originals: Mapping[int, Original], searches: Mapping[int, Sequence[Search]]) -> None:
         """Run the values of all factors, in rounds: what runs next depends on the results of a round alone."""
-        groups = zip(originals, searches, strict=True)
-        pairs = [(original, search) for original, several in groups for search in several]
-        while wanted := [(original, side, value) for original, search in pairs for side, value in search.wanted()]:
-            trials: list[Trial] = []
-            for original, side, value in wanted:
-                one = trial(original, side.factor, value, self._request.plan.permissions, self._libraries)
+        pairs = [(place, search) for place, several in searches.items() for search in several]
+        while wanted := [(place, side, value) for place, search in pairs for side, value in search.wanted()]:
+            trials: list[tuple[int, Trial]] = []
+            for place, side, value in wanted:
+                one = trial(originals[place], side.factor, value, self._request.plan.permissions, self._libraries)
                 side.trials.append(one)
-                trials.append(one)
-            valid = [(one, one.loaded) for one in trials if one.loaded is not None]
-            outcomes = self._outcomes([loaded for _, loaded in valid])
+                trials.append((place, one))
+            valid = [(place, one, one.loaded) for place, one in trials if one.loaded is not None]
+            outcomes = self._outcomes([(place, loaded) for place, _, loaded in valid])
             if self._interruption.happened:
                 return
-            for (one, _), outcome in zip(valid, outcomes, strict=True):
+            for (_, one, _), outcome in zip(valid, outcomes, strict=True):
                 one.take(outcome)
 
-    def _outcomes(self, scenarios: Sequence[LoadedScenario]) -> list[Outcome]:
-        if not scenarios:
-            return []
-        self._runs += len(scenarios)
-        listener = ProgressListener(len(scenarios), self._request.reports.verbosity)
-        runs = Runs(scenarios, self._folder)
-        outcomes = Pool(runs, listener, self._interruption, PoolOptions(self._request.jobs)).outcomes()
-        listener.close()
-        return outcomes
+    def _outcomes(self, scenarios: Sequence[tuple[int, LoadedScenario]]) -> list[Outcome]:
+        """Run scenarios, each with its place, or take over their outcomes; those without a factor run always."""
+        outcomes: dict[int, Outcome] = {}
+        if self._earlier and self._turns:
+            keys = [self._keys.of(loaded) for _, loaded in scenarios]
+            outcomes = {index: self._earlier[key] for index, key in enumerate(keys) if key in self._earlier}
+            for index, outcome in outcomes.items():
+                place = scenarios[index][0]
+                self._turns[place] += 1
+                self._record(RunEnded(place, self._turns[place], outcome, keys[index]))
+            self._taken += len(outcomes)
+        left = [index for index in range(len(scenarios)) if index not in outcomes]
+        if left:
+            turns = []
+            for index in left:
+                turns.append(self._turns[scenarios[index][0]])
+                self._turns[scenarios[index][0]] += 1
+            progress = ProgressListener(len(left), self._request.reports.verbosity)
+
+            def emit(event: Event) -> None:
+                self._record(event)
+                progress(event)
+
+            places, runs = [scenarios[index][0] for index in left], [scenarios[index][1] for index in left]
+            pool = Pool(
+                Runs(runs, self._folder, places=places, turns=turns),
+                emit,
+                self._interruption,
+                PoolOptions(self._request.jobs, self._keys),
+            )
+            outcomes |= zip(left, pool.outcomes(self._keys.prepare), strict=True)
+            progress.close()
+        return [outcomes[index] for index in range(len(scenarios))]
+
+    def _record(self, event: Event) -> None:
+        """Write an event into the journal; all runs with one place have one name there, and their files do not stay."""
+        if isinstance(event, RunEnded):
+            changed = {"name": self._names[event.place], "trace": None, "replay": None}
+            event = replace(event, outcome=event.outcome.model_copy(update=changed), is_one_of_several=True)
+        self._journal(event)
 
     def _write(self, margins: Margins) -> None:
         path = self._options.folder / MARGINS_FILE
@@ -178,15 +238,6 @@ class _Call:
                 file.write((margins.model_dump_json(indent=2) + "\n").encode("utf-8", "backslashreplace"))
         except OSError as error:
             raise UsageError(escaped_line(f"{path} cannot be written: {system_reason(error)}")) from None
-
-
-def _without_margins(outcome: Outcome) -> Outcome:
-    """Return the outcome of a scenario whose margins are not known, because the call was interrupted."""
-    if outcome.status != "passed":
-        return outcome
-    message = "the call was interrupted before the margins were known; the scenario passes with its nominal values"
-    failure = Failure(kind="interrupted", title="interrupted", message=message)
-    return outcome.model_copy(update={"status": "error", "failures": (failure,), "expectations": ()})
 
 
 def _margins(outcome: Outcome, margins: Sequence[Margin] | None) -> ScenarioMargins:

@@ -29,8 +29,6 @@ from sim_action.core.records import replace
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sim_action.runner.margin_search import FactorRequest
-
 
 @click.command()
 @PATHS
@@ -66,6 +64,12 @@ if TYPE_CHECKING:
     metavar="N",
     help="Vary nothing if there may be more than N runs.  [default: any number]",
 )
+@click.option(
+    "--resume/--no-resume",
+    default=False,
+    help="Continue the earlier search in the output folder: take over each run that nothing has changed for.  "
+    "[default: no]",
+)
 @click.option("--shard", callback=not_empty, metavar="I/N", help="Only part I of N of the scenarios, such as 1/4.")
 @ENGINE_OPTION
 @SEED_OPTION
@@ -81,6 +85,7 @@ def margins(
     at_least: tuple[str, ...],
     runs: int,
     budget: int | None,
+    resume: bool,
     shard: str | None,
     backend: str | None,
     seed: int | None,
@@ -100,9 +105,10 @@ def margins(
 
     with Interruption() as interruption:
         from sim_action.app.margins import MARGINS_FOLDER, MarginsRequest, find_margins
+        from sim_action.runner.margin_search import FactorRequest
         from sim_action.runner.run_plan import PlanRequest
 
-        requests = _requests(factors, at_least)
+        requests = FactorRequest.parsed(factors, at_least)
         suite = discovered(paths, flags, outside=allow_outside)
         allowed = code_permissions(flags, {path.parent: None for path in suite.files})
         permissions = replace(allowed, outside=allow_outside, packages=named_packages(packages))
@@ -114,45 +120,6 @@ def margins(
             requests,
             runs,
             budget,
+            resume,
         )
-        return find_margins(request, interruption)
-
-
-def _requests(factors: Sequence[str], at_least: Sequence[str]) -> tuple[FactorRequest, ...]:
-    """Return the factors that the options name. Raise BadParameter."""
-    from sim_action.runner.margin_search import FactorRequest
-
-    requests: dict[str, FactorRequest] = {}
-    for text in factors:
-        name, equals, bounds = text.partition("=")
-        requests[name] = FactorRequest(name)
-        if equals:
-            texts = bounds.split(":")
-            if len(texts) != 2:
-                raise click.BadParameter(f"expected KEY=FROM:TO, found '{text}'", param_hint="'--factor'")
-            (low, unit), (high, other) = (_number(each, "--factor") for each in texts)
-            if unit != other:
-                raise click.BadParameter(f"both ends need the same unit: '{text}'", param_hint="'--factor'")
-            requests[name] = FactorRequest(name, (low, high), unit=unit)
-    for text in at_least:
-        name, _, amount = text.partition("=")
-        number, unit = _number(amount.strip().removesuffix("%"), "--at-least")
-        if not number > 0:
-            message = f"expected FACTOR=AMOUNT, such as friction=20%, found '{text}'"
-            raise click.BadParameter(message, param_hint="'--at-least'")
-        request = requests.get(name, FactorRequest(name))
-        if amount.rstrip().endswith("%"):
-            requests[name] = replace(request, share=number / 100)
-        else:
-            requests[name] = replace(request, distance=number, unit=request.unit or unit)
-    return tuple(requests.values())
-
-
-def _number(text: str, option: str) -> tuple[float, str]:
-    """Return a number in SI units, and the unit. Raise BadParameter."""
-    from sim_action.core import units
-
-    try:
-        return units.with_si_unit(text.strip())
-    except units.UnitError as error:
-        raise click.BadParameter(str(error), param_hint=f"'{option}'") from None
+        return find_margins(request, interruption)[1]

@@ -12,13 +12,27 @@ from sim_action.core.provenance import Provenance
 from sim_action.core.wording import counted, shortened
 from sim_action.reports.escaping import one_line
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
-from sim_action.results.outcome import ExpectationOutcome, Outcome, Spread, Status
+from sim_action.results.outcome import ExpectationOutcome, Measurement, Outcome, Spread, Status
 from sim_action.results.results_json import Results, Shard
 from sim_action.state.timeline import TimeMark
 from sim_action.state.verdict import Verdict
 
 _COUNTED: Final[tuple[Status, ...]] = ("passed", "failed", "flaky", "inconclusive", "not_exercised", "error", "skipped")
 """All statuses of a scenario, in the order of the counts."""
+
+
+_BAR: Final = 20
+
+
+def measured_text(measurement: Measurement) -> tuple[str, str]:
+    """Return the bar of a measurement, as of a tornado chart, and its message; the bar is empty if there is none."""
+    if measurement.left is None:
+        return "", measurement.message
+    below, above = (
+        "·" * _BAR if left is None else "█" * round(_BAR * left) + "░" * (_BAR - round(_BAR * left))
+        for left in measurement.left
+    )
+    return f"{below[::-1]}│{above}", measurement.message
 
 
 def user_output(outcome: Outcome) -> str:

@@ -27,7 +27,14 @@ from sim_action.core.errors import Location
 from sim_action.core.files import whole_file
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line, plain_text
-from sim_action.reports.formatting import judged_text, measurements, spread_texts, timeline_text, user_output
+from sim_action.reports.formatting import (
+    judged_text,
+    measured_text,
+    measurements,
+    spread_texts,
+    timeline_text,
+    user_output,
+)
 from sim_action.reports.links import file_and_line, relative_path, stored_trace
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
@@ -313,7 +320,7 @@ def _add_output(outcome: Outcome, cases: list[ET.Element]) -> None:
     for warning in outcome.warnings:
         add_line(case, "system-out", f"warning: {warning.location}: {warning}")
     for measured in outcome.measurements:
-        add_line(case, "system-out", f"{INFORMATION.word}: {measured.message}")
+        add_line(case, "system-out", f"{INFORMATION.word}: {' '.join(measured_text(measured)).strip()}")
     for note in (*outcome.model_notes, *outcome.notes):
         add_line(case, "system-out", f"note: {note}")
     add_line(case, "system-out", user_output(outcome))

@@ -13,6 +13,7 @@ from sim_action.reports.console import Console, open_console
 from sim_action.reports.escaping import plain_text
 from sim_action.reports.formatting import (
     counts_text,
+    measured_text,
     repeats_text,
     run_facts,
     shard_text,
@@ -151,7 +152,9 @@ class _Printer:
         shown = [each for each in outcome.causes_first if not is_quiet or each in outcome.causes]
         self._table(expectation_rows(outcome, shown))
         if not is_quiet:
-            self._table([Row("information", each.name, each.message) for each in outcome.measurements])
+            self._table(
+                [Row("information", each.name, " ".join(measured_text(each)).strip()) for each in outcome.measurements]
+            )
         for failure in outcome.failures:
             self._failure(failure)
         if not is_quiet and (happened := timeline_text(outcome)):

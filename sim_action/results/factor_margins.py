@@ -20,7 +20,6 @@ MARGIN: Final = "margin"
 MARGINS_FILE: Final = "margins.json"
 
 _MAX_REASON: Final = 300
-_BAR: Final = 20
 
 
 class Margin(FrozenModel):
@@ -170,22 +169,22 @@ class ScenarioMargins(FrozenModel):
 
 def _bar(name: str, sides: list[Margin]) -> tuple[float, Measurement]:
     """Return the least part of a range that is left, and the bar of a factor: both of its directions."""
-    by_side = {margin.direction: margin for margin in sides}
-    drawn, ends = [], []
-    for direction in ("down", "up"):
-        margin = by_side.get(direction)
-        full = 0 if margin is None else round(_BAR * margin.share)
-        part = "█" * full + "░" * (0 if margin is None else _BAR - full)
-        part = part.ljust(_BAR, "·")
-        drawn.append(part[::-1] if direction == "down" else part)
-        if margin is not None:
-            edge = margin.end if margin.threshold is None else margin.threshold
-            ends.append(
-                f"{'passes up to' if margin.threshold is None else 'fails at'} {units.display(edge, margin.unit)}"
-            )
+    shares = {margin.direction: min(1.0, margin.share) for margin in sides}
+    ends = (
+        f"passes up to {units.display(margin.end, margin.unit)}"
+        if margin.threshold is None
+        else f"fails at {units.display(margin.threshold, margin.unit)}"
+        + (f" ({margin.expectation})" if margin.expectation else "")
+        for margin in sides
+    )
     least = min(sides, key=lambda margin: margin.share)
-    message = f"{'│'.join(drawn)} {name}: {', '.join(ends)}"
-    return least.share, Measurement(name=f"margin of {name}", measured=least.distance, unit=least.unit, message=message)
+    return least.share, Measurement(
+        name=f"margin of {name}",
+        measured=least.distance,
+        unit=least.unit,
+        message=f"{name}: {', '.join(ends)}",
+        left=(shares.get("down"), shares.get("up")),
+    )
 
 
 class Margins(FrozenModel):

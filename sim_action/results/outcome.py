@@ -314,6 +314,8 @@ class Measurement(FrozenModel):
         measured: the value in `unit`, an SI symbol.
         time: the sim time in s at which it was measured.
         message: one sentence for people.
+        left: of the margins of a factor: the parts of its range, 0 to 1, that are left below and above its value; None:
+            there is no such side.
     """
 
     name: str
@@ -321,6 +323,7 @@ class Measurement(FrozenModel):
     unit: str = ""
     time: float | None = None
     message: str = ""
+    left: tuple[Share | None, Share | None] | None = None
 
 
 _WORSE: Final[tuple[Status, ...]] = ("failed", "inconclusive", "not_exercised")

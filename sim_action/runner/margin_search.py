@@ -286,9 +286,31 @@ class FactorRequest:
         return self.share is not None or self.distance is not None
 
     @classmethod
-    def of_all(cls) -> list[FactorRequest]:
-        """Return a request for all factors that apply."""
-        return [cls(name) for name in FACTORS]
+    def parsed(cls, factors: Iterable[str], at_least: Iterable[str]) -> tuple[FactorRequest, ...]:
+        """Return the requests in texts such as "latency=0 s:2 s" and "friction=20%". Raise UsageError."""
+        requests: dict[str, FactorRequest] = {}
+        for text in factors:
+            name, equals, bounds = text.partition("=")
+            requests[name] = cls(name)
+            if equals:
+                low, colon, high = bounds.partition(":")
+                if not colon or ":" in high:
+                    raise UsageError(f"--factor: expected KEY=FROM:TO, found '{text}'")
+                (first, unit), (last, other) = _number(low, "--factor"), _number(high, "--factor")
+                if unit != other:
+                    raise UsageError(f"--factor: both ends need the same unit: '{text}'")
+                requests[name] = cls(name, (first, last), unit=unit)
+        for text in at_least:
+            name, _, amount = text.partition("=")
+            number, unit = _number(amount.strip().removesuffix("%"), "--at-least")
+            if not number > 0:
+                raise UsageError(f"--at-least: expected FACTOR=AMOUNT, such as friction=20%, found '{text}'")
+            request = requests.get(name, cls(name))
+            if amount.rstrip().endswith("%"):
+                requests[name] = replace(request, share=number / 100)
+            else:
+                requests[name] = replace(request, distance=number, unit=request.unit or unit)
+        return tuple(requests.values())
 
     def least(self, factor: Factor) -> float | None:
         """Return the distance from the nominal value that must be left. Raise UsageError."""
@@ -324,6 +346,14 @@ class FactorRequest:
         if self.bounds is None:
             raise UsageError(f"{self.name}: a key needs a range, such as --factor {self.name}=FROM:TO")
         return Factor(self.name, unit or self.unit, nominal, nominal, nominal, _placed(path))
+
+
+def _number(text: str, option: str) -> tuple[float, str]:
+    """Return a number in SI units, and the unit. Raise UsageError."""
+    try:
+        return units.with_si_unit(text.strip())
+    except units.UnitError as error:
+        raise UsageError(f"{option}: {error}") from None
 
 
 def trial(original: Original, factor: Factor, value: float, permissions: Permissions, libraries: Libraries) -> Trial:

@@ -256,6 +256,7 @@ def _scenario(loaded: LoadedScenario) -> list[object]:
         [(varied.key, varied.value) for varied in source.variation],
         *(scenario.name, scenario.backend, scenario.seed, scenario.unexercised, scenario.trace.rate),
         *(scenario.confidence, loaded.repetition, loaded.compared, loaded.strict),
+        None if loaded.mutation is None else loaded.mutation.mass,
         # The workspace may lie in another folder each time.
         *(os.path.relpath(place, loaded.workspace.root) for place in (loaded.workspace.directory, Path.cwd())),
     ]
@@ -347,6 +348,19 @@ class TakenOver:
         return any(record.outcome is not None and record.outcome.status != "passed" for record in self.records)
 
 
+def trusted_journal(folder: Path) -> Recorded:
+    """Return the journal of the earlier call in an output folder. Raise UsageError if nothing can be taken over."""
+    if not (folder / JOURNAL_FILE).is_file():
+        raise UsageError(f"there is no earlier run to resume: {folder} has no {JOURNAL_FILE}")
+    for path in (folder / JOURNAL_FILE, key_file()):
+        if path is not None and (reason := distrusted(path)) is not None:
+            raise UsageError(escaped_line(f"no verdict is taken over: {path} {reason}"))
+    try:
+        return read_journal(folder, sealed=True)
+    except UsageError as error:
+        raise UsageError(f"there is no earlier run to resume: {error}") from None
+
+
 def take_over(
     folder: Path,
     planned: Sequence[Planned],
@@ -366,15 +380,10 @@ def take_over(
         files: the files of all runs of this call: of all first repetitions, of all second ones, and so on.
         keys: gives the keys of the runs.
     """
-    if not (folder / JOURNAL_FILE).is_file():
-        return TakenOver(remarks=(f"there is no earlier run to resume: {folder} has no {JOURNAL_FILE}",))
-    for path in (folder / JOURNAL_FILE, key_file()):
-        if path is not None and (reason := distrusted(path)) is not None:
-            return TakenOver(remarks=(escaped_line(f"no verdict is taken over: {path} {reason}"),))
     try:
-        recorded = read_journal(folder, sealed=True)
+        recorded = trusted_journal(folder)
     except UsageError as error:
-        return TakenOver(remarks=(f"there is no earlier run to resume: {error}",))
+        return TakenOver(remarks=(str(error),))
     search = _Search(folder, planned, runs, assembly, files, keys, _by_key(recorded))
     records = [record for places in assembly.scenarios for record in search.records(places)]
     remarks = tuple(dict.fromkeys(search.reasons))

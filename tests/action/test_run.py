@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -414,3 +415,27 @@ def test_names_of_passed_variables_are_an_option_for_each_line(name: str, inputs
     line = list(SUBCOMMANDS[name].command_line({**inputs, "pass-env": "MAP_URL\n\n ROBOT_KEY \n"}))
     assert [word for word in line if word.startswith("--pass-env")] == ["--pass-env=MAP_URL", "--pass-env=ROBOT_KEY"]
     assert not any(word.startswith("--pass-env") for word in SUBCOMMANDS[name].command_line(inputs))
+
+
+def test_the_input_margins_varies_factors_in_place_of_the_run(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    calls: list[Sequence[str]] = []
+
+    def called(words: Sequence[str], names: object) -> int:
+        del names
+        calls.append(words)
+        return 0
+
+    monkeypatch.setattr("action.run.call", called)
+    factors = "all\nfriction=20%\nlatency=0 s:2 s\nnoise:scan\nmass=0.1"
+    stated = {"scenario": "a.sim.yml", "margins": factors, "jobs": "1", "resume": "true", "record": ""}
+    inputs = {**INPUTS, **stated}
+    assert run("run", inputs) == 0
+    options = ["--at-least=friction=20%", "--factor=latency=0 s:2 s", "--factor=noise:scan", "--at-least=mass=0.1"]
+    [words] = calls
+    assert words[:5] == ["margins", *options]
+    assert {"--jobs=1", "--resume"} <= {*words}
+    assert words[-2:] == ["--", "a.sim.yml"]
+    with pytest.raises(InputError, match="the input repeat cannot be combined with margins"):
+        run("run", {**inputs, "repeat": "2"})

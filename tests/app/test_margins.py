@@ -14,8 +14,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import sim_action
 from sim_action.cli.main import call
-from sim_action.core.errors import Location
+from sim_action.core.errors import Location, UsageError
 from sim_action.results.factor_margins import Margin
 from sim_action.results.results_json import Results
 from sim_action.runner.margin_search import Factor, Search, Trial
@@ -91,8 +92,10 @@ SHORT = ["friction at which a force moves a box", "strength that a motor needs"]
 
 def margins_of(folder: Path, text: str, *options: str, code: int = 0) -> list[dict[str, Any]]:
     path = folder / "one.sim.yml"
-    path.write_text(f"name: one\n{text}")
-    (folder / "arm.urdf").write_text(URDF)
+    # Runs of files that have just been written have no keys.
+    for file, content in ((path, f"name: one\n{text}"), (folder / "arm.urdf", URDF)):
+        if not file.exists() or file.read_text() != content:
+            file.write_text(content)
     results = folder / "results"
     words = ["margins", str(path), "--allow-outside", "--no-report", "--output-dir", str(results), "-q", *options]
     assert call(words) == code
@@ -126,7 +129,9 @@ def test_a_demand_that_is_missed_fails_alike_with_one_and_two_jobs(
     pytest.importorskip("mujoco")
     demands = ("--at-least", "friction=50%", "--factor", "latency", "--factor", "start:yaw", "--runs", "12")
     several = [
-        margins_of(tmp_path, PUSHED + DRIVEN, *demands, "-j", jobs, "--junit", str(tmp_path / "j.xml"), code=1)
+        margins_of(
+            tmp_path, PUSHED + DRIVEN, *demands, "--report", "-j", jobs, "--junit", str(tmp_path / "j.xml"), code=1
+        )
         for jobs in "12"
     ]
     assert several[0] == several[1]
@@ -136,6 +141,9 @@ def test_a_demand_that_is_missed_fails_alike_with_one_and_two_jobs(
     junit = (tmp_path / "j.xml").read_text()
     assert '"measured: friction down"' in junit
     assert "│████████████████████ friction: fails at 0.3" in junit
+    page = (tmp_path / "results" / "margins" / "report.html").read_text()
+    assert page.count('class="tornado margin-bar"') == 3
+    assert (page.count('height="8" class="held"'), page.count('height="8" class="missed"')) == (5, 5)
     by_name = {(each["factor"], each["direction"]): each for each in several[0]}
     assert by_name["latency", "up"]["fails"] is None
     assert [each["has_effect"] for each in several[0] if each["factor"] == "start:yaw"] == [True, True]
@@ -168,18 +176,67 @@ def test_a_scenario_that_fails_has_no_margins(tmp_path: Path) -> None:
 
 
 @pytest.mark.process
-def test_an_interrupted_search_leaves_reports_and_no_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_search_leaves_reports_and_no_pass_and_goes_on_with_resume(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     pytest.importorskip("mujoco")
+    factors = ("--factor", "friction", "--factor", "mass", "--runs", "10")
+    whole = margins_of(tmp_path, PUSHED, *factors)
     wanted = Search.wanted
 
     def interrupted(search: Search) -> Any:
-        os.kill(os.getpid(), signal.SIGINT)
+        # The nominal run and the scan have ended.
+        if search.sides[0].trials:
+            os.kill(os.getpid(), signal.SIGINT)
         return wanted(search)
 
-    monkeypatch.setattr(Search, "wanted", interrupted)
-    assert margins_of(tmp_path, PUSHED, "--factor", "friction", code=130) == []
-    [run] = Results.read(tmp_path / "results" / "margins" / "results.json").outcomes
+    with monkeypatch.context() as changed:
+        changed.setattr(Search, "wanted", interrupted)
+        assert margins_of(tmp_path, PUSHED, *factors, code=130) == []
+    folder = tmp_path / "results" / "margins"
+    [run] = Results.read(folder / "results.json").outcomes
     assert (run.status, [failure.kind for failure in run.failures]) == ("error", ["interrupted"])
+    assert run.failures[0].message.startswith("sim-action ended before this scenario ended; run 1 passed; run 2 ")
+    capsys.readouterr()
+    assert margins_of(tmp_path, PUSHED, *factors, "--resume") == whole
+    runs = 1 + sum(each["runs"] for each in whole)
+    assert f"--resume: 16 runs of {runs} taken over" in capsys.readouterr().err
+    assert margins_of(tmp_path, PUSHED, *factors, "--resume", "-j", "2") == whole
+    assert f"--resume: {runs - 1} runs of {runs} taken over" in capsys.readouterr().err
+    # Another scenario takes over nothing.
+    assert margins_of(tmp_path, PUSHED.replace("force: [3,", "force: [2.9,"), *factors, "--resume") != whole
+    assert "taken over" not in capsys.readouterr().err
+
+
+@pytest.mark.process
+def test_shards_have_the_margins_of_the_whole(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    one, other = (f"{PUSHED}".replace("force: [3,", f"force: [{force},") for force in (3, 2))
+    for name, text in (("a", one), ("b", other)):
+        (tmp_path / f"{name}.sim.yml").write_text(f"name: {name}\n{text}")
+
+    def margins(*options: str) -> list[object]:
+        results = tmp_path / "results"
+        words = ["margins", str(tmp_path), "--allow-outside", "--no-report", "--output-dir", str(results), "-q"]
+        assert call([*words, "--factor", "friction", "--runs", "8", *options]) == 0
+        scenarios: list[object] = json.loads((results / "margins" / "margins.json").read_text())["scenarios"]
+        return scenarios
+
+    assert [*margins("--shard", "1/2"), *margins("--shard", "2/2", "-j", "2")] == margins()
+
+
+@pytest.mark.process
+def test_margins_from_python(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    scenario = tmp_path / "one.sim.yml"
+    scenario.write_text(f"name: one\n{PUSHED}")
+    [found] = sim_action.margins(scenario, allow_outside=True, at_least=["friction=50%"], runs=8, output_dir=tmp_path)
+    assert [(each.direction, each.is_kept) for each in found.margins] == [("down", False), ("up", True)]
+    assert (tmp_path / "margins" / "report.html").exists()
+    with pytest.raises(UsageError, match="'frictoin' is neither a factor nor a key"):
+        sim_action.margins(scenario, allow_outside=True, factors="frictoin")
+    with pytest.raises(UsageError, match="at_least: expected FACTOR=AMOUNT"):
+        sim_action.margins(scenario, allow_outside=True, at_least=["friction=0"])
 
 
 @pytest.mark.process

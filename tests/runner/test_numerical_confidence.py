@@ -322,9 +322,9 @@ def motion(start: float = 0.0, drift: float = 0.0, joint: np.ndarray[Any, Any] |
     columns["base_position_xyz"][:, 1] = np.cos(start) - np.cos(heading)
     half = heading / 2
     columns["base_orientation_xyzw"] = np.column_stack([0 * half, 0 * half, np.sin(half), np.cos(half)])
-    joints = {name: np.zeros((len(TIME), 1)) for name in COLUMNS if name.startswith("joint")}
-    joints["joint_position"] = (np.sin(TIME) if joint is None else joint)[:, None]
-    return Trace.of_columns(("j",), time=TIME, **columns, **joints)
+    columns |= {name: np.zeros((len(TIME), 1)) for name in COLUMNS if name.startswith("joint")}
+    columns["joint_position"] = (np.sin(TIME) if joint is None else joint)[:, None]
+    return Trace.of_columns(("j",), (), time=TIME, **columns)
 
 
 def test_only_motions_that_have_nothing_in_common_diverge() -> None:

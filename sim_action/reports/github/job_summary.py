@@ -15,6 +15,7 @@ from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_block, markdown_text
 from sim_action.reports.formatting import (
     counts_text,
+    measured_text,
     moment,
     repeats_text,
     run_facts,
@@ -293,9 +294,10 @@ def _expectations(outcome: Outcome, options: ReportOptions) -> str:
 def _measurements(outcome: Outcome, options: ReportOptions) -> str:
     """Return a list of the values that were measured without a limit."""
     lines = [
-        f"- {INFORMATION.icon} {markdown_text(measured.name)}: {message_text(measured.message)}"
+        f"- {INFORMATION.icon} {markdown_text(measured.name)}: {f'`{bar}` ' if bar else ''}{message_text(message)}"
         f"{_replay_note(outcome, options, measured.time)}"
         for measured in outcome.measurements[:_MAX_ROWS]
+        for bar, message in [measured_text(measured)]
     ]
     return paragraphs("\n".join(lines), left_out_note(len(outcome.measurements), _MAX_ROWS, "measurement"))
 

@@ -180,10 +180,23 @@ def measurements(outcome: Outcome) -> Html:
     """Return the values that were measured without a limit; empty if there are none."""
     mark = status_mark("information", neutral=True)
     items = [
-        element("li", mark, " ", each.message, " ", "" if each.time is None else value_link(each.time))
+        element("li", mark, " ", each.message, " ", "" if each.time is None else value_link(each.time), _bar(each.left))
         for each in outcome.measurements[:_MAX_MEASUREMENTS]
     ]
     return titled(INFORMATION.headline, bullets(items, "measurements"))
+
+
+def _bar(left: tuple[float | None, float | None] | None) -> Html:
+    """Return the bar of a factor in a tornado chart: what is left of its range below and above its value."""
+    if left is None:
+        return Html("")
+    marks = []
+    for sign, share in ((sign, share) for sign, share in zip((-1, 1), left, strict=True) if share is not None):
+        for kind, length in (("missed", 100.0), ("held", round(100 * share, 1))):
+            marks.append(element("rect", x=min(0.0, sign * length), width=length, height=8, class_=kind))
+    limit = element("rect", x=-0.4, width=0.8, height=8, class_="limit")
+    box = {"viewBox": "-100 0 200 8", "preserveAspectRatio": "none"}
+    return element("svg", *marks, limit, **box, aria_hidden="true", class_="tornado margin-bar")
 
 
 def _failure_section(failure: Failure, options: ReportOptions) -> Html:
