@@ -228,6 +228,11 @@ class PolicyCommands(CommandSource):
     def _own_problems(self, stated: Stated) -> SpecProblems:
         if self.action is None and is_installed():
             yield ("action",), "the key 'action' is missing, and the network does not state it"
+        if stated.without_gains and self.action and (self.action.joints, self.action.is_soft) == ("position", False):
+            stated_gains = (
+                f"the network states an actuator of joint '{stated.without_gains}', not the gains of its training"
+            )
+            yield ("action",), f"{stated_gains}; give 'stiffness' and 'damping'"
         if not (self.observation or self.inputs or self.pictures) and is_installed():
             unknown = (
                 f"; the network states '{stated.unknown[0]}', for which there is no term" if stated.unknown else ""

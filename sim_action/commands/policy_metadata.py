@@ -52,12 +52,14 @@ class Stated:
         action: key of an action -> a number for all joints, or one for each.
         names: the names of its observations.
         terms: for each observation, the keys of a term that it states; its name is missing if there is no such term.
+        without_gains: a joint whose stiffness and damping are not those of the policy; empty if there is none.
     """
 
     joints: tuple[str, ...] = ()
     action: Mapping[str, float | tuple[float, ...]] = field(default_factory=dict)
     names: tuple[str, ...] = ()
     terms: tuple[Mapping[str, Any], ...] = ()
+    without_gains: str = ""
 
     @property
     def unknown(self) -> list[str]:
@@ -75,7 +77,21 @@ def stated_in(metadata: Mapping[str, str]) -> Stated:
             if len(numbers) not in (1, len(joints)):
                 raise NetworkProblem(f"states {len(numbers)} numbers as '{name}' for {len(joints)} joints")
             action[key] = numbers if len(numbers) > 1 else numbers[0]
-    return Stated(joints, action, names, tuple(_terms(metadata, names)))
+    if without_gains := _without_gains(action, joints):
+        del action["stiffness"], action["damping"]
+    return Stated(joints, action, names, tuple(_terms(metadata, names)), without_gains)
+
+
+def _without_gains(action: Mapping[str, float | tuple[float, ...]], joints: Sequence[str]) -> str:
+    """Return the first joint whose stated gains are those of its last actuator in MuJoCo, and not of the policy.
+
+    mjlab 1.6 states 1 and 0 for a motor, whose gains are outside of the model, and twice the damping for a position
+    actuator with a velocity actuator after it.
+    """
+    if not {"stiffness", "damping"} <= action.keys():
+        return ""
+    gains = zip(joints, *(values_of(action[key], joints, {}) for key in ("stiffness", "damping")), strict=True)
+    return next((name for name, spring, damper in gains if damper == spring > 0 or (spring, damper) == (1, 0)), "")
 
 
 def _items(metadata: Mapping[str, str], key: str) -> list[str]:

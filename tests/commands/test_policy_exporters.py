@@ -209,6 +209,8 @@ TEXTS = {
     "observation_names": "joint_pos,actions",
 }
 
+MOTORS = {"joint_stiffness": "1.000,1.000", "joint_damping": "-0.000,-0.000"}
+
 
 def stating(**texts: str) -> bytes:
     return model([node("MatMul", ["obs", "w"], ["actions"])], {"obs": (1, 4)}, {"actions": (1, 2)},
@@ -293,6 +295,18 @@ def test_terms_have_the_scale_clip_and_history_that_the_network_states(folder: P
             "policy: a.onnx states the clip -1 to 3 for 'joint_pos'; a term is clipped to -X to X",
         ),
         ({"action_scale": "1,2,3"}, {}, "policy: a.onnx states 3 numbers as 'action_scale' for 2 joints"),
+        # mjlab 1.6: motors, and a position and a velocity actuator for each joint
+        (
+            MOTORS,
+            {},
+            "action: the network states an actuator of joint 'elbow', not the gains of its training; give 'stiff",
+        ),
+        (
+            {"joint_stiffness": "20.000,2.000", "joint_damping": "1.000,2.000"},
+            {},
+            "action: the network states an actuator of joint 'shoulder'",
+        ),
+        (MOTORS, {"action": {"joints": "position", "stiffness": 20, "damping": 1}}, None),
         ({"joint_damping": "1,soft"}, {}, "policy: a.onnx states 'soft' in 'joint_damping', which is not a number"),
     ],
 )
