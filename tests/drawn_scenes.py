@@ -44,8 +44,13 @@ FloatArray = NDArray[np.float64]
 
 _GRAVITY: Final = 9.80665
 _LINK: Final = "it"
-_SURFACE_M: Final = 1e-2
-"""Contacts are at most this far from the surfaces that touch, besides the depth of their overlap."""
+_SURFACE_M: Final = 1e-3
+"""Contacts are at most this far from both surfaces, besides the depth of their overlap and the gap that a step closes.
+
+PyBullet lists the first touch of two bodies with a place on one of them, one step before the other one is there.
+"""
+_PARTING_M: Final = 1e-2
+"""The same for contacts without a force: PyBullet keeps them, with their old normal, while bodies slide apart."""
 _FALL_M: Final = 1e-5
 _OVERLAP_M: Final = 3e-3
 """Bodies that overlap by more than this are in contact."""
@@ -289,12 +294,15 @@ def _contacts(drawn: DrawnScene, trace: Trace, motions: Mapping[str, _Motion]) -
         touching.setdefault(contact.body, set()).add(step)
         if contact.force < 0:
             yield f"contacts: a force of {contact.force} N at {contact.time:.3f} s"
-        for name, solid in ((drawn.robot.name, drawn.robot), (contact.body, solids[contact.body])):
+        pair = ((drawn.robot.name, drawn.robot), (contact.body, solids[contact.body]))
+        limit = contact.depth + (_SURFACE_M if contact.force else _PARTING_M)
+        limit += sum(_way(motions[name], step, contact.position_xyz) for name, _ in pair)
+        for name, solid in pair:
             place = _local(motions[name], step, contact.position_xyz)
             # An engine names the place before or after the step.
             before = _local(motions[name], max(step - 1, 0), contact.position_xyz)
             off = min(abs(float(solid.outside(point[None])[0])) for point in (place, before))
-            if off > _SURFACE_M + contact.depth:
+            if off > limit:
                 yield f"contacts: {off:.4f} m from the surface of {name} at {contact.time:.3f} s"
     for body in drawn.bodies:
         deep = _depth(drawn.robot, motions[drawn.robot.name], body, motions[body.name])
@@ -321,6 +329,16 @@ def _missing(depth: FloatArray, listed: set[int]) -> list[int]:
 def _local(motion: _Motion, step: int, point: Vector3) -> FloatArray:
     local: FloatArray = motion.rotation[step].T @ (np.array(point) - motion.position[step])
     return local
+
+
+def _way(motion: _Motion, step: int, point: Vector3) -> float:
+    """Return how far in m a body moves at a place, in this step or in the one before it."""
+    ways = []
+    for later in (step, max(step - 1, 0)):
+        earlier = max(later - 1, 0)
+        before = motion.rotation[earlier] @ _local(motion, later, point) + motion.position[earlier]
+        ways.append(float(np.linalg.norm(before - point)))
+    return max(ways)
 
 
 def _depth(robot: Solid, own: _Motion, body: Solid, other: _Motion) -> FloatArray:
