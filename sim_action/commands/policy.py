@@ -195,7 +195,7 @@ class PolicyCommands(CommandSource):
         if not isinstance(network, Network):
             return self
         try:
-            stated = stated_in(network.metadata)
+            stated = stated_in(network.metadata, self.order)
         except NetworkProblem:
             return self  # reported by `problems`
         changes: dict[str, Any] = {}
@@ -219,7 +219,7 @@ class PolicyCommands(CommandSource):
             yield ("policy",), network
         elif network is not None:
             try:
-                stated = stated_in(network.metadata)
+                stated = stated_in(network.metadata, self.order)
             except NetworkProblem as error:
                 yield ("policy",), f"{self.policy} {error}"
             yield from self._name_problems(network)
@@ -383,7 +383,9 @@ class PolicyCommands(CommandSource):
         if not isinstance(network, Network):
             return
         with suppress(NetworkProblem):
-            yield from contradictions(stated_in(network.metadata), layout, self.action, self.observation, self._frames)
+            yield from contradictions(
+                stated_in(network.metadata, layout.joints), layout, self.action, self.observation, self._frames
+            )
         feeds = self._feeds(network, layout, scene)
         shapes = {name: network.inputs[name].shapes(feed) for name, feed in feeds.items()}
         for name, terms in self._inputs(network).items():

@@ -9,6 +9,7 @@ Lab 2.3 themselves write none.
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -67,16 +68,27 @@ class Stated:
         return [name for name, term in zip(self.names, self.terms, strict=True) if "term" not in term]
 
 
-def stated_in(metadata: Mapping[str, str]) -> Stated:
-    """Return what the texts of a network state. Raise NetworkProblem for a text that cannot be read."""
+def stated_in(metadata: Mapping[str, str], order: tuple[str, ...] | None = None) -> Stated:
+    """Return what the texts of a network state. Raise NetworkProblem for a text that cannot be read.
+
+    :param order: the joints of the scenario; mjlab states some numbers for joints with a motor alone, without names.
+    """
     joints, names = (tuple(_items(metadata, key)) for key in ("joint_names", "observation_names"))
+    numbers = {
+        name: tuple(_number(name, each) for each in _items(metadata, name)) for name in _ACTION_KEYS.values() if joints
+    }
+    moved = [name in (order or ()) for name in joints]
+    if any(1 < len(some) < len(joints) for some in numbers.values()) and order == (*itertools.compress(joints, moved),):
+        for name, some in numbers.items():
+            numbers[name] = tuple(itertools.compress(some, moved)) if len(some) == len(joints) else some
+        joints = order
     action = {}
     for key, name in _ACTION_KEYS.items():
-        if name in metadata and joints:
-            numbers = tuple(_number(name, each) for each in _items(metadata, name))
-            if len(numbers) not in (1, len(joints)):
-                raise NetworkProblem(f"states {len(numbers)} numbers as '{name}' for {len(joints)} joints")
-            action[key] = numbers if len(numbers) > 1 else numbers[0]
+        if values := numbers.get(name):
+            if len(values) not in (1, len(joints)):
+                advice = "; name the joints that have a motor in 'order'" if len(values) < len(joints) else ""
+                raise NetworkProblem(f"states {len(values)} numbers as '{name}' for {len(joints)} joints{advice}")
+            action[key] = values if len(values) > 1 else values[0]
     if without_gains := _without_gains(action, joints):
         del action["stiffness"], action["damping"]
     return Stated(joints, action, names, tuple(_terms(metadata, names)), without_gains)

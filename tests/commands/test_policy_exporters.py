@@ -209,6 +209,8 @@ TEXTS = {
     "observation_names": "joint_pos,actions",
 }
 
+# As mjlab has it for a gripper: 'finger' follows another joint and has no motor.
+WITH_A_FINGER = {"joint_names": "elbow,finger,shoulder", "default_joint_pos": "0.100,9.000,0.200"}
 MOTORS = {"joint_stiffness": "1.000,1.000", "joint_damping": "-0.000,-0.000"}
 
 
@@ -227,6 +229,13 @@ def test_the_texts_of_a_network_fill_the_keys(folder: Path) -> None:
     assert spec.tick_rate(240.0) == 240.0  # soft motors
     # A spring to 0.1 + 0.5 * (0.3 - 0.1) from 0.3, and to 0.2 + 0.25 * (0.2 - 0.2) from 0.2.
     assert commanded(folder, stating(), {}) == pytest.approx([20 * (0.2 - 0.3), 0], abs=1e-6)
+
+
+def test_the_order_names_the_joints_that_have_a_motor(folder: Path) -> None:
+    spec, _, problems = loaded(folder, stating(**WITH_A_FINGER), {"order": ("elbow", "shoulder")})
+    assert problems == []
+    assert spec.action is not None
+    assert (spec.action.offset, spec.action.scale, spec.action.damping) == ((0.1, 0.2), (0.5, 0.25), (1, 2))
 
 
 def test_a_scenario_need_not_repeat_what_the_network_states(folder: Path) -> None:
@@ -293,6 +302,11 @@ def test_terms_have_the_scale_clip_and_history_that_the_network_states(folder: P
             {"observation_terms_clip": "-1.000;3.000,-inf;inf"},
             {},
             "policy: a.onnx states the clip -1 to 3 for 'joint_pos'; a term is clipped to -X to X",
+        ),
+        (
+            WITH_A_FINGER,
+            {},
+            "states 2 numbers as 'action_scale' for 3 joints; name the joints that have a motor in 'order'",
         ),
         ({"action_scale": "1,2,3"}, {}, "policy: a.onnx states 3 numbers as 'action_scale' for 2 joints"),
         # mjlab 1.6: motors, and a position and a velocity actuator for each joint
