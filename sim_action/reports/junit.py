@@ -376,7 +376,11 @@ def _measured(group: ScenarioGroup, outcome: Outcome, cases: list[ET.Element]) -
         f"{INFORMATION.word}: {one_line(f'{each.name} {values}'.rstrip())}": f"{each.measured:.9g} {each.unit}".rstrip()
         for each in outcome.measurements
     }
-    return judged | unjudged
+    events = {
+        f"event: {one_line(name)}": ", ".join(f"{time:.3f} s" for time in times) or "never"
+        for name, times in outcome.events.items()
+    }
+    return judged | unjudged | events
 
 
 def _prefix(group: ScenarioGroup) -> str:

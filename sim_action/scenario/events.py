@@ -65,6 +65,7 @@ class Action(FrozenModel):
         EventDisturbance | None, Field(description="a push, load or adhesion, as in world.disturbances")
     ] = None
     fault: Annotated[EventFault | None, Field(description="a motor or sensor fails, as in faults")] = None
+    repair: Annotated[Name | None, Field(description="motor or sensor whose fault ends")] = None
     appear: Annotated[Name | None, Field(description="object, or named patch of the ground, that is absent before")] = (
         None
     )
@@ -262,6 +263,7 @@ def _after(scenario: Scenario, event: Event, time: float) -> Scenario:
             disturbances[place] = action.disturb.model_copy(update={"at": time + action.disturb.at})
         if action.fault is not None and place is not None and place < len(faults):
             faults[place] = action.fault.model_copy(update={"at": time + action.fault.at})
+        faults = [_repaired(fault, time) if action.repair == fault.target else fault for fault in faults]
         objects = [_body_after(body, action, time) for body in objects]
         patches = [
             patch.model_copy(update={"appears": time}) if action.appear and patch.name == action.appear else patch
@@ -274,6 +276,10 @@ def _after(scenario: Scenario, event: Event, time: float) -> Scenario:
     changed = {"disturbances": tuple(disturbances), "objects": tuple(objects), "patches": tuple(patches)}
     update = {"world": world.model_copy(update=changed), "faults": tuple(faults), "expect": expect}
     return scenario.model_copy(update=update)
+
+
+def _repaired(fault: Fault, time: float) -> Fault:
+    return fault.model_copy(update={"duration": time - fault.at}) if fault.at <= time < fault.end else fault
 
 
 def without_absent(scenario: Scenario) -> Scenario:
@@ -397,34 +403,37 @@ def _why_no_moment(assertion: Assertion) -> SpecProblems:
 def _action_problems(action: Action, scenario: Scenario) -> SpecProblems:
     """Yield unknown names, and what the named part cannot do."""
     bodies = {body.name: body for body in scenario.world.objects}
-    sources = source_names(scenario)
-    if action.appear is not None:
-        patches = {patch.name for patch in scenario.world.patches if patch.name}
-        body = bodies.get(action.appear)
-        if body is None and action.appear not in patches:
-            hint = did_you_mean(action.appear, {*bodies, *patches})
-            yield ("appear",), f"there is no object and no patch '{action.appear}'{hint}"
-        elif body is not None and body.path:
-            why = "an object on a 'path' exists from the start"
-            yield ("appear",), f"{why}; let its path begin with the event: start: {action.appear}"
-        elif body is not None and body.surface_velocity is not None:
-            yield ("appear",), f"'{action.appear}' has a 'surface_velocity', which is of an object that is always there"
-    if action.remove is not None and action.remove not in bodies:
-        yield ("remove",), f"there is no object '{action.remove}'{did_you_mean(action.remove, bodies)}"
-    name = action.path[0] if action.path is not None else None
+    patches = {patch.name for patch in scenario.world.patches if patch.name}
+    failing = {fault.target for fault in scenario.faults}
+    for key, name, allowed, kind in (
+        ("appear", action.appear, {*bodies, *patches}, "object and no patch"),
+        ("remove", action.remove, {*bodies}, "object"),
+        ("repair", action.repair, failing, "fault of a motor or sensor"),
+    ):
+        if name is not None and name not in allowed:
+            yield (key,), f"there is no {kind} '{name}'{did_you_mean(name, allowed)}"
+    body = bodies.get(action.appear or "")
+    if body is not None and body.path:
+        why = "an object on a 'path' exists from the start"
+        yield ("appear",), f"{why}; let its path begin with the event: start: {action.appear}"
+    elif body is not None and body.surface_velocity is not None:
+        yield ("appear",), f"'{action.appear}' has a 'surface_velocity', which is of an object that is always there"
+    if action.path is not None:
+        yield from _path_problems(action, action.path[0], bodies, () if action.speed else source_names(scenario))
+
+
+def _path_problems(action: Action, name: str, bodies: Mapping[str, Body], sources: Sequence[str]) -> SpecProblems:
+    """Yield a name that is not one of a command source or an object with a path, or is several."""
     key = (action.kind, "object") if action.speed is not None else (action.kind,)
-    if name is None:
-        return
     on_paths = [body.name for body in bodies.values() if body.path]
-    own = () if action.speed is not None else sources
-    if own.count(name) > 1 or (name in own and name in bodies):
+    if sources.count(name) > 1 or (name in sources and name in bodies):
         what = "an object, too" if name in bodies else "another command source, too"
         yield key, f"'{name}' is the name of {what}; give the command source a 'name' of its own"
     elif name in bodies and name not in on_paths:
         yield key, f"object '{name}' has no 'path', so it does not move along one; add a 'path', or use disturb"
-    elif name not in own and name not in bodies:
+    elif name not in sources and name not in bodies:
         kinds = "object with a path" if action.speed is not None else "command source and no object with a path"
-        yield key, f"there is no {kinds} named '{name}'{did_you_mean(name, (*own, *on_paths))}"
+        yield key, f"there is no {kinds} named '{name}'{did_you_mean(name, (*sources, *on_paths))}"
 
 
 def _circles(events: Mapping[str, Event]) -> SpecProblems:

@@ -11,7 +11,9 @@ import numpy as np
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.temporal_logic.windows import HoldTime
-from sim_action.core.units import first_step
+from sim_action.core.errors import RunError
+from sim_action.core.units import STEP_EPSILON, first_step
+from sim_action.engines.observers import ALWAYS
 from sim_action.scenario.events import Condition, Event, Happening, after, awaited, time_marks
 from sim_action.scenario.model import Scenario
 from sim_action.state.observation import Observation
@@ -22,6 +24,9 @@ from sim_action.world.claims import ClaimFinding
 from sim_action.world.scene import Scene
 
 EVENT_NEVER_BEGAN: Final = "event-never-began"
+
+MAX_TIMES: Final = 200
+"""The number of times that the results of a run keep of one event, the first ones."""
 
 
 def channels_of(scenario: Scenario) -> Channels:
@@ -78,17 +83,34 @@ class _Watch:
         return bool(np.any(holds & ~np.concatenate(([before], holds[:-1])))) if len(holds) else False
 
 
+def _refuse_absent(scenario: Scenario, happening: Happening) -> None:
+    """Raise RunError if an event pushes a body that is not there."""
+    event, time = scenario.events[happening.event], happening.time
+    bodies = {body.name: body.presence(scenario.physics.rate) for body in scenario.world.objects}
+    for number, action in enumerate(event.actions):
+        name = action.disturb.body if action.disturb is not None else None
+        first, gone = bodies.get(name or "", ALWAYS)
+        if name and not first <= time * scenario.physics.rate + STEP_EPSILON < gone:
+            why = "was removed before" if first <= time * scenario.physics.rate else "has not appeared yet"
+            raise RunError(
+                f"event '{event.name}' disturbs body '{name}' at {time:.4g} s, but it {why}; let the event begin only "
+                "while it is there, for example with 'since'",
+                keys=("events", happening.event, "do", number, "disturb", "body"),
+            )
+
+
 class RunEvents:
     """The events of one run.
 
     Attributes:
         happenings: what has happened, in the order of time and then of the file.
+        scenario: the scenario with the times of what has happened.
         end: the sim time in s at which an event ends the run; infinite without one.
     """
 
     def __init__(self, scenario: Scenario, scene: Scene, start: Observation, opening: Trace) -> None:
         """Open the conditions at t = 0; `opening`: the moment at t = 0."""
-        self._scenario, self._scene, self._start = scenario, scene, start
+        self._scenario, self.scenario, self._scene, self._start = scenario, scenario, scene, start
         self._rate = scenario.physics.rate
         self.happenings: list[Happening] = []
         self.end = math.inf
@@ -152,6 +174,8 @@ class RunEvents:
     def _happen(self, index: int, step: int) -> None:
         event = self._scenario.events[index]
         self.happenings.append(Happening(index, step / self._rate))
+        self.scenario = after(self.scenario, self.happenings[-1:])
+        _refuse_absent(self.scenario, self.happenings[-1])
         self._due.pop(index, None)
         if not event.every:
             self._over.add(index)
@@ -164,7 +188,8 @@ class RunEvents:
 
     def scenario_until(self, end: float) -> Scenario:
         """Return the scenario with the times of what happened until a sim time in s."""
-        return after(self._scenario, self.until(end))
+        happened = self.until(end)
+        return self.scenario if len(happened) == len(self.happenings) else after(self._scenario, happened)
 
     def until(self, end: float) -> list[Happening]:
         """Return what happened until a sim time in s."""
@@ -174,7 +199,7 @@ class RunEvents:
         """Return the name of each event -> the sim times in s at which it happened, until a sim time in s."""
         happened = self.until(end)
         return {
-            event.name: tuple(each.time for each in happened if each.event == index)
+            event.name: tuple(each.time for each in happened if each.event == index)[:MAX_TIMES]
             for index, event in enumerate(self._scenario.events)
         }
 

@@ -427,10 +427,12 @@ class _Loop:
         has_faults = bool(self._scenario.faults)
         try:
             while self._step < end:
+                until = end
                 if self._events is not None:
-                    end = min(end, self._events_until(self._events, end))
+                    until = self._events_until(self._events, end)
+                    end = min(end, self._last_step)
                 self._sensing.read(self._step)
-                until = self._arrivals.next(self._step, self._sensing.next_tick(self._step, end))
+                until = self._arrivals.next(self._step, self._sensing.next_tick(self._step, until))
                 until = self._seams.until(self._step, until) if has_faults else until
                 planned = self._controls.plan(self._step, until, self._sensing.look)
                 if has_faults:
@@ -476,7 +478,7 @@ class _Loop:
         if not happening:
             return min(end, events.next_due(self._step, end))
         step, rate = self._step + 1, self._scenario.physics.rate
-        self._scenario = self._footage.scenario = events.scenario_until(step / rate)
+        self._scenario = self._footage.scenario = events.scenario
         self._scene = replace(self._scene, world=self._scenario.world)
         self._backend.follow(self._scene.world, step / rate)
         self._seams.follow(self._scenario.faults)

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import math
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from sim_action.core.errors import RunError
+from sim_action.core.field_types import Placement
 from sim_action.simulation.loop import SimulationRun
+from sim_action.world import PathPoint
+from sim_action.world.body_path import Pace, PosePath
 from tests.scenarios import told
 from tests.simulated import simulated
 
@@ -67,6 +75,19 @@ def with_event(folder: Path, do: list[Any], **keys: Any) -> tuple[SimulationRun,
             lambda time: {"patches": [{"x": 1, "size": [3, 2], "friction": 0.01, "appears": time}]},
         ),
         (
+            {"speed": {"object": "cart", "factor": 3}},
+            {"objects": [{**CART, "path": [{"at": 0, "x": 0.5, "y": -0.6}, {"at": 4, "y": 0.6}]}]},
+            lambda time: {
+                "objects": [
+                    {
+                        **CART,
+                        "path": [{"at": 0, "x": 0.5, "y": -0.6}, {"at": 4, "y": 0.6}],
+                        "pace": [{"at": time, "speed": 3}],
+                    }
+                ]
+            },
+        ),
+        (
             {"start": "cart"},
             {"objects": [{**CART, "path": [{"at": 0, "x": 0.5, "y": -0.6}, {"at": 1, "y": 0.6}]}]},
             lambda time: {
@@ -80,7 +101,7 @@ def with_event(folder: Path, do: list[Any], **keys: Any) -> tuple[SimulationRun,
             },
         ),
     ],
-    ids=["push", "load", "appear", "remove", "friction", "path"],
+    ids=["push", "load", "appear", "remove", "friction", "speed", "path"],
 )
 def test_an_action_is_the_same_thing_stated_with_its_time(
     tmp_path: Path, engine: str, do: Any, world: Any, stated: Any
@@ -101,6 +122,31 @@ def test_a_fault_of_a_motor_begins_with_an_event(tmp_path: Path, engine: str) ->
     found, time = with_event(tmp_path, [{"fault": {**fault, "for": 0.5}}], backend=engine)
     assert found.digest == run(tmp_path, faults=[{**fault, "for": 0.5, "at": time}], backend=engine).digest
     assert abs(found.trace.yaw[-1]) > 0.1
+
+
+def test_a_fault_ends_with_an_event(tmp_path: Path) -> None:
+    fault = {"motor": "wheel_left_joint", "off": True, "at": 0.3}
+    found, time = with_event(tmp_path, [{"repair": "wheel_left_joint"}], faults=[fault])
+    assert found.digest == run(tmp_path, faults=[{**fault, "for": time - 0.3}]).digest
+
+
+def test_a_motor_dies_half_way_and_two_carts_meet(tmp_path: Path) -> None:
+    """A motor dies where the robot is, not at a time; a robot and a cart stop before they touch each other."""
+    dies = {
+        "name": "half way",
+        "when": {"stl": "x > 0.4 m"},
+        "do": [{"fault": {"motor": "wheel_left_joint", "off": None}}],
+    }
+    half = {"expect": [{"max_speed": {"linear": 0.5}, "since": "half way"}], "duration": "3 s"}
+    found = run(tmp_path, events=[dies], **half)
+    (time,) = found.events["half way"]
+    assert found.verdicts[0].status == "passed"
+    assert time == pytest.approx(1.2, abs=0.05)
+    cart = {**CART, "path": [{"at": 0, "x": 1.5, "y": 0}, {"at": 5, "x": 0}]}
+    near = {"name": "meet", "when": {"clearance": {"at_most": 0.3}}, "do": [{"stop": "cart"}, {"stop": "twist"}]}
+    keys: dict[str, Any] = {"world": {"objects": [cart]}, "expect": ["no_collision"], "duration": "3 s"}
+    stopped, on = run(tmp_path, events=[near], **keys), run(tmp_path, **keys)
+    assert (stopped.verdicts[0].status, on.verdicts[0].status) == ("passed", "failed")
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -191,6 +237,27 @@ def test_an_event_that_never_came_is_told_and_its_expectation_not_exercised(tmp_
     assert "so not: pushed by 1 m/s" in finding.message
 
 
+def test_a_body_that_is_not_there_cannot_be_pushed(tmp_path: Path) -> None:
+    """Which of two events comes first, only the run shows."""
+    events = [
+        {"name": "gone", "when": {"at": "0.5 s"}, "do": [{"remove": "crate"}]},
+        {**PASSES, "do": [{"disturb": {"velocity": [1, 0, 0], "body": "crate"}}]},
+    ]
+    with pytest.raises(RunError, match=r"event 'passes' disturbs body 'crate' at .* s, but it was removed before"):
+        run(tmp_path, world={"objects": [CRATE]}, events=events)
+
+
+def test_a_condition_may_wait_for_an_event(tmp_path: Path) -> None:
+    """A robot that is slow before it starts does not count as one that has stopped."""
+    events = [
+        {**PASSES, "do": [{"stop": "twist"}]},
+        {"name": "rests", "when": {"max_speed": {"linear": 0.01}, "since": "passes"}, "do": ["end"]},
+    ]
+    found = run(tmp_path, events=events, expect=["upright"])
+    (passes,), (rests,) = found.events.values()
+    assert passes + 0.2 < rests == found.sim_time
+
+
 def test_an_expectation_is_judged_from_its_event_on(tmp_path: Path) -> None:
     found = run(
         tmp_path,
@@ -199,6 +266,18 @@ def test_an_expectation_is_judged_from_its_event_on(tmp_path: Path) -> None:
     )
     assert found.verdicts[0].status == "failed"
     assert found.verdicts[0].time == pytest.approx(found.events["passes"][0], abs=0.01)
+
+
+@given(st.lists(st.tuples(st.floats(0.1, 2), st.floats(0, 5)), max_size=5), st.floats(0, 12))
+def test_a_path_goes_as_far_as_its_paces_say(changes: list[tuple[float, float]], time: float) -> None:
+    ends = list(accumulate(wait for wait, _ in changes))
+    pace = tuple(Pace(at=at, speed=speed) for at, (_, speed) in zip(ends, changes, strict=True))
+    points = (PathPoint(at=0.0, x=0.0), PathPoint(at=100.0, x=100.0))
+    path = PosePath.of(Placement(), points, pace=pace)
+    spans = zip([0.0, *ends], [*ends, math.inf], [1.0, *(speed for _, speed in changes)], strict=True)
+    way = sum(speed * max(0.0, min(end, time) - begin) for begin, end, speed in spans)
+    assert path.pose(time).position_xyz[0] == pytest.approx(way)
+    assert path.fastest(0.0)[0] == pytest.approx(max([1.0, *(speed for _, speed in changes)]))
 
 
 @pytest.mark.parametrize(
@@ -227,6 +306,7 @@ def test_an_expectation_is_judged_from_its_event_on(tmp_path: Path) -> None:
         ("[{when: {at: 1 s, event: a}, do: [end]}]", "a condition is an assertion, 'at' or 'event'"),
         ("[{when: {at: 1 s}, do: [{end: true, remove: crate}]}]", "an action has exactly one of"),
         ("[{when: {stl: x > 1}, every: true, do: [{remove: crate}]}]", "would remove each time"),
+        ("[{when: {at: 1 s}, do: [{repair: arm}]}]", "there is no fault of a motor or sensor 'arm'"),
         ("[{when: {object: {name: crat, upright: {}}}, do: [end]}]", "did you mean 'crate'?"),
     ],
 )

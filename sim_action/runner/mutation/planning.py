@@ -372,6 +372,7 @@ TABLE: Final = (
         world_faults.slippery,
     ),
     Row("calm", "no disturbance, patch, noise, jitter or dropout acts, if there is any", world_faults.calm),
+    Row("uneventful", "one event never happens", world_faults.uneventful),
     Row(
         "shoved",
         f"a push against the upper edge of the robot, halfway through the run: in {world_faults.SHOVE_S:g} s it exerts "

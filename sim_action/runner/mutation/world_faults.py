@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 MOST_OBJECTS: Final = 5
 """The number of objects that have mutants: those nearest to the way of the robot."""
 
+MOST_EVENTS: Final = 5
+"""The number of events that have mutants: the first ones."""
+
 FRICTION_DIVISOR: Final = 4.0
 ICE: Final = 0.03
 TURN_DEG: Final = 90.0
@@ -149,6 +152,16 @@ def calm(original: Original) -> Iterator[Mutant]:
         yield original.changed("calm", "", "no disturbance, patch, noise, jitter or dropout acts", still)
 
 
+def uneventful(original: Original) -> Iterator[Mutant]:
+    """Yield a mutant in which each of the first events never happens."""
+    events = original.scenario.events
+    for event in events[:MOST_EVENTS]:
+        never = replace(event, when=replace(event.when, assertion=None, at=math.inf, event=""))
+        others = tuple(never if each is event else each for each in events)
+        changed = original.scenario.model_copy(update={"events": others})
+        yield original.changed("uneventful", event.name, f"the event '{event.name}' never happens", changed)
+
+
 def turned(original: Original) -> Iterator[Mutant]:
     """Yield the mutant whose robot begins with another heading; a keyframe states its own."""
     robot = original.scenario.robot
@@ -253,7 +266,8 @@ def _is_named(original: Original, body: str) -> bool:
     named = re.compile(rf"(?<![\w-]){re.escape(body)}(?![\w-])")
     world = data.get("world")
     others = {key: value for key, value in world.items() if key not in ("objects", "file")} if world else None
-    return any(named.search(text) for text in _texts([data.get("expect"), data.get("commands"), others]))
+    parts = [data.get("expect"), data.get("commands"), data.get("events"), others]
+    return any(named.search(text) for text in _texts(parts))
 
 
 def _texts(value: object) -> Iterator[str]:
