@@ -235,9 +235,10 @@ def _waiting_body(body: Body, actions: Sequence[Action], come: set[str | None], 
     if body.path and paces:
         first = (Pace(at=0.0, speed=0.0),) if any(action.start == body.name for action in actions) else ()
         update["pace"] = (*body.pace, *first, *(_pace(math.inf, factor) for _, factor in paces))
-    if body.name in come:
+    # A stated time is a problem that is reported.
+    if body.name in come and body.appears is None:
         update["appears"] = math.inf
-    if body.name in gone:
+    if body.name in gone and body.disappears is None:
         update["disappears"] = math.inf
     return body.model_copy(update=update) if update else body
 
@@ -412,7 +413,11 @@ def _action_problems(action: Action, scenario: Scenario) -> SpecProblems:
     ):
         if name is not None and name not in allowed:
             yield (key,), f"there is no {kind} '{name}'{did_you_mean(name, allowed)}"
-    body = bodies.get(action.appear or "")
+    body = bodies.get(action.appear or action.remove or "")
+    stated = None if body is None else body.appears if action.appear else body.disappears
+    if stated is not None and stated < math.inf:
+        yield (action.kind,), f"'{action.appear or action.remove}' states {stated:g} s for that; remove one of the two"
+    body = body if action.appear else None
     if body is not None and body.path:
         why = "an object on a 'path' exists from the start"
         yield ("appear",), f"{why}; let its path begin with the event: start: {action.appear}"

@@ -19,7 +19,6 @@ from sim_action.scenario.model import Scenario
 from sim_action.state.observation import Observation
 from sim_action.state.timeline import TimeMark
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
 from sim_action.world.claims import ClaimFinding
 from sim_action.world.scene import Scene
 
@@ -27,11 +26,6 @@ EVENT_NEVER_BEGAN: Final = "event-never-began"
 
 MAX_TIMES: Final = 200
 """The number of times that the results of a run keep of one event, the first ones."""
-
-
-def channels_of(scenario: Scenario) -> Channels:
-    """Return what the conditions of events read."""
-    return Channels.all_of(part.channels | part.truth_channels for part in scenario.conditions)
 
 
 class _Watch:

@@ -126,11 +126,6 @@ def simulate(
     springs = links_with_springs(scene.model)
     scene = drive.prepared(scene) if drive else scene
     channels = _judged_channels(scenario)
-    if scenario.events:
-        # Few scenarios have events.
-        from sim_action.simulation.events import channels_of
-
-        channels |= channels_of(scenario)
     paths = Channels(contacts=any(body.path for body in scene.world.objects))
     watched = channels | footage.channels(scene.world) | paths
     engine = ENGINES[chosen(scenario.backend)].load()
@@ -149,7 +144,8 @@ def simulate(
 
 def _judged_channels(scenario: Scenario) -> Channels:
     """Return the channels of all assertions. A class of the user's may read any body, and any sensor but cameras."""
-    channels = Channels.all_of(expected.channels for expected in scenario.expect)
+    of_events = (part.channels | part.truth_channels for part in scenario.conditions)
+    channels = Channels.all_of((*(expected.channels for expected in scenario.expect), *of_events))
     # A formula cannot say which of its names are links.
     objects = channels.objects.intersection(body.name for body in scenario.world.objects)
     channels = replace(channels, objects=objects)

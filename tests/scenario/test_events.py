@@ -186,14 +186,15 @@ def test_a_condition_holds_at_the_step_before_its_event(tmp_path: Path) -> None:
     "when",
     [
         {"reach": {"x": 0.2, "y": 0, "tolerance": "5 cm"}},
-        {"stl": "x > 0.15 m"},
+        {"stl": "base_footprint.x > 0.15 m and distance(base_scan, ball) > 0"},
         {"stl": "eventually (x > 0.15 m)"},
         {"at_once": [{"reach": {"x": 0.2, "y": 0}}, "upright"]},
         {"not": {"stay_within": {"x": [-1, 0.15]}}},
     ],
 )
 def test_conditions_of_all_kinds_see_the_same_moment(tmp_path: Path, when: Any) -> None:
-    found = run(tmp_path, events=[{"name": "there", "when": when, "do": ["end"]}], expect=["upright"])
+    world = {"objects": [{"name": "ball", "sphere": {"radius": 0.1}, "mass": 1, "pose": {"y": 2}}]}
+    found = run(tmp_path, events=[{"name": "there", "when": when, "do": ["end"]}], expect=["upright"], world=world)
     assert found.trace.base_position_xyz[-1, 0] == pytest.approx(0.15, abs=0.003)
 
 
@@ -306,6 +307,7 @@ def test_a_path_goes_as_far_as_its_paces_say(changes: list[tuple[float, float]],
         ("[{when: {at: 1 s, event: a}, do: [end]}]", "a condition is an assertion, 'at' or 'event'"),
         ("[{when: {at: 1 s}, do: [{end: true, remove: crate}]}]", "an action has exactly one of"),
         ("[{when: {stl: x > 1}, every: true, do: [{remove: crate}]}]", "would remove each time"),
+        ("[{when: {at: 1 s}, do: [{appear: late}]}]", "'late' states 2 s for that; remove one of the two"),
         ("[{when: {at: 1 s}, do: [{repair: arm}]}]", "there is no fault of a motor or sensor 'arm'"),
         ("[{when: {object: {name: crat, upright: {}}}, do: [end]}]", "did you mean 'crate'?"),
     ],
@@ -315,10 +317,13 @@ def test_what_is_wrong_is_named_with_its_remedy(tmp_path: Path, events: str, mes
         "{name: wall, box: [0.1, 1, 1], pose: {x: 3}}",
         "{name: crate, box: [0.1, 0.1, 0.1], mass: 1, pose: {x: 2}}",
     )
+    late = "{name: late, sphere: {radius: 0.1}, pose: {y: 3}, appears: 2 s}"
     text = f"""
 name: burger
 robot: {{model: turtlebot3_burger}}
-world: {{objects: [{wall}, {crate}], disturbances: [{{at: 1 s, velocity: [0.5, 0, 0]}}]}}
+world:
+  objects: [{wall}, {crate}, {late}]
+  disturbances: [{{at: 1 s, velocity: [0.5, 0, 0]}}]
 commands: {{twist: [{{linear: 0.2}}]}}
 events: {events}
 expect: [{{travel: {{at_least: 1}}}}]
