@@ -85,7 +85,8 @@ class Clearance(Assertion):
         """Yield a distance between named links and bodies that cannot move."""
         objects = scene.world.objects
         moving = {body.name for body in objects if body.mass is not None or body.path}
-        bodies = {body.name for body in objects} if self.to is None else set(self.to)
+        moving |= scene.actors.keys()
+        bodies = set(scene.world.names if self.to is None else self.to)
         if self.chosen and scene.bolted_links.issuperset(self.chosen) and moving.isdisjoint(bodies):
             message = f"clearance checks nothing: neither {quoted(self.chosen)} nor the bodies can move"
             yield ClaimFinding("fixed-base", (), f"{message}; name a link or a body that moves")
@@ -94,7 +95,8 @@ class Clearance(Assertion):
     def run_claims(self, run: JudgedRun) -> Findings:
         """Yield a distance from bodies that are all below the ground or above the robot."""
         bodies = [body for body in run.scene.world.objects if self.to is None or body.name in self.to]
-        if not self.is_goal and GROUND not in (self.to or ()):
+        names = run.scene.world.names if self.to is None else self.to
+        if not self.is_goal and GROUND not in names and run.scene.actors.keys().isdisjoint(names):
             yield from out_of_reach(run, bodies, self.at_least or 0.0)
 
     @override
@@ -105,7 +107,7 @@ class Clearance(Assertion):
     def meaning(self, scene: Scene) -> str:
         from sim_action.assertions.temporal_logic.formula import quoted  # its name stands for another function here
 
-        bodies = self.to or tuple(body.name for body in scene.world.objects)
+        bodies = self.to or scene.world.names
         quantities = [f"{quoted(f'clearance of {self.chosen} to {bodies}')}.x"]
         if self.chosen is None:
             quantities = [clearance_signal(body) for body in bodies] or ["clearance"]
@@ -154,7 +156,7 @@ class Clearance(Assertion):
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield unknown bodies and links, and a world without objects."""
-        bodies = [body.name for body in scene.world.objects]
+        bodies = scene.world.names
         if self.to is None and not bodies:
             yield (), "the world has no objects to keep clear of; add some to world.objects"
         hinted = FirstFew()

@@ -191,7 +191,7 @@ class Touch(Assertion):
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield a body or a link that does not exist, limits without a force, and a window without a whole step."""
-        bodies = [body.name for body in scene.world.objects]
+        bodies = scene.world.names
         if self.body not in (*bodies, GROUND):
             yield ("with",), f"the world has no body '{self.body}'{did_you_mean(self.body, bodies)}"
         links = links_with_shapes(scene.model)

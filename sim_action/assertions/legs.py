@@ -59,7 +59,7 @@ class Feet(Assertion):
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield unknown links and bodies, a fixed base, and a world without gravity."""
         yield from link_name_problems(scene.model, "links", self.links)
-        known, hinted = [GROUND, *(body.name for body in scene.world.objects)], FirstFew()
+        known, hinted = [GROUND, *scene.world.names], FirstFew()
         for index, name in enumerate(self.on or ()):
             if name not in known:
                 hint = did_you_mean(name, known) if hinted.one_more() else ""

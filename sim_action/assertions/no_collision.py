@@ -67,7 +67,7 @@ class NoCollision(Assertion):
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield names in `allow` that are neither a link nor an object."""
-        names = {*scene.model.links_by_name, *(body.name for body in scene.world.objects), GROUND}
+        names = {*scene.model.links_by_name, *scene.world.names, GROUND}
         hinted = FirstFew()
         for index, name in enumerate(self.allow):
             if name not in names:
@@ -80,7 +80,7 @@ class NoCollision(Assertion):
 
     @override
     def meaning(self, scene: Scene) -> str:
-        bodies = [body.name for body in scene.world.objects if body.name not in self.allow]
+        bodies = [name for name in scene.world.names if name not in self.allow]
         if not bodies or not scene.model.links_by_name.keys().isdisjoint(self.allow):
             return ""
         return f"always ({' and '.join(f'{clearance_signal(body)} > 0' for body in bodies)})"
@@ -91,13 +91,15 @@ class NoCollision(Assertion):
         bodies = setting.world.objects
         touchable = [body for body in bodies if body.name not in (*self.allow, GROUND)]
         # An infinite time is that of an event.
-        if any(body.appears is None or not setting.end <= body.appears < math.inf for body in touchable):
+        if any(body.appears is None or not setting.end <= body.appears < math.inf for body in touchable) or any(
+            actor.name not in self.allow for actor in setting.world.actors
+        ):
             return
         reason = (
             f"every object that may not be touched appears only after the check, which ends at {setting.end:g} s"
             if touchable
             else "allow names every object of the world"
-            if bodies
+            if setting.world.names
             else "the world has no objects, and the ground never counts"
         )
         use = "add an object to world.objects, or remove no_collision"
@@ -115,8 +117,9 @@ class NoCollision(Assertion):
     @override
     def run_claims(self, run: JudgedRun) -> Findings:
         """Yield a world whose objects were all below the ground or above the robot."""
-        bodies = [body for body in run.scene.world.objects if body.name not in (*self.allow, GROUND)]
-        yield from out_of_reach(run, bodies)
+        if run.scene.actors.keys() <= {*self.allow}:
+            bodies = [body for body in run.scene.world.objects if body.name not in (*self.allow, GROUND)]
+            yield from out_of_reach(run, bodies)
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:

@@ -193,9 +193,14 @@ class ObjectAssertion(Assertion):
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield an unknown object, one that cannot move, an unknown frame, and keys of the robot."""
         bodies = {body.name: body for body in scene.world.objects}
-        body, part = bodies.get(self.name), self.part
-        if body is None:
-            yield ("name",), f"the world has no body '{self.name}'{did_you_mean(self.name, bodies)}"
+        body, part, frame = bodies.get(self.name), self.part, scene.frames.get(self.name)
+        if frame is not None:
+            robot, link = frame
+            if link in scene.actors[robot].bolted_links:
+                yield ("name",), f"'{self.name}' is fixed to the world, so it never moves; name a link that can move"
+        elif body is None:
+            names = (*scene.world.names, *scene.frames)
+            yield ("name",), f"the world has no body '{self.name}'{did_you_mean(self.name, names)}"
         elif body.mass is None and not body.path:
             yield ("name",), f"'{self.name}' has no mass and no path, so it never moves; name an object that can move"
         if part.link is not None:

@@ -85,7 +85,7 @@ class StopsBefore(AtRest):
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield a body that does not exist."""
-        bodies = [body.name for body in scene.world.objects]
+        bodies = scene.world.names
         if self.body not in bodies:
             yield ("body",), f"the world has no body '{self.body}'{did_you_mean(self.body, bodies)}"
 

@@ -293,8 +293,9 @@ class BadSource(RunError):
     """A command source whose files do not fit the scenario, which is only known after the source is opened.
 
     Attributes:
-        index: its index in the scenario's commands.
+        index: its index in the commands of its robot.
         key: its key that must be changed.
+        actor: the index of its robot among `world.actors`; None: the robot under test.
     """
 
     exit_code = ExitCode.INVALID
@@ -302,6 +303,7 @@ class BadSource(RunError):
     def __init__(self, index: int, key: str, message: str) -> None:
         self.index = index
         self.key = key
+        self.actor: int | None = None
         super().__init__(message)
 
 
@@ -318,13 +320,15 @@ class ScriptError(RunError):
 
     Attributes:
         details: the last output, or the traceback.
-        source: the index of its command in the scenario; None: it is not a command source.
+        source: the index of its command among those of its robot; None: it is not a command source.
+        actor: the index of its robot among `world.actors`; None: the robot under test.
         time: the sim time of the call in s; None: before the run.
     """
 
     def __init__(self, message: str, location: Location | None = None, details: str = "") -> None:
         self.details = details
         self.source: int | None = None
+        self.actor: int | None = None
         self.time: float | None = None
         super().__init__(message, location)
 

@@ -27,6 +27,8 @@ from sim_action.world.scene import Scene
 LinkDistances = Callable[[str, Collection[str] | None, float], dict[str, float]]
 """(body, links or None for all, limit in m) -> link -> distance in m, without links beyond the limit."""
 
+NO_ACTORS: Final[Mapping[str, Callable[[], float]]] = {}
+
 # Precision in m of the engines' distances.
 _PRECISION: Final = 1e-6
 # Search margin beyond the limit, in steps as long as the last one: a wider search makes the next query later.
@@ -157,16 +159,19 @@ class ClearanceRecorder:
         channels: Channels,
         scene: Scene,
         radii: Mapping[str, float],
+        *,
         near: LinkDistances,
         body_at: Callable[[str], Sequence[float]],
+        actors: Mapping[str, Callable[[], float]] = NO_ACTORS,
     ) -> None:
         """Open all watches of a scene.
 
         `radii`: see RobotMotionBound. `near` measures present distances in the engine; `body_at` returns the present
-        position and unit quaternion (7,) of a body.
+        position and unit quaternion (7,) of a body. `actors`: name of another robot -> how far any of its points has
+        moved since the last call, in m at most.
         """
-        self._rate, self._near, self._body_at = scene.physics.rate, near, body_at
-        everything = tuple(body.name for body in scene.world.objects)
+        self._rate, self._near = scene.physics.rate, near
+        everything = scene.world.names
         watches = sorted(channels.clearances, key=repr)
         self._watches = [_WatchState(watch, everything if watch.bodies is None else watch.bodies) for watch in watches]
         steps = (first_step(time, self._rate) for time in channels.openings | {0.0})
@@ -176,7 +181,8 @@ class ClearanceRecorder:
         self._next = math.inf
         watched = {body for watch_state in self._watches for body in watch_state.names}
         moving = (body for body in scene.world.objects if body.name in watched and _moves(body))
-        self._moving = {body.name: BodyMotionBound(_radius(body)) for body in moving}
+        self._moving = [_motion_of(body, body_at) for body in moving]
+        self._moving += [bound for name, bound in actors.items() if name in watched]
 
     def open_at(self, time: float) -> None:
         """Begin all observations again at a later sim time in s."""
@@ -201,8 +207,8 @@ class ClearanceRecorder:
             return
         self._open(step)
         moved = self._robot.advance(pose, joints)
-        for name, bound in self._moving.items():
-            moved += bound.advance(self._body_at(name))
+        for bound in self._moving:
+            moved += bound()
         if moved < math.inf:
             self._travel += moved
             if self._travel > self._next:
@@ -271,6 +277,11 @@ class ClearanceRecorder:
         for watch_state in self._watches:
             watch_state.begin()
         self._next = -math.inf
+
+
+def _motion_of(body: Body, body_at: Callable[[str], Sequence[float]]) -> Callable[[], float]:
+    bound = BodyMotionBound(_radius(body))
+    return lambda: bound.advance(body_at(body.name))
 
 
 def _moves(body: Body) -> bool:

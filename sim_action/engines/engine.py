@@ -28,7 +28,17 @@ UNLIMITED_EFFORT: Final = 1e6
 """N m or N: the effort limit of a motor whose model states none; ten times that of a mining truck's wheels."""
 
 
-class Engine(EngineQueries, Protocol):
+class RobotQueries(EngineQueries, Protocol):
+    """One robot of a scene, as its controllers and sensors see it."""
+
+    def observe(self, step: int, *, contacts: bool) -> Observation:
+        """Return the present state as that of step `step`; contacts, if requested, include the ground."""
+
+    def collect(self) -> Trace:
+        """Return the states after each step since the last call, with the requested contacts and clearances."""
+
+
+class Engine(RobotQueries, Protocol):
     """A physics engine that holds one scene. Engines are subclasses.
 
     Until it gets a command, a joint is held at its initial position or moves freely, see `held_joints`.
@@ -39,6 +49,9 @@ class Engine(EngineQueries, Protocol):
 
     solid_terrain: bool
     """True if heightfields are solid below their surface."""
+
+    actors: Mapping[str, RobotQueries]
+    """The other robots of the world by name. The engine itself is the robot under test."""
 
     notes: tuple[str, ...] = ()
     """The properties of the model that the engine had to change."""
@@ -69,9 +82,6 @@ class Engine(EngineQueries, Protocol):
         clearances begin again at `time`, in s.
         """
 
-    def collect(self) -> Trace:
-        """Return the states after each step since the last call, with the requested contacts and clearances."""
-
     def link_contacts(self, step: int) -> Mapping[str, ContactRecord]:
         """Return the present contacts of the requested links, as those of step `step`."""
 
@@ -80,9 +90,6 @@ class Engine(EngineQueries, Protocol):
 
         They have the order of the world: position, and unit quaternion x, y, z, w.
         """
-
-    def observe(self, step: int, *, contacts: bool) -> Observation:
-        """Return the present state as that of step `step`; contacts, if requested, include the ground."""
 
     def touching(self) -> tuple[Overlap | Clash, ...]:
         """Return the contacts of the last step, some pairs several times; a negative depth is a gap."""

@@ -295,7 +295,7 @@ def _checked(loaded: LoadedScenario) -> LoadedScenario:
     workspace = loaded.workspace
     permissions = Permissions(outside=workspace.allow_outside, updates_golden=workspace.updates_golden)
     again = checked(loaded.source, permissions, evaluate=True)
-    return replace(loaded, model=again.model)
+    return replace(loaded, model=again.model, actor_models=again.actor_models)
 
 
 def _seams(mutation: Mutation | None, scene: Scene) -> Seams:
@@ -333,12 +333,13 @@ def _simulated(loaded: LoadedScenario, scene: Scene, footage: RunRecorder, progr
 
 
 def _of_source(document: Document, error: BadSource) -> Problem:
-    return document.problem((*_path_of_source(document, error.index), error.key), str(error))
+    return document.problem((*_path_of_source(document, error.index, error.actor), error.key), str(error))
 
 
-def _path_of_source(document: Document, index: int) -> KeyPath:
-    listed = ("commands", index)
-    return listed if listed in document.marks else ("commands",)
+def _path_of_source(document: Document, index: int, actor: int | None) -> KeyPath:
+    above: KeyPath = () if actor is None else ("world", "actors", actor)
+    listed = (*above, "commands", index)
+    return listed if listed in document.marks else (*above, "commands")
 
 
 def _place_of(error: RunError, job: Job) -> Location | None:
@@ -351,7 +352,7 @@ def _place_of(error: RunError, job: Job) -> Location | None:
     key = _source_of(error, job)
     if not isinstance(error, ScriptError) or error.source is None or key is None:
         return None
-    return loaded.document.location((*_path_of_source(loaded.document, error.source), key))
+    return loaded.document.location((*_path_of_source(loaded.document, error.source, error.actor), key))
 
 
 _OF_USERS: Final = frozenset({"script", "process", "ros1", "ros2"})
@@ -362,7 +363,9 @@ def _source_of(error: Exception, job: Job) -> str | None:
     """Return the key of the command source that failed, such as "pose"; None if no source did."""
     if not isinstance(error, ScriptError) or error.source is None:
         return None
-    return job.loaded.scenario.commands[error.source].key
+    scenario = job.loaded.scenario
+    commands = scenario.commands if error.actor is None else scenario.world.actors[error.actor].commands
+    return commands[error.source].key
 
 
 def _is_open(descriptor: int) -> bool:

@@ -25,7 +25,7 @@ from sim_action.scenario.variations.gate import GATE, PlannedGate, Quantile
 from sim_action.sensors import MountedSensor
 from sim_action.world import GROUND
 from sim_action.world.physics import MAX_PHYSICS_RATE_HZ
-from sim_action.world.scene import Scene
+from sim_action.world.scene import EGO, Scene
 
 _TIME_ROUNDING: Final = 1e-9
 # m: patches that share an edge do not lie on each other.
@@ -181,11 +181,18 @@ def recorded_link_problems(scenario: Scenario, model: RobotModel) -> SpecProblem
 
 
 def name_problems(scenario: Scenario) -> SpecProblems:
-    """Yield bodies with the same name."""
+    """Yield bodies and other robots with the same name."""
     names = [GROUND, *(body.name for body in scenario.world.objects)]
     for index, name in enumerate(names):
         if name in names[:index]:
             yield ("world", "objects", index - 1, "name"), f"a second body named '{name}'; names are unique"
+    for index, actor in enumerate(scenario.world.actors):
+        path: KeyPath = ("world", "actors", index, "name")
+        if actor.name == EGO:
+            yield path, f"'{EGO}' is the robot under test; give this one another name"
+        elif actor.name in names:
+            yield path, f"'{actor.name}' is already the name of a body or of another robot; names are unique"
+        names.append(actor.name)
 
 
 def patch_problems(scenario: Scenario) -> SpecProblems:

@@ -27,6 +27,7 @@ from sim_action.scenario.variations.draws import Choice, CsvColumn
 from sim_action.sensors import SENSORS
 from sim_action.world import World
 
+_ACTORS: Final = "world", "actors"
 _ANY: Final = "*"
 _DEEP: Final = "**"
 
@@ -40,10 +41,8 @@ def file_keys(*, if_there: bool = False) -> tuple[Pattern, ...]:
     found = [
         *_ways(Robot, if_there, ("robot",)),
         *_ways(World, if_there, ("world",)),
-        *(way for key in DRIVES for way in _ways(DRIVES.load(key), if_there, ("robot", "drive", key))),
-        *(way for key in SENSORS for way in _ways(SENSORS.load(key), if_there, ("sensors", _ANY, key))),
-        *(way for key in COMMANDS for way in _ways_of_source(key, if_there, ("commands",))),
-        *(way for key in COMMANDS for way in _ways_of_source(key, if_there, ("commands", _ANY))),
+        *_ways_of_robot(if_there, (), ("robot",)),
+        *_ways_of_robot(if_there, (*_ACTORS, _ANY), (*_ACTORS, _ANY)),
     ]
     for key in ASSERTIONS:
         spec = ASSERTIONS.load(key)
@@ -51,6 +50,17 @@ def file_keys(*, if_there: bool = False) -> tuple[Pattern, ...]:
         # Its value may be given directly instead of its keys.
         found += [*(way[:-1] for way in ways if way[-1] == spec.bare_value), *ways]
     return tuple(dict.fromkeys(found))
+
+
+def _ways_of_robot(if_there: bool, above: Pattern, robot: Pattern) -> Iterator[Pattern]:
+    """Yield the patterns of the drive, the sensors and the commands of a robot; `above`: of the latter two."""
+    for key in DRIVES:
+        yield from _ways(DRIVES.load(key), if_there, (*robot, "drive", key))
+    for key in SENSORS:
+        yield from _ways(SENSORS.load(key), if_there, (*above, "sensors", _ANY, key))
+    for key in COMMANDS:
+        yield from _ways_of_source(key, if_there, (*above, "commands"))
+        yield from _ways_of_source(key, if_there, (*above, "commands", _ANY))
 
 
 def _ways_of_source(key: str, if_there: bool, to: Pattern) -> Iterator[Pattern]:

@@ -26,7 +26,8 @@ from sim_action.core.errors import (
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import counted
-from sim_action.core.yaml_errors import ProblemList, SpecProblems
+from sim_action.core.yaml_document import KeyPath
+from sim_action.core.yaml_errors import ProblemList, SpecProblem, SpecProblems
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.reading.loading import ModelLibrary, check_text, load_model, package_problems, srdf_problems
 from sim_action.scenario import checks as scenario_checks
@@ -34,8 +35,8 @@ from sim_action.scenario import world_checks
 from sim_action.scenario.claims import audit_combination, audit_robot, audit_scenario
 from sim_action.scenario.faults import fault_problems
 from sim_action.scenario.files import read_only_scenario
-from sim_action.scenario.model import DrivenRobot, LoadedScenario, Scenario
-from sim_action.scenario.part_reader import PartReader, Unfolded, unfolded
+from sim_action.scenario.model import DrivenActor, DrivenRobot, LoadedScenario, Scenario
+from sim_action.scenario.part_reader import OwnPaths, PartReader, Unfolded, unfolded
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.world_file import WorldLibrary, filled, with_robot_of_world
 from sim_action.world.claims import AuditWarning, ClaimFinding, allowed_rules, unknown_rules
@@ -87,7 +88,11 @@ def checked(
     if source.group is not None:
         scenario = scenario.model_copy(update={"name": source.name})
     model, parts, places = loader.model, loader.parts, loader.places
-    return LoadedScenario(scenario, source, model, loader.unchecked, parts, loader.warnings, places=places)
+    return LoadedScenario(
+        *(scenario, source, model, loader.unchecked, parts, loader.warnings),
+        places=places,
+        actor_models=loader.actor_models,
+    )
 
 
 def load_all(
@@ -163,7 +168,17 @@ def _loaded_or_refused(
 def build_scene(loaded: LoadedScenario) -> Scene:
     """Return the scene of a scenario; read its model if necessary. Raises ModelError."""
     model = loaded.model or load_model(loaded.scenario.robot, loaded.workspace)
-    return _scene(loaded.scenario, model, loaded.source, loaded.parts, loaded.places)
+    scene = _scene(loaded.scenario, model, loaded.source, loaded.parts, loaded.places)
+    return _with_actors(scene, loaded.scenario, loaded.source, loaded.actor_models)
+
+
+def _with_actors(scene: Scene, scenario: Scenario, source: Source, models: Mapping[str, RobotModel]) -> Scene:
+    """Return a scene with the other robots of its world."""
+    actors = {}
+    for actor in scenario.world.actors:
+        model = models.get(actor.name) or load_model(actor, source.workspace)
+        actors[actor.name] = _scene(scenario.as_seen_by(actor), model, source, scene.parts, WorldPlaces())
+    return replace(scene, actors=actors) if actors else scene
 
 
 def _scene(
@@ -185,7 +200,7 @@ def _scene(
         ),
         file=source.document.file,
         variation=source.values_in_file_names,
-        acted_on=bool(scenario.commands or scenario.world.disturbances or scenario.events),
+        acted_on=bool(scenario.commands or scenario.world.disturbances or scenario.events or scenario.world.actors),
         places=places,
         stuck=frozenset(
             fault.target for fault in scenario.faults if fault.stuck and not scenario.time_limit <= fault.at < math.inf
@@ -206,6 +221,7 @@ class _Loader:
         self, source: Source, permissions: Permissions, libraries: Libraries, commands: Unfolded, *, evaluate: bool
     ) -> None:
         self.model: RobotModel | None = None
+        self.actor_models: dict[str, RobotModel] = {}
         self.unchecked: tuple[str, ...] = ()
         self.parts: Mapping[str, tuple[Part, ...]] = {}
         self.warnings: tuple[AuditWarning, ...] = ()
@@ -251,7 +267,7 @@ class _Loader:
             for problem in scenario_checks.gate_problems(gate, self._source, scenario):
                 self._problems.note_elsewhere(problem)
         self._take(audit_scenario(scenario, self._parts.expect_paths, self._parts.command_paths))
-        self.unchecked = tuple(remark for source in scenario.commands for remark in source.unchecked)
+        self.unchecked = tuple(remark for source in scenario.all_commands for remark in source.unchecked)
         surroundings = read_surroundings(scenario.world, self._workspace, self._libraries.shapes, self.parts)
         self.parts = surroundings.parts
         self._problems.note_all((), iter(surroundings.problems))
@@ -267,9 +283,21 @@ class _Loader:
         # A robot in a world file has the same problem as the file.
         is_refused = bool(scenario.robot.name_in_world) and self._problems.has_below(("world",))
         self.model = None if is_refused else self._read_model(scenario.robot)
+        for actor, _, path in self._actors(scenario):
+            if (model := self._read_model(actor, path)) is not None:
+                self.actor_models[actor.name] = model
+        if len(self.actor_models) < len(scenario.world.actors):
+            # What one process alone may read is checked there.
+            self.model = None
         if self.model is not None:
             scene = _scene(scenario, self.model, self._source, self.parts, self.places)
+            scene = _with_actors(scene, scenario, self._source, self.actor_models)
             self._check_scene(scene, scenario, states_drive=states_drive)
+
+    def _actors(self, scenario: Scenario) -> Iterator[tuple[DrivenActor, OwnPaths, KeyPath]]:
+        """Yield the other robots, with the paths of their parts and of their entries."""
+        for index, (actor, paths) in enumerate(zip(scenario.world.actors, self._parts.actor_paths, strict=True)):
+            yield actor, paths, ("world", "actors", index)
 
     def _take(self, findings: Iterable[ClaimFinding]) -> None:
         """Note the errors of the audit of claims, and keep its warnings, except those that the scenario allows."""
@@ -289,6 +317,11 @@ class _Loader:
         yield from scenario_checks.trace_problems(scenario, parts.sensor_paths)
         yield from scenario_checks.reading_problems(scenario, parts.expect_paths)
         yield from scenario_checks.rule_problems(scenario)
+        for actor, paths, path in self._actors(scenario):
+            seen = scenario.as_seen_by(actor)
+            yield from scenario_checks.rate_problems(seen, paths.commands, paths.sensors)
+            yield from scenario_checks.transmission_problems(seen, paths.commands, paths.sensors)
+            yield from _of_actor(scenario_checks.rule_problems(seen), path)
         yield from unknown_rules(scenario.allow)
         for path, expectation in zip(parts.expect_paths, scenario.expect, strict=True):
             yield from unknown_rules(expectation.allow, path)
@@ -301,15 +334,18 @@ class _Loader:
 
             yield from event_problems(scenario)
 
-    def _read_model(self, robot: DrivenRobot) -> RobotModel | None:
-        """Return the robot model; None if it has a noted problem, or may only be read in the scenario's own process."""
+    def _read_model(self, robot: DrivenRobot, path: KeyPath = ("robot",)) -> RobotModel | None:
+        """Return the robot model; None if it has a noted problem, or may only be read in the scenario's own process.
+
+        `path`: of the robot.
+        """
         wrong = (*package_problems(robot, self._workspace), *srdf_problems(robot, self._workspace))
         if wrong:
-            self._problems.note_all((), iter(wrong))
+            self._problems.note_all((), _of_actor(wrong, path))
             return None
         try:
             if (robot.is_xacro or robot.is_mjcf) and not self._evaluate:
-                self._check_text(robot)
+                self._check_text(robot, path)
                 return None
             return self._libraries.models.load(robot, self._workspace)
         except RefusedModel as error:
@@ -317,41 +353,58 @@ class _Loader:
             for problem in error.problems:
                 self._problems.note_elsewhere(problem)
         except ModelError as error:
-            self._problems.note(("robot", "model"), str(error))
+            self._problems.note((*path, "model"), str(error))
         return None
 
-    def _check_text(self, robot: DrivenRobot) -> None:
+    def _check_text(self, robot: DrivenRobot, path: KeyPath) -> None:
         if robot.is_xacro and self._permissions.scripts_refused:
-            self._problems.note(("robot", "model"), self._permissions.scripts_refused)
+            self._problems.note((*path, "model"), self._permissions.scripts_refused)
         self.unchecked += check_text(robot, self._workspace)
 
     def _check_scene(self, scene: Scene, scenario: Scenario, *, states_drive: bool) -> None:
-        self._problems.note_all((), scenario_checks.robot_problems(scenario, scene.model))
+        own = OwnPaths(self._parts.command_paths, self._parts.sensor_paths)
+        self._check_robot(scene, scenario, own, ("robot",), states_drive=states_drive)
+        for actor, paths, path in self._actors(scenario):
+            # A refused drive is missing from the scenario. That is not a second problem.
+            states = actor.drive is not None or self._problems.has_below((*path, "drive"))
+            self._check_robot(scene.actors[actor.name], scenario.as_seen_by(actor), paths, path, states_drive=states)
         self._problems.note_all((), scenario_checks.recorded_link_problems(scenario, scene.model))
-        self._problems.note_all((), scenario_checks.follower_problems(scene))
         self._problems.note_all((), world_checks.disturbance_problems(scene, scenario.time_limit))
         drive, limit = scenario.robot.drive, scenario.time_limit
         self._problems.note_all((), fault_problems(scenario.faults, scene, drive, scenario.sensors, limit))
-        self._problems.note_all((), scenario_checks.source_problems(scenario, scene, self._parts.command_paths))
-        self._problems.note_all((), scenario_checks.sensor_problems(scene, scenario.sensors, self._parts.sensor_paths))
         if scenario.events:
             from sim_action.scenario.events import condition_problems  # few scenarios have events
 
             self._problems.note_all((), condition_problems(scenario, scene))
         if scenario.agreement is not None:
             self._problems.note_all((), scenario_checks.agreement_problems(scene, scenario.agreement))
-        # A refused drive is missing from the scenario. That is not a second problem.
-        if not states_drive:
-            paths = self._parts.sensor_paths
-            self._problems.note_all((), scenario_checks.wheel_problems(scenario, scene, paths))
-        for path, source in zip(self._parts.command_paths, scenario.commands, strict=True):
-            self._problems.note_all(path, source.model_problems(scene))
         for path, expectation in zip(self._parts.expect_paths, scenario.expect, strict=True):
             self._problems.note_all((*path, expectation.assertion.key), expectation.assertion.problems(scene))
         self._take(audit_robot(scene, scenario, self._parts.expect_paths, self._parts.command_paths))
         for path, expectation in zip(self._parts.expect_paths, scenario.expect, strict=True):
             if not self._problems.has_below(path):  # a wrong part is the reason
                 self._take(audit_combination(path, expectation, scene))
+
+    def _check_robot(
+        self, scene: Scene, scenario: Scenario, paths: OwnPaths, path: KeyPath, *, states_drive: bool
+    ) -> None:
+        """Check a robot with its commands and sensors; `path`: of the robot."""
+        note = self._problems.note_all
+        note((), _of_actor(scenario_checks.robot_problems(scenario, scene.model), path))
+        note((), _of_actor(scenario_checks.follower_problems(scene), path))
+        note((), scenario_checks.source_problems(scenario, scene, paths.commands))
+        note((), scenario_checks.sensor_problems(scene, scenario.sensors, paths.sensors))
+        # A refused drive is missing from the scenario. That is not a second problem.
+        if not states_drive:
+            note((), _of_actor(scenario_checks.wheel_problems(scenario, scene, paths.sensors), path))
+        for at, source in zip(paths.commands, scenario.commands, strict=True):
+            note(at, source.model_problems(scene))
+
+
+def _of_actor(problems: Iterable[SpecProblem], to: KeyPath) -> SpecProblems:
+    """Yield problems with the path of the robot replaced by another one."""
+    for path, message in problems:
+        yield ((*to, *path[1:]) if path[:1] == ("robot",) else path), message
 
 
 def refused_together(

@@ -44,7 +44,7 @@ from sim_action.scenario.variations.values import MAX_SEED
 from sim_action.sensors import MountedSensor
 from sim_action.state.timeline import TimeMark
 from sim_action.state.trace_channels import Channels
-from sim_action.world import Physics, World
+from sim_action.world import MAX_ACTORS, Actor, Physics, World
 from sim_action.world.claims import AuditWarning, ClaimFinding
 from sim_action.world.scene import Scene, WorldPlaces
 
@@ -150,6 +150,33 @@ class DrivenRobot(Robot):
     drive: Annotated[Drive | None, Field(description="default: recognised from the model")] = None
 
 
+class DrivenActor(Actor, DrivenRobot):
+    """A robot beside the one under test: its keys, its commands, and the sensors of its own controllers."""
+
+    commands: Annotated[tuple[CommandSource, ...], Field(description="as those of the scenario")] = ()
+    sensors: Annotated[
+        tuple[MountedSensor, ...], Field(description="as those of the scenario, for its own controllers; or `standard`")
+    ] = ()  # type: ignore[assignment]  # the standard ones are listed when they are read
+
+    @model_validator(mode="after")
+    def _has_standard_sensors(self) -> Self:
+        return self
+
+
+class Stage(World):
+    """The surroundings of the robot, with the other robots in it."""
+
+    actors: Annotated[
+        tuple[DrivenActor, ...],
+        Field(max_length=MAX_ACTORS, description="other robots, which expectations name like objects"),
+    ] = ()
+
+    @staticmethod
+    def of(world: World) -> Stage:
+        """Return a world without other robots."""
+        return Stage.model_construct(**{**dict(world), "actors": ()})
+
+
 class TraceSettings(FrozenModel):
     """The part of a run that is stored."""
 
@@ -227,7 +254,7 @@ class Scenario(FrozenModel):
     tags: Annotated[tuple[Tag, ...], Field(description="words for --tag and --exclude-tag")] = ()
     version: Annotated[Literal[1], Field(description="version of the format")] = 1
     robot: DrivenRobot
-    world: World = World.model_construct()
+    world: Stage = Stage.model_construct()
     physics: Physics = Physics.model_construct()
     commands: Annotated[tuple[CommandSource, ...], Field(description="command sources that drive the robot")] = ()
     sensors: Annotated[tuple[MountedSensor, ...], Field(description="sensors that controllers can read")] = ()
@@ -309,15 +336,38 @@ class Scenario(FrozenModel):
             rate = common_rate(self.needed_rates, self.physics.rate, MAX_CHOSEN_PHYSICS_RATE_HZ)
             if rate is not None and rate != self.physics.rate:
                 self.__dict__["physics"] = self.physics.model_copy(update={"rate": rate})
-        fitted = tuple(source.fitted(self.physics.rate) for source in self.commands)
-        self.__dict__["commands"] = tuple(source.among(fitted) for source in fitted)
+        self.__dict__["commands"] = self._fitted(self.commands)
+        if self.world.actors:
+            several = (
+                actor.model_copy(update={"commands": self._fitted(actor.commands)}) for actor in self.world.actors
+            )
+            self.__dict__["world"] = self.world.model_copy(update={"actors": tuple(several)})
         return self
+
+    def _fitted(self, commands: tuple[CommandSource, ...]) -> tuple[CommandSource, ...]:
+        fitted = tuple(source.fitted(self.physics.rate) for source in commands)
+        return tuple(source.among(fitted) for source in fitted)
+
+    def as_seen_by(self, actor: DrivenActor) -> Scenario:
+        """Return the scenario in which another robot takes the place of the one under test."""
+        own = {"robot": actor, "commands": actor.commands, "sensors": actor.sensors}
+        return self.model_copy(update={**own, "faults": (), "expect": ()})
+
+    @property
+    def all_commands(self) -> tuple[CommandSource, ...]:
+        """The command sources of all robots."""
+        return (*self.commands, *(source for actor in self.world.actors for source in actor.commands))
+
+    @property
+    def all_sensors(self) -> tuple[MountedSensor, ...]:
+        """The sensors of all robots."""
+        return (*self.sensors, *(mounted for actor in self.world.actors for mounted in actor.sensors))
 
     @property
     def needed_rates(self) -> list[float]:
         """The rates in Hz that have to divide that of the physics."""
-        of_sources = [source.needed_rate for source in self.commands]
-        rates = [*of_sources, *(sensor.rate for sensor in self.sensors), self.trace.rate]
+        of_sources = [source.needed_rate for source in self.all_commands]
+        rates = [*of_sources, *(sensor.rate for sensor in self.all_sensors), self.trace.rate]
         return [rate for rate in rates if rate is not None]
 
     @property
@@ -343,22 +393,27 @@ class Scenario(FrozenModel):
     @property
     def runs_user_code(self) -> bool:
         """Return True if the scenario needs an interpreter of its own."""
-        of_sources = any(source.runs_user_code for source in self.commands)
-        of_sensors = any(mounted.sensor.runs_user_code for mounted in self.sensors)
+        of_sources = any(source.runs_user_code for source in self.all_commands)
+        of_sensors = any(mounted.sensor.runs_user_code for mounted in self.all_sensors)
         of_assertions = any(assertion.runs_user_code for assertion in (*self.assertions, *self.conditions))
-        return self.robot.is_xacro or of_sources or of_sensors or of_assertions
+        return (
+            any(robot.is_xacro for robot in (self.robot, *self.world.actors))
+            or of_sources
+            or of_sensors
+            or of_assertions
+        )
 
     @property
     def is_random(self) -> bool:
         """Return True if a run depends on the seed, or may do so."""
-        of_commands = any(source.is_random or source.runs_user_code for source in self.commands)
-        of_sensors = any(mounted.transmission.is_random or mounted.sensor.is_random for mounted in self.sensors)
+        of_commands = any(source.is_random or source.runs_user_code for source in self.all_commands)
+        of_sensors = any(mounted.transmission.is_random or mounted.sensor.is_random for mounted in self.all_sensors)
         return of_commands or of_sensors or any(assertion.runs_user_code for assertion in self.assertions)
 
     @property
     def python_files(self) -> tuple[str, ...]:
         """The paths of the user's Python files that run in its process, relative to the scenario."""
-        named = [source.python_file for source in self.commands] + [leaf.python_file for leaf in self.assertions]
+        named = [source.python_file for source in self.all_commands] + [leaf.python_file for leaf in self.assertions]
         return tuple(dict.fromkeys(name for name in named if name is not None))
 
     @property
@@ -429,6 +484,7 @@ class LoadedScenario:
         model: the checked robot model; None if only the scenario's own process may read it.
         unchecked: remarks on parts that can only be checked during a run.
         parts: name of a world body -> its parts, for bodies that are read from files.
+        actor_models: name of another robot -> its checked model; empty if only the scenario's own process may read one.
         warnings: the findings of the audit of claims that do not refuse it.
         compared: True if the run is compared with that of another engine.
         strict: True if warnings of the audit of claims make it fail.
@@ -449,6 +505,7 @@ class LoadedScenario:
     places: WorldPlaces = field(default_factory=WorldPlaces)
     mutation: Mutation | None = None
     repetition: str = ""
+    actor_models: Mapping[str, RobotModel] = field(default_factory=dict)
 
     @property
     def document(self) -> Document:

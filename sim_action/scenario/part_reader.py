@@ -23,6 +23,7 @@ from sim_action.core.yaml_errors import ProblemList, SpecProblems
 from sim_action.drives import DRIVES, Drive
 from sim_action.robot.built_in import STANDARD_SENSORS
 from sim_action.scenario.model import Expectation, ExpectationOptions
+from sim_action.scenario.variations.dotted_keys import placed
 from sim_action.sensors import SENSORS, MountedSensor, Mounting
 from sim_action.world.claims import allowed_rules
 
@@ -49,11 +50,26 @@ def _standard_sensors(robot: Any) -> Iterable[Any]:
     return STANDARD_SENSORS.get(str(robot["model"]), ()) if is_asked and "model" in robot else ()
 
 
+def actors_of(data: Mapping[str, Any]) -> Any:
+    """Return what stands below `world.actors`; None without it."""
+    world = data.get("world")
+    return world.get("actors") if isinstance(world, dict) else None
+
+
+@dataclass(slots=True)
+class OwnPaths:
+    """The key paths of the commands and sensors of a robot that were read."""
+
+    commands: list[KeyPath] = field(default_factory=list)
+    sensors: list[KeyPath] = field(default_factory=list)
+
+
 class PartReader:
     """Reads the parts of one document and collects their problems.
 
     Attributes:
         command_paths, sensor_paths, expect_paths: the key paths of the parts that were read.
+        actor_paths: those of the other robots, in their order.
     """
 
     def __init__(
@@ -79,6 +95,7 @@ class PartReader:
         self.command_paths: list[KeyPath] = []
         self.sensor_paths: list[KeyPath] = []
         self.expect_paths: list[KeyPath] = []
+        self.actor_paths: list[OwnPaths] = []
         self._document = document
         self._workspace = workspace
         self._permissions = permissions
@@ -92,10 +109,15 @@ class PartReader:
         """Return the document's data with drive, commands, sensors and expectations as objects."""
         parts = dict(data)
         if "commands" in data:
-            parts["commands"] = self._commands(data["commands"])
+            parts["commands"], self.command_paths = self._commands(data["commands"], ("commands",))
         sensors, standard = data.get("sensors", ()), tuple(_standard_sensors(data.get("robot")))
         if isinstance(sensors, tuple) and (standard or "sensors" in data):
-            parts["sensors"] = self._sensors(sensors, standard)
+            entries = _numbered(("sensors",), sensors)
+            entries += [(("robot", "sensors"), entry) for entry in standard]
+            parts["sensors"], self.sensor_paths = self._sensors(entries)
+        if isinstance(actors := actors_of(data), tuple):
+            several = tuple(self._actor(entry, ("world", "actors", index)) for index, entry in enumerate(actors))
+            parts["world"] = {**data["world"], "actors": several}
         if isinstance(data.get("expect"), tuple):
             parts["expect"] = self._expectations(data["expect"])
         if isinstance(data.get("events"), tuple):
@@ -105,19 +127,37 @@ class PartReader:
             parts["robot"] = {**robot, "drive": self._drive(robot["drive"], ("robot", "drive"))}
         return parts
 
-    def _commands(self, data: Any) -> tuple[CommandSource, ...]:
-        entries: Sequence[tuple[KeyPath, Any]]
-        entries = [(("commands", index), entry) for index, entry in enumerate(data)] if isinstance(data, tuple) else []
-        entries = self._few("commands", entries, _MAX_SOURCES, "sources")
-        found = [(path, self._command(entry, path)) for path, entry in entries or [(("commands",), data)]]
-        self.command_paths = [path for path, source in found if source is not None]
-        return tuple(source for _, source in found if source is not None)
+    def _actor(self, data: Any, path: KeyPath) -> Any:
+        """Return the entry of another robot with its drive, commands and sensors as objects."""
+        if not isinstance(data, dict):
+            return data
+        parts, own = dict(data), OwnPaths()
+        if "commands" in data:
+            parts["commands"], own.commands = self._commands(data["commands"], (*path, "commands"))
+        sensors = data.get("sensors", ())
+        if sensors == "standard":
+            sensors = tuple(_standard_sensors(data)) or None
+            if sensors is None:
+                known = ", ".join(STANDARD_SENSORS)
+                self._problems.note((*path, "sensors"), f"standard sensors are known of {known}; list them")
+        if isinstance(sensors, tuple):
+            parts["sensors"], own.sensors = self._sensors(_numbered((*path, "sensors"), sensors))
+        if "drive" in data:
+            parts["drive"] = self._drive(data["drive"], (*path, "drive"))
+        self.actor_paths.append(own)
+        return parts
 
-    def _few(self, key: str, entries: Sequence[Entry], most: int, what: str) -> Sequence[Entry]:
+    def _commands(self, data: Any, path: KeyPath) -> tuple[tuple[CommandSource, ...], list[KeyPath]]:
+        entries = self._few(path, _numbered(path, data), _MAX_SOURCES, "sources") if isinstance(data, tuple) else ()
+        found = [(at, self._command(entry, at)) for at, entry in entries or [(path, data)]]
+        read = [(at, source) for at, source in found if source is not None]
+        return tuple(source for _, source in read), [at for at, _ in read]
+
+    def _few(self, path: KeyPath, entries: Sequence[Entry], most: int, what: str) -> Sequence[Entry]:
         """Return the entries below a key; only the first ones if there are too many."""
         if len(entries) <= most:
             return entries
-        self._problems.note((key,), f"{len(entries):,} {what}; at most {most:,} are read")
+        self._problems.note(path, f"{len(entries):,} {what}; at most {most:,} are read")
         return entries[:1]
 
     def _command(self, data: Any, path: KeyPath) -> CommandSource | None:
@@ -139,7 +179,7 @@ class PartReader:
         return source
 
     def _expectations(self, data: tuple[Any, ...]) -> tuple[Expectation, ...]:
-        few = self._few("expect", data, _MAX_ASSERTIONS, "expectations")
+        few = self._few(("expect",), data, _MAX_ASSERTIONS, "expectations")
         found = [(("expect", index), self._expectation(entry, ("expect", index))) for index, entry in enumerate(few)]
         self.expect_paths = [path for path, expectation in found if expectation is not None]
         return _with_unique_names(tuple(expectation for _, expectation in found if expectation is not None))
@@ -147,7 +187,7 @@ class PartReader:
     def _events(self, data: tuple[Any, ...]) -> tuple[Event, ...]:
         from sim_action.scenario.events import MAX_EVENTS  # few scenarios have events
 
-        few = self._few("events", data, MAX_EVENTS, "events")
+        few = self._few(("events",), data, MAX_EVENTS, "events")
         found = [self._event(entry, ("events", index)) for index, entry in enumerate(few)]
         return tuple(event for event in found if event is not None)
 
@@ -174,13 +214,11 @@ class PartReader:
             self._problems.note(path, "a condition is an assertion, 'at' or 'event'; 'since' is for assertions")
         return Condition(at=options.at or 0.0, event=options.event or "", span=options.span or 0.0)
 
-    def _sensors(self, data: tuple[Any, ...], standard: tuple[Any, ...]) -> tuple[MountedSensor, ...]:
-        few = self._few("sensors", data, _MAX_SENSORS, "sensors")
-        entries: list[tuple[KeyPath, Any]] = [(("sensors", index), entry) for index, entry in enumerate(few)]
-        entries += [(("robot", "sensors"), entry) for entry in standard]
-        found = [(path, self._sensor(entry, path)) for path, entry in entries]
-        self.sensor_paths = [path for path, sensor in found if sensor is not None]
-        return tuple(sensor for _, sensor in found if sensor is not None)
+    def _sensors(self, entries: Sequence[tuple[KeyPath, Any]]) -> tuple[tuple[MountedSensor, ...], list[KeyPath]]:
+        few = self._few(entries[0][0][:-1], entries, _MAX_SENSORS, "sensors") if entries else ()
+        found = [(path, self._sensor(entry, path)) for path, entry in few]
+        read = [(path, sensor) for path, sensor in found if sensor is not None]
+        return tuple(sensor for _, sensor in read), [path for path, _ in read]
 
     def _sensor(self, data: Any, path: KeyPath) -> MountedSensor | None:
         found = self._with_options(SENSORS, Mounting, data, path, self.validated)
@@ -355,6 +393,10 @@ class PartReader:
             return None
 
 
+def _numbered(path: KeyPath, entries: Iterable[Any]) -> list[tuple[KeyPath, Any]]:
+    return [((*path, index), entry) for index, entry in enumerate(entries)]
+
+
 def _keys_of(model: type[BaseModel]) -> frozenset[str]:
     return frozenset(field.alias or name for name, field in model.model_fields.items())
 
@@ -407,22 +449,28 @@ class Unfolded:
 
 def unfolded(document: Document) -> Unfolded:
     """Return a document with the keys of each map of a command source next to its name."""
-    commands = document.data.get("commands") if isinstance(document.data, dict) else None
-    if isinstance(commands, tuple):
-        found = [_Entry(("commands", index), entry) for index, entry in enumerate(commands)]
-    else:
-        found = [_Entry(("commands",), commands)]
+    data = document.data if isinstance(document.data, dict) else {}
+    found = list(_sources_of(data.get("commands"), ("commands",)))
+    actors = actors_of(data)
+    for index, actor in enumerate(actors if isinstance(actors, tuple) else ()):
+        if isinstance(actor, dict):
+            found += _sources_of(actor.get("commands"), ("world", "actors", index, "commands"))
     for entry in found:
         entry.unfold()
     moved = {path: place for entry in found for path, place in entry.moved.items()}
     problems = tuple(document.problem(*problem) for entry in found for problem in entry.problems)
     if not moved and not problems:
         return Unfolded(document)
-    assert isinstance(document.data, dict)
-    parts = tuple(entry.data for entry in found)
-    data = {**document.data, "commands": parts if isinstance(commands, tuple) else parts[0]}
+    changed: Any = data
+    for entry in found:
+        changed, _ = placed(changed, entry.path, entry.data)
     refused = frozenset(entry.path for entry in found if entry.problems)
-    return Unfolded(replace(document, data=data, moved={**document.moved, **moved}), problems, refused)
+    return Unfolded(replace(document, data=changed, moved={**document.moved, **moved}), problems, refused)
+
+
+def _sources_of(commands: Any, path: KeyPath) -> Iterator[_Entry]:
+    entries = _numbered(path, commands) if isinstance(commands, tuple) else [(path, commands)]
+    return (_Entry(at, entry) for at, entry in entries)
 
 
 @dataclass(slots=True)

@@ -12,6 +12,7 @@ from sim_action.core.errors import Location, Problem
 from sim_action.core.field_types import Placement
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
+from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import links_with_shapes
 from sim_action.scenario.model import Scenario
@@ -69,19 +70,26 @@ def disturbance_problems(scene: Scene, time_limit: float) -> SpecProblems:
             yield ("world", "disturbances", index, *below), message
 
 
+def paths_of(world: World) -> dict[str, KeyPath]:
+    """Return name of a body or another robot -> its keys."""
+    objects, actors = ((each.name for each in group) for group in (world.objects, world.actors))
+    paths: dict[str, KeyPath] = {name: ("world", "objects", index) for index, name in enumerate(objects)}
+    return paths | {name: ("world", "actors", index) for index, name in enumerate(actors)}
+
+
 @dataclass(frozen=True, slots=True)
 class Clashes:
     """The moving bodies that begin inside something, each once, the deepest first.
 
     Attributes:
-        indices: name of a body -> its index in the objects.
+        paths: name of a body or another robot -> its keys.
         places: name of a body of the world file -> its place.
         own: those with a body of the scenario.
         of_file: those of bodies of the world file only, or with the ground.
         are_allowed: True if none of them is an error.
     """
 
-    indices: Mapping[str, int]
+    paths: Mapping[str, KeyPath]
     places: Mapping[str, Location]
     own: tuple[Clash, ...]
     of_file: tuple[Clash, ...]
@@ -99,8 +107,7 @@ class Clashes:
         theirs = {*places, GROUND}
         of_file = tuple(each for each in deepest.values() if {each.body, each.other} <= theirs)
         own = tuple(each for each in deepest.values() if each not in of_file)
-        indices = {body.name: index for index, body in enumerate(world.objects)}
-        return cls(indices, places, own, of_file, OVERLAPPING_BODIES in allowed)
+        return cls(paths_of(world), places, own, of_file, OVERLAPPING_BODIES in allowed)
 
     def problems(self) -> SpecProblems:
         """Yield the problems of bodies of the scenario."""
@@ -108,7 +115,7 @@ class Clashes:
             name = clash.other if clash.body in self.places else clash.body
             move = f"move {'it' if name == clash.body else repr(name)}"
             message = f"{_in_other(clash)}, which would throw it out; {move}, or {_REMEDY}"
-            yield ("world", "objects", self.indices[name], "pose"), message
+            yield (*self.paths[name], "pose"), message
 
     def problems_of_file(self) -> Iterator[Problem]:
         """Yield one problem about all bodies of the world file that begin too deep in others."""
@@ -221,7 +228,7 @@ def _target_problems(disturbance: Disturbance, scene: Scene) -> SpecProblems:
         elif disturbance.adhesion > actuator[1]:
             most = units.display(actuator[1], "N")
             yield ("adhesion",), f"the actuator '{disturbance.link}' holds with {most} at most"
-    if link not in scene.model.links_by_name and link in {body.name for body in scene.world.objects}:
+    if link not in scene.model.links_by_name and link in scene.world.names:
         yield where, f"the robot has no link '{link}'; say body: {link}"
     elif disturbance.adhesion is not None and link not in (shaped := links_with_shapes(scene.model)):
         hint = did_you_mean(link, shaped)
@@ -254,8 +261,11 @@ def _payload_problems(disturbance: Disturbance, link: str, scene: Scene) -> Spec
 def _body_problems(disturbance: Disturbance, name: str, scene: Scene) -> SpecProblems:
     bodies = {body.name: body for body in scene.world.objects}
     body = bodies.get(name)
-    if body is None:
-        hint = f"; say link: {name}" if name in scene.model.links_by_name else did_you_mean(name, bodies)
+    if name in scene.actors:
+        if scene.actors[name].bolted and disturbance.adhesion is None:
+            yield ("body",), f"'{name}' is fixed to the world, so nothing moves it"
+    elif body is None:
+        hint = f"; say link: {name}" if name in scene.model.links_by_name else did_you_mean(name, scene.world.names)
         yield ("body",), f"there is no body '{name}'{hint}"
     elif body.mass is None and disturbance.adhesion is None:
         why = "goes its way" if body.path else "is fixed"

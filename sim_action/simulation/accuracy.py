@@ -41,6 +41,7 @@ class AccuracyWatch(Guard):
         self._energy = _energy_watch(scene)
         self._slip = wheel_slip(scene, drive)
         self._masses: dict[str, float] = {body.name: body.mass for body in scene.world.objects if body.mass is not None}
+        self._masses |= {name: actor.model.mass for name, actor in scene.actors.items() if not actor.bolted}
         self._robot = None if scene.bolted else scene.model.mass
         # A link that cannot move may be inside a body that cannot either.
         self._stuck = scene.bolted_links, {body.name for body in scene.world.objects if body.mass is None} | {GROUND}

@@ -14,13 +14,14 @@ import numpy as np
 from sim_action.assertions.temporal_logic.becoming import MOVED_M, Rest
 from sim_action.core.errors import ControllersFinished, RunError
 from sim_action.core.records import dataclass, field, replace
-from sim_action.drives import Drive, recognise
+from sim_action.drives import Drive
 from sim_action.engines import ENGINES, chosen
 from sim_action.engines.engine import Engine
 from sim_action.engines.observers import presences
 from sim_action.robot.model.findings import announced, unannounced
 from sim_action.scenario.model import Expectation, Scenario
 from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
+from sim_action.simulation.actors import Actors, drive_of, prepared
 from sim_action.simulation.controllers import Controls, padded
 from sim_action.simulation.guards import NO_BODIES, Guard, Tunnelling, Watchdog
 from sim_action.simulation.panel import End, Panel
@@ -121,18 +122,18 @@ def simulate(
 
         seams = FaultSeams(scenario.faults, scene, seams)
     scene = seams.scene(scene)
-    drive = _drive_of(scenario, scene)
+    drive = drive_of(scenario, scene)
     # A drive may assume a stiffness of tyres.
     springs = links_with_springs(scene.model)
-    scene = drive.prepared(scene) if drive else scene
-    channels = _judged_channels(scenario)
+    scene = prepared(scenario, drive.prepared(scene) if drive else scene)
+    channels = _judged_channels(scenario, scene)
     paths = Channels(contacts=any(body.path for body in scene.world.objects))
     watched = channels | footage.channels(scene.world) | paths
     engine = ENGINES[chosen(scenario.backend)].load()
     backend, notes = opened_on_top(scene, lambda scene: engine(scene, watched))
     try:
         at = backend.observe(0, contacts=False).pose
-        can_clash = any(body.mass is not None for body in scene.world.objects)
+        can_clash = bool(scene.actors) or any(body.mass is not None for body in scene.world.objects)
         clashes = backend.clashes() if can_clash else ()
         notes += refuse_bad_start(scene, at, backend.overlaps(), clashes, scenario.allow)
         loop = _Loop(scenario, scene, drive, backend, channels, footage=footage, springs=springs, seams=seams)
@@ -142,21 +143,17 @@ def simulate(
         backend.close()
 
 
-def _judged_channels(scenario: Scenario) -> Channels:
+def _judged_channels(scenario: Scenario, scene: Scene) -> Channels:
     """Return the channels of all assertions. A class of the user's may read any body, and any sensor but cameras."""
     of_events = (part.channels | part.truth_channels for part in scenario.conditions)
     channels = Channels.all_of((*(expected.channels for expected in scenario.expect), *of_events))
     # A formula cannot say which of its names are links.
-    objects = channels.objects.intersection(body.name for body in scenario.world.objects)
+    objects = channels.objects.intersection((*scenario.world.names, *scene.frames))
     channels = replace(channels, objects=objects)
     if not any(assertion.python_file for assertion in scenario.assertions):
         return channels
     sensors = (mounted.name for mounted in scenario.sensors if not mounted.sensor.is_picture)
     return channels | Channels(bodies=frozenset(moving_bodies(scenario.world)), sensors=frozenset(sensors))
-
-
-def _drive_of(scenario: Scenario, scene: Scene) -> Drive | None:
-    return (scenario.robot.drive or recognise(scene.model)) if scenario.commands else None
 
 
 class _Loop:
@@ -199,6 +196,7 @@ class _Loop:
         self._seen: list[Trace] = []
         self._last_step = scenario.steps(scenario.time_limit)
         self._step = 0
+        self._actors: Actors | None = None
         # The first one; all moments of a run that looks ahead.
         self._moments: list[Trace] = []
         with ExitStack() as opened:
@@ -209,6 +207,10 @@ class _Loop:
             self._sensing = Sensing(
                 scenario, scene, backend, heard=heard, judged=judged, more=more, seams=seams, logs=footage.readings
             )
+            if scene.actors:
+                self._actors = Actors(scenario, scene, backend, judged=channels.objects, filmed=footage.is_filmed)
+                opened.enter_context(closing(self._actors))
+                self._guards.append(self._actors)
             self._opened = opened.pop_all()
 
     def run(self, progress: Progress) -> SimulationRun:
@@ -263,9 +265,13 @@ class _Loop:
         wall_time = max(0.0, time.perf_counter() - started)
         kept = footage.trace()
         assert kept is not None
-        for transcript in self._controls.transcripts:
+        for transcript in (each for controls in self._all_controls for each in controls.transcripts):
             digest.add_transcript(transcript, panel.time)
-        losses = (ClaimFinding(NOT_SIMULATED, ("commands",), loss) for loss in self._controls.losses)
+        losses = (
+            ClaimFinding(NOT_SIMULATED, ("commands",), loss)
+            for controls in self._all_controls
+            for loss in controls.losses
+        )
         findings = (
             *self._audited(panel, begin, motion, kept, placed),
             *losses,
@@ -307,7 +313,8 @@ class _Loop:
 
     def _marks(self, end: float) -> tuple[TimeMark, ...]:
         """Return the marks of the timeline of the run until a sim time in s."""
-        own = (*self._scenario.time_marks(), *self._controls.time_marks(), *self._sensing.time_marks())
+        of_actors = self._actors.time_marks() if self._actors else ()
+        own = (*self._scenario.time_marks(), *self._controls.time_marks(), *self._sensing.time_marks(), *of_actors)
         if self._events is not None:
             own = (*self._events.time_marks(end), *own)
         trace = self._footage.trace() if self._scene.world.patches else None
@@ -358,12 +365,12 @@ class _Loop:
 
     def _races(self) -> Iterator[ClaimFinding]:
         if NOT_REPRODUCIBLE not in self._scenario.allow:
-            for reason in self._controls.not_reproducible:
+            for reason in (each for controls in self._all_controls for each in controls.not_reproducible):
                 yield ClaimFinding(NOT_REPRODUCIBLE, ("commands",), f"the run is not reproducible: {reason}")
 
     def _logged_errors(self) -> Iterator[ClaimFinding]:
         if LOGGED_ERROR not in self._scenario.allow:
-            for message in self._controls.logged_errors:
+            for message in (each for controls in self._all_controls for each in controls.logged_errors):
                 yield ClaimFinding(LOGGED_ERROR, ("commands",), message)
 
     def _open_events(self, start: Observation, opening: Trace) -> None:
@@ -394,11 +401,17 @@ class _Loop:
         of_drive = self._motion.notes if self._motion else ()
         return (*self._notes, *self._seams.notes, *of_drive, *self._controls.notes(end), *self._sensing.notes)
 
+    @property
+    def _all_controls(self) -> tuple[Controls, ...]:
+        return (self._controls, *(self._actors.controls if self._actors else ()))
+
     def _settle(self) -> None:
         """Let the robot come to rest before t = 0, with braked wheels and held joints."""
         limit = self._scenario.physics.settle
         remaining, period = self._scenario.steps(limit), self._scenario.steps(_SETTLE_PERIOD_S)
         brake = [self._controls.at_rest]
+        if self._actors:
+            brake = [replace(brake[0], actors=self._actors.at_rest)]
         speed = 0.0
         while remaining > 0:
             steps = min(period, remaining)
@@ -406,6 +419,8 @@ class _Loop:
             remaining -= steps
             trace, failure = self._watchdog.watch(self._backend.collect())
             self._backend.collect_bodies()
+            if self._actors:
+                self._actors.forget()
             if failure is not None:
                 raise failure
             speed = _fastest(trace)
@@ -430,9 +445,12 @@ class _Loop:
                 self._sensing.read(self._step)
                 until = self._arrivals.next(self._step, self._sensing.next_tick(self._step, until))
                 until = self._seams.until(self._step, until) if has_faults else until
+                until = self._actors.plan(self._step, until) if self._actors else until
                 planned = self._controls.plan(self._step, until, self._sensing.look)
                 if has_faults:
                     planned = self._seams.targets(self._step, planned, self._sensing.look)
+                if self._actors:
+                    planned = self._actors.added_to(planned, self._step)
                 self._backend.advance(self._step, planned)
                 self._step += len(planned)
                 self._arrivals.refuse_blocked(self._step, rate, self._backend)
@@ -457,6 +475,7 @@ class _Loop:
         """Return the moments since the last call, with the readings of sensors."""
         told = self._backend.collect()
         readings = self._sensing.collect()
+        told = self._actors.seen_with(told) if self._actors else told
         return replace(told, sensors=readings) if readings else told
 
     def _events_until(self, events: RunEvents, end: int) -> int:
@@ -505,7 +524,11 @@ class _Loop:
         return self._moments[0]
 
     def _first_pose(self, body: str) -> BodyRecord:
-        pose = self._backend.body_pose(body)
+        if (frame := self._scene.frames.get(body)) is None:
+            pose = self._backend.body_pose(body)
+        else:
+            robot, link = frame
+            pose = self._backend.actors[robot].link_pose(link)
         found = BodyRecord(np.zeros(1), np.array([pose.position_xyz]), np.array([pose.orientation_xyzw]))
         first, _ = presences(self._scene.world, self._scene.physics.rate).get(body, (0.0, 0.0))
         return found.within(first)

@@ -69,6 +69,11 @@ class RunRecorder:
         self.marks: tuple[TimeMark, ...] = ()
         self.readings: dict[str, ReadingLog] | None = {} if filmed else None
 
+    @property
+    def is_filmed(self) -> bool:
+        """True if a replay, or recordings, are asked for."""
+        return self._filmed
+
     def channels(self, world: World) -> Channels:
         """Return the channels that only a replay needs."""
         if not self._filmed:

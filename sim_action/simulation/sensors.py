@@ -8,7 +8,7 @@ from sim_action.core.errors import ScriptError
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import shown
 from sim_action.drives import recognise
-from sim_action.engines.engine import Engine
+from sim_action.engines.engine import RobotQueries
 from sim_action.scenario.model import Scenario
 from sim_action.sensors import Measure, Mount, MountedSensor, Sensor, Sight
 from sim_action.sensors.reading_log import ReadingLog
@@ -49,7 +49,7 @@ class Sensing:
         self,
         scenario: Scenario,
         scene: Scene,
-        backend: Engine,
+        backend: RobotQueries,
         *,
         heard: bool,
         judged: Collection[str] = (),

@@ -24,7 +24,7 @@ from sim_action.drives.wheels import axis_in_base, opposed_note
 from sim_action.engines.engine import Engine
 from sim_action.robot.model.link_pairs import unwatched_note
 from sim_action.scenario.model import Scenario
-from sim_action.scenario.world_checks import DEPTH, Clashes
+from sim_action.scenario.world_checks import DEPTH, Clashes, paths_of
 from sim_action.state.observation import Clash, Overlap
 from sim_action.world import GROUND, placed
 from sim_action.world.parts import GridPart, height_at
@@ -54,7 +54,7 @@ def refuse_bad_start(
     that begin inside others all the same.
     """
     inside = _problems(scene, overlaps)
-    found = Clashes.of(scene.world, clashes, scene.places.bodies, allowed)
+    found = Clashes.of(scene.world, _of_free(scene, clashes), scene.places.bodies, allowed)
     problems = [*inside, *_buried(scene, at), *found.problems()]
     elsewhere = list(found.problems_of_file())
     if (place := scene.places.robot) is not None:
@@ -63,6 +63,15 @@ def refuse_bad_start(
     if problems or elsewhere:
         raise BadStart(problems, elsewhere)
     return tuple(found.notes())
+
+
+def _of_free(scene: Scene, clashes: Iterable[Clash]) -> Iterator[Clash]:
+    """Yield the clashes without those of a robot that is fixed to the world with what is fixed, too."""
+    fixed = {GROUND, *(body.name for body in scene.world.objects if body.mass is None)}
+    bolted = {name for name, actor in scene.actors.items() if actor.bolted}
+    for clash in clashes:
+        if not (clash.body in bolted and clash.other in fixed):
+            yield clash
 
 
 def opened_on_top(scene: Scene, opened: Callable[[Scene], Engine]) -> tuple[Engine, tuple[str, ...]]:
@@ -141,7 +150,7 @@ def _tilt(pose: Pose) -> float:
 def _problems(scene: Scene, overlaps: Iterable[Overlap]) -> list[SpecProblem]:
     """Return one problem for each body that the robot overlaps, about its deepest link."""
     problems = list[SpecProblem]()
-    indices = {body.name: index for index, body in enumerate(scene.world.objects)}
+    paths = paths_of(scene.world)
     fixed = {GROUND, *(body.name for body in scene.world.objects if body.mass is None)}
     # A fixed link in a fixed body does not move: the author may want a robot's foot inside a table.
     bolted = scene.bolted_links
@@ -155,7 +164,8 @@ def _problems(scene: Scene, overlaps: Iterable[Overlap]) -> list[SpecProblem]:
             problems.append((("robot", "pose"), f"{where}the ground{_remedy(scene)}"))
         else:
             place = scene.places.bodies.get(body)
-            other = f"world.objects[{indices[body]}].pose" if place is None else f"the model at {place}"
+            _, key, index = paths[body]
+            other = f"world.{key}[{index}].pose" if place is None else f"the model at {place}"
             problems.append((("robot", "pose"), f"{where}'{body}'; move it, or {other}"))
     return problems
 

@@ -76,6 +76,7 @@ class JointTargets:
         motions: position targets that go on to move by themselves, until their joints are named again. For the loop,
             which gives the engine a position and a velocity for each physics step: a script answers with a
             JointMotion instead.
+        actors: name of another robot -> its targets at the same step. For engines.
     """
 
     position: Mapping[str, float] = field(default_factory=dict)
@@ -85,6 +86,7 @@ class JointTargets:
     base: BasePush | None = None
     wrenches: tuple[LinkWrench, ...] | None = None
     motions: tuple[JointMotion, ...] = ()
+    actors: Mapping[str, JointTargets] | None = None
 
     def names(self) -> Iterator[str]:
         """Yield every joint with a target, once."""

@@ -11,8 +11,9 @@ from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.core.field_types import FrozenModel
+from sim_action.core.field_types import FrozenModel, Name
 from sim_action.core.geometry import Vector3
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.state.timeline import TimeMark
 from sim_action.world.body import Body, Inertia, Shape, path_of, placed
 from sim_action.world.body_path import PathPoint
@@ -23,8 +24,10 @@ from sim_action.world.shapes import Cylinder, File, Heightfield, MeshFile, Occup
 __all__ = [
     "GRAVITY",
     "GROUND",
+    "MAX_ACTORS",
     "MAX_PHYSICS_RATE_HZ",
     "MAX_SPEED",
+    "Actor",
     "Body",
     "Cylinder",
     "Disturbance",
@@ -47,6 +50,17 @@ __all__ = [
 
 MAX_PATCHES: Final = 50
 
+MAX_ACTORS: Final = 20
+"""The largest number of robots beside the one under test."""
+
+
+class Actor(Robot):
+    """A robot beside the one under test, which expectations can name like an object."""
+
+    name: Annotated[
+        Name, Field(pattern="^[^/]*$", description="name in expectations and reports; its links are NAME/LINK")
+    ]
+
 
 class World(FrozenModel):
     """The surroundings of the robot."""
@@ -63,6 +77,10 @@ class World(FrozenModel):
         tuple[Patch, ...], Field(max_length=MAX_PATCHES, description="areas of the ground with their own friction")
     ] = ()
     objects: tuple[Body, ...] = ()
+    actors: Annotated[
+        tuple[Actor, ...],
+        Field(max_length=MAX_ACTORS, description="robots beside the one under test, with their commands"),
+    ] = ()
     disturbances: Annotated[
         tuple[Disturbance, ...], Field(description="forces, torques and pushes on the robot or on bodies")
     ] = ()
@@ -81,6 +99,11 @@ class World(FrozenModel):
         for patch in self.patches:
             if patch.appears is not None:
                 yield TimeMark(patch.appears, patch.appears, f"{patch.words} appeared")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the objects and of the other robots."""
+        return (*(body.name for body in self.objects), *(actor.name for actor in self.actors))
 
     @property
     def gravity_xyz(self) -> Vector3:

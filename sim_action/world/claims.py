@@ -317,7 +317,7 @@ class JudgedRun:
     def top_speed(self) -> float:
         """The speed in m/s that the base never has, not even if it runs away; infinite if it is not known."""
         limit, moves = self.scene.mobility.fastest, (bool(body.path) for body in self.scene.world.objects)
-        is_driven = any(moves) or any(body.surface_velocity for body in self.scene.world.objects)
+        is_driven = self.scene.actors or any(moves) or any(body.surface_velocity for body in self.scene.world.objects)
         if is_driven or self.is_pushed(()) or (math.isinf(limit) and not self.fastest):
             return math.inf
         observed = float(self.trace.speed.max(initial=0.0))

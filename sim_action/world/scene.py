@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from sim_action.world.parts import Part
 
 
+EGO: Final = "robot"
+"""The name of the robot under test for the other robots of the world."""
+
 MAX_RAISED_M: Final = 0.05
 """A robot that a keyframe puts at most this deep into the ground is raised, so that it stands on the ground."""
 
@@ -79,6 +82,7 @@ class Scene:
         acted_on: True if commands or disturbances act on the robot.
         places: of the models of the world file.
         stuck: joints that faults hold at a time, with an effort that may exceed the limit of their motors.
+        actors: name -> the scene of another robot, in which that robot takes the place of the one under test.
     """
 
     robot: Robot
@@ -98,6 +102,17 @@ class Scene:
     acted_on: bool = False
     places: WorldPlaces = field(default_factory=WorldPlaces)
     stuck: frozenset[str] = frozenset()
+    actors: Mapping[str, Scene] = field(default_factory=dict)
+
+    @property
+    def frames(self) -> dict[str, tuple[str, str]]:
+        """Name of each other robot, and NAME/LINK of each of its links -> the robot and the link."""
+        found = {actor: (actor, scene.model.root) for actor, scene in self.actors.items()}
+        return found | {
+            f"{actor}/{link}": (actor, link)
+            for actor, scene in self.actors.items()
+            for link in scene.model.links_by_name
+        }
 
     @property
     def bolted(self) -> bool:

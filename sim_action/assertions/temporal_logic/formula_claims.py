@@ -350,7 +350,7 @@ class _Places:
     def _never_nears(self, signal: Signal) -> bool:
         """Return True if neither the links nor the objects of a clearance or a force move."""
         *links, body = signal.names or (None,)
-        model, bodies = self._scene.model, [each.name for each in self._scene.world.objects]
+        model, bodies = self._scene.model, self._scene.world.names
         meant = links or [link.name for link in model.links if link.collisions or model.mjcf]
         return {self._rigid(str(name)) for name in (*meant, *(bodies if body is None else [body]))} == {WORLD}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, cast
 
@@ -215,15 +215,14 @@ def name_problems(formula: Formula, scene: Scene) -> Iterator[tuple[int, str]]:
 
 
 def _name_problems(signal: Signal, scene: Scene) -> Iterator[str]:
-    bodies = [body.name for body in scene.world.objects]
     if signal.source == "frame" or signal.name == "distance":
         for name in signal.names:
-            yield from _frame_problems(name, signal, scene, bodies)
+            yield from _frame_problems(name, signal, scene, (*scene.world.names, *scene.frames))
     elif signal.source == "pair":
-        yield from _shape_problems(signal, scene, bodies)
+        yield from _shape_problems(signal, scene, scene.world.names)
 
 
-def _frame_problems(name: str, signal: Signal, scene: Scene, bodies: list[str]) -> Iterator[str]:
+def _frame_problems(name: str, signal: Signal, scene: Scene, bodies: Sequence[str]) -> Iterator[str]:
     links = scene.model.links_by_name
     if name in links and name in bodies:
         yield f"'{name}' is a link of the robot and an object; rename the object"
@@ -233,7 +232,7 @@ def _frame_problems(name: str, signal: Signal, scene: Scene, bodies: list[str]) 
         yield f"the {signal.name} of an object is not recorded; bound its place, such as {signal.names[0]}.z"
 
 
-def _shape_problems(signal: Signal, scene: Scene, bodies: list[str]) -> Iterator[str]:
+def _shape_problems(signal: Signal, scene: Scene, bodies: Sequence[str]) -> Iterator[str]:
     links = links_with_shapes(scene.model)
     *named, body = signal.names or (None,)
     if body is None and not bodies:

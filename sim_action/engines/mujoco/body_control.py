@@ -18,7 +18,6 @@ from typing_extensions import override
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines.body_control import MAX_ATTRACTION_M, BodyControl, RobotInertia, Target, base_wrench
-from sim_action.engines.mujoco.names import engine_name
 from sim_action.engines.mujoco.queries import Objects
 from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.state.command import BasePush
@@ -32,7 +31,7 @@ class MuJoCoBodyControl(BodyControl):
         """`forget_frictions`: called when the friction of contacts has changed."""
         self._forget_frictions = forget_frictions
         self._model, self._data, self._objects = compiled.model, compiled.data, objects
-        self._names = compiled.bodies
+        self._names, self._name = compiled.bodies, compiled.name
         self._moving: dict[str, Twist] = {}
         self._pressed: set[int] = set()
 
@@ -126,7 +125,7 @@ class MuJoCoBodyControl(BodyControl):
 
     def _number(self, target: Target) -> int:
         return (
-            int(self._model.body(engine_name(target.name)).id) if target.is_link else self._objects.number(target.name)
+            int(self._model.body(self._name(target.name)).id) if target.is_link else self._objects.number(target.name)
         )
 
     def _turned(self, body: int) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import sys
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import mujoco
@@ -24,15 +24,16 @@ from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines import named_version
 from sim_action.engines.body_control import HeldWrenches
 from sim_action.engines.clearances import ClearanceRecorder
-from sim_action.engines.engine import NO_CHANNELS, Engine
+from sim_action.engines.engine import NO_CHANNELS, Engine, RobotQueries
 from sim_action.engines.joint_stops import JointStops
+from sim_action.engines.motion_bound import RobotMotionBound
 from sim_action.engines.mujoco.body_control import BasePusher, MuJoCoBodyControl
 from sim_action.engines.mujoco.motors import Motors
 from sim_action.engines.mujoco.names import with_user_names
 from sim_action.engines.mujoco.queries import Contacts, Distances, Links, Objects, Rays
 from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.engines.mujoco.sliding import SlidingContacts
-from sim_action.engines.observers import LazyContacts, Recorders, path_contacts
+from sim_action.engines.observers import LazyContacts, PathContacts, Recorders, path_contacts
 from sim_action.engines.world_events import WorldEvents
 from sim_action.robot.model.link_motion import LinkStates
 from sim_action.robot.model.robot_model import RobotModel, ball_angles
@@ -64,58 +65,165 @@ def _print_warning(message: str) -> None:
 mujoco.set_mju_user_warning(_print_warning)
 
 
-class MuJoCoEngine(Engine):
+class SimulatedRobot(RobotQueries):
+    """A robot in a MuJoCo model: its motors, state and contacts; the engine is the robot under test."""
+
+    def __init__(self, scene: Scene, compiled: CompiledScene, objects: Objects, sliding: SlidingContacts) -> None:
+        self._compiled, self._model, self._data = compiled, compiled.model, compiled.data
+        self._rate = scene.physics.rate
+        self.motors = Motors(scene, compiled, self._rate)
+        self._pusher, self._pushes = BasePusher(compiled, self._rate), False
+        self._states = StateRecorder(compiled, scene.model, self._rate, self.motors.efforts)
+        self._stops = JointStops.of(scene.model, compiled.positions.tolist())
+        self._links, self._objects, self._rays = Links(compiled), objects, Rays(compiled)
+        self._contacts = Contacts(compiled)
+        self._control = MuJoCoBodyControl(compiled, objects, sliding.forget)
+        self._wrenches = HeldWrenches(self._control, self.link_pose, scene.model)
+        self._path_contacts: PathContacts | None = None
+        self._lazy_contacts = LazyContacts()
+
+    @override
+    def collect(self) -> Trace:
+        return self._states.trace()
+
+    @override
+    def observe(self, step: int, *, contacts: bool) -> Observation:
+        if not contacts:
+            return self._states.now(step, ())
+        return self._states.now(step, self._lazy_contacts.present(lambda: self._present_contacts(step)))
+
+    @override
+    def link_pose(self, link: str) -> Pose:
+        return self._links.pose(link)
+
+    @override
+    def link_twist(self, link: str) -> Twist:
+        return self._links.twist(link)
+
+    @override
+    def body_pose(self, body: str) -> Pose:
+        return self._objects.pose(body)
+
+    @override
+    def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self._rays.cast(start_xyz, ends_xyz)
+
+    def apply(self, wanted: JointTargets) -> None:
+        """Pass targets to the motors, which keep them until the next ones."""
+        self.motors.apply(wanted)
+        if wanted.base is not None:
+            self._pushes = True
+            self._pusher.apply(wanted.base)
+        if wanted.wrenches is not None:
+            self._wrenches.held = wanted.wrenches
+
+    @property
+    def has_forces(self) -> bool:
+        """True if pushes or wrenches act that MuJoCo does not compute."""
+        return self._pushes or bool(self._wrenches.held)
+
+    def apply_forces(self, step: int) -> None:
+        """Apply the pushes and wrenches of a step to the state before it."""
+        if self._pushes:
+            here = self.observe(step - 1, contacts=False)
+            self._pusher.step(here.pose, here.twist)
+        if self._wrenches.held:
+            self._wrenches.apply()
+
+    def end_forces(self) -> None:
+        """Remove the wrenches of a step after it."""
+        if self._wrenches.held:
+            self._control.clear_forces()
+
+    def settle(self) -> None:
+        """Read the contacts that somebody may still access, before the next step."""
+        self._lazy_contacts.settle()
+
+    def keep(self, step: int) -> None:
+        """Keep the present state as that of a step; joints that have passed their stops are moved back."""
+        if self._stops is not None and (passed := self._stops.passed(memoryview(self._data.qpos))):
+            self._stop(passed)
+        self._states.keep(step)
+
+    def keep_nan(self, steps: Sequence[int]) -> None:
+        """Record NaN for steps after the simulation has diverged."""
+        self._states.keep_nan(steps)
+
+    def motion_bound(self, radii: Mapping[str, float]) -> Callable[[], float]:
+        """Return a function that bounds how far any point has moved since the last call, in m."""
+        bound = RobotMotionBound(self._states.robot, radii)
+        return lambda: bound.advance(*self._states.place(self._states.last()))
+
+    def _stop(self, passed: Iterable[tuple[int, float, bool]]) -> None:
+        """Move joints back that have passed their stops."""
+        for at, stop, rests in passed:
+            self._data.qpos[at] = stop
+            if rests:
+                self._data.qvel[self._compiled.velocities[self._compiled.positions == at]] = 0.0
+
+    def _present_contacts(self, step: int) -> Iterator[Contact]:
+        yield from self._contacts.of_step(step / self._rate, ground=True)
+        if self._path_contacts is not None:
+            yield from self._path_contacts.at(step)
+
+
+class MuJoCoEngine(SimulatedRobot, Engine):
     """A MuJoCo model and its state."""
 
     version = named_version("mujoco")
     solid_terrain = True
+    actors: Mapping[str, SimulatedRobot]
 
     def __init__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> None:
         try:
             compiled = CompiledScene.of(scene)
         except _REFUSALS as error:
             raise EngineError(f"the engine refused the world: {with_user_names(str(error), scene)}") from None
-        self._scene, self._rate = scene, scene.physics.rate
-        self._compiled, self._is_closed = compiled, False
+        self._scene, self._is_closed = scene, False
         self._self_collision = self._collision_of_links(compiled, channels)
-        self._model, self._data = compiled.model, compiled.data
         # Belts stand still while the robot settles, before t = 0.
         self._belts = compiled.model.geom_surfacevel.copy() if compiled.model.flg_surfacevel else None
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
-        self._motors = Motors(scene, compiled, self._rate)
-        self._pusher, self._pushes = BasePusher(compiled, self._rate), False
-        self._states = StateRecorder(compiled, scene.model, self._rate, self._motors.efforts)
-        self._stops = JointStops.of(scene.model, compiled.positions.tolist())
-        self._links = Links(compiled)
-        self._objects = Objects(compiled)
-        self._rays = Rays(compiled)
-        self._contacts = Contacts(compiled)
-        self._sliding = SlidingContacts(compiled)
-        self._control = MuJoCoBodyControl(compiled, self._objects, self._sliding.forget)
-        self._wrenches = HeldWrenches(self._control, self.link_pose, scene.model)
+        self._sliding, objects = SlidingContacts(compiled), Objects(compiled)
+        super().__init__(scene, compiled, objects, self._sliding)
+        self.actors = {
+            name: SimulatedRobot(actor, compiled.actors[name], objects, self._sliding)
+            for name, actor in scene.actors.items()
+        }
+        self._robots: tuple[SimulatedRobot, ...] = (self, *self.actors.values())
+        for robot in self._robots:
+            robot.motors.together = [each.motors for each in self._robots]
         self._events = WorldEvents.of(scene, self._control)
         self._is_disturbed = self._events is not None
         self._distances = distances = Distances(compiled)
         shaped = set(compiled.links.values())
         self._path_contacts = path_contacts(scene, shaped, distances.nearest)
-        # In MJCF, joint axes may lie away from the frames of their links, at an unknown distance.
-        radii = dict.fromkeys(scene.model.links_by_name, math.inf) if scene.model.mjcf else distances.radii()
-        self._clearances = ClearanceRecorder(channels, scene, radii, near=distances.near, body_at=self._objects.at)
+        self._clearances = ClearanceRecorder(
+            *(channels, scene, _radii(scene, distances)),
+            near=distances.near,
+            body_at=self._objects.at,
+            actors={
+                name: actor.motion_bound(_radii(scene.actors[name], Distances(compiled.actors[name])))
+                for name, actor in (self.actors if channels.clearances else {}).items()
+            },
+        )
         self._recorders = Recorders(channels, scene, self._objects.pose_reader, self._contacts.of_links)
         # Clearances to static bodies are measured afterwards, from the recorded states.
         self._looks_back = not self._clearances.is_idle and self._clearances.bodies_are_static
         # A live view of the bodies' part, which comes last.
-        self._objects_qpos = compiled.data.qpos[compiled.robot_qpos :]
+        moving = sum(body.mass is not None for body in scene.world.objects)
+        self._objects_qpos = compiled.data.qpos[compiled.model.nq - 7 * moving :]
         self._body_poses: list[bytes] = []
         self._watchers = list(self._watching(channels))
         # A live view of the number of warnings by kind.
         self._warned = memoryview(compiled.data.warning.number)
         self._touches: list[Contact] = []
-        self._lazy_contacts = LazyContacts()
 
     @override
     def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
         self._lazy_contacts.settle()
+        if self.actors:
+            self._settle_contacts()
         if self._belts is not None:
             self._model.geom_surfacevel[:] = self._belts if first_step >= 0 else 0.0
         try:
@@ -154,28 +262,6 @@ class MuJoCoEngine(Engine):
         return poses[:, :, [0, 1, 2, 4, 5, 6, 3]]
 
     @override
-    def observe(self, step: int, *, contacts: bool) -> Observation:
-        if not contacts:
-            return self._states.now(step, ())
-        return self._states.now(step, self._lazy_contacts.present(lambda: self._present_contacts(step)))
-
-    @override
-    def link_pose(self, link: str) -> Pose:
-        return self._links.pose(link)
-
-    @override
-    def link_twist(self, link: str) -> Twist:
-        return self._links.twist(link)
-
-    @override
-    def body_pose(self, body: str) -> Pose:
-        return self._objects.pose(body)
-
-    @override
-    def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self._rays.cast(start_xyz, ends_xyz)
-
-    @override
     def touching(self) -> tuple[Overlap | Clash, ...]:
         return tuple(self._contacts.touching())
 
@@ -190,7 +276,7 @@ class MuJoCoEngine(Engine):
     @override
     def close(self) -> None:
         # MuJoCo's memory is freed with its Python objects, or used again.
-        self._lazy_contacts.settle()
+        self._settle_contacts()
         if not self._is_closed:
             self._is_closed = True
             self._compiled.give_back(self._data)
@@ -208,7 +294,8 @@ class MuJoCoEngine(Engine):
         """Yield the functions that observe the state after each step, given its number."""
         if self._objects_qpos.size:
             yield self._record_bodies
-        if channels.contacts and (channels.ground or self._scene.world.objects):
+        yield from (actor.keep for actor in self.actors.values())
+        if channels.contacts and (channels.ground or self._scene.world.names):
             yield self._record_all_contacts if channels.ground else self._record_contacts
             if self._path_contacts is not None:
                 yield self._record_path_contacts
@@ -233,11 +320,6 @@ class MuJoCoEngine(Engine):
         if self._path_contacts is not None:
             self._touches += self._path_contacts.at(step)
 
-    def _present_contacts(self, step: int) -> Iterator[Contact]:
-        yield from self._contacts.of_step(step / self._rate, ground=True)
-        if self._path_contacts is not None:
-            yield from self._path_contacts.at(step)
-
     def _record_clearances(self, step: int) -> None:
         self._distances.look_at_present()
         self._clearances.record(step, *self._states.place(self._states.last()))
@@ -246,8 +328,8 @@ class MuJoCoEngine(Engine):
         # This loop is most of a run. Local names are cheaper than attributes, and each call would cost 1 % of a step.
         model, data, warned, carry = self._model, self._data, self._warned, self._control.carry
         engage, efforts, correct, watchers = (
-            self._motors.engage,
-            self._motors.efforts,
+            self._engage if self.actors else self.motors.engage,
+            self.motors.efforts,
             self._sliding.correct,
             self._watchers,
         )
@@ -257,11 +339,14 @@ class MuJoCoEngine(Engine):
         is_engaged = False
         for step, wanted in enumerate(targets, start=first_step + 1):
             if wanted is not None:
-                self._apply(wanted)
+                self.apply(wanted)
+                if wanted.actors:
+                    self._pass_on(wanted.actors)
+                self._is_disturbed = self._events is not None or self._presses()
                 disturbed, is_engaged = self._is_disturbed, False
             if warned[_BAD_ACCELERATION] or warned[_BAD_VELOCITY]:
                 # The simulation has diverged: the rest of the trace is NaN.
-                self._states.keep_nan(range(step, first_step + len(targets) + 1))
+                self._give_up(range(step, first_step + len(targets) + 1))
                 return
             if disturbed:
                 self._begin_disturbances(step)
@@ -289,37 +374,49 @@ class MuJoCoEngine(Engine):
             for watch in watchers:
                 watch(step)
 
-    def _stop(self, passed: Iterable[tuple[int, float, bool]]) -> None:
-        """Move joints back that have passed their stops."""
-        for at, stop, rests in passed:
-            self._data.qpos[at] = stop
-            if rests:
-                self._data.qvel[self._compiled.velocities[self._compiled.positions == at]] = 0.0
+    def _give_up(self, steps: Sequence[int]) -> None:
+        for robot in self._robots:
+            robot.keep_nan(steps)
 
-    def _apply(self, wanted: JointTargets) -> None:
-        self._motors.apply(wanted)
-        if wanted.base is not None:
-            self._pushes = True
-            self._pusher.apply(wanted.base)
-        if wanted.wrenches is not None:
-            self._wrenches.held = wanted.wrenches
-        self._is_disturbed = self._events is not None or self._pushes or bool(self._wrenches.held)
+    def _settle_contacts(self) -> None:
+        for robot in self._robots:
+            robot.settle()
+
+    def _pass_on(self, targets: Mapping[str, JointTargets]) -> None:
+        for name, own in targets.items():
+            self.actors[name].apply(own)
+
+    def _presses(self) -> bool:
+        return self.has_forces or (bool(self.actors) and any(actor.has_forces for actor in self.actors.values()))
+
+    def _engage(self) -> tuple[Sequence[tuple[int, float]], Callable[[memoryview[float]], None] | None]:
+        """Let the targets of all robots act, as `Motors.engage` does."""
+        engaged = [robot.motors.engage() for robot in self._robots]
+        holds = [hold for _, hold in engaged if hold is not None]
+
+        def hold_all(references: memoryview[float]) -> None:
+            for hold in holds:
+                hold(references)
+
+        return [pair for turning, _ in engaged for pair in turning], hold_all if holds else None
 
     def _begin_disturbances(self, step: int) -> None:
         """Apply the pushes, forces and events of the step to the state with this number."""
-        if self._pushes:
-            here = self.observe(step - 1, contacts=False)
-            self._pusher.step(here.pose, here.twist)
-        if self._wrenches.held:
-            self._wrenches.apply()
+        for robot in self._robots:
+            robot.apply_forces(step)
         if self._events is not None:
             self._events.before_step(step - 1)
 
     def _end_disturbances(self, step: int) -> None:
         if self._events is not None:
             self._events.after_step(step)
-        if self._wrenches.held:
-            self._control.clear_forces()
+        for robot in self._robots:
+            robot.end_forces()
+
+
+def _radii(scene: Scene, distances: Distances) -> dict[str, float]:
+    # In MJCF, joint axes may lie away from the frames of their links, at an unknown distance.
+    return dict.fromkeys(scene.model.links_by_name, math.inf) if scene.model.mjcf else distances.radii()
 
 
 class StateRecorder:
@@ -338,10 +435,11 @@ class StateRecorder:
         efforts: Callable[[], FloatArray],
     ) -> None:
         """`efforts` returns the efforts (J,) of the last step."""
-        self._compiled, self._robot, self._rate, self._efforts_now = compiled, robot, rate, efforts
-        # Live views of the robot's part, which comes first.
-        self._qpos = compiled.data.qpos[: compiled.robot_qpos]
-        self._qvel = compiled.data.qvel[: compiled.robot_qvel]
+        self._compiled, self.robot, self._rate, self._efforts_now = compiled, robot, rate, efforts
+        # Live views of the robot's part.
+        first, speed = compiled.first_qpos, compiled.first_qvel
+        self._qpos = compiled.data.qpos[first : first + compiled.robot_qpos]
+        self._qvel = compiled.data.qvel[speed : speed + compiled.robot_qvel]
         self._qpos_bytes, self._qvel_bytes = memoryview(self._qpos), memoryview(self._qvel)
         self._speeds = 1 + len(self._qpos)
         self._efforts = self._speeds + len(self._qvel)
@@ -349,7 +447,8 @@ class StateRecorder:
         self._steps: list[int] = []
         self._kept = bytearray()
         # Per joint: its name, and the columns of its position, velocity and effort.
-        positions, velocities = 1 + compiled.positions, self._speeds + compiled.velocities
+        self._positions = positions = 1 - first + compiled.positions
+        self._velocities = velocities = self._speeds - speed + compiled.velocities
         efforts_at = range(self._efforts, self._width)
         names = [joint.name for joint in robot.moving_joints]
         self._places = list(zip(names, positions.tolist(), velocities.tolist(), efforts_at, strict=True))
@@ -364,6 +463,13 @@ class StateRecorder:
         The bytes are those of qpos, of qvel, and of the efforts: (P + V + J,) numbers.
         """
         return self._steps, self._kept, self._qpos_bytes, self._qvel_bytes
+
+    def keep(self, step: int) -> None:
+        """Keep the present state as that of a step."""
+        self._steps.append(step)
+        self._kept += self._qpos_bytes
+        self._kept += self._qvel_bytes
+        self._kept += self._efforts_now().tobytes()
 
     def keep_nan(self, steps: Sequence[int]) -> None:
         """Record NaN for steps after the simulation has diverged."""
@@ -385,7 +491,7 @@ class StateRecorder:
     def places(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the same for T rows: (T, 7) and (T, J)."""
         base = np.zeros((len(rows), 7)) if self._fixed_pose is not None else rows[:, 1:8]
-        return base, self._with_all_angles(rows)[:, 1 + self._compiled.positions]
+        return base, self._with_all_angles(rows)[:, self._positions]
 
     def robot_qpos(self, rows: FloatArray) -> FloatArray:
         """Return the robot's part of qpos, (T, P)."""
@@ -399,6 +505,10 @@ class StateRecorder:
         self._steps, self._kept = [], bytearray()
         return rows
 
+    def trace(self) -> Trace:
+        """Return the states since the last call."""
+        return Trace(tuple(joint.name for joint in self.robot.moving_joints), self.trace_rows(self.take()))
+
     def now(self, step: int, contacts: Sequence[Contact]) -> Observation:
         """Return the present state as that of a step, bit by bit equal to `trace_rows`.
 
@@ -409,7 +519,7 @@ class StateRecorder:
             row = self._with_angles(row)
         joints = ByName([(name, JointState(row[p], row[v], row[e])) for name, p, v, e in self._places])
         pose, twist = self._present_base(row)
-        links = LinkStates(self._robot, pose, twist, joints)
+        links = LinkStates(self.robot, pose, twist, joints)
         return Observation(step / self._rate, pose, twist, joints, contacts, links=links)
 
     def _row(self, step: int) -> list[float]:
@@ -428,13 +538,12 @@ class StateRecorder:
 
     def trace_rows(self, rows: FloatArray) -> FloatArray:
         """Return the rows as those of `Trace.state`, (T, 14 + 3 J)."""
-        positions, velocities = 1 + self._compiled.positions, self._speeds + self._compiled.velocities
-        count = len(positions)
+        count = len(self._positions)
         state = np.empty((len(rows), 14 + 3 * count))
         state[:, 0] = rows[:, 0] / self._rate
         self._write_base(rows, state[:, 1:14])
-        state[:, 14 : 14 + count] = self._with_all_angles(rows)[:, positions]
-        state[:, 14 + count : 14 + 2 * count] = rows[:, velocities]
+        state[:, 14 : 14 + count] = self._with_all_angles(rows)[:, self._positions]
+        state[:, 14 + count : 14 + 2 * count] = rows[:, self._velocities]
         state[:, 14 + 2 * count :] = rows[:, self._efforts :]
         return state
 

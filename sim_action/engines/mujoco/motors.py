@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 
 from sim_action.drives.wheels import held_joints
 from sim_action.engines.engine import UNLIMITED_EFFORT
-from sim_action.engines.mujoco.names import engine_name
 from sim_action.engines.mujoco.scene import IMPEDANCE, STEPS_TO_CONVERGE, CompiledScene, solver_parameters
 from sim_action.robot.model.robot_model import FOLLOWED, Joint, MotorKind, Reading, RobotModel
 from sim_action.state.command import JointTargets
@@ -67,6 +66,8 @@ class Motors:
         self._state: list[tuple[int, float]] = [(_FREE, math.nan)] * len(joints)
         self._is_native = model.mjcf is not None
         self._rows_are_others = True
+        self.together: Sequence[Motors] = (self,)
+        """The motors of all robots: if one gets a row, those of others move."""
         self._speeds = self._dofs.tolist()
         # A copy of `qfrc_applied` of the joints, because reading it costs more.
         self._applied = np.zeros(len(joints))
@@ -86,7 +87,7 @@ class Motors:
             elif model.mjcf is not None:
                 self._set(number, _FREE, 0.0, self._friction[number])
         self._all_rows: _Numbers | None = None
-        self._arrange()
+        self.arrange()
         # The joints and the limits of the last targets, if these were only speeds.
         self._turned_before: list[str] | None = None
         self._numbers_before: list[int] = []
@@ -128,7 +129,8 @@ class Motors:
                 self._set(number, _FREE, 0.0, self._friction[number])
                 self._data.qfrc_applied[self._dofs[number]] = self._applied[number] = effort
         if self._rows_are_others:
-            self._arrange()
+            for motors in self.together:
+                motors.arrange()
         else:
             self._aim()
 
@@ -206,7 +208,7 @@ class Motors:
             self._model.dof_solimp[dof] = self._hard["solimp"] if is_servo else self._soft[1][number]
         self._data.qfrc_applied[dof] = self._applied[number] = 0.0
 
-    def _arrange(self) -> None:
+    def arrange(self) -> None:
         """Find the constraint rows of the motors: after the equalities, one for each joint with friction."""
         self._rows_are_others = False
         has_row = self._model.dof_frictionloss > 0
@@ -264,7 +266,7 @@ class Actuators:
         self, model: RobotModel, compiled: CompiledScene, rate: float, controls: Mapping[str, Sequence[float]]
     ) -> None:
         """`controls`: initial controls by the name of the actuator; other position servos begin at their joints."""
-        self._model, self._data, self._rate = compiled.model, compiled.data, rate
+        self._model, self._data, self._rate, self._name = compiled.model, compiled.data, rate, compiled.name
         self._joints = model.motor_joints
         self._numbers = {joint.name: number for number, joint in enumerate(self._joints)}
         self._actuator = [self._number(joint) for joint in self._joints]
@@ -289,7 +291,7 @@ class Actuators:
                 self._aim(number)
         self._hold_others()
         for name, own in controls.items():
-            first = self._controls[self._model.actuator(engine_name(name)).id]
+            first = self._controls[self._model.actuator(compiled.name(name)).id]
             self._data.ctrl[first : first + len(own)] = own
         self._begin()
 
@@ -308,7 +310,7 @@ class Actuators:
     def creep(self, number: int, speed: float) -> None:
         """Move the target of a position servo from where the joint is, in rad/s (m/s)."""
         if number not in self.creeping:
-            joint = self._model.joint(engine_name(self._joints[number].name)).qposadr[0]
+            joint = self._model.joint(self._name(self._joints[number].name)).qposadr[0]
             self._targets[number] = float(self._data.qpos[joint])
         self.creeping[number] = speed
         self._lead(number, speed)
@@ -367,7 +369,7 @@ class Actuators:
     def _number(self, joint: Joint) -> int:
         if joint.motor is None or joint.motor.kind == "none":
             return -1
-        return int(self._model.actuator(engine_name(joint.motor.actuator)).id)
+        return int(self._model.actuator(self._name(joint.motor.actuator)).id)
 
     def _input(self, at: int, kind: mujoco.mjtCtrlInput) -> int | None:
         """Return the index in `ctrl` of an input of a <pid> or <dcmotor>; None if it does not have it."""
@@ -382,9 +384,9 @@ class Actuators:
 
     def _tendon(self, name: str) -> list[tuple[int, float]]:
         """Return the joints of a fixed tendon with their coefficients."""
-        tendon = self._model.tendon(engine_name(name)).id
+        tendon = self._model.tendon(self._name(name)).id
         first, count = self._model.tendon_adr[tendon], self._model.tendon_num[tendon]
-        names = {self._model.joint(engine_name(joint.name)).id: number for number, joint in enumerate(self._joints)}
+        names = {self._model.joint(self._name(joint.name)).id: number for number, joint in enumerate(self._joints)}
         return [
             (names[int(self._model.wrap_objid[row])], float(self._model.wrap_prm[row]))
             for row in range(first, first + count)

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines.mujoco.geoms import wxyz
-from sim_action.engines.mujoco.names import engine_name
 from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.engines.observers import Nearest, ReadPoses
 from sim_action.state.observation import Clash, Contact, Overlap
@@ -31,7 +30,7 @@ class Links:
     """Present poses and twists of the robot's links."""
 
     def __init__(self, compiled: CompiledScene) -> None:
-        self._model, self._data = compiled.model, compiled.data
+        self._model, self._data, self._name = compiled.model, compiled.data, compiled.name
 
     def pose(self, link: str) -> Pose:
         """Return the pose of a link's frame, world frame."""
@@ -52,7 +51,7 @@ class Links:
         return Twist((vx, vy, vz), (wx, wy, wz))
 
     def _number(self, link: str) -> int:
-        return int(self._model.body(engine_name(link)).id)
+        return int(self._model.body(self._name(link)).id)
 
 
 _IN_OUR_ORDER: Final = np.array([0, 1, 2, 4, 5, 6, 3])
@@ -64,6 +63,8 @@ class Objects:
     def __init__(self, compiled: CompiledScene) -> None:
         self._model, self._data = compiled.model, compiled.data
         self._numbers = {name: int(self._model.geom_bodyid[geom]) for geom, name in compiled.bodies.items()}
+        # The frame of a robot is its base link.
+        self._numbers |= {name: actor.base for name, actor in compiled.actors.items()}
 
     def number(self, name: str) -> int:
         """Return MuJoCo's number of a body."""
@@ -127,7 +128,7 @@ class Distances:
 
     def __init__(self, compiled: CompiledScene) -> None:
         self._model, self._present, self._data = compiled.model, compiled.data, compiled.data
-        self._robot_qpos = compiled.robot_qpos
+        self._first_qpos, self._end_qpos = compiled.first_qpos, compiled.first_qpos + compiled.robot_qpos
         self._links, self._bodies = _by_name(compiled.links), _by_name(compiled.bodies)
         kinds = self._model.geom_type.tolist()
         self._fields = {geom for geom, kind in enumerate(kinds) if kind == mujoco.mjtGeom.mjGEOM_HFIELD}
@@ -152,7 +153,7 @@ class Distances:
     def _past(self) -> tuple[Any, FloatArray]:
         past = mujoco.MjData(self._model)
         past.qpos[:] = self._present.qpos
-        return past, past.qpos[: self._robot_qpos]
+        return past, past.qpos[self._first_qpos : self._end_qpos]
 
     def near(self, body: str, links: Collection[str] | None, within: float) -> dict[str, float]:
         """Return the distances of links to a body, as `LinkDistances` does."""
@@ -240,10 +241,15 @@ class Rays:
         groups = self._model.geom_group
         groups[groups == _SEEN] = _UNSEEN
         groups[list(compiled.bodies)] = _SEEN
+        # With several robots, each sees all but itself.
+        self._is_one_of_many = bool(compiled.actors or compiled.prefix)
+        self._own, self._others = list(compiled.links), list(compiled.bodies)
 
     def cast(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the fraction of each ray at which it hits a surface, as `EngineQueries.cast_rays` does."""
         data, start = self._present(), np.array(start_xyz)
+        if self._is_one_of_many:
+            self._model.geom_group[self._own], self._model.geom_group[self._others] = _UNSEEN, _SEEN
         ways = ends_xyz - start
         shares, around = _cast(self._model, data, start, ways)
         hidden: set[int] = set()
@@ -349,7 +355,7 @@ class Contacts:
                 continue
             if link in self._links:
                 yield Overlap(self._links[link], self._bodies[body], -distance)
-            else:
+            elif self._bodies[link] != self._bodies[body]:
                 yield Clash(self._bodies[link], self._bodies[body], -distance)
 
     def overlaps(self) -> tuple[Overlap, ...]:
@@ -366,7 +372,7 @@ class Contacts:
         """Return the bodies with a mass that now overlap others."""
         deepest: dict[tuple[str, str], float] = {}
         for one, other, depth in self._present():
-            if one not in self._links and other not in self._links:
+            if one not in self._links and other not in self._links and self._bodies[one] != self._bodies[other]:
                 body, fixed = (one, other) if self._moves(one) else (other, one)
                 pair = self._bodies[body], self._bodies[fixed]
                 deepest[pair] = max(deepest.get(pair, 0.0), depth)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Final, Self
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
@@ -19,13 +19,13 @@ from sim_action.core.records import dataclass, field, replace
 from sim_action.engines.body_control import MAX_ATTRACTION_M
 from sim_action.engines.mujoco.contact_pairs import FRICTION_RATIO, Collider, add_pairs, soften
 from sim_action.engines.mujoco.geoms import add_collision, add_ground, add_object, lowest_geom, wxyz
-from sim_action.engines.mujoco.names import engine_name, object_name
+from sim_action.engines.mujoco.names import actor_of, actor_prefix, engine_name, object_name
 from sim_action.robot.documents.urdf_elements import child_of
 from sim_action.robot.model.robot_model import WORLD, Joint, Mimic, RobotModel, Surface, ball_orientation
 from sim_action.robot.reading.mjcf.mujoco_spec import engine_spec
-from sim_action.world import placed
+from sim_action.world import Disturbance, placed
 from sim_action.world.mass_properties import symmetric, turned_tensor
-from sim_action.world.scene import MAX_RAISED_M, Scene
+from sim_action.world.scene import EGO, MAX_RAISED_M, Scene
 
 IMPEDANCE: Final = 0.9999
 """Impedance of motors, limits and gears: MuJoCo's maximum. They yield by 1e-4 of the force on them."""
@@ -44,13 +44,16 @@ class CompiledScene:
     Attributes:
         fixed: True if the base of the robot cannot move.
         base: number of the base link's body.
-        robot_qpos, robot_qvel: number of leading entries of qpos and qvel that belong to the robot.
+        robot_qpos, robot_qvel: number of entries of qpos and qvel that belong to the robot.
         positions, velocities: (J,) indices of the moving joints in qpos and qvel, in the order of the robot model;
             for a ball joint, the vector part of its quaternion.
         links: geom -> name of its link.
         bodies: geom -> name of its body of the world, or of the ground.
         colliders: the geoms of the robot.
         unused: data of the same model that are free for use.
+        prefix: of the names of the robot in MuJoCo.
+        first_qpos, first_qvel: the first entries of qpos and qvel that belong to the robot.
+        actors: name of another robot -> the same model, as seen by that robot.
     """
 
     model: Any
@@ -65,6 +68,10 @@ class CompiledScene:
     bodies: dict[int, str]
     colliders: tuple[Collider, ...]
     unused: list[Any] = field(default_factory=list)
+    prefix: str = ""
+    first_qpos: int = 0
+    first_qvel: int = 0
+    actors: Mapping[str, CompiledScene] = field(default_factory=dict)
 
     @classmethod
     def of(cls, scene: Scene) -> CompiledScene:
@@ -86,21 +93,26 @@ class CompiledScene:
         """Let later scenes of the same model use these data."""
         self.unused.append(data)
 
+    def name(self, name: str) -> str:
+        """Return the name of a link or joint of the robot in MuJoCo."""
+        return f"{self.prefix}{engine_name(name)}"
+
     @classmethod
     def _compiled(cls, scene: Scene) -> Self:
-        root, rate = scene.model.root, scene.physics.rate
-        # A base without a mass is fixed, as in Bullet.
-        fixed = scene.bolted or scene.model.links_by_name[root].mass == 0
+        rate = scene.physics.rate
         spec = _empty(rate, scene.world.gravity_xyz)
         if scene.physics.speculative:
             spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SPECULATIVE
-        robot = _add_robot(spec, scene, fixed=fixed)
-        for name, inertia in scene.rotors.items():
-            spec.joint(engine_name(name)).armature += inertia
-        own = _own_pairs(spec, scene, robot) if scene.robot.self_collision else []
+        robot, own = _add_robot(spec, scene)
+        others = list[Collider]()
+        for name, actor in scene.actors.items():
+            geoms, pairs = _add_actor(spec, actor, name)
+            others += geoms
+            own += pairs
         world = [*add_ground(spec, scene.world)]
         for body in scene.world.objects:
             world += add_object(spec, body, scene.parts_of(body))
+        world += (geom._replace(part=actor_of(geom.geom)) for geom in others)
         soft = add_pairs(spec, rate, math.hypot(*scene.world.gravity_xyz), robot, world, own=own)
         model = spec.compile()
         if model.ntree == 1:
@@ -109,33 +121,64 @@ class CompiledScene:
         soften(model, rate, soft)
         for acts in scene.world.disturbances:
             if acts.adhesion is not None:
-                name = object_name(acts.body) if acts.body else engine_name(scene.model.link_of(acts.link or root))
+                name = _target(scene, acts)
                 _reach_out(model, model.body(name).id)
         for body in scene.world.objects:
             if body.surface_velocity is not None:
                 _drive_surface(model, object_name(body.name), body.surface_velocity.twist)
-        others = sum(body.mass is not None for body in scene.world.objects)
+        data, names = mujoco.MjData(model), {model.geom(collider.geom).id: collider.part for collider in world}
+        ego = cls._of_robot(scene, data, robot, names)
+        beyond = {**names, **dict.fromkeys(ego.links, EGO)}
+        actors = {
+            name: cls._of_robot(actor, data, _geoms_of(name, others), beyond, prefix=actor_prefix(name))
+            for name, actor in scene.actors.items()
+        }
+        return replace(ego, actors=actors)
+
+    @classmethod
+    def _of_robot(
+        cls, scene: Scene, data: Any, robot: Sequence[Collider], names: Mapping[int, str], *, prefix: str = ""
+    ) -> Self:
+        """Return a compiled model as one of its robots sees it; `names`: geom -> name of its body, for other geoms."""
+        model = data.model
         joints = scene.model.moving_joints
-        numbers = [model.joint(engine_name(joint.ball or joint.name)).id for joint in joints]
+        numbers = [model.joint(prefix + engine_name(joint.ball or joint.name)).id for joint in joints]
         # A ball joint has three velocities, and a quaternion whose first number is its real part.
         parts = [geometry.AXES.index(joint.axis_xyz) if joint.ball else 0 for joint in joints]
         before = [part + 1 if joint.ball else 0 for part, joint in zip(parts, joints, strict=True)]
+        base = int(model.body(prefix + engine_name(scene.model.root)).id)
+        links = {int(model.geom(collider.geom).id): collider.part for collider in robot}
+        of_robot = np.isin(model.body_rootid, model.body_rootid[base])
+        places, speeds = _entries(model, np.flatnonzero(of_robot[model.jnt_bodyid]))
         return cls(
             model=model,
-            data=mujoco.MjData(model),
-            fixed=fixed,
-            base=model.body(engine_name(root)).id,
-            robot_qpos=model.nq - 7 * others,
-            robot_qvel=model.nv - 6 * others,
+            data=data,
+            fixed=_is_fixed(scene),
+            base=base,
+            robot_qpos=len(places),
+            robot_qvel=len(speeds),
             positions=(model.jnt_qposadr[numbers] + before).astype(np.intp),
             velocities=(model.jnt_dofadr[numbers] + parts).astype(np.intp),
-            links={model.geom(collider.geom).id: collider.part for collider in robot},
-            bodies={model.geom(collider.geom).id: collider.part for collider in world},
+            links=links,
+            bodies={geom: name for geom, name in names.items() if geom not in links},
             colliders=tuple(robot),
+            prefix=prefix,
+            first_qpos=places.start,
+            first_qvel=speeds.start,
         )
 
     def place(self, scene: Scene) -> None:
         """Set the initial state."""
+        self.place_robot(scene)
+        for name, actor in self.actors.items():
+            actor.place_robot(scene.actors[name])
+        for body in scene.world.objects:
+            pose = placed(body, scene.parts_of(body))
+            self._put(self.model.body(object_name(body.name)).id, pose, free=body.mass is not None)
+        mujoco.mj_forward(self.model, self.data)
+
+    def place_robot(self, scene: Scene) -> None:
+        """Set the initial state of the robot alone."""
         positions = scene.joint_positions
         self.data.qpos[self.positions] = [positions[joint.name] for joint in scene.model.moving_joints]
         for first in self.positions[len(scene.model.motor_joints) :: 3].tolist():
@@ -149,10 +192,6 @@ class CompiledScene:
             # The engine would push a robot out of the ground in a jump.
             if at.z is None or -MAX_RAISED_M <= lowest < 0:
                 position[2] -= lowest
-        for body in scene.world.objects:
-            pose = placed(body, scene.parts_of(body))
-            self._put(self.model.body(object_name(body.name)).id, pose, free=body.mass is not None)
-        mujoco.mj_forward(self.model, self.data)
 
     def _put(self, body: int, pose: Pose, *, free: bool) -> Any:
         """Set the pose of a body; return a live view of its position."""
@@ -180,7 +219,9 @@ class _Last:
         if kept is None or scene.model is not robot or _all_but_state(scene) != rest:
             return None
         found = replace(kept, model=copy.copy(kept.model))
-        return replace(found, data=found.spare_data())
+        data = found.spare_data()
+        own = {"model": found.model, "data": data}
+        return replace(found, data=data, actors={name: replace(each, **own) for name, each in kept.actors.items()})
 
     @classmethod
     def keep(cls, scene: Scene, compiled: CompiledScene) -> CompiledScene:
@@ -194,7 +235,8 @@ class _Last:
 
 def _all_but_state(scene: Scene) -> str:
     physics = scene.physics.rate, scene.physics.speculative
-    return repr((scene.world, physics, scene.bolted, dict(scene.rotors), scene.robot.self_collision))
+    actors = [(id(actor.model), dict(actor.rotors)) for actor in scene.actors.values()]
+    return repr((scene.world, physics, scene.bolted, dict(scene.rotors), scene.robot.self_collision, actors))
 
 
 def _empty(rate: float, gravity_xyz: Vector3) -> Any:
@@ -227,6 +269,15 @@ def solver_parameters(rate: float) -> dict[str, list[float]]:
     return {"solref": [STEPS_TO_CONVERGE / rate, 1.0], "solimp": [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0]}
 
 
+def _target(scene: Scene, acts: Disturbance) -> str:
+    """Return the name of the body on which a disturbance acts."""
+    if not acts.body:
+        return engine_name(scene.model.link_of(acts.link or scene.model.root))
+    if (actor := scene.actors.get(acts.body)) is not None:
+        return actor_prefix(acts.body) + engine_name(actor.model.root)
+    return object_name(acts.body)
+
+
 def _reach_out(model: Any, body: int) -> None:
     """Let contacts of a body be known, without a force, as far as adhesion attracts."""
     owners = model.geom_bodyid
@@ -245,18 +296,47 @@ def _drive_surface(model: Any, body: str, twist: Twist) -> None:
     model.flg_surfacevel = True
 
 
-def _own_pairs(spec: Any, scene: Scene, robot: Sequence[Collider]) -> list[tuple[Collider, Collider]]:
+def _is_fixed(scene: Scene) -> bool:
+    # A base without a mass is fixed, as in Bullet.
+    return scene.bolted or scene.model.links_by_name[scene.model.root].mass == 0
+
+
+def _add_robot(spec: Any, scene: Scene) -> tuple[list[Collider], list[tuple[Collider, Collider]]]:
+    """Add a robot to an empty model; return its colliders, and the pairs of them that collide."""
+    add = add_native_robot if scene.model.mjcf else add_robot
+    robot = add(spec, scene.model, fixed=_is_fixed(scene))
+    for name, inertia in scene.rotors.items():
+        spec.joint(engine_name(name)).armature += inertia
+    if not scene.robot.self_collision:
+        return robot, []
     from sim_action.engines.mujoco.colliding_geoms import colliding_pairs  # a usual run does without it
 
-    return colliding_pairs(spec, scene, robot)
+    return robot, colliding_pairs(spec, scene, robot)
 
 
-def _add_robot(spec: Any, scene: Scene, *, fixed: bool) -> list[Collider]:
-    if scene.model.mjcf:
-        return add_native_robot(spec, scene.model, fixed=fixed)
-    return add_robot(spec, scene.model, fixed=fixed)
+def _add_actor(spec: Any, scene: Scene, name: str) -> tuple[list[Collider], list[tuple[Collider, Collider]]]:
+    """Add another robot to a model, as `_add_robot` does."""
+    alone, prefix = _empty(scene.physics.rate, scene.world.gravity_xyz), actor_prefix(name)
+    robot, pairs = _add_robot(alone, scene)
+    spec.attach(alone, prefix=prefix, frame=spec.worldbody.add_frame())
+    own = {geom.geom: geom._replace(geom=prefix + geom.geom) for geom in robot}
+    return list(own.values()), [(own[one.geom], own[other.geom]) for one, other in pairs]
 
 
+def _geoms_of(name: str, geoms: Sequence[Collider]) -> list[Collider]:
+    return [geom for geom in geoms if actor_of(geom.geom) == name]
+
+
+def _entries(model: Any, joints: NDArray[np.intp]) -> Iterator[range]:
+    """Yield the entries of qpos and those of qvel of the joints of a robot, which stand together."""
+    kinds = [_SIZES.get(int(kind), (1, 1)) for kind in model.jnt_type[joints]]
+    for place, firsts in enumerate((model.jnt_qposadr, model.jnt_dofadr)):
+        first = int(firsts[joints].min(initial=model.nq))
+        yield range(first, first + sum(size[place] for size in kinds))
+
+
+# Kind of joint -> its numbers of entries in qpos and qvel; others have one each.
+_SIZES: Final = {int(mujoco.mjtJoint.mjJNT_FREE): (7, 6), int(mujoco.mjtJoint.mjJNT_BALL): (4, 3)}
 _JOINT_TYPES: Final = {
     "revolute": mujoco.mjtJoint.mjJNT_HINGE,
     "continuous": mujoco.mjtJoint.mjJNT_HINGE,

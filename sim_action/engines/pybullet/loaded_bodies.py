@@ -42,6 +42,7 @@ _CONTACT_BREAKING_THRESHOLD: Final = 0.02
 # Bullet's defaults, which also outlive a connection.
 _RESIDUAL_THRESHOLD: Final = 1e-7
 _ITERATIONS: Final = 50
+_ISLAND_SIZE: Final = 128
 # Cylinders as hulls would ride 1 mm high and cost twice as much. The default inertia is that of the collision shapes.
 _LOAD_FLAGS: Final = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
 # Without neighbours: PyBullet leaves out direct parents and children.
@@ -53,16 +54,18 @@ _LOOK: Final = '<visual><geometry><box size="1 1 1"/></geometry></visual>'
 _OPEN_FILES: Final = 8
 
 
-def configure(client: int, rate: float, gravity_xyz: Vector3, *, exact: bool = False) -> None:
+def configure(client: int, rate: float, gravity_xyz: Vector3, *, exact: bool = False, apart: bool = False) -> None:
     """Set gravity, time step and the other parameters of the whole simulation.
 
     `exact`: the solver uses all its iterations. It otherwise stops early, and the forces on a robot that stands on more
-    than three wheels depend on when it stopped.
+    than three wheels depend on when it stopped. `apart`: the solver takes each group of touching bodies alone, so that
+    what is far away does not matter.
     """
     pybullet.setGravity(*gravity_xyz, client)
     pybullet.setPhysicsEngineParameter(
         solverResidualThreshold=0.0 if exact else _RESIDUAL_THRESHOLD,
         numSolverIterations=_ITERATIONS,
+        minimumSolverIslandSize=1 if apart else _ISLAND_SIZE,
         fixedTimeStep=1 / rate,
         contactBreakingThreshold=_CONTACT_BREAKING_THRESHOLD,
         deterministicOverlappingPairs=1,

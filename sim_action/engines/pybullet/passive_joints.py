@@ -100,7 +100,9 @@ def couple(client: int, robot: int, model: RobotModel, numbers: Mapping[str, int
         gear = model.gear(joint.name)
         groups.setdefault(gear.joint, {})[joint.name] = gear
     carriers: dict[str, Mimic] = {}
-    iterations = _GEARED_ITERATIONS
+    # Another robot may need more.
+    present = int(pybullet.getPhysicsEngineParameters(client)["numSolverIterations"])
+    iterations = max(_GEARED_ITERATIONS, present)
     for leader, group in groups.items():
         if len(group) == 1:
             continue

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from collections.abc import Set as AbstractSet
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import Any, Final
 
@@ -23,7 +22,7 @@ from sim_action.engines.observers import Nearest, ReadPoses
 from sim_action.engines.pybullet.loaded_bodies import BASE
 from sim_action.state.observation import Clash, Contact, Overlap
 from sim_action.state.trace_records import LinkTouch
-from sim_action.world import GROUND
+from sim_action.world import GROUND, MAX_ACTORS
 
 
 def link_pose(client: int, robot: int, link: int) -> Pose:
@@ -153,7 +152,7 @@ def touching(client: int, robot: int, links: Mapping[int, str], bodies: Mapping[
             link, body = (point[3], other) if one == robot else (point[4], one)
             if body in bodies:
                 yield Overlap(links[link], bodies[body], -distance)
-        elif one in bodies and other in bodies:
+        elif one != other and one in bodies and other in bodies:
             yield Clash(bodies[one], bodies[other], -distance)
 
 
@@ -192,33 +191,36 @@ _MAX_RAYS_PER_CALL: Final = pybullet.MAX_RAY_INTERSECTION_BATCH_SIZE - 1
 _HIT_FRACTION: Final = itemgetter(2)
 
 
-def hide_from_rays(client: int, robot: int, *, fixed: bool) -> None:
-    """Put the robot into a collision group of its own that still touches the same bodies.
+def hide_from_rays(client: int, robot: int, number: int, *, fixed: bool) -> int:
+    """Put a robot into a collision group of its own that still touches the same bodies.
 
-    `fixed`: the base is fixed; like all fixed bodies it then does not collide with fixed bodies.
+    `number`: of the robot among all of the world. `fixed`: the base is fixed; like all fixed bodies it then does not
+    collide with fixed bodies. Return the groups that rays of this robot hit: all but its own.
     """
-    _join(client, robot, BASE, _ALL ^ _FIXED if fixed else _ALL)
+    group = _ROBOT << number
+    pybullet.setCollisionFilterGroupMask(robot, BASE, group, _ALL ^ _FIXED if fixed else _ALL, client)
     for link in range(pybullet.getNumJoints(robot, client)):
-        _join(client, robot, link, _ALL)
+        pybullet.setCollisionFilterGroupMask(robot, link, group, _ALL, client)
+    robots = (_ROBOT << MAX_ACTORS + 1) - _ROBOT
+    return _MOVING | _FIXED | (robots ^ group)
 
 
-def cast_rays(client: int, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the fraction of each ray at which it hits a surface, as `EngineQueries.cast_rays` does."""
+def cast_rays(client: int, start_xyz: Vector3, ends_xyz: NDArray[np.float64], seen: int) -> NDArray[np.float64]:
+    """Return the fraction of each ray at which it hits a surface, as `EngineQueries.cast_rays` does.
+
+    `seen`: the collision groups that rays hit.
+    """
     shares: NDArray[np.float64] = np.empty(len(ends_xyz))
     for first in range(0, len(ends_xyz), _MAX_RAYS_PER_CALL):
         # PyBullet reads lists faster than arrays.
         ends = ends_xyz[first : first + _MAX_RAYS_PER_CALL].tolist()
         hits = pybullet.rayTestBatch(
-            [start_xyz] * len(ends), ends, numThreads=1, collisionFilterMask=_MOVING | _FIXED, physicsClientId=client
+            [start_xyz] * len(ends), ends, numThreads=1, collisionFilterMask=seen, physicsClientId=client
         )
         shares[first : first + len(ends)] = list(map(_HIT_FRACTION, hits))
     # PyBullet reports a fraction of 1 for a ray that hits nothing.
     shares[shares >= 1] = np.inf
     return shares
-
-
-def _join(client: int, robot: int, link: int, mask: int) -> None:
-    pybullet.setCollisionFilterGroupMask(robot, link, _ROBOT, mask, client)
 
 
 class Contacts:
@@ -230,14 +232,17 @@ class Contacts:
         robot: int,
         links: Mapping[int, str],
         bodies: Mapping[int, str],
-        unforced: tuple[AbstractSet[int], AbstractSet[int]],
     ) -> None:
-        """`links`, `bodies`: PyBullet number -> name; a body may have several numbers.
-
-        `unforced`: links that cannot move and bodies on paths. PyBullet reports some of these pairs, without a force.
-        """
+        """`links`, `bodies`: PyBullet number -> name; a body may have several numbers."""
         self._client, self._robot, self._links, self._bodies = client, robot, links, bodies
-        self._immovable, self._on_paths = unforced
+        self._immovable, self._on_paths = frozenset[int](), frozenset[int]()
+
+    def leave_out(self, links: Iterable[int], bodies: Iterable[int]) -> None:
+        """Leave out the contacts of links that cannot move with bodies on paths.
+
+        PyBullet reports some of these pairs, without a force.
+        """
+        self._immovable, self._on_paths = frozenset(links), frozenset(bodies)
 
     def of_step(self, time: float, *, ground: bool) -> Iterator[Contact]:
         """Yield the present contacts of the robot, with or without the ground."""

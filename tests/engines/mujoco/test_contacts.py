@@ -22,7 +22,7 @@ def test_contacts_are_seen_however_many_there_are() -> None:
     counts, found = set(), set()
     with running("mujoco", replace(traces.scene(), robot=tumbling, world=World(objects=(wall,)))) as backend:
         assert isinstance(backend, MuJoCoEngine)
-        contacts, data = backend._contacts, backend._motors._data
+        contacts, data = backend._contacts, backend.motors._data
         for step in range(480):
             backend.advance(step, [None])
             matters = contacts.may_matter(backend._sliding.touching)
@@ -40,7 +40,7 @@ def test_pairs_that_did_not_matter_are_remembered() -> None:
 
     with running("mujoco", replace(traces.scene(), world=World())) as backend:
         assert isinstance(backend, MuJoCoEngine)
-        contacts, data = backend._contacts, backend._motors._data
+        contacts, data = backend._contacts, backend.motors._data
         backend.advance(0, [None])
         assert data.ncon
         assert not contacts.may_matter(backend._sliding.touching)

@@ -45,7 +45,7 @@ from sim_action.ros.ros1.node.world_models import (
     SpawnedRobot,
     WorldChanged,
 )
-from sim_action.scenario.model import DrivenRobot, Scenario
+from sim_action.scenario.model import DrivenRobot, Scenario, Stage
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.recorder import RunRecorder
 from sim_action.state.command import Answer
@@ -231,7 +231,7 @@ class EpisodeFactory:
         scenario = Scenario.model_construct(
             name=models.robot.name,
             robot=robot,
-            world=models.world,
+            world=Stage.of(models.world),
             physics=Physics(rate=self._request.physics_rate),
             commands=(OpenCommands.of(controller, float(TICKS)),),
             sensors=(

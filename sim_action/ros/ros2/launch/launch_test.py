@@ -45,10 +45,10 @@ from sim_action.ros.ros2.node_spec import Ros2Nodes
 from sim_action.ros.ros2.packages import Packages, workspace_of
 from sim_action.ros.ros2.spec import Ros2Commands
 from sim_action.runner.isolation.child_process import environment
-from sim_action.scenario.model import DrivenRobot, Scenario
+from sim_action.scenario.model import DrivenRobot, Scenario, Stage
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.verdict import Judged, Verdict
-from sim_action.world import Physics, World
+from sim_action.world import Physics
 from sim_action.world.claims import NOT_SIMULATED, AuditWarning
 from sim_action.world.scene import Scene
 
@@ -262,7 +262,7 @@ class _LaunchTest:
         scenario = Scenario.model_construct(
             name=robot.name,
             robot=driven,
-            world=World(),
+            world=Stage(),
             physics=Physics(rate=_PHYSICS_RATE_HZ),
             commands=(),
             sensors=(),

@@ -16,7 +16,7 @@ from sim_action.core.workspace import Workspace
 from sim_action.robot.model.robot_model import Plugin, RobotModel
 from sim_action.robot.reading.loading import load_model
 from sim_action.ros.ros1.node.internal_parts import NotMeasured, OnDemandSensor, PlanarMove
-from sim_action.scenario.model import DrivenRobot, Scenario
+from sim_action.scenario.model import DrivenRobot, Scenario, Stage
 from sim_action.sensors import Measure, Mount, Sensor, Sight
 from sim_action.simulation.loop import simulate
 from sim_action.world import Physics, World
@@ -94,7 +94,7 @@ def test_it_reaches_its_velocity_at_once(engine: Literal["pybullet", "mujoco"], 
     scenario = Scenario.model_construct(
         name="sideways",
         robot=robot,
-        world=World(),
+        world=Stage(),
         physics=Physics(rate=200),
         commands=(Sideways(rate=100.0),),
         sensors=(),

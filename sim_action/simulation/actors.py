@@ -1,0 +1,206 @@
+"""The other robots of a run: their controllers, sensors and drives, in the same clock as the robot under test.
+
+Each robot plans its targets until its own next tick. The loop asks the robot under test for no more steps than all
+others have planned, and hands all targets to the engine together.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from itertools import chain
+
+import numpy as np
+from typing_extensions import override
+
+from sim_action.core.errors import BadSource, ControllersFinished, RunError, ScriptError, SimulationUnstable
+from sim_action.core.records import replace
+from sim_action.drives import Drive, recognise
+from sim_action.engines.engine import Engine, RobotQueries
+from sim_action.robot.model.link_motion import link_motion
+from sim_action.scenario.model import DrivenActor, Scenario
+from sim_action.simulation.controllers import Controls
+from sim_action.simulation.guards import NO_BODIES, Guard, Watchdog
+from sim_action.simulation.sensors import Sensing
+from sim_action.simulation.start_checks import about_drive
+from sim_action.state.command import JointTargets
+from sim_action.state.timeline import TimeMark
+from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace_records import BodyRecord, frame_stride
+from sim_action.world.scene import Scene
+
+
+def drive_of(scenario: Scenario, scene: Scene) -> Drive | None:
+    """Return the drive of the robot of a scenario; None if nothing commands it."""
+    return (scenario.robot.drive or recognise(scene.model)) if scenario.commands else None
+
+
+def prepared(scenario: Scenario, scene: Scene) -> Scene:
+    """Return a scene in which the drives of the other robots have set what they need."""
+    actors = dict(scene.actors)
+    for actor in scenario.world.actors:
+        if (drive := drive_of(scenario.as_seen_by(actor), actors[actor.name])) is not None:
+            actors[actor.name] = drive.prepared(actors[actor.name])
+    return replace(scene, actors=actors) if actors else scene
+
+
+class _Actor:
+    """One of the other robots.
+
+    Attributes:
+        until: the step until which its targets are planned.
+    """
+
+    def __init__(self, spec: DrivenActor, scenario: Scenario, scene: Scene, robot: RobotQueries) -> None:
+        self.name, self.scene, self.robot, self.until = spec.name, scene, robot, 0
+        own = scenario.as_seen_by(spec)
+        drive = drive_of(own, scene)
+        motion = self._motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
+        self.controls = Controls(own, scene, motion)
+        heard, more = self.controls.are_watching, self.controls.sensors
+        self.sensing = Sensing(own, scene, robot, heard=heard, more=more)
+        self.watchdog = Watchdog.of(scene, robot.observe(0, contacts=False))
+        self._about = tuple(about_drive(own, scene, drive))
+        self._first, self._rows, self._is_finished = 0, list[JointTargets | None](), False
+
+    def plan(self, step: int, end: int) -> None:
+        """Plan targets from a step on, if there are none yet, until its next tick or step `end`."""
+        if step < self.until:
+            return
+        self.sensing.read(step)
+        try:
+            self._rows = self.controls.plan(step, self.sensing.next_tick(step, end), self.sensing.look)
+        except ControllersFinished:
+            # Its motors keep their last targets.
+            self._rows = [None] * (end - step)
+        self._first, self.until = step, step + len(self._rows)
+
+    def targets(self, step: int) -> JointTargets | None:
+        """Return its new targets at a step; None if it keeps the last ones."""
+        return self._rows[step - self._first]
+
+    def notes(self, end: float) -> Iterator[str]:
+        """Yield the notes on its run."""
+        of_drive = self._motion.notes if self._motion else ()
+        for note in (*self._about, *of_drive, *self.controls.notes(end), *self.sensing.notes):
+            yield f"'{self.name}': {note}"
+
+
+class Actors(Guard):
+    """All other robots of a run; as a guard, it ends a run in which the state of one is not physical."""
+
+    def __init__(
+        self, scenario: Scenario, scene: Scene, backend: Engine, *, judged: Collection[str], filmed: bool
+    ) -> None:
+        """Open their controllers and sensors. Raise ScriptError, BadSource after closing those that are open.
+
+        `judged`: names of robots and links whose poses expectations need at every step; `filmed`: a replay needs all
+        links.
+        """
+        self._rate, self._frames, self._filmed = scenario.physics.rate, scene.frames, filmed
+        # Steps that were collected; the number of the first one that has no verdict, and why.
+        self._passed = 0
+        self._failed: tuple[float, RunError | None] = math.inf, None
+        self._judged = [name for name in sorted(judged) if name in self._frames]
+        self._actors: list[_Actor] = []
+        with ExitStack() as opened:
+            for index, spec in enumerate(scenario.world.actors):
+                with _of_actor(index):
+                    actor = _Actor(spec, scenario, scene.actors[spec.name], backend.actors[spec.name])
+                opened.enter_context(closing(actor.controls))
+                self._actors.append(actor)
+            self._opened = opened.pop_all()
+
+    def close(self) -> None:
+        """Close the controllers after the run."""
+        self._opened.close()
+
+    @property
+    def controls(self) -> tuple[Controls, ...]:
+        """The command sources of each robot."""
+        return tuple(actor.controls for actor in self._actors)
+
+    @property
+    def at_rest(self) -> dict[str, JointTargets]:
+        """The targets that hold each of them before t = 0."""
+        return {actor.name: actor.controls.at_rest for actor in self._actors}
+
+    def plan(self, step: int, until: int) -> int:
+        """Plan targets from a step on; return the step until which those of all robots are planned."""
+        for index, actor in enumerate(self._actors):
+            with _of_actor(index):
+                actor.plan(step, until)
+            until = min(until, actor.until)
+        return until
+
+    def added_to(self, planned: Sequence[JointTargets | None], step: int) -> list[JointTargets | None]:
+        """Return the targets of the robot under test from a step on, with those of all others."""
+        return [self._joined(row, at) for at, row in enumerate(planned, start=step)]
+
+    def _joined(self, row: JointTargets | None, step: int) -> JointTargets | None:
+        own = {actor.name: targets for actor in self._actors if (targets := actor.targets(step)) is not None}
+        return replace(row or JointTargets(), actors=own) if own else row
+
+    def seen_with(self, trace: Trace) -> Trace:
+        """Return the trace since the last call with the poses of the robots."""
+        traces = {actor.name: actor.robot.collect() for actor in self._actors}
+        for actor in self._actors:
+            seen, missed = actor.watchdog.watch(traces[actor.name])
+            if missed is not None and len(seen) < self._failed[0] - self._passed:
+                error = SimulationUnstable(f"'{actor.name}': {missed}", keys=missed.keys)
+                self._failed = self._passed + len(seen), error
+        self._passed += len(trace)
+        objects = dict(self._records(traces, self._judged))
+        film = dict(self._records(self._frames_of(traces), self._frames)) if self._filmed else {}
+        return replace(trace, objects={**trace.objects, **objects}, bodies={**trace.bodies, **film})
+
+    @override
+    def watch(self, trace: Trace, bodies: FloatArray = NO_BODIES) -> tuple[Trace, RunError | None]:
+        first, error = self._failed
+        if error is None:
+            return trace, None
+        left = len(trace) - self._passed + int(first)
+        return (trace.first(left) if left > 0 else trace.rows(slice(0))), error
+
+    def forget(self) -> None:
+        """Drop the states before t = 0."""
+        for actor in self._actors:
+            actor.robot.collect()
+
+    def _frames_of(self, traces: Mapping[str, Trace]) -> dict[str, Trace]:
+        """Return the moments of traces that a replay shows."""
+        found = {}
+        for name, trace in traces.items():
+            steps = np.rint(trace.time * self._rate).astype(int)
+            shown = (steps > 0) & ((steps % frame_stride(self._rate) == 0) | (steps == 1))
+            found[name] = trace.rows(np.flatnonzero(shown))
+        return found
+
+    def _records(self, traces: Mapping[str, Trace], names: Iterable[str]) -> Iterator[tuple[str, BodyRecord]]:
+        models = {actor.name: actor.scene.model for actor in self._actors}
+        for name in names:
+            robot, link = self._frames[name]
+            if len(trace := traces[robot]):
+                motion = link_motion(models[robot], trace, link)
+                yield name, BodyRecord(trace.time, motion.position_xyz, motion.orientation_xyzw)
+
+    @override
+    def notes(self, end: float) -> Iterator[str]:
+        return chain.from_iterable(actor.notes(end) for actor in self._actors)
+
+    def time_marks(self) -> Iterator[TimeMark]:
+        """Yield the marks of lost commands and readings."""
+        for actor in self._actors:
+            for mark in (*actor.controls.time_marks(), *actor.sensing.time_marks()):
+                yield replace(mark, words=f"'{actor.name}': {mark.words}")
+
+
+@contextmanager
+def _of_actor(index: int) -> Iterator[None]:
+    """Let errors of command sources name the robot."""
+    try:
+        yield
+    except (ScriptError, BadSource) as error:
+        error.actor = index
+        raise
