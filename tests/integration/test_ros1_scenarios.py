@@ -66,10 +66,10 @@ def ran(folder: Path, *words: str) -> tuple[int, dict[str, Any]]:
 def test_a_node_drives_the_same_way_every_time(tmp_path: Path) -> None:
     scenario(tmp_path, "{nodes: [{package: nodes, type: mover.py, params: {speed: 0.6}}]}")
 
-    code, outcome = ran(tmp_path, "--repeat", "3")
+    code, outcome = ran(tmp_path, "--repeat", "2")
 
     assert (code, outcome["status"]) == (0, "passed"), outcome
-    assert outcome["repeats"] == {"count": 3, "agreed": 3, "digests": 1, "replay": None}
+    assert outcome["repeats"] == {"count": 2, "agreed": 2, "digests": 1, "replay": None}
     assert not [note for note in outcome["notes"] if "lock-step" in note]
 
 
@@ -93,6 +93,7 @@ def test_a_node_that_dies_is_an_error_with_its_cause(node: str, causes: list[str
     assert failure["location"]["line"] == (4 if file == "s.sim.yml" else line_of(tmp_path, file))
     # It is at the same moment however long it takes a process to be gone.
     assert node == "importer" or "at 0.5" in failure["message"] or "at 0.6" in failure["message"], failure
+    assert node != "crasher" or ran(tmp_path)[1]["failures"][0]["message"] == failure["message"]
 
 
 def line_of(folder: Path, file: str) -> int:
@@ -100,19 +101,12 @@ def line_of(folder: Path, file: str) -> int:
     return next(n for n, line in enumerate(lines, start=1) if "1 / 0" in line or "no_such_module" in line)
 
 
-def test_a_crash_comes_at_the_same_moment_every_time(tmp_path: Path) -> None:
-    scenario(tmp_path, "{nodes: [nodes/crasher.py]}")
-
-    said = {ran(tmp_path)[1]["failures"][0]["message"] for _ in range(2)}
-
-    assert len(said) == 1, said
-
-
-def test_nodes_may_put_away_what_they_have_once_the_run_is_over(tmp_path: Path) -> None:
-    scenario(tmp_path, "{nodes: [nodes/keeper.py]}")
+def test_nodes_may_leave_and_put_away_what_they_have_once_the_run_is_over(tmp_path: Path) -> None:
+    scenario(tmp_path, "{nodes: [nodes/keeper.py, nodes/done.py], topics: {cmd_vel: /cmd_vell}}")
     saved = tmp_path / "saved"
     keeps = f'rospy.on_shutdown(lambda: (rospy.rostime.wallsleep(0.5), open("{saved}", "w").close()))'
-    package(tmp_path / "ws", "nodes", {"keeper.py": f'{DRIVE}\nrospy.init_node("keeper")\n{keeps}\ndrive()\n'})
+    keeper = f'{DRIVE}\nrospy.init_node("keeper")\n{keeps}\ndrive(topic="/cmd_vell")\n'
+    package(tmp_path / "ws", "nodes", {"keeper.py": keeper})
 
     code, outcome = ran(tmp_path)
 
@@ -121,16 +115,11 @@ def test_nodes_may_put_away_what_they_have_once_the_run_is_over(tmp_path: Path) 
     assert not [note for note in outcome["notes"] if "left behind" in note]
 
 
-def test_a_required_node_that_is_done_is_an_error_and_another_may_leave(tmp_path: Path) -> None:
+def test_a_required_node_that_is_done_is_an_error(tmp_path: Path) -> None:
     scenario(tmp_path, "{nodes: [nodes/mover.py, {package: nodes, type: done.py, required: true}]}")
     code, outcome = ran(tmp_path)
     assert (code, outcome["status"]) == (1, "error")
     assert "'done' finished during the run, and it is required" in outcome["failures"][0]["message"]
-
-    path = tmp_path / "ws/s.sim.yml"
-    path.write_text(path.read_text().replace(", required: true", ""))
-    code, outcome = ran(tmp_path)
-    assert (code, outcome["status"]) == (0, "passed"), outcome
 
 
 def test_a_robot_that_nobody_drives_is_told_of_with_what_may_be_meant(tmp_path: Path) -> None:
@@ -141,11 +130,6 @@ def test_a_robot_that_nobody_drives_is_told_of_with_what_may_be_meant(tmp_path: 
     assert (code, outcome["status"]) == (1, "failed")
     (note,) = [note for note in outcome["notes"] if "no node drove the robot" in note]
     assert "topics: {cmd_vel: /cmd_vell}" in note
-
-    path = tmp_path / "ws/s.sim.yml"
-    path.write_text(path.read_text().replace("misled.py]", "misled.py], topics: {cmd_vel: /cmd_vell}"))
-    code, outcome = ran(tmp_path)
-    assert (code, outcome["status"]) == (0, "passed"), outcome
 
 
 def test_a_callback_that_raised_is_noted_with_its_place(tmp_path: Path) -> None:
@@ -306,9 +290,16 @@ def test_where_ros_is_absent_one_message_says_what_to_type(tmp_path: Path) -> No
 
 LAUNCHES = [
     pytest.param('<launch><include file="$(find nods)/x.launch"/></launch>', ["'nods'", "'nodes'"], id="no package"),
-    pytest.param('<launch><group><param name="x"/></group></launch>', ["param", "x"], id="no launch file"),
+    pytest.param(
+        '<launch><group><param name="x"/></group></launch>', ["param", "x"], id="no launch file", marks=pytest.mark.soak
+    ),
     pytest.param('<launch><node pkg="nodes" type="no.py" name="n"/></launch>', ["nodes/no.py"], id="no node"),
-    pytest.param('<launch><param name="x" value="$(arg a)"/></launch>', ["requires", "'a'"], id="no argument"),
+    pytest.param(
+        '<launch><param name="x" value="$(arg a)"/></launch>',
+        ["requires", "'a'"],
+        id="no argument",
+        marks=pytest.mark.soak,
+    ),
 ]
 
 
