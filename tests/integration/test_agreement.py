@@ -12,69 +12,33 @@ import pytest
 from sim_action.core import geometry
 from sim_action.engines import ENGINES
 from sim_action.robot.reading.loading import load_model
-from sim_action.scenario.loading import build_scene, load_scenario
-from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
 from sim_action.world import GRAVITY, Physics, World
 from sim_action.world.scene import Scene
 from tests.integration.engines import advance, on_every_engine, running, travelled
+from tests.simulated import simulated
 from tools.bench.robots import ROBOTS, WORKSPACE
-
-SEPARATION = 0.160
-SECONDS = 10.0
-
-
-def drive(folder: Path, twist: str, engine: str) -> SimulationRun:
-    pytest.importorskip(engine)
-    path = folder / "drive.sim.yml"
-    path.write_text(
-        f"""
-name: drive
-robot: {{model: turtlebot3_burger}}
-commands: {{rate: 10 Hz, twist: [{twist}]}}
-expect: [upright]
-backend: {engine}
-duration: {SECONDS} s
-time_limit: {SECONDS} s
-trace: {{rate: 240 Hz}}
-"""
-    )
-    loaded = load_scenario(path)
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
-
-
-def rim_distance(speed: float) -> float:
-    """How far a wheel's rim rolls that ramps from rest to `speed` at 1 m/s^2."""
-    return speed * SECONDS - math.copysign(speed**2 / 2, speed)
-
-
-def turned(run: SimulationRun) -> float:
-    return float(np.unwrap(run.trace.yaw)[-1] - run.trace.yaw[0])
-
-
-@on_every_engine
-def test_the_burger_drives_a_line(engine: str, tmp_path: Path) -> None:
-    run = drive(tmp_path, "{linear: 0.2}", engine)
-    assert run.travelled == pytest.approx(rim_distance(0.2), rel=0.002)
-    assert abs(turned(run)) < 0.002
-    assert run.engine.startswith(engine)
-
-
-@on_every_engine
-def test_the_burger_drives_a_circle(engine: str, tmp_path: Path) -> None:
-    run = drive(tmp_path, "{linear: 0.2, angular: 0.5}", engine)
-    left, right = (rim_distance(0.2 + side * 0.5 * SEPARATION / 2) for side in (-1, 1))
-    x, y, z = run.trace.base_position_xyz[0].tolist()
-    assert run.trace.arc_length_from((x, y, z))[-1] == pytest.approx((left + right) / 2, rel=0.004)
-    assert turned(run) == pytest.approx((right - left) / SEPARATION, rel=0.002)
 
 
 @on_every_engine
 def test_the_burger_spins(engine: str, tmp_path: Path) -> None:
-    run = drive(tmp_path, "{angular: 1.0}", engine)
-    assert turned(run) == pytest.approx(2 * rim_distance(SEPARATION / 2) / SEPARATION, rel=0.002)
+    scenario = {
+        "name": "drive",
+        "robot": {"model": "turtlebot3_burger"},
+        "commands": {"rate": 10, "twist": [{"angular": 1.0}]},
+        "expect": ["upright"],
+        "backend": engine,
+        "duration": 10.0,
+        "time_limit": 10.0,
+        "trace": {"rate": 240},
+    }
+    run = simulated(tmp_path, scenario)
+    # The rims ramp at 1 m/s^2 to half of the separation of 0.160 m.
+    rim = 0.08 * 10.0 - 0.08**2 / 2
+    assert np.unwrap(run.trace.yaw)[-1] - run.trace.yaw[0] == pytest.approx(rim / 0.08, rel=0.002)
     assert run.travelled < 0.002
+    assert run.engine.startswith(engine)
 
 
 def scene(name: str) -> Scene:

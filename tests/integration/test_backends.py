@@ -118,17 +118,26 @@ def test_friction_is_the_product_of_two(engine: str, ground: float, own: float, 
     assert trace.speed[-1] < 1e-3
 
 
-def test_each_link_has_a_friction_of_its_own(engine: str, tmp_path: Path) -> None:
+# Gazebo's largest values mean that a link does not slide on its own account.
+@pytest.mark.parametrize(("mu", "friction"), [("0.2", 0.2), ("1e5", 1.0)])
+def test_each_link_has_a_friction_of_its_own(engine: str, mu: str, friction: float, tmp_path: Path) -> None:
     bumper = one_link('<box size="0.4 0.4 0.1"/>', mass=10, moment=0.1).replace('"it"', '"bumper"')
     inner = bumper.partition("<link")[2].rpartition("</robot>")[0]
     urdf = f"""<robot name="it"><link name="base"><inertial><mass value="1"/>{inertia(0.1)}</inertial></link>
       <joint name="j" type="fixed"><parent link="base"/><child link="bumper"/></joint><link{inner}
-      <gazebo reference="bumper"><mu1>0.2</mu1></gazebo></robot>"""
+      <gazebo reference="bumper"><mu1>{mu}</mu1></gazebo></robot>"""
     with running(engine, scene_of(tmp_path, urdf, at(), rate=1000)) as backend:
         start = advance(backend, 0, 100).base_position_xyz[-1, 0]
         push(backend, (2, 0, 0))
         trace = advance(backend, 100, 3000)
-    assert trace.base_position_xyz[-1, 0] - start == pytest.approx(2**2 / (2 * 0.2 * GRAVITY), rel=0.01)
+    assert trace.base_position_xyz[-1, 0] - start == pytest.approx(2**2 / (2 * friction * GRAVITY), rel=0.01)
+
+
+def test_a_floating_joint_from_an_empty_root_says_that_the_robot_is_free(engine: str, tmp_path: Path) -> None:
+    floating = '<link name="odom"/><joint name="f" type="floating"><parent link="odom"/><child link="it"/></joint>'
+    urdf = BALL.replace("</robot>", f"{floating}</robot>")
+    trace = travelled(engine, scene_of(tmp_path, urdf, at(z=10)), 240)
+    assert trace.base_linear_xyz[-1, 2] == pytest.approx(-GRAVITY, rel=1e-9)
 
 
 @pytest.mark.parametrize("slope", [0.4, 0.6])

@@ -91,10 +91,6 @@ def test_a_turning_tilted_lidar_tells_where_the_walls_and_the_ground_are(engine:
     assert kinds == {-1.0, 0.0, 1.0}
 
 
-def test_to_scan_changes_nothing(engine: str, tmp_path: Path) -> None:
-    assert run(tmp_path, TURNING + LIDAR, engine).digest == run(tmp_path, TURNING, engine).digest
-
-
 def test_a_wall_is_followed(engine: str, tmp_path: Path) -> None:
     trace = run(tmp_path, ALONG_A_WALL.replace("NOISE", "0"), engine).trace
     x, y, _ = trace.base_position_xyz.T

@@ -1,12 +1,10 @@
-"""The built-in burger against the analytic motion of a diff drive whose wheel speeds ramp at 1 m/s^2."""
+"""The burger with the plugin of Gazebo, in the tutorial, at rest and while it settles; test_drives.py has more."""
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from sim_action import robot as models
@@ -16,13 +14,10 @@ from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from tests.simulated import simulated
 
-SEPARATION = 0.160
-ACCELERATION = 1.0
-
 
 def drive(folder: Path, twist: str, seconds: float, model: str = "turtlebot3_burger") -> SimulationRun:
-    path = folder / "drive.sim.yml"
-    path.write_text(
+    return simulated(
+        folder,
         f"""
 name: drive
 robot: {{model: {model}}}
@@ -30,46 +25,8 @@ commands: {{rate: 10 Hz, twist: [{twist}]}}
 expect: [upright]
 duration: {seconds} s
 time_limit: {seconds} s
-trace: {{rate: 240 Hz}}
-"""
+""",
     )
-    loaded = load_scenario(path)
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
-
-
-def rim_distance(speed: float, seconds: float) -> float:
-    """How far a wheel's rim rolls that ramps from rest to `speed`."""
-    return speed * seconds - math.copysign(speed**2 / (2 * ACCELERATION), speed)
-
-
-def turned(run: SimulationRun) -> float:
-    return float(np.unwrap(run.trace.yaw)[-1] - run.trace.yaw[0])
-
-
-def way(run: SimulationRun) -> float:
-    return float(run.trace.arc_length_from(tuple(run.trace.base_position_xyz[0].tolist()))[-1])
-
-
-@pytest.mark.parametrize("seconds", [10, 30])
-def test_a_line_has_the_analytic_length_and_no_turn(tmp_path: Path, seconds: int) -> None:
-    run = drive(tmp_path, "{linear: 0.2}", seconds)
-    assert run.travelled == pytest.approx(rim_distance(0.2, seconds), rel=0.01)
-    assert abs(turned(run)) < 0.01
-
-
-@pytest.mark.parametrize("seconds", [10, 30])
-def test_a_circle_has_the_analytic_length_and_yaw(tmp_path: Path, seconds: int) -> None:
-    run = drive(tmp_path, "{linear: 0.2, angular: 0.5}", seconds)
-    left, right = (rim_distance(0.2 + side * 0.5 * SEPARATION / 2, seconds) for side in (-1, 1))
-    assert way(run) == pytest.approx((left + right) / 2, rel=0.01)
-    assert turned(run) == pytest.approx((right - left) / SEPARATION, rel=0.01)
-
-
-@pytest.mark.parametrize("seconds", [10, 30])
-def test_a_spin_has_the_analytic_yaw_and_stays_in_place(tmp_path: Path, seconds: int) -> None:
-    run = drive(tmp_path, "{angular: 1.0}", seconds)
-    assert turned(run) == pytest.approx(2 * rim_distance(SEPARATION / 2, seconds) / SEPARATION, rel=0.01)
-    assert run.travelled < 0.01
 
 
 def plugged_burger(folder: Path, legacy: str) -> str:
@@ -81,31 +38,14 @@ def plugged_burger(folder: Path, legacy: str) -> str:
     return "burger.urdf"
 
 
-LEGACY = pytest.mark.parametrize(("legacy", "way"), [("<legacyMode>false</legacyMode>", 1), ("", -1)])
-
-
-@LEGACY
-def test_a_spin_goes_the_way_that_gazebos_plugin_turns_it(legacy: str, way: int, tmp_path: Path) -> None:
-    run = drive(tmp_path, "{angular: 1.0}", 10, model=plugged_burger(tmp_path, legacy))
-    assert turned(run) == pytest.approx(way * 2 * rim_distance(SEPARATION / 2, 10) / SEPARATION, rel=0.01)
-    assert any("sides swapped" in note for note in run.notes) == (way < 0)
-
-
-@LEGACY
-def test_ahead_is_ahead_whichever_side_gazebos_plugin_turns_to(legacy: str, way: int, tmp_path: Path) -> None:
-    run = drive(tmp_path, "{linear: 0.2}", 10, model=plugged_burger(tmp_path, legacy))
-    x, y, _ = run.trace.base_position_xyz[-1]
-    assert (x, y) == pytest.approx((rim_distance(0.2, 10), 0.0), abs=0.01)
-    assert any("sides swapped" in note for note in run.notes) == (way < 0)
-
-
-@LEGACY
+@pytest.mark.parametrize(("legacy", "way"), [("<legacyMode>false</legacyMode>", 1), ("", -1)])
 def test_a_curve_bends_the_way_that_gazebos_plugin_turns(legacy: str, way: int, tmp_path: Path) -> None:
     run = drive(tmp_path, "{linear: 0.2, angular: 0.5}", 3, model=plugged_burger(tmp_path, legacy))
     x, y, _ = run.trace.base_position_xyz[-1]
     # Of a circle of 0.4 m, 1.5 rad less what it takes to speed up.
     assert x == pytest.approx(0.4, abs=0.03)
     assert way * y == pytest.approx(0.37, abs=0.05)
+    assert any("sides swapped" in note for note in run.notes) == (way < 0)
 
 
 def test_the_tutorials_scenario_reaches_its_goal_when_the_ramp_says() -> None:
@@ -135,8 +75,8 @@ def test_a_robot_that_sinks_while_it_settles_is_told_of(tmp_path: Path) -> None:
 
 
 def settled(folder: Path, pose: str, physics: str) -> SimulationRun:
-    path = folder / "settle.sim.yml"
-    path.write_text(
+    return simulated(
+        folder,
         f"""
 name: settle
 robot: {{model: turtlebot3_burger, pose: {pose}}}
@@ -144,10 +84,8 @@ physics: {physics}
 expect: [upright]
 duration: 1 s
 time_limit: 1 s
-"""
+""",
     )
-    loaded = load_scenario(path)
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
 
 
 @pytest.mark.parametrize(
