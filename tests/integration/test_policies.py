@@ -58,7 +58,7 @@ def test_a_network_is_the_same_as_its_law_in_python_each_time(folder: Path) -> N
     script = f"script: {{file: law.py, rate: 120 Hz, with: {settings}}}"
     (folder / "script.sim.yml").write_text(SCENARIO.format(name="script", commands=script))
     ran = sim_action(
-        folder, "run", "--no-report", "--repeat", "3", "--backend", "all", "policy.sim.yml", "script.sim.yml"
+        folder, "run", "--no-report", "--repeat", "2", "--backend", "all", "policy.sim.yml", "script.sim.yml"
     )
     assert ran.returncode == 0, ran.stdout + ran.stderr
     found = outcomes(folder)

@@ -106,7 +106,7 @@ sensors:
   - {imu: {gyro_bias: 1 deg/s}, trace: true}
 commands: {script: random_walk.py}
 variations:
-  wall_limit: {uniform: [50 s, 60 s], samples: 3}
+  wall_limit: {uniform: [50 s, 60 s], samples: 2}
   memory_limit: [3 GiB, 4 GiB]
 expect: [upright]
 duration: 0.5 s
@@ -138,14 +138,14 @@ def test_samples_share_no_random_numbers_and_are_repeated_by_name(tmp_path: Path
     (tmp_path / "random_walk.py").write_text(RANDOM_WALK)
     sim_action(tmp_path, "run", "noisy.sim.yml", "--seed", "5")
     found = outcomes(tmp_path)
-    assert [outcome["status"] for outcome in found] == ["passed"] * 6
+    assert [outcome["status"] for outcome in found] == ["passed"] * 4
     for kind in zip(*(noise(outcome, tmp_path) for outcome in found[::2]), strict=True):
-        assert len(set(kind)) == 3
+        assert len(set(kind)) == 2
     # Nothing that varies here changes the motion. Both values of the list meet the same samples.
     seeds = [outcome["digest"] for outcome in found]
     assert seeds[::2] == seeds[1::2]
     assert {outcome["scenario_seed"] for outcome in found} == {5}
-    for selection in (["--only", found[2]["name"]], ["--shard", "2/3"]):
+    for selection in (["--only", found[2]["name"]], ["--shard", "2/2"]):
         sim_action(tmp_path, "run", "noisy.sim.yml", "--seed", "5", *selection)
         digests = {outcome["name"]: outcome["digest"] for outcome in found}
         again = outcomes(tmp_path)
@@ -328,12 +328,12 @@ def test_a_xacro_of_a_base_is_evaluated_with_what_each_scenario_says(tmp_path: P
     )
     (tmp_path / "lib/box.base.yml").write_text("robot: {model: box.xacro}\nexpect: [upright]\ntime_limit: 0.1 s\n")
     (tmp_path / "a.sim.yml").write_text(
-        "extends: lib/box.base.yml\nname: a\nvariations: {robot.args.mass: [1, 2, heavy]}\n"
+        "extends: lib/box.base.yml\nname: a\nvariations: {robot.args.mass: [1, heavy]}\n"
     )
     sim_action(tmp_path, "run", "a.sim.yml")
     found = outcomes(tmp_path)
-    assert [outcome["status"] for outcome in found] == ["passed", "passed", "error"]
-    assert "heavy" in json.dumps(found[2]["failures"])
+    assert [outcome["status"] for outcome in found] == ["passed", "error"]
+    assert "heavy" in json.dumps(found[1]["failures"])
 
 
 def test_a_draw_out_of_bounds_is_an_error_of_that_variation(folder: Path) -> None:
