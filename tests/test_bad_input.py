@@ -73,6 +73,7 @@ def test_an_alias_bomb(tmp_path: Path) -> None:
             "1.0, angle: 1}",
             "7:21: commands.twist.0.angle: unknown key; did you mean 'angular'? (allowed: angular,",
         ),
+        ("name:", "robots: []\nname:", "1:1: robots: unknown key; the robot under test is 'robot', and 'world.actors'"),
         ("name:", "wall_limt: 1\nname:", f"1:1: wall_limt: unknown key; did you mean 'wall_limit'? {KEYS}"),
         (
             "name:",

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, Final, NoReturn, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, NoReturn, Self, get_args
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import (
@@ -56,6 +56,9 @@ class FrozenModel(BaseModel, metaclass=_model_type()):  # type: ignore[metaclass
     # A validator is built at its first use: most models are only parts of others. Default parts are therefore made by
     # model_construct(), which needs no validator.
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, defer_build=True)
+
+    # Keys of other tools -> the advice for those who write them here.
+    foreign_keys: ClassVar[Mapping[str, str]] = {}
 
 
 BARE_ANGLE_RULE: Final = "bare angle rule"
@@ -465,8 +468,7 @@ def _sentence(model: type[BaseModel], details: ErrorDetails, value: object, hint
         # pydantic reports missing entries of a list with a fixed length like missing keys.
         return f"entry {key + 1} of the list is missing" if isinstance(key, int) else f"the key '{key}' is missing"
     if kind == "extra_forbidden":
-        hint = did_you_mean(str(key), _keys_at(model, details["loc"][:-1])) if hinted.one_more() else ""
-        return f"unknown key{hint}"
+        return f"unknown key{_advice(str(key), _annotation_at(model, details['loc'][:-1]), hinted)}"
     if details.get("ctx", {}).get("min_length") == 1:
         return "must not be empty"
     if kind in _SENTENCES:
@@ -509,8 +511,11 @@ def _annotation_at(model: type[BaseModel], path: tuple[str | int, ...]) -> Any:
     return last[0].annotation if last else model
 
 
-def _keys_at(model: type[BaseModel], path: tuple[str | int, ...]) -> list[str]:
-    return [field.alias or name for name, field in _fields(_annotation_at(model, path)).items()]
+def _advice(key: str, owner: Any, hinted: FirstFew) -> str:
+    if foreign := getattr(owner, "foreign_keys", {}).get(key):
+        return f"; {foreign}"
+    names = [field.alias or name for name, field in _fields(owner).items()]
+    return did_you_mean(key, names) if hinted.one_more() else ""
 
 
 def _fields_along(model: type[BaseModel], path: tuple[str | int, ...]) -> Iterator[FieldInfo]:

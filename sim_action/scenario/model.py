@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping
 from itertools import takewhile
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Self
 
 from pydantic import AfterValidator, Field, JsonValue, model_validator
 
@@ -242,6 +242,10 @@ class Scenario(FrozenModel):
 
     The loader has already resolved `scenarios`, `variations` and `extends`.
     """
+
+    foreign_keys: ClassVar[Mapping[str, str]] = {
+        "robots": "the robot under test is 'robot', and 'world.actors' has the others"
+    }
 
     extends: Annotated[
         str | None, Field(description="path of a file whose keys count for this one unless it overrides them")
