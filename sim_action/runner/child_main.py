@@ -478,7 +478,7 @@ def store_evidence(job: Job, scene: Scene, footage: RunRecorder) -> tuple[str, .
         if (trace := footage.trace()) is not None:
             if not job.trace.parent.is_dir():
                 job.trace.parent.mkdir(parents=True, exist_ok=True)
-            save_trace(trace, job.trace)
+            save_trace(trace, job.trace, footage.marks)
     with _noted("replay", notes):
         if job.replay is not None and (film := footage.film()) is not None and footage.start is not None:
             # Imported only if it is needed.

@@ -12,7 +12,7 @@ from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core.errors import RunError
-from sim_action.core.units import STEP_EPSILON, first_step
+from sim_action.core.units import STEP_EPSILON, TIME_EPSILON_S, first_step
 from sim_action.engines.observers import ALWAYS
 from sim_action.scenario.events import Condition, Event, Happening, after, awaited, time_marks
 from sim_action.scenario.model import Scenario
@@ -70,9 +70,9 @@ class _Watch:
         time, holds = self._monitor.truth(trace)
         self._monitor = self._monitor.observe(trace)
         if self._hold is not None and len(time):
-            held = self._hold.observe(time, holds)
-            holds = self._hold.lasting(time, holds) >= self._condition.span
-            self._hold = held
+            lasting = self._hold.lasting(time, holds)
+            self._hold = self._hold.observe(time, holds)
+            holds = lasting >= self._condition.span - TIME_EPSILON_S
         before, self._was_true = self._was_true, bool(holds[-1]) if len(holds) else self._was_true
         return bool(np.any(holds & ~np.concatenate(([before], holds[:-1])))) if len(holds) else False
 
@@ -108,7 +108,6 @@ class RunEvents:
         self._rate = scenario.physics.rate
         self.happenings: list[Happening] = []
         self.end = math.inf
-        self._names = {event.name: index for index, event in enumerate(scenario.events)}
         # Index of an event -> the step at which it happens.
         self._due: dict[int, int] = {}
         self._watches: dict[int, _Watch] = {}

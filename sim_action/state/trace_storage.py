@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,6 +11,7 @@ import numpy as np
 from sim_action.core.files import open_regular, whole_file
 from sim_action.core.records import replace
 from sim_action.state.observation import Contact, SelfContact
+from sim_action.state.timeline import TimeMark
 from sim_action.state.trace import COLUMNS, Trace
 from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.state.trace_records import BodyRecord, ClearanceRecord, ContactRecord, SensorRecord
@@ -27,8 +28,8 @@ class TraceError(ValueError):
     """A file that is not a trace."""
 
 
-def save_trace(trace: Trace, path: Path) -> None:
-    """Write a trace as .npz."""
+def save_trace(trace: Trace, path: Path, marks: Sequence[TimeMark] = ()) -> None:
+    """Write a trace as .npz, with the marks of the timeline, if there are some, for readers of arrays."""
     columns = {name: getattr(trace, name) for name in COLUMNS}
     told = {
         **_contact_arrays(trace),
@@ -39,6 +40,9 @@ def save_trace(trace: Trace, path: Path) -> None:
         **_body_arrays("object", trace.objects),
         **_link_contact_arrays(trace.link_contacts),
     }
+    if marks:
+        told["mark_time"] = np.array([mark.time for mark in marks], dtype=np.float64)
+        told["mark_words"] = np.array([mark.words for mark in marks], dtype=np.str_)
     arrays: dict[str, Any] = {"joint_names": np.array(trace.joint_names, dtype=np.str_), **columns, **told}
     save_arrays(arrays, path)
 
