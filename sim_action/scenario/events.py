@@ -28,7 +28,7 @@ from sim_action.world.body_path import MAX_PACE, Pace
 if TYPE_CHECKING:
     from sim_action.assertions import Assertion
     from sim_action.assertions.temporal_logic.formula import Formula
-    from sim_action.scenario.model import Scenario
+    from sim_action.scenario.model import DrivenActor, Scenario
     from sim_action.world.scene import Scene
 
 MAX_EVENTS: Final = 100
@@ -192,9 +192,31 @@ class Happening:
     time: float
 
 
-def source_names(scenario: Scenario) -> tuple[str, ...]:
-    """Return the names of the command sources: one without a name has its key."""
-    return tuple(source.name or source.key for source in scenario.commands)
+def source_names(robot: Scenario | DrivenActor) -> tuple[str, ...]:
+    """Return the names of the command sources of a robot: one without a name has its key."""
+    return tuple(source.name or source.key for source in robot.commands)
+
+
+def names_of_actors(scenario: Scenario) -> tuple[str, ...]:
+    """Return the names of the other robots that are commanded, and of each of their sources: `robot2/drive`."""
+    actors = [actor for actor in scenario.world.actors if actor.commands]
+    sources = (f"{actor.name}/{name}" for actor in actors for name in source_names(actor))
+    return (*(actor.name for actor in actors), *sources)
+
+
+def events_of(scenario: Scenario, actor: DrivenActor) -> tuple[Event, ...]:
+    """Return the events, in the same order, with what they start and stop of another robot."""
+    return tuple(_event_of(event, actor) for event in scenario.events)
+
+
+def _event_of(event: Event, actor: DrivenActor) -> Event:
+    pairs = [
+        (action, index)
+        for action in event.actions
+        for index, name in enumerate(source_names(actor))
+        if (action.start or action.stop) in (actor.name, f"{actor.name}/{name}")
+    ]
+    return replace(event, actions=tuple(one for one, _ in pairs), places=tuple(place for _, place in pairs))
 
 
 def with_events(scenario: Scenario) -> Scenario:
@@ -318,12 +340,9 @@ def time_marks(scenario: Scenario, happenings: Sequence[Happening]) -> Iterator[
     """Yield the marks of what has happened, with what the world does not mark itself."""
     for happening in happenings:
         event = scenario.events[happening.event]
-        pairs = zip(event.actions, event.places, strict=True)
-        done = [
-            action.words
-            for action, place in pairs
-            if action.end or ((action.start or action.stop) and place is not None)
-        ]
+        # The world marks what its objects do.
+        known = {"", *(body.name for body in scenario.world.objects)}
+        done = [one.words for one in event.actions if one.end or (one.start or one.stop or "") not in known]
         what = f"event '{event.name}' happened"
         yield TimeMark(happening.time, happening.time, f"{what}: {', '.join(done)}" if done else what)
 
@@ -424,7 +443,8 @@ def _action_problems(action: Action, scenario: Scenario) -> SpecProblems:
     elif body is not None and body.surface_velocity is not None:
         yield ("appear",), f"'{action.appear}' has a 'surface_velocity', which is of an object that is always there"
     if action.path is not None:
-        yield from _path_problems(action, action.path[0], bodies, () if action.speed else source_names(scenario))
+        others = () if action.speed else (*source_names(scenario), *names_of_actors(scenario))
+        yield from _path_problems(action, action.path[0], bodies, others)
 
 
 def _path_problems(action: Action, name: str, bodies: Mapping[str, Body], sources: Sequence[str]) -> SpecProblems:
@@ -432,12 +452,12 @@ def _path_problems(action: Action, name: str, bodies: Mapping[str, Body], source
     key = (action.kind, "object") if action.speed is not None else (action.kind,)
     on_paths = [body.name for body in bodies.values() if body.path]
     if sources.count(name) > 1 or (name in sources and name in bodies):
-        what = "an object, too" if name in bodies else "another command source, too"
+        what = "an object, too" if name in bodies else "another command source, or robot, too"
         yield key, f"'{name}' is the name of {what}; give the command source a 'name' of its own"
     elif name in bodies and name not in on_paths:
         yield key, f"object '{name}' has no 'path', so it does not move along one; add a 'path', or use disturb"
     elif name not in sources and name not in bodies:
-        kinds = "object with a path" if action.speed is not None else "command source and no object with a path"
+        kinds = "object with a path" if action.speed is not None else "command source, robot or object with a path"
         yield key, f"there is no {kinds} named '{name}'{did_you_mean(name, (*sources, *on_paths))}"
 
 

@@ -354,7 +354,11 @@ class Scenario(FrozenModel):
 
     def as_seen_by(self, actor: DrivenActor) -> Scenario:
         """Return the scenario in which another robot takes the place of the one under test."""
-        own = {"robot": actor, "commands": actor.commands, "sensors": actor.sensors}
+        own: dict[str, Any] = {"robot": actor, "commands": actor.commands, "sensors": actor.sensors}
+        if self.events:
+            from sim_action.scenario.events import events_of  # few scenarios have events
+
+            own["events"] = events_of(self, actor)
         return self.model_copy(update={**own, "faults": (), "expect": ()})
 
     @property

@@ -50,6 +50,7 @@ class _Actor:
 
     Attributes:
         until: the step until which its targets are planned.
+        events: of the scenario, with what they start and stop of it.
     """
 
     def __init__(self, spec: DrivenActor, scenario: Scenario, scene: Scene, robot: RobotQueries) -> None:
@@ -57,7 +58,7 @@ class _Actor:
         own = scenario.as_seen_by(spec)
         drive = drive_of(own, scene)
         motion = self._motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
-        self.controls = Controls(own, scene, motion)
+        self.controls, self.events = Controls(own, scene, motion), own.events
         heard, more = self.controls.are_watching, self.controls.sensors
         self.sensing = Sensing(own, scene, robot, heard=heard, more=more)
         self.watchdog = Watchdog.of(scene, robot.observe(0, contacts=False))
@@ -125,6 +126,11 @@ class Actors(Guard):
     def at_rest(self) -> dict[str, JointTargets]:
         """The targets that hold each of them before t = 0."""
         return {actor.name: actor.controls.at_rest for actor in self._actors}
+
+    def switch(self, index: int, step: int) -> None:
+        """Let the command sources that an event starts or stops do so at a physics step."""
+        for actor in self._actors:
+            actor.controls.switch(actor.events[index], step)
 
     def plan(self, step: int, until: int) -> int:
         """Plan targets from a step on; return the step until which those of all robots are planned."""

@@ -33,6 +33,7 @@ from sim_action.world.physics import GRAVITY
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
+    from sim_action.scenario.events import Event
     from sim_action.state.trace import FloatArray
 
 Look = Callable[[int], Observation]
@@ -334,13 +335,21 @@ class Controls:
         """Close the sources after the run, and end the programs that they started."""
         self._closing.close()
 
-    def start(self, index: int, step: int) -> None:
+    def switch(self, event: Event, step: int) -> None:
+        """Let the sources that an event starts or stops do so at a physics step."""
+        for action, place in zip(event.actions, event.places, strict=True):
+            if place is not None and action.start:
+                self._start(place, step)
+            elif place is not None and action.stop:
+                self._stop(place)
+
+    def _start(self, index: int, step: int) -> None:
         """Let a source begin at a physics step; one that is at work begins again."""
         others = [source for source in self._active if source.index != index]
         source = replace(self._sources[index], origin=step)
         self._active = sorted((*others, source), key=lambda source: source.index)
 
-    def stop(self, index: int) -> None:
+    def _stop(self, index: int) -> None:
         """Let a source end: what it commanded stops, and others may move its joints."""
         source = next((source for source in self._active if source.index == index), None)
         if source is None:

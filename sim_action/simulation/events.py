@@ -14,7 +14,7 @@ from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core.errors import RunError
 from sim_action.core.units import STEP_EPSILON, TIME_EPSILON_S, first_step
 from sim_action.engines.observers import ALWAYS
-from sim_action.scenario.events import Condition, Event, Happening, after, awaited, time_marks
+from sim_action.scenario.events import Condition, Happening, after, awaited, time_marks
 from sim_action.scenario.model import Scenario
 from sim_action.state.observation import Observation
 from sim_action.state.timeline import TimeMark
@@ -143,8 +143,8 @@ class RunEvents:
             return step + 1
         return min([until, *(max(step + 1, due - 1) for due in self._due.values())])
 
-    def happening(self, step: int) -> list[Event]:
-        """Return the events that happen at the step after a step, in the order of the file."""
+    def happening(self, step: int) -> list[int]:
+        """Return the indices of the events that happen at the step after a step, in the order of the file."""
         happening = step + 1
         begins = self._true | {index for index, due in self._due.items() if due <= happening}
         self._true = set()
@@ -162,7 +162,7 @@ class RunEvents:
                     waiting.append(index)
         for index in sorted(begins):
             self._happen(index, happening)
-        return [self._scenario.events[index] for index in sorted(begins)]
+        return sorted(begins)
 
     def _happen(self, index: int, step: int) -> None:
         event = self._scenario.events[index]

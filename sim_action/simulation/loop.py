@@ -54,7 +54,6 @@ from sim_action.world.out_of_reach import reached_patches
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.scenario.events import Action
     from sim_action.simulation.events import RunEvents
 
 Progress = Callable[[float], None]
@@ -190,8 +189,8 @@ class _Loop:
         self._model_notes = (*announced(scene.model.findings), *backend.model_notes, *about_model)
         self._arrivals = Spawns.of(scenario)
         self._events: RunEvents | None = None
-        # The command sources that an event starts or stops at the present step.
-        self._switched: list[tuple[Action, int]] = []
+        # The events that start or stop command sources at the present step.
+        self._switching: list[int] = []
         # The moments that the conditions of events have seen already.
         self._seen: list[Trace] = []
         self._last_step = scenario.steps(scenario.time_limit)
@@ -480,12 +479,11 @@ class _Loop:
 
     def _events_until(self, events: RunEvents, end: int) -> int:
         """Let what is due happen from the next step on; return the step up to which the run may go on."""
-        for action, place in self._switched:
-            if action.start:
-                self._controls.start(place, self._step)
-            else:
-                self._controls.stop(place)
-        self._switched = []
+        for index in self._switching:
+            self._controls.switch(self._scenario.events[index], self._step)
+            if self._actors:
+                self._actors.switch(index, self._step)
+        self._switching = []
         if events.watches and self._step:
             self._seen.append(self._collected())
             events.judge(self._seen[-1])
@@ -499,11 +497,9 @@ class _Loop:
         self._seams.follow(self._scenario.faults)
         for guard in self._guards:
             guard.follow(self._scene)
-        for event in happening:
-            pairs = zip(event.actions, event.places, strict=True)
-            switches = ((action, place) for action, place in pairs if action.start or action.stop)
-            self._switched += ((action, place) for action, place in switches if place is not None)
-            self._arrivals.add(step, [action.appear for action in event.actions if action.appear])
+        self._switching = happening
+        actions = (action for index in happening for action in self._scenario.events[index].actions)
+        self._arrivals.add(step, [action.appear for action in actions if action.appear])
         if events.end < math.inf:
             self._last_step = min(self._last_step, self._scenario.steps(events.end))
         return step

@@ -175,6 +175,27 @@ def test_command_sources_start_and_stop(tmp_path: Path, engine: str) -> None:
     assert found.digest == stated.digest
 
 
+@pytest.mark.parametrize("engine", ENGINES)
+def test_another_robot_starts_and_stops(tmp_path: Path, engine: str) -> None:
+    """A robot that comes from the side, where the other one is; all of its sources have its name."""
+    robot = {"name": "other", "model": "turtlebot3_burger", "pose": {"x": 0.6, "y": -0.3, "yaw": "90 deg"}}
+    events = [
+        {**PASSES, "do": [{"start": "other"}]},
+        {"name": "later", "when": {"event": "passes", "for": "0.5 s"}, "do": [{"stop": "other/twist"}]},
+    ]
+
+    def other(*twist: dict[str, float]) -> dict[str, Any]:
+        return {"world": {"actors": [{**robot, "commands": {"twist": [*twist], "rate": 240}}]}, "backend": engine}
+
+    keys: dict[str, Any] = {"expect": [{"object": {"name": "other", "moved": {"at_least": 0.05}}}]}
+    found = run(tmp_path, events=events, **keys, **other({"linear": 0.3}))
+    (start,), (stop,) = found.events.values()
+    twist = [{"linear": 0.0, "for": start}, {"linear": 0.3, "for": stop - start}, {"linear": 0.0}]
+    stated = run(tmp_path, **keys, **other(*twist))
+    assert [verdict.status for verdict in found.verdicts] == ["passed"]
+    assert (found.digest, found.verdicts) == (stated.digest, stated.verdicts)
+
+
 def test_a_condition_holds_at_the_step_before_its_event(tmp_path: Path) -> None:
     found, time = with_event(tmp_path, ["end"], trace={"rate": 240}, expect=["upright"])
     x = found.trace.base_position_xyz[:, 0]
@@ -289,7 +310,7 @@ def test_a_path_goes_as_far_as_its_paces_say(changes: list[tuple[float, float]],
         ("[{when: {at: 9 s}, do: [end]}]", "9 s is not earlier than time_limit (8 s)"),
         ("[{when: {at: 1 s}, do: []}]", "must not be empty"),
         ("[{when: {at: 1 s}, do: [{start: wall}]}]", "object 'wall' has no 'path'"),
-        ("[{when: {at: 1 s}, do: [{start: twst}]}]", "no object with a path named 'twst'; did you mean 'twist'?"),
+        ("[{when: {at: 1 s}, do: [{start: twst}]}]", "robot or object with a path named 'twst'; did you mean 'twist'?"),
         ("[{when: {stl: always (x < 1)}, do: [end]}]", "looks ahead by more than 60 s"),
         ("[{when: {all_of: [upright]}, do: [end]}]", "is not true or false at a moment"),
         (
