@@ -367,11 +367,9 @@ class Controls:
         kinds = {name: source.kinds[name] for name in sorted(joints) if name in source.kinds}
         held = self._motions.left([name for name, kind in kinds.items() if kind == "position"])
         turning, pressed = ({name: 0.0 for name in kinds if kinds[name] == kind} for kind in ("velocity", "effort"))
-        wrenches = None
-        if source.wrenches:
-            source.wrenches.clear()
-            wrenches = tuple(each for other in self._sources for link in other.wrenches.values() for each in link)
-        halt = JointTargets(held, turning, pressed, wrenches=wrenches)
+        presses = bool(source.wrenches)
+        source.wrenches.clear()
+        halt = JointTargets(held, turning, pressed, wrenches=self._pressed(source, ()) if presses else None)
         self._halt = halt if self._halt is None else self._halt.updated_by(halt)
 
     def plan(self, step: int, end: int, look: Look) -> list[JointTargets | None]:

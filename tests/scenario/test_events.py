@@ -7,6 +7,7 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -194,6 +195,47 @@ def test_another_robot_starts_and_stops(tmp_path: Path, engine: str) -> None:
     stated = run(tmp_path, **keys, **other(*twist))
     assert [verdict.status for verdict in found.verdicts] == ["passed"]
     assert (found.digest, found.verdicts) == (stated.digest, stated.verdicts)
+
+
+def wheels(value: float) -> dict[str, float]:
+    return {"wheel_left_joint": value, "wheel_right_joint": value}
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    ("source", "stays"),
+    [
+        ({"joints": [{"at": 0, "velocity": wheels(9)}]}, True),
+        ({"joints": [{"at": 0.1, "position": wheels(0)}, {"at": 2, "position": wheels(16)}]}, True),
+        ({"joints": [{"at": 0, "effort": wheels(0.02)}]}, False),
+    ],
+    ids=["velocity", "position", "effort"],
+)
+def test_what_a_stopped_source_commanded_ends(tmp_path: Path, engine: str, source: Any, stays: bool) -> None:
+    """Targets of positions and velocities hold the joints where they are; without efforts and forces they roll on."""
+    end = {"when": {"event": "passes", "for": "0.4 s"}, "do": ["end"]}
+    events = [{**PASSES, "do": [{"stop": next(iter(source))}]}, end]
+    keys: dict[str, Any] = {"commands": [source], "backend": engine, "trace": {"rate": 240}, "time_limit": "6 s"}
+    found = run(tmp_path, events=events, **keys)
+    (stop,), _ = found.events.values()
+    before, last = float(found.trace.speed[found.trace.time <= stop][-1]), float(found.trace.speed[-1])
+    assert before > 0.1
+    assert last == pytest.approx(0.0 if stays else before, abs=0.03)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_force_of_a_stopped_source_ends(tmp_path: Path, engine: str) -> None:
+    lifts = {"name": "lifts", "wrench": {"link": "base_footprint", "force": [0, 0, 20], "point": [-0.03, 0, 0.07]}}
+    events = [
+        {"name": "up", "when": {"stl": "z > 0.1 m"}, "do": [{"stop": "lifts"}]},
+        {"when": {"event": "up", "for": "50 ms"}, "do": ["end"]},
+    ]
+    keys: dict[str, Any] = {"expect": [{"max_speed": {"linear": 5}}], "trace": {"rate": 240}, "backend": engine}
+    found = run(tmp_path, commands=[lifts], events=events, **keys)
+    time, height = found.trace.time, found.trace.base_position_xyz[:, 2]
+    assert found.end == "event"
+    assert np.polyfit(time[2:12], height[2:12], 2)[0] > 2
+    assert 2 * np.polyfit(time[-12:], height[-12:], 2)[0] == pytest.approx(-9.8, abs=2)
 
 
 def test_a_condition_holds_at_the_step_before_its_event(tmp_path: Path) -> None:
