@@ -130,14 +130,18 @@ def _terms(metadata: Mapping[str, str], names: Sequence[str]) -> Iterator[dict[s
         raise NetworkProblem(f"states {len(names)} observations, with scales, clips or histories for another number")
     for name, scale, clip, length in zip(names, scales, clips, lengths, strict=True):
         term: dict[str, Any] = {"term": _TERMS[name]} if name in _TERMS else {}
-        if numbers := _entry("observation_terms_scale", scale):
+        numbers, bounds = _entry("observation_terms_scale", scale), _entry("observation_terms_clip", clip)
+        if numbers:
             term["scale"] = numbers if len(numbers) > 1 else numbers[0]
-        if bounds := _entry("observation_terms_clip", clip):
-            if len(bounds) > 1 and bounds[0] != -bounds[1]:
-                text = f"states the clip {bounds[0]:g} to {bounds[1]:g} for '{name}'; a term is clipped to -X to X"
-                raise NetworkProblem(text)
-            if math.isfinite(bounds[-1]):
-                term["clip"] = bounds[-1]
+        if len(bounds) > 1 and bounds[0] != -bounds[1]:
+            text = f"states the clip {bounds[0]:g} to {bounds[1]:g} for '{name}'; a term is clipped to -X to X"
+            raise NetworkProblem(text)
+        # mjlab and Isaac Lab clip before they scale, a term is clipped after it.
+        sizes = {abs(number) for number in numbers or (1.0,)}
+        if bounds and math.isfinite(bounds[-1]) and sizes != {0.0}:
+            if len(sizes) > 1:
+                raise NetworkProblem(f"states one clip and several scales for '{name}'; a term has one clip after them")
+            term["clip"] = bounds[-1] * sizes.pop()
         if length:
             term["frames"] = max(1, round(_number("observation history", length)))
         yield term
@@ -184,9 +188,11 @@ def _term_problems(theirs: Mapping[str, Any], term: Term, layout: Layout, frames
     # A sensor may measure what the network states.
     if theirs.get("term", term.term) != term.term and term.sensor is None:
         yield f"'{theirs['term']}', and the scenario '{term.term}'"
-    for key, own in {"clip": term.clip, "frames": frames}.items():
-        if theirs.get(key, own) != own:
-            yield f"'{key}' {theirs[key]:g}, and the scenario {shown(own)}"
+    clip = theirs.get("clip", term.clip)
+    if clip != term.clip and (term.clip is None or any(_differing((clip,), (term.clip,)))):
+        yield f"'clip' {clip:g} after its scale, and the scenario {shown(term.clip)}"
+    if theirs.get("frames", frames) != frames:
+        yield f"'frames' {theirs['frames']:g}, and the scenario {frames}"
     names = layout.of(term) if isinstance(term.scale, Mapping) else list(map(str, range(term.size(layout) or 1)))
     scales = (values_of(each, names, {}) for each in (theirs.get("scale", term.scale), term.scale))
     for _, stated, ours in _differing(*scales):

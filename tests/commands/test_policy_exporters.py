@@ -251,9 +251,9 @@ def test_a_scenario_need_not_repeat_what_the_network_states(folder: Path) -> Non
 @pytest.mark.parametrize(
     ("scale", "clip"),
     [
-        ("[0.500, 2.000],1.0", "[-inf, inf],[-3.0, 3.0]"),
+        ("[0.500, 2.000],0.5", "[-inf, inf],[-3.0, 3.0]"),
         # mjlab 1.6
-        ("0.500;2.000,1.000", "-inf;inf,-3.000;3.000"),
+        ("0.500;2.000,0.500", "-inf;inf,-3.000;3.000"),
     ],
 )
 def test_terms_have_the_scale_clip_and_history_that_the_network_states(folder: Path, scale: str, clip: str) -> None:
@@ -264,7 +264,7 @@ def test_terms_have_the_scale_clip_and_history_that_the_network_states(folder: P
     }
     spec, _, problems = loaded(folder, stating(**texts), {})
     assert problems == []
-    assert [(term.scale, term.clip, term.frames) for term in spec.observation] == [((0.5, 2.0), None, 1), (1.0, 3.0, 1)]
+    assert [(term.scale, term.clip, term.frames) for term in spec.observation] == [((0.5, 2.0), None, 1), (0.5, 1.5, 1)]
 
 
 @pytest.mark.parametrize(
@@ -302,6 +302,16 @@ def test_terms_have_the_scale_clip_and_history_that_the_network_states(folder: P
             {"observation_terms_clip": "-1.000;3.000,-inf;inf"},
             {},
             "policy: a.onnx states the clip -1 to 3 for 'joint_pos'; a term is clipped to -X to X",
+        ),
+        (
+            {"observation_terms_scale": "0.500;2.000,1.000", "observation_terms_clip": "-3.000;3.000,-inf;inf"},
+            {},
+            "policy: a.onnx states one clip and several scales for 'joint_pos'; a term has one clip after them",
+        ),
+        (
+            {"observation_terms_scale": "0.500,1.000", "observation_terms_clip": "-3.000;3.000,-inf;inf"},
+            {"observation": ({"term": "joints.position", "scale": 0.5, "clip": 3}, "last_action")},
+            "observation.0: the network states 'clip' 1.5 after its scale, and the scenario 3.0 for 'joint_pos'",
         ),
         (
             WITH_A_FINGER,
