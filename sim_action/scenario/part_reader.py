@@ -204,6 +204,12 @@ class PartReader:
         from sim_action.scenario.events import Condition, ConditionOptions  # few scenarios have events
 
         own = [key for key in ("at", "event") if isinstance(data, dict) and key in data]
+        known = {"at", "event", *ASSERTIONS.all_names()}
+        if isinstance(data, dict) and known.isdisjoint(data):
+            self._problems.note(
+                path, f"has no condition: '{next(iter(data), '')}'{did_you_mean(next(iter(data), ''), known)}"
+            )
+            return None
         if not own:
             found = self._with_options(ASSERTIONS, ConditionOptions, data, path, self._assertion)
             return None if found is None else Condition(found[0], span=found[1].span or 0.0, since=found[1].since or "")
