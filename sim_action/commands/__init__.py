@@ -107,6 +107,9 @@ class CommandSource(Transmission):
     needs_drive: ClassVar[bool] = False
     """True if all its commands are twists, independent of its files."""
 
+    is_for_actors: ClassVar[bool] = True
+    """True if the other robots of a world can have it, too."""
+
     is_written: ClassVar[bool] = False
     """True if its commands are written in the scenario; else a controller gives them."""
 

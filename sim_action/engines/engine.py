@@ -16,6 +16,7 @@ from sim_action.world import World
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
+    from sim_action.core.geometry import Pose
     from sim_action.state.command import JointTargets
     from sim_action.state.observation import Clash, Observation, Overlap
     from sim_action.state.trace import FloatArray, Trace
@@ -36,6 +37,12 @@ class RobotQueries(EngineQueries, Protocol):
 
     def collect(self) -> Trace:
         """Return the states after each step since the last call, with the requested contacts and clearances."""
+
+
+def link_of(name: str, robots: Mapping[str, RobotQueries]) -> Pose | None:
+    """Return the pose of a link of another robot, by its name ROBOT/LINK; None for other names."""
+    robot, _, link = name.partition("/")
+    return robots[robot].link_pose(link) if link and robot in robots else None
 
 
 class Engine(RobotQueries, Protocol):

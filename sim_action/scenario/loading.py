@@ -40,7 +40,7 @@ from sim_action.scenario.part_reader import OwnPaths, PartReader, Unfolded, unfo
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.world_file import WorldLibrary, filled, with_robot_of_world
 from sim_action.world.claims import AuditWarning, ClaimFinding, allowed_rules, unknown_rules
-from sim_action.world.scene import Fitting, Scene, WorldPlaces
+from sim_action.world.scene import EGO, Fitting, Scene, WorldPlaces
 from sim_action.world.shape_files import ShapeLibrary, read_surroundings
 
 if TYPE_CHECKING:
@@ -76,7 +76,13 @@ def checked(
     `evaluate` allows models that run code: xacro, and MJCF, which native code reads. Such models are otherwise only
     read in the scenario's own process. Raises InvalidScenario with all problems.
     """
-    commands = unfolded(source.document)
+    document, problems = source.document, ()
+    if isinstance(document.data, dict) and "ego" in document.data:
+        from sim_action.scenario.roles import with_roles  # few scenarios turn the roles round
+
+        document, problems = with_roles(document)
+    commands = unfolded(document)
+    commands = replace(commands, problems=(*problems, *commands.problems)) if problems else commands
     document = commands.document
     if isinstance(document.data, dict) and "events" in document.data:
         from sim_action.scenario.events import event_places  # few scenarios have events
@@ -178,7 +184,13 @@ def _with_actors(scene: Scene, scenario: Scenario, source: Source, models: Mappi
     for actor in scenario.world.actors:
         model = models.get(actor.name) or load_model(actor, source.workspace)
         actors[actor.name] = _scene(scenario.as_seen_by(actor), model, source, scene.parts, WorldPlaces())
-    return replace(scene, actors=actors) if actors else scene
+    if not actors:
+        return scene
+    robots = {EGO: scene, **actors}
+    for own, seen in actors.items():
+        others = {name: robot for name, robot in robots.items() if name != own}
+        actors[own] = replace(seen, actors=others)
+    return replace(scene, actors=actors)
 
 
 def _scene(
@@ -322,6 +334,9 @@ class _Loader:
             yield from scenario_checks.rate_problems(seen, paths.commands, paths.sensors)
             yield from scenario_checks.transmission_problems(seen, paths.commands, paths.sensors)
             yield from _of_actor(scenario_checks.rule_problems(seen), path)
+            for at, source in zip(paths.commands, actor.commands, strict=True):
+                if not source.is_for_actors:
+                    yield at, f"'{source.key}' drives only the robot under test; use a script or a process, or 'ego'"
         yield from unknown_rules(scenario.allow)
         for path, expectation in zip(parts.expect_paths, scenario.expect, strict=True):
             yield from unknown_rules(expectation.allow, path)

@@ -254,6 +254,10 @@ class Scenario(FrozenModel):
         tuple[dict[str, Any], ...] | None,
         Field(min_length=1, description="several scenarios; each adds to the keys of the file"),
     ] = None
+    ego: Annotated[
+        str | None,
+        Field(description="name of the actor that is under test instead of `robot`, which takes its place and name"),
+    ] = None
     name: Annotated[Title, Field(description="the name in reports")]
     tags: Annotated[tuple[Tag, ...], Field(description="words for --tag and --exclude-tag")] = ()
     version: Annotated[Literal[1], Field(description="version of the format")] = 1

@@ -16,24 +16,18 @@ from typing_extensions import override
 
 from sim_action.core.errors import BadSource, ControllersFinished, RunError, ScriptError, SimulationUnstable
 from sim_action.core.records import replace
-from sim_action.drives import Drive, recognise
 from sim_action.engines.engine import Engine, RobotQueries
 from sim_action.robot.model.link_motion import link_motion
 from sim_action.scenario.model import DrivenActor, Scenario
 from sim_action.simulation.controllers import Controls
 from sim_action.simulation.guards import NO_BODIES, Guard, Watchdog
 from sim_action.simulation.sensors import Sensing
-from sim_action.simulation.start_checks import about_drive
+from sim_action.simulation.start_checks import about_drive, drive_of
 from sim_action.state.command import JointTargets
 from sim_action.state.timeline import TimeMark
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_records import BodyRecord, frame_stride
 from sim_action.world.scene import Scene
-
-
-def drive_of(scenario: Scenario, scene: Scene) -> Drive | None:
-    """Return the drive of the robot of a scenario; None if nothing commands it."""
-    return (scenario.robot.drive or recognise(scene.model)) if scenario.commands else None
 
 
 def prepared(scenario: Scenario, scene: Scene) -> Scene:
@@ -42,7 +36,7 @@ def prepared(scenario: Scenario, scene: Scene) -> Scene:
     for actor in scenario.world.actors:
         if (drive := drive_of(scenario.as_seen_by(actor), actors[actor.name])) is not None:
             actors[actor.name] = drive.prepared(actors[actor.name])
-    return replace(scene, actors=actors) if actors else scene
+    return replace(scene, actors=actors)
 
 
 class _Actor:
@@ -100,6 +94,7 @@ class Actors(Guard):
         links.
         """
         self._rate, self._frames, self._filmed = scenario.physics.rate, scene.frames, filmed
+        self._links = [name for name in self._frames if "/" in name]
         # Steps that were collected; the number of the first one that has no verdict, and why.
         self._passed = 0
         self._failed: tuple[float, RunError | None] = math.inf, None
@@ -158,7 +153,7 @@ class Actors(Guard):
                 self._failed = self._passed + len(seen), error
         self._passed += len(trace)
         objects = dict(self._records(traces, self._judged))
-        film = dict(self._records(self._frames_of(traces), self._frames)) if self._filmed else {}
+        film = dict(self._records(self._frames_of(traces), self._links)) if self._filmed else {}
         return replace(trace, objects={**trace.objects, **objects}, bodies={**trace.bodies, **film})
 
     @override

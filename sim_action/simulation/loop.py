@@ -21,7 +21,6 @@ from sim_action.engines.observers import presences
 from sim_action.robot.model.findings import announced, unannounced
 from sim_action.scenario.model import Expectation, Scenario
 from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
-from sim_action.simulation.actors import Actors, drive_of, prepared
 from sim_action.simulation.controllers import Controls, padded
 from sim_action.simulation.guards import NO_BODIES, Guard, Tunnelling, Watchdog
 from sim_action.simulation.panel import End, Panel
@@ -34,6 +33,7 @@ from sim_action.simulation.start_checks import (
     about_drive,
     about_links,
     about_model_of_drive,
+    drive_of,
     fell_while_settling,
     moved_while_settling,
     noted_drive,
@@ -54,6 +54,7 @@ from sim_action.world.out_of_reach import reached_patches
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
+    from sim_action.simulation.actors import Actors
     from sim_action.simulation.events import RunEvents
 
 Progress = Callable[[float], None]
@@ -124,7 +125,11 @@ def simulate(
     drive = drive_of(scenario, scene)
     # A drive may assume a stiffness of tyres.
     springs = links_with_springs(scene.model)
-    scene = prepared(scenario, drive.prepared(scene) if drive else scene)
+    scene = drive.prepared(scene) if drive else scene
+    if scene.actors:
+        from sim_action.simulation.actors import prepared  # few worlds have other robots
+
+        scene = prepared(scenario, scene)
     channels = _judged_channels(scenario, scene)
     paths = Channels(contacts=any(body.path for body in scene.world.objects))
     watched = channels | footage.channels(scene.world) | paths
@@ -207,6 +212,8 @@ class _Loop:
                 scenario, scene, backend, heard=heard, judged=judged, more=more, seams=seams, logs=footage.readings
             )
             if scene.actors:
+                from sim_action.simulation.actors import Actors  # few worlds have other robots
+
                 self._actors = Actors(scenario, scene, backend, judged=channels.objects, filmed=footage.is_filmed)
                 opened.enter_context(closing(self._actors))
                 self._guards.append(self._actors)

@@ -273,6 +273,7 @@ def _nothing_drives(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterat
         not world.disturbances
         and not facts.bodies_moved
         and not any(body.path or body.surface_velocity for body in world.objects)
+        and not any(actor.commands for actor in world.actors)
     )
     moved = facts.motion.base or facts.motion.joints
     if not controllers and is_alone and not moved and not any(leaf.judges_rest(scene) for leaf in leaves):

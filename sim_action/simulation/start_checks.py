@@ -239,6 +239,11 @@ class Spawns:
             )
 
 
+def drive_of(scenario: Scenario, scene: Scene) -> Drive | None:
+    """Return the drive of the robot of a scenario; None if nothing commands it."""
+    return (scenario.robot.drive or recognise(scene.model)) if scenario.commands else None
+
+
 def noted_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Drive | None:
     """Return the drive whose wheels commands turn or sensors read."""
     if drive is None and any(mounted.sensor.reads_wheels for mounted in scenario.sensors):

@@ -177,3 +177,41 @@ def test_a_wrong_robot_is_refused_at_its_place(tmp_path: Path, actors: str, mess
     with pytest.raises(InvalidScenario) as refused:
         load_scenario(path)
     assert [problem.message for problem in refused.value.problems if message in problem.message], refused.value
+
+
+def test_the_roles_turn_round_with_one_word(tmp_path: Path) -> None:
+    """The former robot takes the place and the name of the other, and problems name where keys are written."""
+    expect = "[{object: {name: oncoming, moved: {at_least: 0.5 m}}}]"
+    more = ", sensors: [{imu: {}}]"
+    (tmp_path / "first.sim.yml").write_text(written(actor(more=more), expect, commands=""), encoding="utf-8")
+    second = tmp_path / "second.sim.yml"
+    second.write_text("extends: first.sim.yml\nego: oncoming\nname: turned\nexpect: [{travel: {at_least: 0.5 m}}]\n")
+    loaded = load_scenario(second)
+    (former,) = loaded.scenario.world.actors
+    assert (loaded.scenario.robot.pose.x, former.pose.x, former.name) == (2.0, 0.0, "oncoming")
+    assert (len(loaded.scenario.commands), len(former.commands)) == (1, 0)
+    assert [mounted.name for mounted in loaded.scenario.sensors] == ["imu"]
+    ended = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    assert [verdict.passed for verdict in ended.verdicts] == [True]
+    second.write_text("extends: first.sim.yml\nego: oncomin\n")
+    with pytest.raises(InvalidScenario, match=r"second.sim.yml:2:1: ego: there is no robot 'oncomin' .* 'oncoming'"):
+        load_scenario(second)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_sensors_of_each_robot_see_the_others_and_not_itself(tmp_path: Path, engine: str) -> None:
+    (tmp_path / "look.py").write_text(
+        "def drive(seen):\n    ranges = seen.sensors['lidar'].ranges\n    ahead = min(ranges)\n"
+        "    assert 1.9 < ahead < 2.1, ahead\n    assert 1.9 < seen.sensors['camera'].depth[24, 32] < 2.1\n",
+        encoding="utf-8",
+    )
+    below = "link: base_scan, pose: {z: -0.01}"
+    sensors = f"[{{lidar: {{}}, {below}}}, {{camera: {{width: 64, height: 48}}, {below}}}]"
+    both = written(
+        actor(commands="{script: look.py, function: drive}", more=f", sensors: {sensors}"),
+        "[{sensor: {name: lidar, reading: ranges, which: min, at_least: 1.9 m, at_most: 2.1 m}}]",
+        engine=engine,
+        commands="{script: look.py, function: drive}",
+    )
+    ended = run(tmp_path, f"{both}\nsensors: {sensors}".replace("9 s", "0.5 s"))
+    assert [verdict.passed for verdict in ended.verdicts] == [True], ended.verdicts

@@ -24,7 +24,7 @@ from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines import named_version
 from sim_action.engines.body_control import HeldWrenches
 from sim_action.engines.clearances import ClearanceRecorder
-from sim_action.engines.engine import NO_CHANNELS, Engine, RobotQueries
+from sim_action.engines.engine import NO_CHANNELS, Engine, RobotQueries, link_of
 from sim_action.engines.joint_stops import JointStops
 from sim_action.engines.motion_bound import RobotMotionBound
 from sim_action.engines.mujoco.body_control import BasePusher, MuJoCoBodyControl
@@ -43,7 +43,7 @@ from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import ContactRecord
 from sim_action.world import World
-from sim_action.world.scene import Scene
+from sim_action.world.scene import EGO, Scene
 
 if TYPE_CHECKING:
     from sim_action.engines.mujoco.colliding_geoms import SelfCollision
@@ -80,6 +80,8 @@ class SimulatedRobot(RobotQueries):
         self._control = MuJoCoBodyControl(compiled, objects, sliding.forget)
         self._wrenches = HeldWrenches(self._control, self.link_pose, scene.model)
         self._path_contacts: PathContacts | None = None
+        self.others: Mapping[str, SimulatedRobot] = {}
+        """The other robots of the world by name, as this one sees them."""
         self._lazy_contacts = LazyContacts()
 
     @override
@@ -102,7 +104,7 @@ class SimulatedRobot(RobotQueries):
 
     @override
     def body_pose(self, body: str) -> Pose:
-        return self._objects.pose(body)
+        return link_of(body, self.others) or self._objects.pose(body)
 
     @override
     def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -193,6 +195,7 @@ class MuJoCoEngine(SimulatedRobot, Engine):
         self._robots: tuple[SimulatedRobot, ...] = (self, *self.actors.values())
         for robot in self._robots:
             robot.motors.together = [each.motors for each in self._robots]
+            robot.others = {EGO: self, **self.actors}
         self._events = WorldEvents.of(scene, self._control)
         self._is_disturbed = self._events is not None
         self._distances = distances = Distances(compiled)

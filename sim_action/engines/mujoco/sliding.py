@@ -59,11 +59,13 @@ class _Pair(NamedTuple):
     Attributes:
         yields: acceleration in m/s^2 by which a contact at rest yields to the weight on it. If mu |w| is smaller, the
             contact stays closed without a correction.
+        group: number of the group of robots that touch each other; what one does changes nothing of another.
     """
 
     friction: float
     yields: float
     contacts: list[_Rows]
+    group: int = 0
 
 
 @dataclass(slots=True)
@@ -73,6 +75,7 @@ class _Touching:
     Attributes:
         pairs: contacts with friction.
         normals: rows of the normals of all contacts.
+        groups: the group of each of them.
         read: returns the references of these rows, given a view of all and `first_byte`.
         first_byte: where the rows begin, counted from the end of the view.
         calm: references at which nothing slides or hits.
@@ -81,6 +84,7 @@ class _Touching:
 
     pairs: list[_Pair]
     normals: list[int]
+    groups: list[int]
     read: Callable[[memoryview[float], int], tuple[float, ...]]
     first_byte: int
     calm: tuple[float, ...]
@@ -89,7 +93,7 @@ class _Touching:
     def settle(self, values: tuple[float, ...]) -> None:
         """Use these references as `calm`: nothing slides or hits at them."""
         margins = [_MIN_IMPACT - values[row] for row in self.normals]
-        for friction, yields, contacts in self.pairs:
+        for friction, yields, contacts, _ in self.pairs:
             for row, row_x, row_y in contacts:
                 room = _least_slip(friction, yields, values[row]) - math.hypot(values[row_x], values[row_y])
                 # The least slip changes by the friction times the change of the normal.
@@ -97,7 +101,7 @@ class _Touching:
         self.calm, self.calm_within = values, min(margins) - _ROUNDING
 
 
-_NOTHING: Final = _Touching([], [], lambda _references, _first: (), 0, (), math.inf)
+_NOTHING: Final = _Touching([], [], [], lambda _references, _first: (), 0, (), math.inf)
 
 
 class SlidingContacts:
@@ -114,6 +118,10 @@ class SlidingContacts:
         self._model, self._data = compiled.model, compiled.data
         self._yields = math.hypot(*compiled.model.opt.gravity) * (1 - CONTACT_IMPEDANCE) / CONTACT_IMPEDANCE
         self.touching = b""
+        actors = enumerate(compiled.actors.values(), start=1)
+        # Geom of another robot -> the number of the robot; and the geoms that never move.
+        self._robots = {geom: number for number, actor in actors for geom in actor.links}
+        self._fixed = set(np.flatnonzero(compiled.model.body_weldid[compiled.model.geom_bodyid] == 0).tolist())
         # `touching` -> the contacts. The order of contacts is that of the geoms.
         self._known: dict[bytes, _Touching] = {}
         # Number of contacts -> a live view of their geoms and of which have no rows.
@@ -155,7 +163,7 @@ class SlidingContacts:
     def _correct_some(self, references: memoryview[float], values: tuple[float, ...], found: _Touching) -> bool:
         """Correct the contacts; return True if one slides or hits. `values`: the references of their rows."""
         slides = False
-        for friction, yields, contacts in found.pairs:
+        for friction, yields, contacts, _ in found.pairs:
             for row, row_x, row_y in contacts:
                 slip_x, slip_y = values[row_x], values[row_y]
                 least = _least_slip(friction, yields, values[row])
@@ -163,11 +171,10 @@ class SlidingContacts:
                     slides = True
                     _lower(references, values, friction, _KEPT_SHARE * yields, contacts)
                     break
-        for row in found.normals:
-            if values[row] > _MIN_IMPACT:
-                self._correct_impact(references, values, found.pairs)
-                return True
-        return slides
+        hit = {group for row, group in zip(found.normals, found.groups, strict=True) if values[row] > _MIN_IMPACT}
+        if hit:
+            self._correct_impact(references, values, [pair for pair in found.pairs if pair.group in hit])
+        return slides or bool(hit)
 
     def _correct_impact(self, references: memoryview[float], values: tuple[float, ...], pairs: list[_Pair]) -> None:
         """Solve the step, and correct its references by the slip in it; `values`: the references before."""
@@ -178,7 +185,7 @@ class SlidingContacts:
         accelerations = np.zeros(data.nefc)
         mujoco.mj_mulJacVec(model, data, accelerations, data.qacc)
         forces = data.efc_force
-        for friction, _, contacts in pairs:
+        for friction, _, contacts, _ in pairs:
             for row, row_x, row_y in contacts:
                 references[row] = values[row]
                 if math.hypot(forces[row_x], forces[row_y]) > _LIMIT_SHARE * friction * forces[row]:
@@ -193,26 +200,43 @@ class SlidingContacts:
         view = self._live[count] = memoryview(numbers.view(f"V{size}")[:, 0])
         return view
 
+    def _groups_of(self, pairs: list[list[int]]) -> list[int]:
+        """Return the group of each contact; robots that touch each other, and what they touch, are in one group."""
+        if not self._robots:
+            return [0] * len(pairs)
+        # The robot under test, with all that is no other robot, is number 0; what is fixed joins nothing.
+        members = [{self._robots.get(geom, 0) for geom in pair if geom not in self._fixed} or {0} for pair in pairs]
+        leader = {number: number for several in members for number in several}
+        for several in members:
+            low = min(leader[number] for number in several)
+            joined = {leader[number] for number in several}
+            leader = {number: low if now in joined else now for number, now in leader.items()}
+        return [leader[min(several)] for several in members]
+
     def _find(self, touching: bytes) -> _Touching:
         contacts, rows = self._data.contact, self._data.nefc
         pairs: dict[tuple[int, ...], _Pair] = {}
         firsts, dimensions = contacts.efc_address.tolist(), contacts.dim.tolist()
         frictions, geoms = contacts.friction[:, 0].tolist(), contacts.geom.tolist()
-        normals = []
-        for first, dimension, friction, pair in zip(firsts, dimensions, frictions, geoms, strict=True):
+        normals, normal_groups, groups = [], [], self._groups_of(geoms)
+        columns = zip(firsts, dimensions, frictions, geoms, groups, strict=True)
+        for first, dimension, friction, pair, group in columns:
             row = first - rows
             # A contact that holds by adhesion has fewer rows while it is open.
             if first >= 0 and dimension == _ROWS and not self._model.flg_adhesion:
-                known = pairs.setdefault(tuple(pair), _Pair(friction, self._yields / len(firsts), []))
+                known = pairs.setdefault(tuple(pair), _Pair(friction, self._yields / groups.count(group), [], group))
                 known.contacts.append((row, row + 1, row + 2))
             if first >= 0:
                 normals.append(row)
+                normal_groups.append(group)
         if len(self._known) == _MAX_REMEMBERED_SETS:
             self._known.clear()
         # Contacts without friction never slide.
         count = rows - min(first for first in firsts if first >= 0) if pairs else 0
         read = struct.Struct(f"{count}d")
-        found = _Touching(list(pairs.values()), normals, read.unpack_from, -read.size, (math.inf,) * count, 0.0)
+        found = _Touching(
+            list(pairs.values()), normals, normal_groups, read.unpack_from, -read.size, (math.inf,) * count, 0.0
+        )
         if not pairs:
             found.calm_within = math.inf
         self._known[touching] = found

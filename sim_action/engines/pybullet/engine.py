@@ -83,6 +83,8 @@ class PyBulletEngine(LoadedRobot, Engine):
         for name, actor in actors.items():
             others = {number: other for number, other in names.items() if other != name}
             actor.meet(scene.actors[name], bodies, {**others, self._robot: EGO})
+            actor.others = {EGO: self, **actors}
+        self.others = actors
         self._events = WorldEvents.of(scene, control, drives_surfaces=True)
         distances = Distances(client, self._robot, self._link_names, names)
         shaped = [link.name for link in scene.model.links if link.collisions]

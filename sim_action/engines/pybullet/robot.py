@@ -20,7 +20,7 @@ from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.records import replace
 from sim_action.drives.wheels import held_joints
 from sim_action.engines.body_control import HeldWrenches
-from sim_action.engines.engine import NO_CHANNELS, UNLIMITED_EFFORT, RobotQueries
+from sim_action.engines.engine import NO_CHANNELS, UNLIMITED_EFFORT, RobotQueries, link_of
 from sim_action.engines.joint_stops import JointStops
 from sim_action.engines.motion_bound import RobotMotionBound
 from sim_action.engines.observers import LazyContacts, PathContacts
@@ -68,6 +68,8 @@ class LoadedRobot(RobotQueries):
         self._self_collision = self._collision_of_links(scene, channels)
         self._place_robot(scene)
         self._path_contacts: PathContacts | None = None
+        self.others: Mapping[str, LoadedRobot] = {}
+        """The other robots of the world by name, as this one sees them."""
 
     @property
     def piece(self) -> tuple[int, Pose]:
@@ -109,6 +111,8 @@ class LoadedRobot(RobotQueries):
 
     @override
     def body_pose(self, body: str) -> Pose:
+        if (of_link := link_of(body, self.others)) is not None:
+            return of_link
         number, piece = self._objects[body][0]
         found = Pose(*pybullet.getBasePositionAndOrientation(number, self._client))
         return geometry.compose(found, geometry.inverse(piece)) if piece != Pose() else found

@@ -239,6 +239,9 @@ class Frames:
             free_name("map", taken),
             free_name("odom", taken),
             model.root,
-            {body.name: free_name(body.name, taken) for body in run.scene.world.objects},
+            {
+                name: free_name(name, taken)
+                for name in (*(body.name for body in run.scene.world.objects), *run.scene.frames)
+            },
             {mounted.name: free_name(mounted.name, taken) for mounted in run.sensors},
         )

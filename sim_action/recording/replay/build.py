@@ -47,7 +47,7 @@ from sim_action.recording.replay.scene_data import (
     PolylineMark,
     numbers,
 )
-from sim_action.recording.replay.scenery import scenery, skeleton
+from sim_action.recording.replay.scenery import actor_links, scenery, skeleton
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.scenario.model import Scenario
 from sim_action.sensors.reading_log import ReadingLog
@@ -82,15 +82,21 @@ def replay_of(
     commanded, readings = commanded or {}, readings or {}
     moving = [body for body in scene.world.objects if body.name in film.bodies]
     _, links = skeleton(scene.model)
-    bodies = {body.name: number for number, body in enumerate(scene.world.objects)}
+    of_actors = actor_links(scene)
+    bodies = {name: number for number, name in enumerate((*(body.name for body in scene.world.objects), *of_actors))}
+    # A touched robot is drawn as its first link with a shape.
+    for name in reversed(of_actors):
+        bodies[name.partition("/")[0]] = bodies[name]
     contacts, left_out = strongest_touches(joined_touches(film.contacts), links, bodies, scene.physics.rate)
     joints = scene.model.moving_joints
     sliding = [joint.type == "prismatic" for joint in joints]
     tracks = [Track(film.bodies[body.name], body.appears or 0.0, body.disappears) for body in moving]
+    followed = [name for name in of_actors if name in film.bodies]
+    tracks += (Track(film.bodies[name], 0.0, None) for name in followed)
     frames = thinned(film)
     return Replay(
         version=2,
-        scene=scenery(scene, [body.name for body in moving]),
+        scene=scenery(scene, [*(body.name for body in moving), *followed]),
         joint_names=tuple(joint.name[:MAX_TEXT_LENGTH] for joint in joints),
         frames=frames_of(frames, tracks, scene.physics.rate, sliding, commanded.get("position", NOTHING_COMMANDED)),
         contacts=contacts,

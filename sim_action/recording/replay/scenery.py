@@ -238,16 +238,44 @@ def _scenery(shown: _Shown) -> SceneData:
     robot = _settled(drawn, ROBOT_BUDGET, shelf)
     bodies = scene.world.objects
     solids = [list(_body_pieces(scene, number)) for number in range(len(bodies))]
+    of_actors = _actor_pieces(scene)
+    solids += of_actors.values()
     world = _settled(solids, WORLD_BUDGET, shelf)
     return SceneData(
         robot=scene.model.name[:MAX_TEXT_LENGTH],
         links=tuple(link.model_copy(update={"shapes": shapes}) for link, shapes in zip(links, robot, strict=True)),
-        bodies=tuple(_body_data(scene, body, tracks, shapes) for body, shapes in zip(bodies, world, strict=True)),
+        bodies=(
+            *(_body_data(scene, body, tracks, shapes) for body, shapes in zip(bodies, world, strict=False)),
+            *(
+                _link_data_of(name, tracks, shapes)
+                for name, shapes in zip(of_actors, world[len(bodies) :], strict=True)
+            ),
+        ),
         patches=tuple(PatchData(**patch.model_dump(exclude={"appears", "name"})) for patch in scene.world.patches),
         meshes=shelf,
         ground=_ground(scene.model),
         notes=notes_of(scene, pieces, [*drawn, *solids], shelf),
     )
+
+
+def actor_links(scene: Scene) -> list[str]:
+    """Return the links of other robots with a shape, as ROBOT/LINK; in a replay each is a body."""
+    links = ((name, link) for name, actor in scene.actors.items() for link in actor.model.links)
+    return [f"{name}/{link.name}" for name, link in links if link.visuals or link.collisions]
+
+
+def _actor_pieces(scene: Scene) -> dict[str, list[Piece]]:
+    pieces = {name: LinkPieces(actor.model) for name, actor in scene.actors.items()}
+    found = {}
+    for each in actor_links(scene):
+        name, _, link = each.partition("/")
+        found[each] = pieces[name].of(scene.actors[name].model.links_by_name[link])
+    return found
+
+
+def _link_data_of(name: str, tracks: Sequence[str], shapes: tuple[Shape, ...]) -> BodyData:
+    track = tracks.index(name) if name in tracks else None
+    return BodyData(name=name[:MAX_TEXT_LENGTH], pose=pose_numbers(Pose()), track=track, shapes=shapes)
 
 
 def _ground(model: RobotModel) -> GroundData | None:

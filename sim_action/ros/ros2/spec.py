@@ -35,6 +35,7 @@ class Ros2Commands(CommandSource):
     """
 
     key: ClassVar[str] = "ros2"
+    is_for_actors: ClassVar[bool] = False
     runs_user_code: ClassVar[bool] = True
 
     ros2: Annotated[Ros2Nodes, Field(description="launch file or list of nodes")]

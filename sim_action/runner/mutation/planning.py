@@ -346,7 +346,8 @@ TABLE: Final = (
     ),
     Row(
         "removed",
-        f"one object is missing; for the {world_faults.MOST_OBJECTS} nearest to the way",
+        f"one object or other robot is missing, for the {world_faults.MOST_OBJECTS} nearest; a robot that the scenario "
+        "names gets no commands",
         world_faults.removed,
     ),
     Row("frozen", "one sensor repeats its first reading", _faulty("frozen", "repeats its first reading")),

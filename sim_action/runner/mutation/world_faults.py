@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -56,6 +57,15 @@ def removed(original: Original) -> Iterator[Mutant]:
         if not _is_named(original, body.name):
             others = tuple(each for each in original.scenario.world.objects if each is not body)
             yield _with_objects(original, "removed", body.name, f"the object '{body.name}' is missing", others)
+    world = original.scenario.world
+    for actor in world.actors[:MOST_OBJECTS]:
+        words, instead = f"the robot '{actor.name}' is missing", ()
+        if _is_named(original, actor.name):
+            words, instead = f"the robot '{actor.name}' gets no commands", (actor.model_copy(update={"commands": ()}),)
+        if not instead or actor.commands:
+            several = ((*instead,) if each is actor else (each,) for each in world.actors)
+            changed = world.model_copy(update={"actors": tuple(chain.from_iterable(several))})
+            yield _in_world(original, "removed", actor.name, words, changed)
 
 
 def moved(original: Original) -> Iterator[Mutant]:
@@ -265,7 +275,7 @@ def _is_named(original: Original, body: str) -> bool:
     assert isinstance(data, dict)  # the loader has looked
     named = re.compile(rf"(?<![\w-]){re.escape(body)}(?![\w-])")
     world = data.get("world")
-    others = {key: value for key, value in world.items() if key not in ("objects", "file")} if world else None
+    others = {key: value for key, value in world.items() if key not in ("objects", "actors", "file")} if world else None
     parts = [data.get("expect"), data.get("commands"), data.get("events"), others]
     return any(named.search(text) for text in _texts(parts))
 

@@ -21,6 +21,7 @@ GROUND: Final[tuple[Colour, Colour]] = ((0.55, 0.55, 0.55), (0.47, 0.47, 0.47))
 """The alternating colours of the ground's squares; without a pattern motion would not be visible."""
 
 ROBOT: Final[Colour] = (0.8, 0.8, 0.8)
+ACTOR: Final[Colour] = (0.55, 0.65, 0.8)
 
 PALETTE: Final[tuple[Colour, ...]] = (
     (0.2, 0.4, 0.9),

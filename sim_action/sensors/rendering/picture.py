@@ -15,7 +15,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass
 from sim_action.robot.model.robot_model import RobotModel, Shape
-from sim_action.sensors.rendering import GROUND, PALETTE, ROBOT, SKY, Colour
+from sim_action.sensors.rendering import ACTOR, GROUND, PALETTE, ROBOT, SKY, Colour
 from sim_action.sensors.rendering.pinhole import Components, FloatArray, Patch, Pinhole
 from sim_action.sensors.rendering.solids import (
     Capsule,
@@ -131,16 +131,19 @@ class Part:
     colour: Colour
 
 
-def robot_parts(model: RobotModel) -> Iterator[Part]:
+def robot_parts(model: RobotModel, colour: Colour = ROBOT) -> Iterator[Part]:
     """Yield the collision shapes of a robot's links. Raises OSError."""
     for link in model.links:
         for shape in link.collisions:
             for solid, pose in _solids(shape):
-                yield Part(link.name, solid, pose, ROBOT)
+                yield Part(link.name, solid, pose, colour)
 
 
 def world_parts(scene: Scene) -> Iterator[Part]:
-    """Yield the bodies of the world, without the ground."""
+    """Yield the bodies of the world, without the ground, and the links of other robots as NAME/LINK."""
+    for name, actor in scene.actors.items():
+        for part in robot_parts(actor.model, ACTOR):
+            yield Part(f"{name}/{part.owner}", part.solid, part.pose, part.colour)
     for number, body in enumerate(scene.world.objects):
         colour = body.color or PALETTE[number % len(PALETTE)]
         for part in scene.parts_of(body):

@@ -150,7 +150,7 @@ def test_references_near_those_of_a_calm_step_are_calm(
         values += upward, slip * math.cos(direction), slip * math.sin(direction)
     assert is_calm(values, friction, yields)
     pairs = [_Pair(friction, yields, [(-6, -5, -4)]), _Pair(friction, yields, [(-3, -2, -1)])]
-    touching = _Touching(pairs, [-7, -6, -3], lambda *_: (), 0, (), 0.0)
+    touching = _Touching(pairs, [-7, -6, -3], [0, 0, 0], lambda *_: (), 0, (), 0.0)
     touching.settle(tuple(values))
     if touching.calm_within > 0:
         there = np.array(values) + np.array(way) / math.hypot(*way) * share * touching.calm_within

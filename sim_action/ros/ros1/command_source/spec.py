@@ -45,6 +45,7 @@ class RosCommands(CommandSource):
     """
 
     key: ClassVar[str] = "ros1"
+    is_for_actors: ClassVar[bool] = False
     runs_user_code: ClassVar[bool] = True
     needs_drive: ClassVar[bool] = True
 
