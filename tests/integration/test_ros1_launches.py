@@ -367,17 +367,18 @@ EYED = """\
   <joint name="lift" type="prismatic"><parent link="base_link"/><child link="arm"/><origin xyz="0 0 0.2"/>
     <axis xyz="0 0 1"/><limit lower="0.1" upper="0.3" effort="10" velocity="1"/></joint>
   <joint name="eye_joint" type="fixed"><parent link="base_link"/><child link="eye"/><origin xyz="0.15 0 0"/></joint>
-  <gazebo reference="eye"><sensor name="camera" type="camera"><update_rate>5</update_rate>
+  <gazebo reference="eye"><sensor name="camera" type="depth"><update_rate>5</update_rate>
     <camera><horizontal_fov>1.5707963</horizontal_fov><image><width>8</width><height>6</height><format>B8G8R8</format>
     </image><clip><near>0.01</near><far>50</far></clip></camera>
-    <plugin name="eye" filename="libgazebo_ros_camera.so"><cameraName>front</cameraName><frameName>optical</frameName>
-    <hackBaseline>0.1</hackBaseline></plugin></sensor></gazebo>
+    <plugin name="eye" filename="libgazebo_ros_openni_kinect.so"><cameraName>front</cameraName>
+    <frameName>optical</frameName><hackBaseline>0.1</hackBaseline><pointCloudCutoffMax>1</pointCloudCutoffMax></plugin></sensor></gazebo>
 </robot>
 """
 SEES = """\
 #!/usr/bin/env python
+import math, struct
 import rospy
-from sensor_msgs.msg import CameraInfo, Image, JointState
+from sensor_msgs.msg import CameraInfo, Image, JointState, PointCloud2
 from tf2_msgs.msg import TFMessage
 rospy.init_node("sees")
 image = rospy.wait_for_message("/front/image_raw", Image)
@@ -386,6 +387,14 @@ assert (image.width, image.height, len(image.data), image.header.frame_id) == (8
 assert image.data[:3] != image.data[-3:], "the sky has the colour of the ground"
 assert image.encoding == "bgr8" and image.data[0] > image.data[2], "the sky is blue"
 assert abs(info.K[0] - 4) < 1e-6 and abs(info.P[3] + 0.4) < 1e-6 and info.width == 8, info
+depth = rospy.wait_for_message("/front/depth/image_raw", Image)
+depths = struct.unpack("<48f", depth.data)
+assert depth.encoding == "32FC1" and 0.7 < depths[28] < 0.9, depths
+assert math.isnan(depths[0]) and math.isnan(depths[44]), "neither the sky nor what is too near"
+points = rospy.wait_for_message("/front/points", PointCloud2)
+x, y, z = struct.unpack_from("<3f", points.data, 28 * points.point_step)
+assert [field.name for field in points.fields] == ["x", "y", "z", "rgb"] and (points.width, points.row_step) == (8, 256)
+assert abs(z - depths[28]) < 1e-3 and abs(x - z / 8) < 1e-3 and abs(y - z / 8) < 1e-3, (x, y, z)
 joints = rospy.wait_for_message("/joint_states", JointState)
 assert (joints.name, joints.position) == (["lift"], (0.2,)), joints
 frames = {}

@@ -33,6 +33,7 @@ PLUGINS: Final[Table[Callable[[Plugin, Any], Iterable[Any]]]] = Table(
         "gazebo_ros_laser": _LASER,
         "gazebo_ros_gpu_laser": _LASER,
         "gazebo_ros_camera": _CAMERA,
+        "gazebo_ros_openni_kinect": _CAMERA,
         "gazebo_ros_imu": _IMU,
         "gazebo_ros_imu_sensor": _IMU,
         "gazebo_ros_control": "sim_action.ros.ros1.node.control.manager:open_control",
@@ -180,11 +181,15 @@ def _lost(holder: Element, place: str, owner: str) -> Iterator[str]:
             yield f"<{part.name}> of {owner} is not supported and has no effect{hint}"
         elif part.row.is_lost(part.name, part.value):
             yield f"<{part.name}>{part.value}</{part.name}> of {owner} is not simulated: {part.row.text}"
-    for tag in holder:
-        row, text = table.row(place, tag.tag), (tag.text or "").strip()
-        if tag.tag in _RATES and row is not None and row.effect == "read" and _is_above(text, MAX_RATE_HZ):
-            most = f"{MAX_RATE_HZ:g} times per second at most"
-            yield f"<{tag.tag}>{text}</{tag.tag}> of {owner} is not reached: messages are published {most}"
+
+
+def capped_rates(plugin: Plugin) -> Iterator[str]:
+    """Yield a message for each rate of a supported plugin, and of its sensor, that is higher than that of the clock."""
+    for holder, place in ((plugin.own.element, plugin.name), (plugin.sensor.element, f"{plugin.name}/sensor")):
+        for tag in holder if holder is not None else ():
+            row, text = part_table("gazebo_ros").row(place, tag.tag), (tag.text or "").strip()
+            if tag.tag in _RATES and row is not None and row.effect == "read" and _is_above(text, MAX_RATE_HZ):
+                yield f"<{tag.tag}>{text}</{tag.tag}> of {place}: messages come {MAX_RATE_HZ:g} times per second"
 
 
 def _is_above(text: str, limit: float) -> bool:

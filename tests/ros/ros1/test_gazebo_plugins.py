@@ -14,6 +14,7 @@ from sim_action.ros.ros1.gazebo_plugins import (
     Plugin,
     Tags,
     base_in_model,
+    capped_rates,
     lost_plugin_tags,
     lost_robot_tags,
     plugins_of,
@@ -165,7 +166,6 @@ def test_the_burgers_of_sim_action_and_of_robotis_lose_nothing() -> None:
         ("<odometrySource>encoder</odometrySource>", "odometry is the true motion"),
         ("<odometrySource>0</odometrySource>", "odometry is the true motion"),
         ("<publishWheelTF>true</publishWheelTF>", "robot_state_publisher"),
-        ("<updateRate>200</updateRate>", "100 times per second at most"),
         ("<comandTopic>cmd</comandTopic>", "did you mean 'commandTopic'?"),
     ],
 )
@@ -180,13 +180,28 @@ def test_a_tag_of_a_drive_that_is_not_simulated_is_lost(tags: str, message: str)
     [
         "<odometrySource>world</odometrySource><odometrySource>1</odometrySource>",
         "<publishWheelTF>0</publishWheelTF><publishWheelJointState>true</publishWheelJointState>",
-        "<updateRate>100</updateRate>",
-        "<updateRate>often</updateRate>",
         "<updateRate>30</updateRate><rosDebugLevel>na</rosDebugLevel><alwaysOn>1</alwaysOn>",
     ],
 )
 def test_a_tag_without_an_effect_is_not_lost(tags: str) -> None:
     assert lost("gazebo_ros_diff_drive", tags) == []
+
+
+@pytest.mark.parametrize(
+    ("rate", "message"),
+    [
+        (200, "<updateRate>200</updateRate> of gazebo_ros_diff_drive: messages come 100 times per second"),
+        (100, ""),
+        ("often", ""),
+    ],
+)
+def test_a_rate_above_that_of_the_clock_is_noted(rate: float | str, message: str) -> None:
+    tags = f"<updateRate>{rate}</updateRate><broadcastTF>1</broadcastTF>"
+    assert lost("gazebo_ros_diff_drive", tags) == []
+    robot = ET.fromstring(
+        f'<robot><gazebo><plugin filename="libgazebo_ros_diff_drive.so">{tags}</plugin></gazebo></robot>'
+    )
+    assert list(capped_rates(next(plugins_of(robot)))) == [message] * bool(message)
 
 
 RAY = "<ray><scan><horizontal><samples>9</samples>{}</horizontal>{}</scan><noise>{}</noise></ray>"
@@ -215,7 +230,6 @@ def test_tags_of_a_lidar(horizontal: str, vertical: str, noise: str, count: int)
         (NOISE.format(0), 0),
         ("<pose>0 0 0.1 0 0 0</pose>", 1),
         ("<pose>0 0 0 0 0 0</pose><update_rate>50</update_rate>", 0),
-        ("<update_rate>200</update_rate>", 1),
     ],
 )
 def test_tags_of_an_imu(sensor: str, count: int) -> None:

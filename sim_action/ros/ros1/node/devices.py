@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Final
+from typing import Any, Final, Literal
 
+import numpy as np
 from geometry_msgs.msg import Twist as TwistMessage
 from pydantic import ValidationError
-from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan
+from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan, PointCloud2
 from sensor_msgs.msg import Imu as ImuMessage
 
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
@@ -17,15 +18,17 @@ from sim_action.ros.ros1.gazebo_plugins import Plugin
 from sim_action.ros.ros1.node.internal_parts import states_in
 from sim_action.ros.ros1.node.messages import (
     camera_info_message,
+    depth_message,
     header,
     image_message,
     imu_message,
     joint_states_message,
+    points_message,
     scan_message,
     twist_of,
 )
 from sim_action.ros.ros1.node.plugins import TICKS, Device, Wiring, schedule_of
-from sim_action.ros.ros1.node.topics import OdometryPublisher, Subscription
+from sim_action.ros.ros1.node.topics import OdometryPublisher, Publisher, Subscription
 from sim_action.sensors import MountedSensor
 from sim_action.sensors.camera import Camera
 from sim_action.sensors.imu import Imu
@@ -127,7 +130,7 @@ def open_laser(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
             return
         publisher.send(scan_message(scan, header(seconds, frame), 1 / schedule.rate))
 
-    lidar = wiring.on_schedule(_lidar(plugin), publisher, schedule)
+    lidar = wiring.on_schedule(_lidar(plugin), schedule, publisher)
     rate = schedule.rate if schedule.is_even else TICKS
     mounted = MountedSensor(lidar, name, plugin.link, _pose(plugin), rate, trace=False)
     yield Device(schedule, (publisher,), publish, mounted)
@@ -147,33 +150,50 @@ def _lidar(plugin: Plugin) -> Lidar:
 
 
 def open_camera(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
-    """Open gazebo_ros_camera. The frame of its messages is the optical one that the plugin names."""
+    """Open gazebo_ros_camera or gazebo_ros_openni_kinect. The frame of messages is the optical one that is stated."""
     own, sensor = plugin.own, plugin.sensor
     space = f"{plugin.space}/{own.text('cameraName').strip('/')}".rstrip("/")
-    image = own.text("imageTopicName", default="image_raw")
-    info = own.text("cameraInfoTopicName", default="camera_info")
-    topics = [name if name.startswith("/") else f"{space}/{name}" for name in (image, info)]
-    name, frame = f"camera {topics[0]}", own.text("frameName", default=plugin.link)
+
+    def publisher(tag: str, default: str, kind: type[Any]) -> Publisher:
+        topic = own.text(tag, default=default)
+        return wiring.publisher(topic if topic.startswith("/") else f"{space}/{topic}", kind)
+
+    images = publisher("imageTopicName", "image_raw", Image)
+    name, frame = f"camera {images.topic}", own.text("frameName", default=plugin.link)
     try:
         camera = _camera(plugin)
     except ValidationError as error:
         wiring.lose(f"the {name} takes no pictures: {said(error)}")
         return
-    publisher, infos = wiring.publisher(topics[0], Image), wiring.publisher(topics[1], CameraInfo)
+    infos = [publisher("cameraInfoTopicName", "camera_info", CameraInfo)]
+    depths, clouds = list[Publisher](), list[Publisher]()
+    if plugin.name == "gazebo_ros_openni_kinect":
+        infos.append(publisher("depthImageCameraInfoTopicName", "depth/camera_info", CameraInfo))
+        depths.append(publisher("depthImageTopicName", "depth/image_raw", Image))
+        clouds.append(publisher("pointCloudTopicName", "points", PointCloud2))
     schedule = schedule_of(own.number("updateRate", default=0.0) or sensor.number("update_rate", default=0.0))
     baseline = own.number("hackBaseline", default=0.0)
-    is_bgr = sensor.text("camera/image/format") in _BGR_FORMATS
+    nearest, farthest = own.number("pointCloudCutoff", default=0.4), own.number("pointCloudCutoffMax", default=5.0)
+    encoding: Literal["rgb8", "bgr8"] = "bgr8" if sensor.text("camera/image/format") in _BGR_FORMATS else "rgb8"
 
     def publish(seconds: float, seen: Observation) -> None:
         picture, head = seen.sensors[name], header(seconds, frame)
         if isinstance(picture, CameraImage):
-            publisher.send(image_message(picture, head, "bgr8" if is_bgr else "rgb8"))
-        infos.send(camera_info_message(camera, head, baseline))
+            images.send(image_message(picture, head, encoding))
+            within = (picture.depth > nearest) & (picture.depth < farthest)
+            depth = np.where(within, picture.depth, np.float32(np.nan))
+            for each in (each for each in depths if each.has_subscribers):
+                each.send(depth_message(depth, head))
+            for each in (each for each in clouds if each.has_subscribers):
+                each.send(points_message(depth, picture.rgb, camera, head))
+        for each in infos:
+            each.send(camera_info_message(camera, head, baseline))
 
-    on_schedule = wiring.on_schedule(camera, publisher, schedule)
+    pictures = (images, *depths, *clouds)
+    on_schedule = wiring.on_schedule(camera, schedule, *pictures)
     rate = schedule.rate if schedule.is_even else TICKS
     mounted = MountedSensor(on_schedule, name, plugin.link, _pose(plugin), rate, trace=False)
-    yield Device(schedule, (publisher, infos), publish, mounted)
+    yield Device(schedule, (*pictures, *infos), publish, mounted)
 
 
 def _camera(plugin: Plugin) -> Camera:

@@ -28,6 +28,7 @@ from sim_action.ros.ros1.gazebo_plugins import (
     LOST_FINDINGS,
     PLUGINS,
     base_in_model,
+    capped_rates,
     lost_plugin_tags,
     lost_robot_tags,
     plugins_of,
@@ -295,6 +296,7 @@ class EpisodeFactory:
             if plugin.name in PLUGINS:
                 for message in lost_plugin_tags(plugin):
                     self._lose(message)
+                self.notes += capped_rates(plugin)
                 yield from PLUGINS.load(plugin.name)(plugin, wiring)
             else:
                 self._lose(f"the plugin {plugin.name} of the robot is not supported and has no effect")

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Final, Literal
 
+import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
 from rospy import Time
-from sensor_msgs.msg import CameraInfo, Image, Imu, JointState, LaserScan
+from sensor_msgs.msg import CameraInfo, Image, Imu, JointState, LaserScan, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from sim_action.core import geometry
@@ -15,6 +16,15 @@ from sim_action.ros.robot_topics import diagonal, pinhole_of, seconds_and_nanose
 from sim_action.sensors.camera import Camera
 from sim_action.state.observation import Observation
 from sim_action.state.readings import CameraImage, ImuReading, LidarScan
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# As the Point Cloud Library lays out a point with a colour.
+_OFFSETS: Final = (0, 4, 8, 16)
+_POINT: Final = np.dtype(
+    {"names": ["x", "y", "z", "rgb"], "formats": ["<f4", "<f4", "<f4", "<u4"], "offsets": _OFFSETS, "itemsize": 32}
+)
 
 
 def time_of(seconds: float) -> Time:
@@ -83,6 +93,32 @@ def image_message(reading: CameraImage, head: Header, encoding: Literal["rgb8", 
     height, width, colours = reading.rgb.shape
     data = (reading.rgb if encoding == "rgb8" else reading.rgb[:, :, ::-1]).tobytes()
     return Image(header=head, height=height, width=width, encoding=encoding, step=width * colours, data=data)
+
+
+def depth_message(depth: NDArray[np.float32], head: Header) -> Image:
+    """Return depths in m as message."""
+    height, width = depth.shape
+    return Image(header=head, height=height, width=width, encoding="32FC1", step=4 * width, data=depth.tobytes())
+
+
+def points_message(depth: NDArray[np.float32], rgb: NDArray[np.uint8], camera: Camera, head: Header) -> PointCloud2:
+    """Return the point that each pixel shows, in the optical frame, with its colour."""
+    focal, cx, cy = pinhole_of(camera.width, camera.height, camera.field_of_view)
+    rows, columns = np.indices(depth.shape)
+    points = np.zeros(depth.shape, _POINT)
+    points["x"], points["y"], points["z"] = (columns - cx) * depth / focal, (rows - cy) * depth / focal, depth
+    points["rgb"] = rgb.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], dtype=np.uint32)
+    places = zip(("x", "y", "z", "rgb"), _OFFSETS, strict=True)
+    return PointCloud2(
+        header=head,
+        height=camera.height,
+        width=camera.width,
+        fields=[PointField(name, offset, PointField.FLOAT32, 1) for name, offset in places],
+        point_step=_POINT.itemsize,
+        row_step=_POINT.itemsize * camera.width,
+        data=points.tobytes(),
+        is_dense=False,
+    )
 
 
 def camera_info_message(camera: Camera, head: Header, baseline: float = 0.0) -> CameraInfo:

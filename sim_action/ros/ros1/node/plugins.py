@@ -109,23 +109,25 @@ class Wiring:
         """Return a sensor that measures only for the subscribers of a publisher."""
         return OnDemandSensor.of(sensor, lambda _: publisher.has_subscribers or self.is_clock_held())
 
-    def on_schedule(self, sensor: Sensor, publisher: Publisher, schedule: Schedule) -> Sensor:
+    def on_schedule(self, sensor: Sensor, schedule: Schedule, *publishers: Publisher) -> Sensor:
         """Return a sensor that measures only for subscribers, and at each tick only if it is due.
 
         A reading must not depend on the one before.
         """
+
+        def has_subscribers() -> bool:
+            return any(publisher.has_subscribers for publisher in publishers) or self.is_clock_held()
+
         return OnDemandSensor.of(
             sensor,
-            lambda seconds: (
-                schedule.is_due(round(seconds * TICKS)) and (publisher.has_subscribers or self.is_clock_held())
-            ),
+            lambda seconds: schedule.is_due(round(seconds * TICKS)) and has_subscribers(),
             keeps_first=True,
         )
 
     def controller_schedule(self, name: str, rate: float) -> Schedule:
-        """Return the ticks of messages of a controller, and report a rate that is not reached."""
+        """Return the ticks of messages of a controller, and note a rate that is not reached."""
         if rate > TICKS:
-            self.lose(f"{name}/publish_rate is {rate:g}: messages are published {TICKS} times per second at most")
+            self.warn(f"{name}/publish_rate is {rate:g}: messages are published {TICKS} times per second")
         return schedule_of(rate)
 
 

@@ -129,7 +129,7 @@ class Publisher:
     """Publishes one type of message on one topic; without a subscriber, nothing is sent or counted."""
 
     def __init__(self, topic: str, kind: type[Any], traffic: Traffic) -> None:
-        self._topic, self._traffic = topic, traffic
+        self.topic, self._traffic = topic, traffic
         self._publisher = _publisher(topic, kind)
 
     @property
@@ -146,7 +146,7 @@ class Publisher:
         """Have a message delivered."""
         if not self.has_subscribers:
             return
-        self._traffic.counts[self._topic] += 1
+        self._traffic.counts[self.topic] += 1
         self._traffic.post(self._publisher.impl, message)
 
 

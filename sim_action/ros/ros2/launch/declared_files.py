@@ -103,7 +103,8 @@ class _Module(ModuleType):
             raise AttributeError(name)
         if name.islower():
             return importlib.import_module(f"{self.__name__}.{name}")
-        return _unknown(f"'{name}' of {self.__name__}")
+        # `launch.substitutions.text_substitution` has what `launch.substitutions` has.
+        return KINDS.get(f"{_module_of(self.__name__)}.{name}") or _unknown(f"'{name}' of {self.__name__}")
 
     def __call__(self, *args: Any, **words: Any) -> Part:
         return _unknown(f"'{self.__name__}'")(*args, **words)

@@ -62,11 +62,21 @@ def unsupported(what: str) -> LaunchError:
     return LaunchError("unsupported", what)
 
 
+def _refuse(*_: Any) -> Any:
+    raise unsupported("a process or a file in a LaunchContext of its own")
+
+
 class Context:
-    """The state of a launch. `start` starts a process, `read` reads a file, `folder` is for files."""
+    """The state of a launch. `start` starts a process, `read` reads a file, `folder` is for files.
+
+    Launch files in Python make one without arguments, in which only texts are known.
+    """
 
     def __init__(
-        self, start: Callable[[Part, dict[str, Any]], None], read: Callable[[Path], Any], folder: Path
+        self,
+        start: Callable[[Part, dict[str, Any]], None] = _refuse,
+        read: Callable[[Path], Any] = _refuse,
+        folder: Path = Path(),
     ) -> None:
         self.start, self.read, self.folder = start, read, folder
         self.launch_configurations: dict[str, Any] = {}

@@ -141,6 +141,14 @@ STARTED: Final[dict[str, tuple[str, list[list[str]]]]] = {
         ),
         [["e"]],
     ),
+    "deep.launch.py": (
+        "from launch.launch_context import LaunchContext\nfrom launch.substitutions.text_substitution import "
+        "TextSubstitution as Text\n"
+        + PYTHON.format(
+            "Node(package='p', executable=PathJoinSubstitution(['a', Text(text='b')]).perform(LaunchContext()))"
+        ),
+        [["a/b"]],
+    ),
     "later.launch.py": (
         PYTHON.format(
             "TimerAction(period=1.0, actions=[Node(package='p', executable='e')]), OpaqueFunction(function=lambda "
