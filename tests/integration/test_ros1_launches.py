@@ -369,7 +369,7 @@ EYED = """\
   <joint name="eye_joint" type="fixed"><parent link="base_link"/><child link="eye"/><origin xyz="0.15 0 0"/></joint>
   <gazebo reference="eye"><sensor name="camera" type="depth"><update_rate>5</update_rate>
     <camera><horizontal_fov>1.5707963</horizontal_fov><image><width>8</width><height>6</height><format>B8G8R8</format>
-    </image><clip><near>0.01</near><far>50</far></clip></camera>
+    </image><clip><near>0.01</near><far>50</far></clip><depth_camera/></camera>
     <plugin name="eye" filename="libgazebo_ros_openni_kinect.so"><cameraName>front</cameraName>
     <frameName>optical</frameName><hackBaseline>0.1</hackBaseline><pointCloudCutoffMax>1</pointCloudCutoffMax></plugin></sensor></gazebo>
 </robot>

@@ -176,18 +176,23 @@ def _lost(holder: Element, place: str, owner: str) -> Iterator[str]:
         # Programs do not read attributes.
         if part.name.startswith("@"):
             continue
-        if part.row is None:
+        if part.row is None and part.place not in PLUGINS:
             hint = did_you_mean(part.name, table.places.get(part.place, ()))
             yield f"<{part.name}> of {owner} is not supported and has no effect{hint}"
-        elif part.row.is_lost(part.name, part.value):
+        elif part.row is not None and part.row.is_lost(part.name, part.value):
             yield f"<{part.name}>{part.value}</{part.name}> of {owner} is not simulated: {part.row.text}"
 
 
-def capped_rates(plugin: Plugin) -> Iterator[str]:
-    """Yield a message for each rate of a supported plugin, and of its sensor, that is higher than that of the clock."""
+def plugin_remarks(plugin: Plugin) -> Iterator[str]:
+    """Yield a message for each tag that Gazebo's plugin does not read either, and for rates above that of the clock."""
+    table = part_table("gazebo_ros")
+    for part in table.unread(plugin.own.element, plugin.name, _APART) if plugin.own.element is not None else ():
+        if part.row is None and part.place == plugin.name:
+            hint = did_you_mean(part.name, table.places[plugin.name])
+            yield f"<{part.name}> of the plugin {plugin.name} has no effect, as in Gazebo{hint}"
     for holder, place in ((plugin.own.element, plugin.name), (plugin.sensor.element, f"{plugin.name}/sensor")):
         for tag in holder if holder is not None else ():
-            row, text = part_table("gazebo_ros").row(place, tag.tag), (tag.text or "").strip()
+            row, text = table.row(place, tag.tag), (tag.text or "").strip()
             if tag.tag in _RATES and row is not None and row.effect == "read" and _is_above(text, MAX_RATE_HZ):
                 yield f"<{tag.tag}>{text}</{tag.tag}> of {place}: messages come {MAX_RATE_HZ:g} times per second"
 

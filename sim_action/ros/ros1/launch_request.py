@@ -55,12 +55,12 @@ End = Literal["test finished", "nodes finished", "time limit", "failed"]
 
 
 def loss_failures(losses: Iterable[Loss]) -> tuple[Failure, ...]:
-    """Return a failure for each of the first losses, and one that counts the rest."""
+    """Return a failure for each of the first losses that are no remarks, and one that counts the rest."""
     return tuple(
         Failure(
             kind="invalid", title=TITLE, message=f"{loss.message}; to run without it: {ALLOW_LOSSES}", location=place
         )
-        for loss, place in ((loss, loss.location) for loss in _first(losses))
+        for loss, place in ((loss, loss.location) for loss in _first(loss for loss in losses if not loss.is_remark))
     )
 
 

@@ -14,9 +14,9 @@ from sim_action.ros.ros1.gazebo_plugins import (
     Plugin,
     Tags,
     base_in_model,
-    capped_rates,
     lost_plugin_tags,
     lost_robot_tags,
+    plugin_remarks,
     plugins_of,
 )
 from sim_action.ros.ros1.launch.overlay import PACKAGE_ROOT
@@ -166,7 +166,6 @@ def test_the_burgers_of_sim_action_and_of_robotis_lose_nothing() -> None:
         ("<odometrySource>encoder</odometrySource>", "odometry is the true motion"),
         ("<odometrySource>0</odometrySource>", "odometry is the true motion"),
         ("<publishWheelTF>true</publishWheelTF>", "robot_state_publisher"),
-        ("<comandTopic>cmd</comandTopic>", "did you mean 'commandTopic'?"),
     ],
 )
 def test_a_tag_of_a_drive_that_is_not_simulated_is_lost(tags: str, message: str) -> None:
@@ -188,20 +187,23 @@ def test_a_tag_without_an_effect_is_not_lost(tags: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("rate", "message"),
+    ("tags", "message"),
     [
-        (200, "<updateRate>200</updateRate> of gazebo_ros_diff_drive: messages come 100 times per second"),
-        (100, ""),
-        ("often", ""),
+        (
+            "<updateRate>200</updateRate>",
+            "of gazebo_ros_diff_drive: messages come 100 times per second",
+        ),
+        ("<updateRate>100</updateRate>", None),
+        ("<updateRate>often</updateRate><broadcastTF>1</broadcastTF>", None),
+        ("<comandTopic>cmd</comandTopic>", "as in Gazebo; did you mean 'commandTopic'?"),
     ],
 )
-def test_a_rate_above_that_of_the_clock_is_noted(rate: float | str, message: str) -> None:
-    tags = f"<updateRate>{rate}</updateRate><broadcastTF>1</broadcastTF>"
+def test_a_tag_that_gazebo_does_not_follow_either_is_a_remark(tags: str, message: str | None) -> None:
     assert lost("gazebo_ros_diff_drive", tags) == []
-    robot = ET.fromstring(
-        f'<robot><gazebo><plugin filename="libgazebo_ros_diff_drive.so">{tags}</plugin></gazebo></robot>'
-    )
-    assert list(capped_rates(next(plugins_of(robot)))) == [message] * bool(message)
+    plugin = f'<plugin filename="libgazebo_ros_diff_drive.so">{tags}</plugin>'
+    remarks = list(plugin_remarks(next(plugins_of(ET.fromstring(f"<robot><gazebo>{plugin}</gazebo></robot>")))))
+    assert [message in remark for remark in remarks if message] == [True] * bool(message), remarks
+    assert bool(remarks) == bool(message)
 
 
 RAY = "<ray><scan><horizontal><samples>9</samples>{}</horizontal>{}</scan><noise>{}</noise></ray>"

@@ -28,9 +28,9 @@ from sim_action.ros.ros1.gazebo_plugins import (
     LOST_FINDINGS,
     PLUGINS,
     base_in_model,
-    capped_rates,
     lost_plugin_tags,
     lost_robot_tags,
+    plugin_remarks,
     plugins_of,
 )
 from sim_action.ros.ros1.launch_request import SimulationRequest
@@ -296,7 +296,7 @@ class EpisodeFactory:
             if plugin.name in PLUGINS:
                 for message in lost_plugin_tags(plugin):
                     self._lose(message)
-                self.notes += capped_rates(plugin)
+                self.losses += (Loss(message=message, is_remark=True) for message in plugin_remarks(plugin))
                 yield from PLUGINS.load(plugin.name)(plugin, wiring)
             else:
                 self._lose(f"the plugin {plugin.name} of the robot is not supported and has no effect")
