@@ -437,6 +437,15 @@ def test_files_are_launched_together_with_cameras_and_stand_ins_for_programs_of_
     assert (code, outcome.status) == (0, "passed"), printed
 
 
+def test_a_simulation_in_a_namespace_has_its_services_there(tmp_path: Path) -> None:
+    spawn = '<node name="spawn" pkg="gazebo_ros" type="spawn_model" args="-urdf -param robot_description -model r {}"/>'
+    description = """<param name="robot_description" command="xacro '$(find parts)/eyed.xacro'"/>"""
+    inner = f"{WORLD}{description}{spawn.format('-gazebo_namespace //yard/gazebo')}"
+    package(tmp_path, "parts", {"a.launch": f'<launch><group ns="yard">{inner}</group></launch>', "eyed.xacro": EYED})
+    code, [outcome], printed = called(tmp_path, "roslaunch", "parts", "a.launch", "--sim-time-limit", "0.2")
+    assert (code, outcome.status) == (0, "passed"), printed
+
+
 @pytest.mark.parametrize(
     ("launch", "title", "message"),
     [

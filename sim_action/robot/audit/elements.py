@@ -112,8 +112,12 @@ def required_children(document: ModelDocument) -> Iterator[Finding]:
 
 def numbers(document: ModelDocument) -> Iterator[Finding]:
     """Yield attributes that do not hold the required count of finite numbers, or a number out of range."""
+    # Only the first shape of a <geometry> is read.
+    unread = {shape for geometry in document.root.iter("geometry") for shape in geometry[1:]}
     for path, counts in _NUMBERS.items():
         for element in document.elements(path):
+            if element in unread:
+                continue
             for name, count in counts.items():
                 yield from _not_numbers(document, element, path, name, count, required=name in _REQUIRED.get(path, ()))
 

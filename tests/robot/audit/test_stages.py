@@ -130,6 +130,7 @@ def test_an_error_can_be_let_go_and_is_told_all_the_same(rule: str, tmp_path: Pa
         ("</robot>", "<gazebo reference='base'><restitution_coefficient>0</restitution_coefficient></gazebo></robot>"),
         ("</link>", VISUAL.format(' name=""')),  # the exporter of SolidWorks always writes an empty name
         ("</link>", VISUAL.format("")),
+        ("</link>", '<visual><geometry><box size="1 1 1"/><box size=""/></geometry></visual></link>'),
         ('lower="-1" upper="2"', 'lower="-1e16" upper="1e16"'),
         ('lower="-1" upper="2"', 'lower="-12.566" upper="12.566"'),
         ('rpy="0 0 0"', 'rpy="0 -6.2832 6.2832"'),

@@ -89,17 +89,18 @@ for name in {name for text in texts for name in re.findall(r"(?m)^\\s*(\\w+)/\\w
 for package, kinds in task["packages"].items():
     for kind, generator in (("msg", MsgGenerator()), ("srv", SrvGenerator())):
         folder, errors = os.path.join(modules, package, kind), io.StringIO()
-        if not kinds[kind] or os.path.exists(os.path.join(modules, package + ".py")):
+        if not kinds[kind]:
             continue
         os.mkdir(folder)
         with contextlib.redirect_stderr(errors):
             code = generator.generate_messages(package, kinds[kind], folder, includes)
         missing = re.search(r"unknown package \\[(\\w+)\\]", errors.getvalue())
         if missing:
-            shutil.rmtree(os.path.join(modules, package))
+            shutil.rmtree(folder)
+            os.mkdir(folder)
             needs = f"the messages of '{package}' need the package '{missing[1]}'"
             text = f"{needs}, which is neither in the workspace nor in ROS: add it to the workspace, or install it"
-            open(os.path.join(modules, package + ".py"), "w").write(f"raise ImportError({text!r})\\n")
+            open(os.path.join(folder, "__init__.py"), "w").write(f"raise ImportError({text!r})\\n")
         elif code:
             sys.exit(errors.getvalue())
         else:

@@ -45,8 +45,6 @@ from sim_action.world import World
 from sim_action.world.claims import NOT_REPRODUCIBLE
 from sim_action.world.world_files.losses import Loss
 
-NAME: Final = "/gazebo"
-
 _POLL_S: Final = 0.01
 # Wall time for nodes that have left to end, before the launch is judged.
 _MAX_LEAVING_S: Final = 5.0
@@ -71,7 +69,7 @@ class _Incomplete(Exception):
 
 def serve(folder: Path, request: SimulationRequest) -> None:
     """Run the node until the launch ends; write the result as soon as it is known."""
-    become_node(NAME.strip("/"))
+    become_node("gazebo")
     _Server(folder, request).run().write(folder)
     # Nodes that are left may still call services; roslaunch ends this node.
     await_shutdown()
@@ -89,7 +87,8 @@ class _Server:
         self._record = EpisodeRecord()
         self._traffic = Traffic()
         self._changes, self._current = ChangeQueue(), CurrentState(WorldModels(World()))
-        self._lockstep = Lockstep(Master(os.environ["ROS_MASTER_URI"], NAME), NAME, os.getppid(), rospy.is_shutdown)
+        name = rospy.get_name()
+        self._lockstep = Lockstep(Master(os.environ["ROS_MASTER_URI"], name), name, os.getppid(), rospy.is_shutdown)
         paused, topics = Event(), GazeboTopics(self._traffic)
         if rospy.get_param("/gazebo/paused", default="-u" in rospy.myargv()):
             paused.set()

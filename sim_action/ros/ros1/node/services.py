@@ -82,7 +82,7 @@ class QueryServices:
             ("get_model_properties", GetModelProperties, lambda asked: _tried(self._model, asked.model_name)),
             ("get_physics_properties", GetPhysicsProperties, self._physics),
         ):
-            rospy.Service(f"/gazebo/{name}", kind, answer)
+            rospy.Service(f"~{name}", kind, answer)
 
     def _link_state(self, asked: Any) -> dict[str, Any]:
         """Return the state of a link. Raises LookupError."""
@@ -221,9 +221,9 @@ class ModelServices:
             ("pause_physics", Empty, lambda _: self._pause(self._paused.set)),
             ("unpause_physics", Empty, lambda _: self._pause(self._paused.clear)),
         ):
-            rospy.Service(f"/gazebo/{name}", kind, answer)
-        rospy.Subscriber("/gazebo/set_model_state", ModelState, self._set_state, queue_size=1, tcp_nodelay=True)
-        rospy.Subscriber("/gazebo/set_link_state", LinkState, self._set_link, queue_size=1, tcp_nodelay=True)
+            rospy.Service(f"~{name}", kind, answer)
+        rospy.Subscriber("~set_model_state", ModelState, self._set_state, queue_size=1, tcp_nodelay=True)
+        rospy.Subscriber("~set_link_state", LinkState, self._set_link, queue_size=1, tcp_nodelay=True)
 
     def _pause(self, change: Callable[[], None]) -> tuple[()]:
         change()
@@ -366,7 +366,7 @@ class ForceServices:
             ("apply_joint_effort", ApplyJointEffort, self._turn),
             ("clear_joint_forces", JointRequest, self._let_go),
         ):
-            rospy.Service(f"/gazebo/{name}", kind, answer)
+            rospy.Service(f"~{name}", kind, answer)
 
     def _press(self, request: Any) -> tuple[bool, str]:
         model, _, link = request.body_name.partition("::")

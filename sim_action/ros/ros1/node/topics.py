@@ -253,8 +253,8 @@ class GazeboTopics:
 
     def __init__(self, traffic: Traffic) -> None:
         self._clock = Publisher("/clock", Clock, traffic)
-        self._models = Publisher("/gazebo/model_states", ModelStates, traffic)
-        self._links = Publisher("/gazebo/link_states", LinkStates, traffic)
+        self._models = Publisher(rospy.resolve_name("~model_states"), ModelStates, traffic)
+        self._links = Publisher(rospy.resolve_name("~link_states"), LinkStates, traffic)
 
     @property
     def subscriber_count(self) -> int:

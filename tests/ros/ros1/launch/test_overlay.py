@@ -52,12 +52,13 @@ def test_messages_of_a_package_that_nobody_has_built_can_be_imported_beside_its_
 def test_messages_need_only_the_modules_of_ros_and_a_package_that_is_missing_ends_only_the_node_that_uses_it(
     tmp_path: Path,
 ) -> None:
-    package(tmp_path / "ws", "robot", {"msg/Goal.msg": "nowhere/Thing thing\n"})
+    own = {"setup.py": "", "src/robot/__init__.py": "", "src/robot/own.py": "SPEED = 3\n"}
+    package(tmp_path / "ws", "robot", {**own, "msg/Goal.msg": "nowhere/Thing thing\n"})
     package(tmp_path / "ws", "seen", {"msg/Seen.msg": "# all of it\nsensor_msgs/Image image\nnav_msgs/Path[] ways\n"})
     overlay = built(tmp_path)
     text = "from seen.msg import Seen; from sensor_msgs.msg import Image; s = Seen(); print(type(s.image) is Image)"
     assert python(overlay, text) == "True"
-    text = "try: import robot.msg\nexcept ImportError as error: print(error)"
+    text = "from robot.own import SPEED\ntry: import robot.msg\nexcept ImportError as error: print(error)"
     assert python(overlay, text).startswith("the messages of 'robot' need the package 'nowhere', which is neither in")
 
 
