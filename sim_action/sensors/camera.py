@@ -49,9 +49,7 @@ class Camera(Sensor):
     far: Annotated[Metres, Field(le=10_000, description="farther surfaces are not seen; the sky is shown instead")] = (
         10.0
     )
-    noise: Annotated[
-        float, Field(ge=0, le=1, description="standard deviation of each colour, of 1; from the scenario's seed")
-    ] = 0.0
+    noise: Annotated[float, Field(ge=0, le=1, description="standard deviation of each colour (0 to 1)")] = 0.0
 
     @model_validator(mode="after")
     def _reaches_somewhere(self) -> Self:

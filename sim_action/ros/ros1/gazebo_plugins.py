@@ -187,7 +187,7 @@ def plugin_remarks(plugin: Plugin) -> Iterator[str]:
     """Yield a message for each tag that Gazebo's plugin does not read either, and for rates above that of the clock."""
     table = part_table("gazebo_ros")
     for part in table.unread(plugin.own.element, plugin.name, _APART) if plugin.own.element is not None else ():
-        if part.row is None and part.place == plugin.name:
+        if part.row is None and part.place == plugin.name and not part.name.startswith("@"):
             hint = did_you_mean(part.name, table.places[plugin.name])
             yield f"<{part.name}> of the plugin {plugin.name} has no effect, as in Gazebo{hint}"
     for holder, place in ((plugin.own.element, plugin.name), (plugin.sensor.element, f"{plugin.name}/sensor")):
