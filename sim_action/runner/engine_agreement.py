@@ -242,7 +242,7 @@ def _limited(asked: Agreement, loaded: LoadedScenario) -> Iterator[_Quantity]:
         yield from _of_poses(limits, ("links", name), f"link '{name}'")
     arrivals = {body.name: body.appears or 0.0 for body in loaded.scenario.world.objects}
     for name, limits in asked.bodies.items():
-        yield from _of_poses(limits, ("bodies", name), f"body '{name}'", arrivals[name])
+        yield from _of_poses(limits, ("bodies", name), f"body '{name}'", arrivals.get(name, 0.0))
 
 
 def _of_poses(limits: PoseAgreement, place: tuple[str, str], what: str, since: float = 0.0) -> Iterator[_Quantity]:

@@ -146,10 +146,11 @@ def compared_body_problems(scenario: Scenario) -> SpecProblems:
     hinted = FirstFew()
     for name in scenario.agreement.bodies:
         path: KeyPath = ("agreement", "bodies", name)
-        if name not in bodies:
-            free = [body.name for body in scenario.world.objects if body.mass is not None]
+        actors = [actor.name for actor in scenario.world.actors]
+        if name not in bodies and name not in actors:
+            free = [*actors, *(body.name for body in scenario.world.objects if body.mass is not None)]
             yield path, f"the world has no body '{name}'{did_you_mean(name, free) if hinted.one_more() else ''}"
-        elif bodies[name].mass is None:
+        elif name in bodies and bodies[name].mass is None:
             why = "follows its path" if bodies[name].path else "is fixed"
             yield path, f"body '{name}' {why}, so it is at the same place in every engine; remove it, or give it a mass"
 

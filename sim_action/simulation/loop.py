@@ -152,7 +152,9 @@ def _judged_channels(scenario: Scenario, scene: Scene) -> Channels:
     of_events = (part.channels | part.truth_channels for part in scenario.conditions)
     channels = Channels.all_of((*(expected.channels for expected in scenario.expect), *of_events))
     # A formula cannot say which of its names are links.
+    compared = scenario.agreement.bodies if scenario.agreement is not None else ()
     objects = channels.objects.intersection((*scenario.world.names, *scene.frames))
+    objects |= scene.actors.keys() & compared
     channels = replace(channels, objects=objects)
     if not any(assertion.python_file for assertion in scenario.assertions):
         return channels

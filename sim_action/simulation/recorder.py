@@ -91,7 +91,7 @@ class RunRecorder:
         seen = first if opening is None else replace(opening, contacts=())
         self._kept.append(seen)
         if self._steps is not None:
-            self._steps.add(first, None if bodies is None else bodies[None])
+            self._steps.add(seen, None if bodies is None else bodies[None])
         if self._filmed:
             self._film.append(seen)
 
@@ -194,7 +194,9 @@ class EveryStep:
         named = scenario.agreement or Agreement.model_construct()
         heavy = [body.name for body in scenario.world.objects if body.mass is not None]
         self._links = tuple(named.links)
-        self._bodies = {name: heavy.index(name) for name in named.bodies}
+        self._bodies = {name: heavy.index(name) for name in named.bodies if name in heavy}
+        # Other robots, whose poses come with the trace.
+        self._actors: dict[str, list[FloatArray]] = {name: [] for name in named.bodies if name not in heavy}
         self._joint_names: tuple[str, ...] = ()
         self._robot: list[FloatArray] = []
         self._poses: list[FloatArray] = []
@@ -206,6 +208,9 @@ class EveryStep:
         self._robot.append(np.concatenate((seen.state[:, :8], seen.joint_position), axis=1))
         if self._bodies and bodies is not None:
             self._poses.append(bodies[: len(seen), list(self._bodies.values())])
+        for name, poses in self._actors.items():
+            told = seen.objects[name]
+            poses.append(np.column_stack((told.position_xyz, told.orientation_xyzw)))
 
     def record(self, scene: Scene) -> MotionRecord:
         """Return the record of all moments; the poses of links follow from the base and the joints."""
@@ -221,7 +226,8 @@ class EveryStep:
             joints=joints,
             units={name: scene.model.joints_by_name[name].dimension("position").si for name in joints},
             links=self._link_poses(scene, rows),
-            bodies={name: poses[:, number] for number, name in enumerate(self._bodies)},
+            bodies={name: poses[:, number] for number, name in enumerate(self._bodies)}
+            | {name: np.concatenate(told) for name, told in self._actors.items()},
             bolted=scene.bolted,
         )
 

@@ -36,7 +36,7 @@ def sim_action(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str
 
 OF_NODES = [path for path in EXAMPLES if re.search(r"^  ros[12]:", path.read_text(encoding="utf-8"), re.MULTILINE)]
 # What stands for a part that has a form of its own on each engine.
-PARTS = {"assertions", "commands", "drives", "sensors", "worlds"}
+PARTS = {"assertions", "commands", "drives", "robots", "sensors", "worlds"}
 
 
 def all_pass(paths: list[Path], engine: str, folder: Path) -> None:

@@ -9,12 +9,16 @@ import pytest
 from sim_action.core.errors import BadStart, InvalidScenario, SimulationUnstable
 from sim_action.core.geometry import Pose, compose
 from sim_action.core.workspace import Workspace
+from sim_action.recording.export.recorded_run import RecordedRun
+from sim_action.recording.export.ros2_messages import Frames
+from sim_action.recording.replay.build import replay_of
 from sim_action.robot.model.kinematics import link_poses
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.recorder import RunRecorder
 
 ENGINES = ("pybullet", "mujoco")
 
@@ -215,3 +219,27 @@ def test_sensors_of_each_robot_see_the_others_and_not_itself(tmp_path: Path, eng
     )
     ended = run(tmp_path, f"{both}\nsensors: {sensors}".replace("9 s", "0.5 s"))
     assert [verdict.passed for verdict in ended.verdicts] == [True], ended.verdicts
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_replays_recordings_and_comparisons_have_the_other_robots(tmp_path: Path, engine: str) -> None:
+    path = tmp_path / "a.sim.yml"
+    text = written(actor(), "[{travel: {at_least: 0.2 m}}]", engine="auto")
+    path.write_text(f"{text}agreement: {{bodies: {{oncoming: {{position: 1 cm}}}}}}\n", encoding="utf-8")
+    loaded = load_scenario(path)
+    scenario, scene = loaded.scenario.model_copy(update={"backend": engine}), build_scene(loaded)
+    recorder = RunRecorder(scenario, filmed=True, recorded=True, compared=True)
+    ended = simulate(scenario, scene, lambda _: None, recorder)
+    film, motion = recorder.film(), recorder.motion(scene)
+    assert film is not None
+    assert motion is not None
+    moved = motion.bodies["oncoming"]
+    assert len(moved) == len(motion.time)
+    assert moved[0, 0] - moved[-1, 0] == pytest.approx(ended.travelled, abs=2e-3)
+    shown = {body.name: body for body in replay_of(scene, film).scene.bodies}
+    assert shown.keys() == {f"oncoming/{link.name}" for link in scene.model.links}
+    assert all(body.track is not None and body.shapes for body in shown.values())
+    run = RecordedRun.of(scene, film, film, scenario, recorder.twists())
+    assert run.bodies["oncoming/base_footprint"][-1, 0] == pytest.approx(moved[-1, 0], abs=0.01)
+    frames = Frames.of(run).bodies
+    assert frames["oncoming/base_scan"] == "oncoming/base_scan"
