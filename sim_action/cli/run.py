@@ -183,7 +183,7 @@ _WISHED_RATE: Final = "97%"
     callback=not_empty,
     metavar="ADDRESS",
     help="Run the scenarios on a cluster of Dask: tcp://HOST:PORT is its scheduler; local:N starts N workers on this "
-    "machine. --jobs does not count then. It needs pip install '.[dask]'.",
+    "machine. --jobs does not count then. It needs pip install 'sim-action[dask]'.",
 )
 @click.option(
     "--record",
@@ -191,8 +191,8 @@ _WISHED_RATE: Final = "97%"
     multiple=True,
     callback=not_empty,
     metavar="FORMAT",
-    help="Record each run as mcap, csv, tum, gif or mp4; repeatable. mcap needs pip install '.[mcap]'; gif and mp4 "
-    "need '.[video]'.",
+    help="Record each run as mcap, csv, tum, gif or mp4; repeatable. mcap needs pip install 'sim-action[mcap]'; gif "
+    "and mp4 need 'sim-action[video]'.",
 )
 @code_flags
 @PACKAGES

@@ -106,17 +106,29 @@ class ProcessCommands(CommandSource):
     Sim time stops meanwhile, so a slow answer has no effect. Write everything else to standard error; it is saved with
     the result. `with: {kp: 1.2}` adds the argument `--kp=1.2`; a value that is not text is JSON: `--gains=[1, 2]`.
 
-    The first line is `{"type": "reset", "version": 1, "robot": {...}, "rate": 20.0, "seed": 0}`. `robot` has `name`,
-    `base`, `links` and `joints` (by name: `type`, `moves`, `lower`, `upper`, `max_effort`, `max_velocity`, `mimics`).
-    The answer is `{}`.
+    The first line describes the robot; the answer is `{}`. The lines of the built-in burger, with fewer digits, joints
+    and contacts:
 
-    Then, at every tick: `{"type": "step", "time": 0.05, "pose": {...}, "twist": {...}, "joints": {...}, "contacts":
-    [...], "sensors": {...}}`. `pose` of the base link has `position_xyz`, `orientation_xyzw` and `yaw`; `twist` has
-    `linear_xyz` and `angular_xyz`; both in the world frame. `joints` maps names to `position`, `velocity` and `effort`.
-    A contact has `link`, `body`, `position_xyz`, `force`, `has_force` and `depth`. `sensors` maps names to the fields
-    of the latest reading; null stands for inf (nothing in range), and 0 for -inf (too near). An image is an object with
+    ```json
+    {"type":"reset","version":1,"robot":{"name":"turtlebot3_burger","base":"base_footprint","links":["base_footprint",
+    "base_scan"],"joints":{"wheel_left_joint":{"type":"continuous","moves":true,"lower":null,"upper":null,
+    "max_effort":10.0,"max_velocity":100.0,"mimics":null}}},"rate":20.0,"seed":0}
+    ```
+
+    Then, at every tick, a line such as
+
+    ```json
+    {"type":"step","time":0.05,"pose":{"position_xyz":[0.1,0.0,0.0],"orientation_xyzw":[0.0,0.0,0.0,1.0],"yaw":0.0},
+    "twist":{"linear_xyz":[0.2,0.0,0.0],"angular_xyz":[0.0,0.0,0.0]},"joints":{"wheel_left_joint":{"position":3.03,
+    "velocity":6.06,"effort":0.01}},"contacts":[{"link":"wheel_left_link","body":"ground","position_xyz":[0.1,0.08,
+    0.0],"force":3.03,"has_force":true,"depth":1e-05}],"sensors":{"scan":{"time":0.0,"angle_min":-3.14,
+    "angle_increment":2.09,"range_min":0.0,"range_max":10.0,"ranges":[null,1.5,0.7]}}}
+    ```
+
+    The pose and the twist are those of the base link in the world frame; units are SI. Each JSON is one line, with
+    other keys to ignore. In `sensors`, null stands for inf (nothing in range), and 0 for -inf (too near); an image has
     `shape`, `type` and `base64`: bytes row by row, little-endian. With `links: [tool0]`, the line has `links`: name ->
-    `pose` and `twist`. Units are SI. Ignore unknown keys. The answer is one of these, or several together:
+    `pose` and `twist`. The answer is one of these, or several together:
 
     - `{}` or `null`: the last command stays in effect.
     - `{"twist": {"linear": 0.2, "angular": 0, "lateral": 0}}`: m/s and rad/s of the base, each 0 by default.

@@ -82,7 +82,7 @@ class ReplayCommands(CommandSource):
     log is read up to the damage, and after it where its index is good; lost messages are counted. A topic or a CSV file
     has at most 250,000 rows.
 
-    ROS logs need `pip install '.[rosbags]'` in a checkout of sim-action, and in a workflow the input `extras: rosbags`.
+    ROS logs need `pip install 'sim-action[rosbags]'`, and in a workflow the input `extras: rosbags`.
     """
 
     key: ClassVar[str] = "replay"

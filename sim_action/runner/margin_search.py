@@ -41,6 +41,7 @@ _MOST_LATENCY_S: Final = 1.0
 _MOST_NOISE: Final = 20.0
 _MOST_BIASES: Final = 5.0
 _MASSES: Final = (0.2, 5.0)
+_MOST_PAYLOAD_KG: Final = 100.0
 _LEAST_STRENGTH: Final = 0.01
 _MOST_PUSH: Final = 10.0
 _PUSH_M_S: Final = 2.0
@@ -119,22 +120,26 @@ def _friction(original: Original) -> Iterator[Factor]:
 
 def _payload(original: Original) -> Iterator[Factor]:
     model = original.loaded.model
+    links: dict[str, str] = {}
+    most = _MOST_PAYLOAD_KG
     if model is not None:
         masses = {each.name: each.mass for each in model.links if each.mass}
         moving = original.moving_link[0] if original.moving_link else model.root
         # Nothing bears a load at a link without a mass, such as the world.
-        link = moving if moving in masses else next(reversed(masses), moving)
-        mass = sum(masses.values())
+        links = {"link": moving if moving in masses else next(reversed(masses), moving)}
+        most = 2 * sum(masses.values())
 
-        def edits(value: float) -> Edits:
-            yield _added(original, ("world", "disturbances"), {"at": 0, "payload": value, "link": link})
+    def edits(value: float) -> Edits:
+        yield _added(original, ("world", "disturbances"), {"at": 0, "payload": value, **links})
 
-        yield Factor("payload", "kg", 0.0, 0.0, 2 * mass, edits)
+    # Only the child knows the links of a robot of xacro and MJCF.
+    if links or not original.is_fixed:
+        yield Factor("payload", "kg", 0.0, 0.0, most, edits)
 
 
 def _mass(original: Original) -> Iterator[Factor]:
-    if not original.scenario.robot.is_mjcf:
-        yield Factor("mass", "", 1.0, *_MASSES, is_mass=True)
+    del original
+    yield Factor("mass", "", 1.0, *_MASSES, is_mass=True)
 
 
 def _latency(original: Original) -> Iterator[Factor]:

@@ -314,10 +314,12 @@ def partners(names: Iterable[str]) -> dict[str, str]:
 
 
 def heavier(model: RobotModel, factor: float) -> RobotModel:
-    """Return a robot whose links all have their mass and inertia multiplied; not for MJCF."""
+    """Return a robot whose links all have their mass and inertia multiplied."""
+    links = tuple(link if link.mass is None else replace(link, mass=factor * link.mass) for link in model.links)
+    if model.mjcf is not None:
+        return replace(model, links=links, mjcf=replace(model.mjcf, heaviness=factor))
     root = ET.fromstring(model.urdf)  # noqa: S314 - the loader wrote this text
     for element in (*root.iterfind("link/inertial/mass"), *root.iterfind("link/inertial/inertia")):
         for name, value in element.attrib.items():
             element.set(name, repr(factor * float(value)))
-    links = tuple(link if link.mass is None else replace(link, mass=factor * link.mass) for link in model.links)
     return replace(model, links=links, urdf=ET.tostring(root, encoding="unicode"))

@@ -56,6 +56,38 @@ URDF = """<robot name="arm"><link name="world"/><link name="l"><inertial><origin
 <joint name="j" type="revolute"><parent link="world"/><child link="l"/><origin xyz="0 0 1"/><axis xyz="0 1 0"/>
 <limit lower="-3" upper="3" effort="10" velocity="9"/></joint></robot>"""
 HOLDS = 1.0 * G * 0.5
+# A controller of the speed that drives to a place 5 cm ahead, and whose error must not grow.
+TO_PLACE = """
+robot: {model: turtlebot3_burger}
+commands: {script: to_place.py, rate: 20 Hz}
+expect: [{stay_within: {x: [-0.05, 0.125]}}]
+duration: 60 s
+time_limit: 60 s
+"""
+SCRIPT = """from sim_action import Twist
+
+
+def control(observation):
+    return Twist.planar(2 * (0.05 - observation.pose.position_xyz[0]))
+"""
+# Commands are held for 50 ms, half of which delays them.
+GROWS = math.pi / 2 / 2 - 0.025
+PUSHED_XACRO = """
+robot: {model: box.urdf.xacro}
+world: {ground: {friction: 0.5}, disturbances: [{link: base, at: 0 s, for: 2 s, force: [3, 0, 0]}]}
+expect: [{travel: {at_least: 1 cm}}]
+time_limit: 2 s
+"""
+XACRO = """<robot name="box" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="m" value="0.3"/>
+<link name="base"><inertial><mass value="${m}"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><box size="0.4 0.4 0.02"/></geometry></collision></link>
+<gazebo reference="base"><mu1>1</mu1></gazebo></robot>"""
+MJCF = """<mujoco><worldbody><body name="l" pos="0 0 1"><joint name="j" axis="0 1 0" range="-170 170"/>
+<geom type="box" size="0.1 0.02 0.02" pos="0.4 0 0" mass="0.5" contype="0" conaffinity="0"/>
+<body name="tip" pos="0.6 0 0"><inertial pos="0 0 0" mass="0.5" diaginertia="0.01 0.01 0.01"/></body>
+</body></worldbody><actuator><position name="a" joint="j" kp="2000" kv="20" forcerange="-10 10"/></actuator></mujoco>"""
+FILES = {"arm.urdf": URDF, "arm.xml": MJCF, "box.urdf.xacro": XACRO, "to_place.py": SCRIPT}
 STRAIGHT = "{stay_within: {x: [-1, 0.7], y: [-0.2, 0.2]}}"
 
 PLANTED = {
@@ -85,6 +117,9 @@ PLANTED = {
     "payload that a motor cannot hold": (ARM, "payload", "up", 10 / (G * 0.5) - 1),
     "strength that a motor needs": (ARM, "motor-strength", "down", HOLDS / 10),
     "masses that a motor cannot hold": (ARM, "mass", "up", 10 / HOLDS),
+    "masses of MJCF that a motor cannot hold": (ARM.replace("arm.urdf", "arm.xml"), "mass", "up", 10 / HOLDS),
+    "payload with which a robot of xacro stands": (PUSHED_XACRO, "payload", "up", 3 / (0.5 * G) - 0.3),
+    "latency from which a controller oscillates": (TO_PLACE, "latency", "up", GROWS),
 }
 
 SHORT = ["friction at which a force moves a box", "strength that a motor needs"]
@@ -93,7 +128,8 @@ SHORT = ["friction at which a force moves a box", "strength that a motor needs"]
 def margins_of(folder: Path, text: str, *options: str, code: int = 0) -> list[dict[str, Any]]:
     path = folder / "one.sim.yml"
     # Runs of files that have just been written have no keys.
-    for file, content in ((path, f"name: one\n{text}"), (folder / "arm.urdf", URDF)):
+    needed = {folder / name: content for name, content in FILES.items() if name in text}
+    for file, content in {path: f"name: one\n{text}", **needed}.items():
         if not file.exists() or file.read_text() != content:
             file.write_text(content)
     results = folder / "results"
@@ -111,6 +147,8 @@ def margins_of(folder: Path, text: str, *options: str, code: int = 0) -> list[di
 )
 def test_planted_thresholds_are_found(tmp_path: Path, engine: str, case: str) -> None:
     pytest.importorskip(engine)
+    if "MJCF" in case and engine == "pybullet":
+        pytest.skip("MuJoCo alone reads MJCF")
     text, factor, direction, threshold = PLANTED[case]
     sides = margins_of(tmp_path, text, "--factor", factor, "--backend", engine)
     [side] = [each for each in sides if each["direction"] == direction]

@@ -214,7 +214,7 @@ def test_without_rosbags_loading_says_what_to_install(tmp_path: Path, monkeypatc
     )
     (tmp_path / "a.bag").write_bytes(b"not read")
     _, found = told_at(tmp_path, scenario(replay="a.bag", topic="/cmd_vel"))
-    assert "pip install '.[rosbags]'" in found
+    assert "pip install 'sim-action[rosbags]'" in found
     assert "extras: rosbags" in found
 
 

@@ -40,8 +40,8 @@ _ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
 _NOT_IN_PATHS: Final = ("?", "#", "%")
 FILES: Final = (".bag", ".bag.active", ".db3", ".mcap", ".db3.zstd", ".mcap.zstd")
 INSTALL_HINT: Final = (
-    "logs of ROS need the package rosbags, which is not installed: pip install '.[rosbags]', or in a workflow set "
-    "the input 'extras: rosbags'"
+    "logs of ROS need the package rosbags, which is not installed: pip install 'sim-action[rosbags]', or in a workflow "
+    "set the input 'extras: rosbags'"
 )
 
 

@@ -489,6 +489,13 @@ def add_native_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Colli
     for joint in list(robot.joints):
         if joint.type == mujoco.mjtJoint.mjJNT_FREE:
             robot.delete(joint)
+    if model.mjcf.heaviness != 1:
+        # Masses are those of geoms, or stated; NaN: not stated.
+        for geom in robot.geoms:
+            geom.density, geom.mass = model.mjcf.heaviness * geom.density, model.mjcf.heaviness * geom.mass
+        for body in robot.bodies:
+            for name in ("mass", "inertia", "fullinertia"):
+                setattr(body, name, model.mjcf.heaviness * getattr(body, name))
     colliders = [_skin(geom) for geom in robot.geoms if geom.contype or geom.conaffinity]
     for geom in robot.geoms:
         geom.contype = geom.conaffinity = 0

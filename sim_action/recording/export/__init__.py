@@ -67,7 +67,7 @@ def _refuse_without_packages(name: str, export: type[Export]) -> None:
         extra = export.extra
         raise UsageError(
             f"--record {name} needs a package that is not installed ({', '.join(missing)}): "
-            f"run pip install '.[{extra}]', or set the input 'extras: {extra}' in a workflow"
+            f"run pip install 'sim-action[{extra}]', or set the input 'extras: {extra}' in a workflow"
         )
 
 

@@ -134,6 +134,7 @@ class Mjcf:
         excluded: pairs of bodies that <exclude> lets pass through each other.
         paired: pairs of geoms that <pair> lets collide, whatever their contype and conaffinity.
         adhesion: name of an <adhesion> actuator -> its link, and the largest force in N.
+        heaviness: a factor of all masses and inertias.
     """
 
     text: str
@@ -146,6 +147,7 @@ class Mjcf:
     paired: frozenset[frozenset[str]] = frozenset()
     floor_look: FloorLook | None = None
     adhesion: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    heaviness: float = 1.0
 
 
 READINGS: Final = MappingProxyType(

@@ -171,7 +171,7 @@ def test_paths_that_no_log_can_be_read_from(tmp_path: Path) -> None:
 def test_without_rosbags_it_is_told_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = mcap_file(tmp_path / "a.mcap", drive(TWIST_MESSAGES))
     monkeypatch.setitem(sys.modules, "rosbags.rosbag1", None)
-    assert "pip install '.[rosbags]'" in told(path)
+    assert "pip install 'sim-action[rosbags]'" in told(path)
 
 
 @in_every_format
