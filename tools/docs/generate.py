@@ -38,7 +38,7 @@ BLOCKS: dict[str, Callable[..., str]] = {
     "first-scenario": scenario.first_scenario,
     "scenario-keys": scenario.scenario_keys,
     "expectation-keys": lambda: scenario.keys_table(ExpectationOptions),
-    "sensor-keys": lambda: scenario.keys_table(Mounting),
+    "sensor-keys": lambda: scenario.keys_table(Mounting, without=Transmission),
     "transmission-keys": lambda: scenario.keys_table(Transmission),
     "path-keys": lambda: scenario.keys_table(PathPoint),
     "disturbance-keys": lambda: scenario.keys_table(Disturbance),

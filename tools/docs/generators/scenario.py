@@ -208,9 +208,10 @@ def _excerpt(family: str, name: str) -> str:
     return f"From {links}:\n\n{fenced('yaml', ''.join(lines))}"
 
 
-def keys_table(model: type[BaseModel]) -> str:
-    """Return the list of a model's keys, its own ones first."""
-    return bullets(sorted(keys(model), key=lambda row: row[0] in _OF_EVERY_SOURCE))
+def keys_table(model: type[BaseModel], without: type[BaseModel] = BaseModel) -> str:
+    """Return the list of a model's keys that `without` lacks."""
+    elsewhere = {f"`{name}`" for name in without.model_fields}
+    return bullets(row for row in keys(model) if row[0] not in elsewhere)
 
 
 def keys(model: type[BaseModel], above: str = "") -> list[Key]:
