@@ -294,12 +294,12 @@ class TwoSidedMotion(DriveMotion):
 
         `separation` is the effective one in m; `most_change` is the change of a rim speed in m/s per step.
         """
-        self._left_gears, self._right_gears = left, right
+        self._gears = tuple(left.items()), tuple(right.items())
         self._half_separation = separation / 2
         self._most_change = most_change
         self._speeds = speeds
-        self._max_effort = {} if torque is None else dict.fromkeys((*left, *right), torque)
-        self._left = self._right = 0.0
+        self._torque = torque
+        self._rims = (0.0, 0.0)
         self._was_planar = True
         self._joints = frozenset((*left, *right))
 
@@ -316,30 +316,50 @@ class TwoSidedMotion(DriveMotion):
     @override
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
         self._was_planar &= is_planar(twist)
-        left, right = self._wanted(twist)
-        planned = []
-        for _ in range(steps):
-            before = (self._left, self._right)
-            self._left = ramp_towards(left, self._left, self._most_change)
-            self._right = ramp_towards(right, self._right, self._most_change)
-            planned.append(JointTargets({}, self._joint_speeds(self._left, self._right), {}, self._max_effort))
-            if before == (self._left, self._right):
-                break
-        return planned
+        rims = self._wanted(twist)
+        planned, self._rims = _ramp(
+            self._gears, self._torque, self._rims, rims, most_change=self._most_change, steps=steps
+        )
+        return list(planned)
 
-    def _wanted(self, twist: Twist) -> tuple[float, float]:
+    def _wanted(self, twist: Twist) -> _Rims:
         """Return the rim speeds on the left and right in m/s, within the limits of the motors."""
         turn = twist.angular_xyz[2] * self._half_separation
         left, right = twist.linear_xyz[0] - turn, twist.linear_xyz[0] + turn
-        share = self._speeds.told_share(self._joint_speeds(left, right))
-        return share * left, share * right
+        share = self._speeds.told_share(_joint_speeds(self._gears, left, right))
+        # Adding 0 turns a negative zero into 0, so that equal speeds have the same ramp.
+        return share * left + 0.0, share * right + 0.0
 
-    def _joint_speeds(self, left: float, right: float) -> dict[str, float]:
-        """Return joint speeds in rad/s, for rim speeds in m/s."""
-        speeds = {name: left / gear for name, gear in self._left_gears.items()}
-        for name, gear in self._right_gears.items():
-            speeds[name] = right / gear
-        return speeds
+
+# Of the left and the right side.
+_Gears = tuple[tuple[tuple[str, float], ...], tuple[tuple[str, float], ...]]
+_Rims = tuple[float, float]
+
+
+# Runs of a sweep ask for the same ramps.
+@lru_cache(maxsize=32)
+def _ramp(
+    gears: _Gears, torque: float | None, start: _Rims, wanted: _Rims, *, most_change: float, steps: int
+) -> tuple[tuple[JointTargets, ...], _Rims]:
+    """Return the targets until both rim speeds in m/s are reached, for `steps` at most, and the last rim speeds."""
+    limits = {} if torque is None else {name: torque for side in gears for name, _ in side}
+    planned, rims = [], start
+    for _ in range(steps):
+        before = rims
+        rims = (
+            ramp_towards(wanted[0], before[0], most_change),
+            ramp_towards(wanted[1], before[1], most_change),
+        )
+        planned.append(JointTargets({}, _joint_speeds(gears, *rims), {}, limits))
+        if before == rims:
+            break
+    return tuple(planned), rims
+
+
+def _joint_speeds(gears: _Gears, left: float, right: float) -> dict[str, float]:
+    """Return joint speeds in rad/s, for rim speeds in m/s."""
+    of_left, of_right = gears
+    return {name: left / gear for name, gear in of_left} | {name: right / gear for name, gear in of_right}
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import cached_property
 from itertools import pairwise
 from typing import Final
 
@@ -176,7 +177,7 @@ class ClearanceRecorder:
         self._watches = [_WatchState(watch, everything if watch.bodies is None else watch.bodies) for watch in watches]
         steps = (first_step(time, self._rate) for time in channels.openings | {0.0})
         self._openings = sorted(set(steps), reverse=True)
-        self._robot, self._travel = RobotMotionBound(scene.model, radii), 0.0
+        self._model, self._radii, self._travel = scene.model, radii, 0.0
         # Travel in m at which any watch is due again.
         self._next = math.inf
         watched = {body for watch_state in self._watches for body in watch_state.names}
@@ -187,6 +188,11 @@ class ClearanceRecorder:
     def open_at(self, time: float) -> None:
         """Begin all observations again at a later sim time in s."""
         self._openings = sorted({*self._openings, first_step(time, self._rate)}, reverse=True)
+
+    @cached_property
+    def _robot(self) -> RobotMotionBound:
+        # Few runs need it.
+        return RobotMotionBound(self._model, self._radii)
 
     @property
     def is_idle(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import cached_property
 from itertools import groupby
 from typing import Final
 
@@ -19,7 +20,7 @@ from sim_action.world.claims import AuditWarning
 _NO_MARGIN: Final = -1.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ScenarioGroup:
     """The outcomes of one scenario in call order: one for each variation, or exactly one.
 
@@ -112,7 +113,7 @@ class ScenarioGroup:
             for expected, run, runs in worst
         )
 
-    @property
+    @cached_property
     def worst(self) -> Outcome:
         """The worst outcome by status; among equals, the one with the smallest relative margin."""
         return self.outcomes[0] if len(self.outcomes) == 1 else min(self.outcomes, key=_badness)

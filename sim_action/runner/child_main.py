@@ -90,14 +90,15 @@ def become_child(files: ChildFiles, progress_descriptor: int) -> None:
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
-def run_job(job: Job, files: ChildFiles, progress_descriptor: int) -> bool:
-    """Run the scenario in this process, and write its outcome.
+def run_job(job: Job, files: ChildFiles, progress_descriptor: int, *, is_first: bool = True) -> bool:
+    """Run the scenario in this process, and write its outcome. The parent hears that the first job here begins.
 
     Return True if it ended normally: nothing that this process did before can have changed the outcome.
     """
     started = time.perf_counter()
-    writer, progress = OutcomeWriter(files.outcome), _Progress(progress_descriptor)
-    progress.say(BEGUN)
+    writer, progress = OutcomeWriter(files.outcome), _Progress(progress_descriptor, job.loaded.scenario)
+    if is_first:
+        progress.say(BEGUN)
     remove_earlier(job)
     if job.deadline is not None and job.loaded.scenario.python_files:
         dump_stack_before(job.deadline, files.stack_dump)
@@ -176,11 +177,11 @@ def exit_child() -> NoReturn:
 
 
 class _Progress:
-    """Writes sim times to the parent's pipe, at most every 0.1 s."""
+    """Writes sim times to the parent's pipe, at most every 0.1 s; a short run without user code writes none."""
 
-    def __init__(self, descriptor: int) -> None:
+    def __init__(self, descriptor: int, scenario: Scenario) -> None:
         self.descriptor = descriptor
-        self._next = 0.0
+        self._next = 0.0 if scenario.runs_user_code else time.perf_counter() + _PROGRESS_PERIOD_S
 
     def __call__(self, sim_time: float) -> None:
         if time.perf_counter() < self._next:

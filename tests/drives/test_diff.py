@@ -274,6 +274,18 @@ def test_no_step_changes_a_rim_by_more_than_the_acceleration(
             before = now
 
 
+@pytest.mark.parametrize("zero", [0.0, -0.0])
+def test_runs_that_share_a_ramp_do_not_depend_on_each_other(zero: float) -> None:
+    first, second = (BURGER.open(burger(), 240) for _ in range(2))
+    there = first.targets(Twist((1.0, 0.0, 0.0), (0.0, 0.0, zero)), 10)
+    there.clear()
+    again = second.targets(Twist((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)), 10)
+    assert len(again) == 10
+    assert rims(again[-1]) == pytest.approx((10 / 240, 10 / 240))
+    (stopped,) = DiffDrive(left=(LEFT,), right=(RIGHT,)).open(burger(), 240).targets(Twist((zero, zero, zero)), 5)
+    assert [math.copysign(1.0, speed) for speed in stopped.velocity.values()] == [1.0, 1.0]
+
+
 @pytest.mark.parametrize(
     "spec",
     [

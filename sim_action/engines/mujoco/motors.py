@@ -104,7 +104,7 @@ class Motors:
             # A drive gives the same joints another speed at each step of its ramp.
             for number, speed in zip(self._numbers_before, velocity.values(), strict=True):
                 self._target[number] = float(speed)
-            self._aim()
+            self._turn()
             return
         self._apply(targets)
         self._turned_before = None if others or self._is_native else [*velocity]
@@ -223,22 +223,22 @@ class Motors:
         in_order = len(self._motors) == len(modes) and not self._no_motors.size
         self._all_rows = self._exerting[1] if in_order else None
         both = list(zip(rows.tolist(), self._motors.tolist(), strict=True))
-        turned = [(row, number) for row, number in both if modes[number] == _VELOCITY]
-        self._turned = [row for row, _ in turned], [number for _, number in turned]
+        self._turned = [(row, number) for row, number in both if modes[number] == _VELOCITY]
         places = self._qpos.tolist()
         self._held = [(row, number, places[number]) for row, number in both if modes[number] == _POSITION]
         self._aim()
 
+    def _turn(self) -> None:
+        """Find (row, bias) of velocity motors."""
+        target, damping = self._target, self._damping
+        turning = [(row, damping * target[number]) for row, number in self._turned]
+        # Adding 0 would change the sign of zeros.
+        self._turning = turning if self._held or any(bias for _, bias in turning) else []
+
     def _aim(self) -> None:
         """Find (row, bias) of velocity motors, and (row, index in qpos, goal, speed ahead, limit, joint) of servos."""
-        target, damping = self._target, self._damping
-        rows, turned = self._turned
-        biases = [damping * target[number] for number in turned]
-        # Adding 0 would change the sign of zeros.
-        self._turning = list(zip(rows, biases, strict=True)) if self._held or any(biases) else []
-        if not self._held:
-            self._holding, self._damped = [], []
-            return
+        target = self._target
+        self._turn()
         # Targets are clipped to the joint limits, because MuJoCo's limits are soft.
         self._holding = [
             (row, at, min(max(target[n], self._lower[n]), self._upper[n]), self._ahead[n], self._max_velocity[n], n)
@@ -289,6 +289,8 @@ class Actuators:
         for number, kind in enumerate(map(self.kind, range(len(self._joints)))):
             if kind == "position":
                 self._aim(number)
+        if not self._model.nactuator:
+            return
         self._hold_others()
         for name, own in controls.items():
             first = self._controls[self._model.actuator(compiled.name(name)).id]

@@ -313,11 +313,11 @@ def files_of_child() -> Iterator[tuple[tempfile.TemporaryDirectory[str], MemoryF
         undone.pop_all()
 
 
-def run_in_fork(job: Job, files: ChildFiles, writer: int) -> bool:
+def run_in_fork(job: Job, files: ChildFiles, writer: int, *, is_first: bool = True) -> bool:
     """Run a job in a fork, see `run_job`."""
     # Python warns once at each line: a run, or a caller, that did so before must not hide it.
     with warnings.catch_warnings():
-        return run_job(job, files, writer)
+        return run_job(job, files, writer, is_first=is_first)
 
 
 def fork(run: Callable[[ChildFiles, int], object], job: Job, files: MemoryFiles, writer: int) -> int:
@@ -518,7 +518,7 @@ def _kind(job: Job) -> object:
 def _serve(job_of: Callable[[int], Job], index: int, files: ChildFiles, channel: int) -> None:
     """Run one job after the other, until one does not end normally, or this process has run enough of them."""
     for run in range(1, MAX_RUNS + 1):
-        is_normal = run_in_fork(job_of(index), files, channel)
+        is_normal = run_in_fork(job_of(index), files, channel, is_first=run == 1)
         flush_output()
         if not is_normal:
             return
