@@ -42,7 +42,7 @@ def changed(folder: Path, *pairs: tuple[str, str]) -> None:
 
 
 def ran(folder: Path, *arguments: str, code: int = 0) -> subprocess.CompletedProcess[str]:
-    found = sim_action(folder, "run", "corner.sim.yml", *arguments, COLUMNS="120")
+    found = sim_action(folder, "run", "--no-report", "corner.sim.yml", *arguments, COLUMNS="120")
     assert found.returncode == code, found.stdout + found.stderr
     return found
 

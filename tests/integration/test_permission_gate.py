@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Mapping
+from itertools import product
 from pathlib import Path
 from typing import Final
 from xml.sax.saxutils import quoteattr
@@ -218,8 +219,13 @@ NODES: Final = {
 SOME_EVENTS: Final = ("pull_request_target", "push", "pull_request_review", "false")
 
 
-@pytest.mark.parametrize("name", GATED)
-@pytest.mark.parametrize("event", soaked(sorted(PRIVILEGED_EVENTS | set(SOME_EVENTS)), short=SOME_EVENTS))
+@pytest.mark.parametrize(
+    ("name", "event"),
+    soaked(
+        product(GATED, sorted(PRIVILEGED_EVENTS | set(SOME_EVENTS))),
+        short=[*product(GATED, ("pull_request_target", "false")), *product(["run"], SOME_EVENTS[1:3])],
+    ),
+)
 def test_code_is_refused(
     name: str, event: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -116,7 +116,6 @@ def test_the_mover_comes_as_far_as_physics_says_however_busy_the_machine_is(
 
 
 @pytest.mark.soak
-@pytest.mark.soak
 def test_a_closed_loop_is_the_same_however_busy_the_machine_is(tmp_path: Path) -> None:
     idle_and_busy(tmp_path, "go_to_point", 3, 3)
 
@@ -224,24 +223,6 @@ def test_what_goes_wrong_is_named(file: str, old: str, new: str, causes: list[st
     assert all(cause in " ".join((*said, *outcome.notes)) for cause in causes), (said, outcome.notes)
     suites = JUnitXml.fromfile(str(tmp_path / "sim-results/junit.xml"))
     assert (suites.failures or 0) + (suites.errors or 0) == 1
-
-
-# Of the same lock-step as tests/integration/test_ros1_scenarios.py, which has it in `make test`.
-@pytest.mark.soak
-def test_a_node_that_never_waits_costs_lock_step_and_that_is_told(tmp_path: Path) -> None:
-    workspace = copied(tmp_path)
-    spinning = "import threading\n\n\ndef spin():\n    while True:\n        pass\n\n\nimport rospy"
-    changed(workspace / MOVER, "import rospy", spinning)
-    changed(workspace / MOVER, "    rate =", "    threading.Thread(target=spin, daemon=True).start()\n    rate =")
-    changed(workspace / TEST, "self.way < 1.5", "self.way < 0.1")
-    changed(workspace / TEST, "self.way, 1.5", "self.way, 0.1")
-
-    findings = example(tmp_path / "run", "mover", workspace)
-
-    run = told(findings)
-    assert not run.in_step
-    assert "the node 'mover' was still busy" in run.claims["not-reproducible"]
-    assert run.end == "test finished", findings.text
 
 
 @pytest.mark.soak

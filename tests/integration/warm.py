@@ -106,9 +106,13 @@ def _serve() -> None:
         print(os.waitstatus_to_exitcode(status), file=answers, flush=True)
 
 
+# What few calls need, and takes long to import.
+_LATER: Final = ("sim_action.ros.", "sim_action.runner.cluster.")
+
+
 def _import_everything() -> None:
     for module in pkgutil.walk_packages(sim_action.__path__, "sim_action."):
-        if not module.name.startswith("sim_action.ros.") and not module.name.endswith("__main__"):
+        if not module.name.startswith(_LATER) and not module.name.endswith("__main__"):
             # Without an optional package, or on another system, some modules cannot be imported.
             with suppress(ImportError, AssertionError):
                 importlib.import_module(module.name)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.integration.github import ActionResult, UnsupportedFeature, base_python
+from tests.integration.github import ActionResult, UnsupportedFeature
 from tests.integration.github.conftest import Act
 
 OTHER = "actions/setup-python@5fda3b95a4ea91299a34e894583c3862153e4b97"
@@ -171,10 +171,6 @@ def test_names_of_steps_that_have_none(act: Act) -> None:
     steps = run("true") + "    - shell: bash\n      run: |\n        true ${{\n        '1' }}\n"
     steps += f"    - {{uses: {OTHER}, with: {{python-version: '3.11'}}}}\n"
     assert act(action(steps)).steps == ("Run true", "Run true 1", f"Run {OTHER}")
-
-
-def test_base_python_is_what_the_action_asks_for() -> None:
-    assert base_python().is_file()
 
 
 @pytest.mark.parametrize(
