@@ -125,9 +125,10 @@ class LoadedRobot(RobotQueries):
     def collect(self) -> Trace:
         return self._states.collect()
 
-    def keep(self, step: int) -> None:
-        """Keep the present state as that of a step."""
-        self._states.keep(step)
+    @property
+    def keep(self) -> Callable[[int], None]:
+        """The function that keeps the present state as that of a step; it is called at every step."""
+        return self._states.keep
 
     def last_place(self) -> tuple[Sequence[float], Sequence[float]]:
         """Return the pose (7,) of the centre of mass of the base and the joint positions (J,) of the last step."""
