@@ -142,8 +142,8 @@ def robot_parts(model: RobotModel, colour: Colour = ROBOT) -> Iterator[Part]:
 def world_parts(scene: Scene) -> Iterator[Part]:
     """Yield the bodies of the world, without the ground, and the links of other robots as NAME/LINK."""
     for name, actor in scene.actors.items():
-        for part in robot_parts(actor.model, ACTOR):
-            yield Part(f"{name}/{part.owner}", part.solid, part.pose, part.colour)
+        for own in robot_parts(actor.model, ACTOR):
+            yield Part(f"{name}/{own.owner}", own.solid, own.pose, own.colour)
     for number, body in enumerate(scene.world.objects):
         colour = body.color or PALETTE[number % len(PALETTE)]
         for part in scene.parts_of(body):
