@@ -39,7 +39,7 @@ _ROUNDING: Final = 1e-9
 # The least ratio of two differences that shows a convergence: that of an order of 1/4.
 _LEAST_RATIO: Final = 2**0.25
 # Motions diverge if they differ by this share of their range; smaller ranges in m or rad count as this one.
-_DIVERGENT: Final = 0.25
+_DIVERGENT: Final = 0.5
 _LEAST_RANGE: Final = 0.1
 
 
