@@ -39,6 +39,7 @@ from tests.commands.logs.bags import (
     stamped,
     twist,
 )
+from tests.fuzz.damage import damaged
 from tests.soak import soaked
 
 TimedContent = tuple[float, Content]
@@ -197,7 +198,8 @@ def test_damaged_logs_are_logs_or_an_error_for_people(log: str, tmp_path: Path) 
         path = tmp_path / f"{trial}-{log}"
         (shutil.copytree if whole.is_dir() else shutil.copy)(whole, path)
         victims = sorted(path.iterdir()) if path.is_dir() else [path]
-        damage(draw.choice(victims), draw)
+        victim = draw.choice(victims)
+        victim.write_bytes(damaged(victim.read_bytes(), draw))
         try:
             moments = read(path)
         except RecordingError as error:
@@ -207,20 +209,6 @@ def test_damaged_logs_are_logs_or_an_error_for_people(log: str, tmp_path: Path) 
             assert isinstance(error.__context__, MemoryError)  # noqa: PT017 - as above
         else:
             assert moments
-
-
-def damage(path: Path, draw: random.Random) -> None:
-    data = bytearray(path.read_bytes())
-    match draw.randrange(3):
-        case 0:
-            del data[draw.randrange(len(data)) :]
-        case 1:
-            place = draw.randrange(len(data))
-            del data[place : place + draw.randrange(1, 64)]
-        case _:
-            for _ in range(draw.randrange(1, 8)):
-                data[draw.randrange(len(data))] = draw.choice((0, 255, draw.randrange(256)))
-    path.write_bytes(data)
 
 
 both_generations = pytest.mark.parametrize("store", [ROS1, ROS2], ids=["ros1", "ros2"])

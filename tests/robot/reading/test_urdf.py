@@ -21,6 +21,8 @@ from sim_action.robot.documents.packages import Packages
 from sim_action.robot.model.kinematics import link_poses
 from sim_action.robot.model.robot_model import RobotModel, Shape
 from sim_action.robot.reading.urdf import read_urdf
+from tests.fuzz.damage import damaged
+from tests.fuzz.urdf_damage import mutated
 from tests.robot.bad_models import GOOD
 from tests.ros_workspace import written
 from tests.soak import examples
@@ -242,45 +244,15 @@ def test_links_of_meshes_in_a_circle_are_no_files(tmp_path: Path) -> None:
     assert re.search("'a' (is not a valid path|does not exist)", str(error))
 
 
-def mutated(text: str, seed: int) -> bytes:
-    """The text with a few things deleted, doubled, exchanged or made up."""
-    rng = random.Random(seed)
-    data = bytearray(text.encode())
-    numbers = ["0.5", "2", "1 0 0", "0.1 0.2 0.3", "nan", "1e999", "-0", "", "0 0 0", "1e-320", "\u0661"]
-    numbers += ["x" * 50, "${x}", "base_footprint"]
-    for _ in range(rng.choice((1, 1, 1, 2, 4))):
-        start = rng.randrange(len(data))
-        end = min(len(data), start + rng.choice([1, 3, 20, 60]))
-        match rng.randrange(7):
-            case 0:
-                del data[start:end]
-            case 1:
-                data[start:start] = data[start:end]
-            case 2:
-                data[start] = rng.randrange(256)
-            case 3:
-                quote = data.find(b'"', start)
-                close = data.find(b'"', quote + 1)
-                data[quote + 1 : close] = rng.choice(numbers).encode()
-            case 4 | 5:
-                after = data.find(b">", start) + 1
-                data[after:after] = rng.choice((b"\n", b"\t ", b"<!-- c -->", b"<gazebo/>"))
-            case _:
-                lines = bytes(data).split(b"\n")
-                rng.shuffle(lines) if rng.random() < 0.1 else lines.pop(rng.randrange(len(lines)))
-                data = bytearray(b"\n".join(lines))
-        if not data:
-            break
-    return bytes(data)
-
-
 @examples(120)
 @given(st.sampled_from([BURGER, ARM]), st.integers(0, 2**32 - 1))
 def test_a_damaged_model_is_a_model_or_a_model_error(
     tmp_path_factory: pytest.TempPathFactory, text: str, seed: int
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "damaged.urdf"
-    path.write_bytes(mutated(text, seed))
+    chance = random.Random(seed)
+    data = mutated(text, chance).encode("utf-8", "surrogatepass")
+    path.write_bytes(data if seed % 2 else damaged(data, chance))
     try:
         model = read_urdf(path)
     except ModelError as error:
