@@ -18,6 +18,7 @@ ENGINES: Final = frozenset(
     {"from_file", "from_xml_path", "from_zip", "loadURDF", "loadSDF", "loadMJCF", "loadBullet", "loadTexture"}
 )
 """Functions of engines that open files themselves."""
+WATCHED: Final = READERS | ENGINES | {"from_string"}
 
 GATED: Final = {
     "assertions/follow_path.py": "Workspace.file",
@@ -84,10 +85,11 @@ CODE: Final = "ros/"
 
 @functools.cache
 def calls() -> dict[str, frozenset[str]]:
-    """Return the names of the functions and methods that each module calls."""
+    """Return the names of the functions and methods that each module calls, if it has a watched one."""
     found = {}
     for path in PACKAGE.rglob("*.py"):
-        tree = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        text = path.read_text(encoding="utf-8")
+        tree = ast.walk(ast.parse(text)) if any(name in text for name in WATCHED) else ()
         called = [node.func for node in tree if isinstance(node, ast.Call)]
         names = (call.attr if isinstance(call, ast.Attribute) else getattr(call, "id", "") for call in called)
         found[path.relative_to(PACKAGE).as_posix()] = frozenset(names)

@@ -21,19 +21,12 @@ from sim_action.reports.junit import write_junit
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.reports.terminal import print_results
 from sim_action.results.comparison import compare_outcomes
-from sim_action.results.outcome import Measurement, Outcome
+from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from tests.outcomes import like
-from tests.reports.samples import SAMPLES
+from tests.reports.samples import APART, SAMPLES
 
 ENGINE = "mujoco 4.0.1"
-APART = Measurement(
-    name="distance to pybullet 3.2.7",
-    measured=0.00212,
-    unit="m",
-    time=0.52,
-    message="position differs from pybullet 3.2.7 by at most 0.00212 m, at 0.52 s",
-)
 
 
 def terminal(results: Results, options: ReportOptions) -> str:

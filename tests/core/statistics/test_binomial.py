@@ -367,7 +367,7 @@ def test_the_interval_of_a_skewed_mean_reaches_further_to_the_long_tail() -> Non
 def test_the_interval_of_a_mean_covers_it(
     draw: Callable[[np.random.Generator], np.ndarray], mean: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sim_action.core.statistics.binomial.RESAMPLES", 1_000)
+    monkeypatch.setattr("sim_action.core.statistics.binomial.RESAMPLES", 400)
     draws = np.random.default_rng(26)
     intervals = [paired_bootstrap(draw(draws).tolist(), 0.95) for _ in range(100)]
     assert sum(each.low <= mean <= each.high for each in intervals) >= 88

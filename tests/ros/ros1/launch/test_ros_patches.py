@@ -83,14 +83,14 @@ class Late(unittest.TestCase):
 
     def test_who_publishes_is_heard_as_soon(self):
         driven()
-        came = [driven() for _ in range(10)]
+        came = [driven() for _ in range(5)]
         self.assertGreater(min(came), 0.07)
         self.assertLess(max(came) - min(came), 0.0005)
 
     def test_who_listens_hears_as_much(self):
         # 0.9 s are a multiple of what is between two messages.
-        first, *others = [heard() for _ in range(8)]
-        self.assertEqual(others, [first] * 7)
+        first, *others = [heard() for _ in range(5)]
+        self.assertEqual(others, [first] * 4)
 
     def test_small_messages_are_not_held_back(self):
         publisher = rospy.Publisher("/late", Twist, queue_size=1)
