@@ -238,6 +238,7 @@ _MAX_GUIDE_KEYS: Final = 16
 """A part with more keys has only its required ones in the guide."""
 
 _LEFT_TO_EXPLAIN: Final = (
+    *("world.actors[].", "world.objects[].pace[].", "world.objects[].surface_velocity.", "events"),
     *("agreement", "allow", "commands", "environment", "expect", "extends", "memory_limit", "name", "output_limit"),
     *("robot.allow", "robot.args", "robot.keyframe", "robot.packages", "robot.srdf", "scenarios", "sensors", "tags"),
     *("trace", "unexercised", "version", "wall_limit", "gate.stop_early", "gate.quantile", "gate.errors"),
