@@ -282,12 +282,12 @@ def test_the_engine_is_asked_seldom(engine: str, monkeypatch: pytest.MonkeyPatch
     asked: list[str] = []
     original: Any = ClearanceRecorder.__init__
 
-    def counting(self: Any, *asks_for: Any, near: Any, body_at: Any) -> None:
+    def counting(self: Any, *asks_for: Any, near: Any, **others: Any) -> None:
         def ask(body: str, links: Any, within: float) -> Any:
             asked.append(body)
             return near(body, links, within)
 
-        original(self, *asks_for, near=ask, body_at=body_at)
+        original(self, *asks_for, near=ask, **others)
 
     monkeypatch.setattr(ClearanceRecorder, "__init__", counting)
     steps = len(driven(engine, [LEAST]))
