@@ -21,7 +21,7 @@ from sim_action.drives import DRIVES
 from sim_action.results.proof import Proof
 from sim_action.results.results_json import Results
 from sim_action.scenario.events import Action, ConditionOptions, EventKeys
-from sim_action.scenario.model import ExpectationOptions, Scenario
+from sim_action.scenario.model import DrivenActor, ExpectationOptions, Scenario
 from sim_action.sensors import SENSORS, Mounting
 
 SITE: Final = "https://sim-action.github.io/sim-action"
@@ -128,6 +128,7 @@ def _for_editors(added: Added) -> tuple[Schema, EditorSchemas]:
     several = {"type": "array", "items": {"$ref": "#/$defs/CommandSource"}}
     commands = {"description": description, "anyOf": [several, {"$ref": "#/$defs/CommandSource"}]}
     scenario["properties"]["commands"] = commands
+    definitions[DrivenActor.__name__]["properties"]["commands"] = commands
     return scenario, EditorSchemas(definitions)
 
 
@@ -176,6 +177,14 @@ def _models(added: Added = MappingProxyType({})) -> tuple[Schema, Schema]:
     _let_world_name_robot(scenario, definitions["DrivenRobot"])
     robot = definitions["DrivenRobot"]["properties"]
     robot["drive"] = {"description": robot["drive"]["description"], **_choice(_drive_keys())}
+    actor = definitions[DrivenActor.__name__]["properties"]
+    several = _list(actor["sensors"]["description"], {"$ref": "#/$defs/Sensor"})
+    described = several.pop("description")
+    actor |= {
+        "drive": robot["drive"],
+        "commands": scenario["properties"]["commands"],
+        "sensors": {"description": described, "anyOf": [several, {"enum": ["standard"]}]},
+    }
     return scenario, definitions
 
 

@@ -76,7 +76,7 @@ def checked(
     `evaluate` allows models that run code: xacro, and MJCF, which native code reads. Such models are otherwise only
     read in the scenario's own process. Raises InvalidScenario with all problems.
     """
-    document, problems = source.document, ()
+    document, problems = source.document, tuple[Problem, ...]()
     if isinstance(document.data, dict) and "ego" in document.data:
         from sim_action.scenario.roles import with_roles  # few scenarios turn the roles round
 

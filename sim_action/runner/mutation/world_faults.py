@@ -15,6 +15,7 @@ from sim_action.core.geometry import Box, Pose, compose, multiply, quaternion_fr
 from sim_action.core.records import replace
 from sim_action.robot.model.kinematics import link_poses, robot_box, shape_box
 from sim_action.runner.mutation.mutant import Mutant, Original, lengths
+from sim_action.scenario.model import DrivenActor
 from sim_action.world import Body, Disturbance, World
 from sim_action.world.body import placed
 from sim_action.world.parts import lowest
@@ -59,11 +60,11 @@ def removed(original: Original) -> Iterator[Mutant]:
             yield _with_objects(original, "removed", body.name, f"the object '{body.name}' is missing", others)
     world = original.scenario.world
     for actor in world.actors[:MOST_OBJECTS]:
-        words, instead = f"the robot '{actor.name}' is missing", ()
+        words, instead = f"the robot '{actor.name}' is missing", list[DrivenActor]()
         if _is_named(original, actor.name):
-            words, instead = f"the robot '{actor.name}' gets no commands", (actor.model_copy(update={"commands": ()}),)
+            words, instead = f"the robot '{actor.name}' gets no commands", [actor.model_copy(update={"commands": ()})]
         if not instead or actor.commands:
-            several = ((*instead,) if each is actor else (each,) for each in world.actors)
+            several = (instead if each is actor else [each] for each in world.actors)
             changed = world.model_copy(update={"actors": tuple(chain.from_iterable(several))})
             yield _in_world(original, "removed", actor.name, words, changed)
 
