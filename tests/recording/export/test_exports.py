@@ -51,7 +51,9 @@ def test_a_package_that_is_missing_is_told_with_how_to_come_by_it(
 
     monkeypatch.setattr(exports, "find_spec", find_spec)
     assert wanted_formats(["csv"]) == ("csv",)
-    with pytest.raises(UsageError, match=rf"record {name}.*{package}.*pip install '.\[{extra}\]'.*extras: {extra}"):
+    with pytest.raises(
+        UsageError, match=rf"record {name}.*{package}.*pip install 'sim-action\[{extra}\]'.*extras: {extra}"
+    ):
         wanted_formats(["csv", name])
 
 
