@@ -353,7 +353,7 @@ def test_a_runner_gets_utf_8_whatever_the_code_page_of_the_console_is(tmp_path: 
         check=False,
     )
     assert ran.returncode == 2
-    assert "✗ ✓  ✓.sim.yml" in ran.stdout.decode("utf-8")
+    assert "‼ ✓  ✓.sim.yml" in ran.stdout.decode("utf-8")
     assert b"\r" not in ran.stdout + ran.stderr
 
 

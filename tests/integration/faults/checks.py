@@ -17,7 +17,7 @@ from tests.integration.faults.injection import Fault, Run, sim_action
 from tests.integration.faults.suite import SUFFIX
 
 _JUDGED: Final = frozenset({"passed", "failed"})
-_ON_TERMINAL: Final = re.compile(r"^(✓|✗|passed|failed|error) {1,2}(\w.*?)(?:  .*)?$(?=(?:\n(.*))?)", re.MULTILINE)
+_ON_TERMINAL: Final = re.compile(r"^(✓|✗|‼|passed|failed|error) {1,2}(\w.*?)(?:  .*)?$", re.MULTILINE)
 _ON_PROGRESS: Final = re.compile(r"^\[\d+/\d+\] (\w+) +(.+?)(?:  .*)?$", re.MULTILINE)
 
 
@@ -202,10 +202,8 @@ def _journal(folder: Path, event: str = "finished") -> dict[str, Any]:
 def _printed(run: Run) -> dict[str, Any]:
     """Return the outcomes on standard output: the name and the status of each scenario."""
     found: dict[str, dict[str, str]] = {}
-    for symbol, name, below in _ON_TERMINAL.findall(run.printed):
-        # The same symbol stands for an error; a failed scenario has an expectation that failed.
-        failed = "failed" if below.startswith("  ✗") else "error"
-        found[name.removesuffix(SUFFIX)] = {"status": {"✓": "passed", "✗": failed}.get(symbol, symbol)}
+    for symbol, name in _ON_TERMINAL.findall(run.printed):
+        found[name.removesuffix(SUFFIX)] = {"status": {"✓": "passed", "✗": "failed", "‼": "error"}.get(symbol, symbol)}
     return found
 
 
