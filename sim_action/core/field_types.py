@@ -57,9 +57,6 @@ class FrozenModel(BaseModel, metaclass=_model_type()):  # type: ignore[metaclass
     # model_construct(), which needs no validator.
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, defer_build=True)
 
-    # Keys of other tools -> the advice for those who write them here.
-    foreign_keys: ClassVar[Mapping[str, str]] = {}
-
 
 BARE_ANGLE_RULE: Final = "bare angle rule"
 """The key, in a context of pydantic, of the rule that refuses angles without a unit beyond one turn."""

@@ -243,6 +243,8 @@ class Scenario(FrozenModel):
     The loader has already resolved `scenarios`, `variations` and `extends`.
     """
 
+    # Keys of other tools -> the advice for those who write them here. In the base class of all models, pydantic would
+    # read the annotation once for each of them.
     foreign_keys: ClassVar[Mapping[str, str]] = {
         "robots": "the robot under test is 'robot', and 'world.actors' has the others"
     }
