@@ -27,8 +27,10 @@ def with_roles(document: Document) -> tuple[Document, tuple[Problem, ...]]:
         return document, ()
     actors, name = actors_of(data), data[KEY]
     known = [actor["name"] for actor in actors or () if isinstance(actor, dict) and isinstance(actor.get("name"), str)]
-    if name not in known or not isinstance(former := data.get("robot"), dict):
-        hint = did_you_mean(str(name), known) if known else "; the world has no 'actors'"
+    if not isinstance(name, str) or not isinstance(former := data.get("robot"), dict):
+        return document, ()  # the reader of keys reports it
+    if name not in known:
+        hint = did_you_mean(name, known) if known else "; the world has no 'actors'"
         return document, (document.problem((KEY,), f"there is no robot '{name}' in world.actors{hint}"),)
     index = next(number for number, actor in enumerate(actors) if isinstance(actor, dict) and actor.get("name") == name)
     chosen, at = actors[index], ("world", "actors", index)

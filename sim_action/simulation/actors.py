@@ -10,17 +10,18 @@ import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from itertools import chain
+from typing import Final
 
 import numpy as np
 from typing_extensions import override
 
-from sim_action.core.errors import BadSource, ControllersFinished, RunError, ScriptError, SimulationUnstable
+from sim_action.core.errors import BadSource, ControllersFinished, RunError, ScriptError
 from sim_action.core.records import replace
 from sim_action.engines.engine import Engine, RobotQueries
 from sim_action.robot.model.link_motion import link_motion
 from sim_action.scenario.model import DrivenActor, Scenario
 from sim_action.simulation.controllers import Controls
-from sim_action.simulation.guards import NO_BODIES, Guard, Watchdog
+from sim_action.simulation.guards import NO_BODIES, Guard, Tunnelling, Watchdog
 from sim_action.simulation.sensors import Sensing
 from sim_action.simulation.start_checks import about_drive, drive_of
 from sim_action.state.command import JointTargets
@@ -39,6 +40,15 @@ def prepared(scenario: Scenario, scene: Scene) -> Scene:
     return replace(scene, actors=actors)
 
 
+_NO_POSES: Final = np.empty((1, 0, 7))
+
+
+def _unmoved(scene: Scene) -> Scene:
+    """Return a scene with the fixed bodies alone."""
+    fixed = tuple(body for body in scene.world.objects if body.mass is None and not body.path)
+    return replace(scene, world=scene.world.model_copy(update={"objects": fixed}))
+
+
 class _Actor:
     """One of the other robots.
 
@@ -47,7 +57,9 @@ class _Actor:
         events: of the scenario, with what they start and stop of it.
     """
 
-    def __init__(self, spec: DrivenActor, scenario: Scenario, scene: Scene, robot: RobotQueries) -> None:
+    def __init__(
+        self, spec: DrivenActor, scenario: Scenario, scene: Scene, robot: RobotQueries, *, solid_terrain: bool
+    ) -> None:
         self.name, self.scene, self.robot, self.until = spec.name, scene, robot, 0
         own = scenario.as_seen_by(spec)
         drive = drive_of(own, scene)
@@ -55,9 +67,31 @@ class _Actor:
         self.controls, self.events = Controls(own, scene, motion), own.events
         heard, more = self.controls.are_watching, self.controls.sensors
         self.sensing = Sensing(own, scene, robot, heard=heard, more=more)
-        self.watchdog = Watchdog.of(scene, robot.observe(0, contacts=False))
+        self._watchdog = Watchdog.of(scene, robot.observe(0, contacts=False))
+        self.tunnelling = self._tunnelling(solid_terrain=solid_terrain)
         self._about = tuple(about_drive(own, scene, drive))
-        self._first, self._rows, self._is_finished = 0, list[JointTargets | None](), False
+        self._first, self._rows = 0, list[JointTargets | None]()
+
+    def _tunnelling(self, *, solid_terrain: bool) -> Tunnelling:
+        return Tunnelling(
+            _unmoved(self.scene), self.robot.observe(0, contacts=False), _NO_POSES[0], solid_terrain=solid_terrain
+        )
+
+    def forget(self, *, solid_terrain: bool) -> None:
+        """Drop the states before t = 0."""
+        self.robot.collect()
+        self.tunnelling = self._tunnelling(solid_terrain=solid_terrain)
+
+    def watch(self, trace: Trace) -> tuple[Trace, RunError | None]:
+        """Return the moments before the first one that can have no verdict, and its error."""
+        trace, error = self._watchdog.watch(trace)
+        bodies = np.broadcast_to(_NO_POSES, (len(trace), 0, 7))
+        trace, earlier = self.tunnelling.watch(trace, bodies)
+        return trace, earlier or error
+
+    def follow(self, scene: Scene) -> None:
+        """Take a scene that states the times of what has happened in the world since t = 0."""
+        self.tunnelling.follow(_unmoved(replace(self.scene, world=scene.world)))
 
     def plan(self, step: int, end: int) -> None:
         """Plan targets from a step on, if there are none yet, until its next tick or step `end`."""
@@ -83,7 +117,7 @@ class _Actor:
 
 
 class Actors(Guard):
-    """All other robots of a run; as a guard, it ends a run in which the state of one is not physical."""
+    """All other robots of a run; as a guard, it ends a run in which one explodes, or passes through a fixed body."""
 
     def __init__(
         self, scenario: Scenario, scene: Scene, backend: Engine, *, judged: Collection[str], filmed: bool
@@ -94,6 +128,7 @@ class Actors(Guard):
         links.
         """
         self._rate, self._frames, self._filmed = scenario.physics.rate, scene.frames, filmed
+        self._solid_terrain = backend.solid_terrain
         self._links = [name for name in self._frames if "/" in name]
         # Steps that were collected; the number of the first one that has no verdict, and why.
         self._passed = 0
@@ -103,7 +138,10 @@ class Actors(Guard):
         with ExitStack() as opened:
             for index, spec in enumerate(scenario.world.actors):
                 with _of_actor(index):
-                    actor = _Actor(spec, scenario, scene.actors[spec.name], backend.actors[spec.name])
+                    actor = _Actor(
+                        *(spec, scenario, scene.actors[spec.name], backend.actors[spec.name]),
+                        solid_terrain=backend.solid_terrain,
+                    )
                 opened.enter_context(closing(actor.controls))
                 self._actors.append(actor)
             self._opened = opened.pop_all()
@@ -147,9 +185,9 @@ class Actors(Guard):
         """Return the trace since the last call with the poses of the robots."""
         traces = {actor.name: actor.robot.collect() for actor in self._actors}
         for actor in self._actors:
-            seen, missed = actor.watchdog.watch(traces[actor.name])
+            seen, missed = actor.watch(traces[actor.name])
             if missed is not None and len(seen) < self._failed[0] - self._passed:
-                error = SimulationUnstable(f"'{actor.name}': {missed}", keys=missed.keys)
+                error = type(missed)(f"'{actor.name}': {missed}", keys=missed.keys)
                 self._failed = self._passed + len(seen), error
         self._passed += len(trace)
         objects = dict(self._records(traces, self._judged))
@@ -167,7 +205,12 @@ class Actors(Guard):
     def forget(self) -> None:
         """Drop the states before t = 0."""
         for actor in self._actors:
-            actor.robot.collect()
+            actor.forget(solid_terrain=self._solid_terrain)
+
+    @override
+    def follow(self, scene: Scene) -> None:
+        for actor in self._actors:
+            actor.follow(scene)
 
     def _frames_of(self, traces: Mapping[str, Trace]) -> dict[str, Trace]:
         """Return the moments of traces that a replay shows."""

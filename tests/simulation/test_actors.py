@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.core.errors import BadStart, InvalidScenario, SimulationUnstable
+from sim_action.core.errors import BadStart, InvalidScenario, MissedContact, SimulationUnstable
 from sim_action.core.geometry import Pose, compose
 from sim_action.core.workspace import Workspace
 from sim_action.recording.export.recorded_run import RecordedRun
@@ -147,6 +147,15 @@ def test_a_robot_that_explodes_is_named(tmp_path: Path, engine: str) -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+def test_a_robot_that_passes_through_a_wall_is_named(tmp_path: Path, engine: str) -> None:
+    wall = "  objects: [{name: wall, box: [0.01, 4, 2], pose: {x: 3}}]"
+    push = "  disturbances: [{at: 0.1 s, body: oncoming, velocity: [60, 0, 0]}]"
+    text = written(actor(), "[max_speed: {linear: 1 m/s}]", engine=engine, commands="")
+    with pytest.raises(MissedContact, match=r"'oncoming': link '\w+' passed through .*wall"):
+        run(tmp_path, text.replace("\nexpect", f"{wall}\n{push}\nexpect"))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 def test_a_robot_that_starts_inside_another_is_refused(tmp_path: Path, engine: str) -> None:
     inside = actor("inner", 0.05)
     with pytest.raises(BadStart, match=r"inside 'inner'; move it, or world.actors\[0\].pose"):
@@ -200,6 +209,10 @@ def test_the_roles_turn_round_with_one_word(tmp_path: Path) -> None:
     second.write_text("extends: first.sim.yml\nego: oncomin\n")
     with pytest.raises(InvalidScenario, match=r"second.sim.yml:2:1: ego: there is no robot 'oncomin' .* 'oncoming'"):
         load_scenario(second)
+    second.write_text("extends: first.sim.yml\nego: 3\n")
+    with pytest.raises(InvalidScenario) as refused:
+        load_scenario(second)
+    assert len(refused.value.problems) == 1
 
 
 @pytest.mark.parametrize("engine", ENGINES)
