@@ -261,7 +261,8 @@ class _Loader:
             found = filled(scenario, self._workspace, self._libraries.worlds, self._problems, self._allowed)
             scenario, self.parts, self.warnings = found.scenario, found.parts, found.warnings
             self.places = found.places
-            if scenario.events:
+            # A refused event is missing from the scenario, so others have other places there.
+            if scenario.events and not self._problems.has_below(("events",)):
                 from sim_action.scenario.events import with_events  # few scenarios have events
 
                 scenario = with_events(scenario)
@@ -344,7 +345,8 @@ class _Loader:
         yield from scenario_checks.engine_problems(scenario)
         yield from scenario_checks.compared_body_problems(scenario)
         yield from scenario_checks.patch_problems(scenario)
-        if scenario.events or any(expected.since for expected in scenario.expect):
+        has_events = scenario.events or any(expected.since for expected in scenario.expect)
+        if has_events and not self._problems.has_below(("events",)):
             from sim_action.scenario.events import event_problems  # few scenarios have events
 
             yield from event_problems(scenario)
@@ -387,7 +389,7 @@ class _Loader:
         self._problems.note_all((), world_checks.disturbance_problems(scene, scenario.time_limit))
         drive, limit = scenario.robot.drive, scenario.time_limit
         self._problems.note_all((), fault_problems(scenario.faults, scene, drive, scenario.sensors, limit))
-        if scenario.events:
+        if scenario.events and not self._problems.has_below(("events",)):
             from sim_action.scenario.events import condition_problems  # few scenarios have events
 
             self._problems.note_all((), condition_problems(scenario, scene))

@@ -395,3 +395,17 @@ time_limit: 8 s
 """
     found = told(tmp_path, text)
     assert any(message in each for each in found), found
+
+
+def test_a_refused_event_shifts_no_other(tmp_path: Path) -> None:
+    events = "[{when: {at: 1 s}, do: []}, {name: a, when: {event: b}, do: [{remove: box}]}]"
+    text = f"""
+name: burger
+robot: {{model: turtlebot3_burger}}
+commands: {{twist: [{{linear: 0.2}}]}}
+events: {events}
+expect: [{{travel: {{at_least: 1}}}}]
+time_limit: 8 s
+"""
+    [problem] = told(tmp_path, text)
+    assert problem.endswith("events.0.do: must not be empty")
