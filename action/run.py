@@ -313,7 +313,12 @@ def of_this_use(name: str, inputs: Mapping[str, str]) -> Mapping[str, str]:
 
 
 def margin_options(factors: Sequence[str]) -> Iterator[str]:
-    """Yield an option for each line of the input margins: `all`, FACTOR, FACTOR=FROM:TO or FACTOR=AMOUNT."""
+    """Yield an option for each line of the input margins: `all`, FACTOR, FACTOR=FROM:TO or FACTOR=AMOUNT.
+
+    Raise InputError for `all` with other lines, which limit the factors.
+    """
+    if "all" in factors and len(factors) > 1:
+        raise InputError("the input margins has 'all' and other lines; remove 'all', or the other lines")
     for line in factors:
         if line != "all":
             _, equals, value = line.partition("=")

@@ -428,7 +428,7 @@ def test_the_input_margins_varies_factors_in_place_of_the_run(
         return 0
 
     monkeypatch.setattr("action.run.call", called)
-    factors = "all\nfriction=20%\nlatency=0 s:2 s\nnoise:scan\nmass=0.1"
+    factors = "friction=20%\nlatency=0 s:2 s\nnoise:scan\nmass=0.1"
     stated = {"scenario": "a.sim.yml", "margins": factors, "jobs": "1", "resume": "true", "record": ""}
     inputs = {**INPUTS, **stated}
     assert run("run", inputs) == 0
@@ -437,5 +437,9 @@ def test_the_input_margins_varies_factors_in_place_of_the_run(
     assert words[:5] == ["margins", *options]
     assert {"--jobs=1", "--resume"} <= {*words}
     assert words[-2:] == ["--", "a.sim.yml"]
+    assert run("run", {**inputs, "margins": "all"}) == 0
+    assert calls[-1][:2] == ["margins", words[5]]
     with pytest.raises(InputError, match="the input repeat cannot be combined with margins"):
         run("run", {**inputs, "repeat": "2"})
+    with pytest.raises(InputError, match="has 'all' and other lines"):
+        run("run", {**inputs, "margins": "all\nfriction=20%"})
