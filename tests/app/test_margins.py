@@ -234,7 +234,7 @@ def test_an_interrupted_search_leaves_reports_and_no_pass_and_goes_on_with_resum
     folder = tmp_path / "results" / "margins"
     [run] = Results.read(folder / "results.json").outcomes
     assert (run.status, [failure.kind for failure in run.failures]) == ("error", ["interrupted"])
-    assert run.failures[0].message.startswith("sim-action ended before this scenario ended; run 1 passed; run 2 ")
+    assert run.failures[0].message.startswith("sim-action ended before this scenario ended; run 1 passed; run ")
     capsys.readouterr()
     assert margins_of(tmp_path, PUSHED, *factors, "--resume") == whole
     runs = 1 + sum(each["runs"] for each in whole)
