@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, NoReturn, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Final, NoReturn, Self, get_args
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import (
