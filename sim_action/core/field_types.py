@@ -399,7 +399,7 @@ _SENTENCES = {
     "less_than": "must be less than {lt}, found {found}",
     "less_than_equal": "must be at most {le}, found {found}",
     "string_pattern_mismatch": "expected text that matches {pattern}, found {found}",
-    "too_long": "expected a list of {max_length}, found {found}",
+    "too_long": "expected a list of at most {max_length}, found {found}",
     "too_short": "expected a list of at least {min_length}, found {found}",
     "string_too_short": "must have at least {min_length} characters, found {found}",
     "string_too_long": "must have at most {max_length} characters",

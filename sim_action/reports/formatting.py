@@ -127,7 +127,7 @@ _SAME: Final = 1e-6
 def _repetitions(results: Results) -> Iterator[str]:
     times = [repetition.wall_time for outcome in results.outcomes for repetition in outcome.repetitions]
     if times:
-        yield f"{counted(len(times), 'repetition')} in {sum(times):.1f} s"
+        yield f"{counted(len(times), 'repetition')} ({sum(times):.1f} s)"
 
 
 def confidence_text(expected: ExpectationOutcome) -> str:

@@ -376,6 +376,8 @@ def event_problems(scenario: Scenario) -> SpecProblems:
             yield (*path, "name"), f"a second event named '{event.name}'; give each a 'name' of its own"
         for below, message in _condition_problems(event.when, events, scenario.time_limit):
             yield (*path, "when", *below), message
+        if event.every and event.when.at:
+            yield (*path, "every"), f"{event.when.at:g} s comes once; remove 'every', or write one event for each time"
         for number, action in enumerate(event.actions):
             for below, message in _action_problems(action, scenario):
                 yield (*path, "do", number, *below), message
@@ -444,10 +446,13 @@ def _action_problems(action: Action, scenario: Scenario) -> SpecProblems:
         yield ("appear",), f"'{action.appear}' has a 'surface_velocity', which is of an object that is always there"
     if action.path is not None:
         others = () if action.speed else (*source_names(scenario), *names_of_actors(scenario))
-        yield from _path_problems(action, action.path[0], bodies, others)
+        actors = {actor.name for actor in scenario.world.actors}
+        yield from _path_problems(action, action.path[0], bodies, others, actors)
 
 
-def _path_problems(action: Action, name: str, bodies: Mapping[str, Body], sources: Sequence[str]) -> SpecProblems:
+def _path_problems(
+    action: Action, name: str, bodies: Mapping[str, Body], sources: Sequence[str], actors: set[str]
+) -> SpecProblems:
     """Yield a name that is not one of a command source or an object with a path, or is several."""
     key = (action.kind, "object") if action.speed is not None else (action.kind,)
     on_paths = [body.name for body in bodies.values() if body.path]
@@ -456,6 +461,8 @@ def _path_problems(action: Action, name: str, bodies: Mapping[str, Body], source
         yield key, f"'{name}' is the name of {what}; give the command source a 'name' of its own"
     elif name in bodies and name not in on_paths:
         yield key, f"object '{name}' has no 'path', so it does not move along one; add a 'path', or use disturb"
+    elif name not in sources and action.speed is None and name in actors:
+        yield key, f"robot '{name}' has no 'commands', so there is nothing to {action.kind}; add 'commands' to it"
     elif name not in sources and name not in bodies:
         kinds = "object with a path" if action.speed is not None else "command source, robot or object with a path"
         yield key, f"there is no {kinds} named '{name}'{did_you_mean(name, (*sources, *on_paths))}"

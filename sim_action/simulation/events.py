@@ -12,7 +12,7 @@ from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core.errors import RunError
-from sim_action.core.units import STEP_EPSILON, TIME_EPSILON_S, first_step
+from sim_action.core.units import STEP_EPSILON, TIME_EPSILON_S, display, first_step
 from sim_action.engines.observers import ALWAYS
 from sim_action.scenario.events import Condition, Happening, after, awaited, time_marks
 from sim_action.scenario.model import Scenario
@@ -55,7 +55,11 @@ class _Watch:
     @property
     def nearest(self) -> str:
         """The nearest that the condition came to being true, in words."""
-        return self._monitor.verdict().message
+        assertion, verdict = self._condition.assertion, self._monitor.verdict()
+        if not isinstance(assertion, Stl) or verdict.margin is None or verdict.time is None or verdict.margin >= 0:
+            return verdict.message
+        missing = display(-verdict.margin, verdict.unit)
+        return f"it waits for {awaited(assertion)}, which was nearest at {verdict.time:.2f} s and missed by {missing}"
 
     def becomes_true(self, trace: Trace) -> bool:
         """Take the next moments; return True if the condition became true at one of them."""
@@ -213,8 +217,9 @@ class RunEvents:
     def _why_not(self, index: int, end: float) -> str:
         when = self._scenario.events[index].when
         name = when.event or (when.since if index in self._waiting else "")
+        if index in self._due:
+            due = self._due[index] / self._rate
+            return f"it is due at {display(due, 's')}, but the run ended at {display(end, 's')}"
         if name:
             return f"it waits for event '{name}', and the run ended at {end:.4g} s"
-        if when.assertion is None:
-            return f"it is due at {when.at + when.span:g} s, but the run ended at {end:.4g} s"
         return self._watches[index].nearest if index in self._watches else f"the run ended at {end:.4g} s"

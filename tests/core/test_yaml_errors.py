@@ -114,7 +114,7 @@ ALLOWED = "(allowed: angle, count, flag, inner, kind, many, name, named, near, p
         ({"count": "1"}, "count", "expected a whole number, found '1'"),
         ({"flag": "on"}, "flag", "expected true or false, found 'on'"),
         ({"pair": (1,)}, "pair.1", "entry 2 of the list is missing"),
-        ({"pair": (1, 2, 3)}, "pair", "expected a list of 2, found a list of 3"),
+        ({"pair": (1, 2, 3)}, "pair", "expected a list of at most 2, found a list of 3"),
         ({"named": {"a.b": "1 s"}}, "named.a.b", "'s' is not a unit of length; use one of: m, mm, cm, km"),
         ({"named": ("a",)}, "named", "expected a map of keys, found a list of 1"),
     ],

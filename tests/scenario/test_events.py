@@ -301,6 +301,26 @@ def test_an_event_that_never_came_is_told_and_its_expectation_not_exercised(tmp_
     assert "so not: pushed by 1 m/s" in finding.message
 
 
+def test_events_that_did_not_happen_say_what_was_missing(tmp_path: Path) -> None:
+    """The run ends before a wait is over, or a formula is true."""
+    events = [
+        {**PASSES, "do": [{"disturb": {"velocity": [0, 0, 0.01]}}]},
+        {"name": "later", "when": {"event": "passes", "for": "5 s"}, "do": ["end"]},
+        {"name": "latest", "when": {"event": "later"}, "do": ["end"]},
+        {"name": "far", "when": {"stl": "x > 50 m"}, "do": ["end"]},
+    ]
+    found = run(tmp_path, events=events, expect=["upright"])
+    messages = [finding.message for finding in found.findings if finding.rule == "event-never-began"]
+    nearest = "it waits for x > 50 m, which was nearest at 2.00 s"
+    missing = 50 - found.trace.base_position_xyz[-1, 0]
+    due = found.events["passes"][0] + 5
+    assert messages == [
+        f"event 'later' never happened: it is due at {due:.4g} s, but the run ended at 2 s (so not: the run ends)",
+        "event 'latest' never happened: it waits for event 'later', and the run ended at 2 s (so not: the run ends)",
+        f"event 'far' never happened: {nearest} and missed by {missing:.4g} m (so not: the run ends)",
+    ]
+
+
 def test_a_body_that_is_not_there_cannot_be_pushed(tmp_path: Path) -> None:
     """Which of two events comes first, only the run shows."""
     events = [
@@ -371,6 +391,8 @@ def test_a_path_goes_as_far_as_its_paces_say(changes: list[tuple[float, float]],
         ("[{when: {at: 1 s, event: a}, do: [end]}]", "a condition is an assertion, 'at' or 'event'"),
         ("[{when: {at: 1 s}, do: [{end: true, remove: crate}]}]", "an action has exactly one of"),
         ("[{when: {stl: x > 1}, every: true, do: [{remove: crate}]}]", "would remove each time"),
+        ("[{when: {at: 1 s}, every: true, do: [end]}]", "1 s comes once; remove 'every'"),
+        ("[{when: {at: 1 s}, do: [{stop: idle}]}]", "robot 'idle' has no 'commands', so there is nothing to stop"),
         ("[{when: {at: 1 s}, do: [{appear: late}]}]", "'late' states 2 s for that; remove one of the two"),
         ("[{when: {at: 1 s}, do: [{repair: arm}]}]", "there is no fault of a motor or sensor 'arm'"),
         ("[{when: {object: {name: crat, upright: {}}}, do: [end]}]", "did you mean 'crate'?"),
@@ -387,6 +409,7 @@ name: burger
 robot: {{model: turtlebot3_burger}}
 world:
   objects: [{wall}, {crate}, {late}]
+  actors: [{{name: idle, model: turtlebot3_burger, pose: {{y: -2}}}}]
   disturbances: [{{at: 1 s, velocity: [0.5, 0, 0]}}]
 commands: {{twist: [{{linear: 0.2}}]}}
 events: {events}
