@@ -19,12 +19,13 @@ from sim_action.runner.isolation import linux_child
 
 run_job = linux_child.run_job
 
-def listing(job, files, progress):
+def listing(job, files, progress, **options):
     before = set(sys.modules)
-    run_job(job, files, progress)
+    is_normal = run_job(job, files, progress, **options)
     more = sorted(name for name in set(sys.modules) - before if name.startswith("sim_action"))
     with Path("imported.txt").open("a") as file:
         print(job.loaded.scenario.name, *more, file=file)
+    return is_normal
 
 linux_child.run_job = listing
 call(["run", "a.sim.yml", "--output-dir", "results"])
