@@ -137,7 +137,7 @@ class Actors(Guard):
         self._actors: list[_Actor] = []
         with ExitStack() as opened:
             for index, spec in enumerate(scenario.world.actors):
-                with _of_actor(index):
+                with _of_actor(index, spec.name):
                     actor = _Actor(
                         *(spec, scenario, scene.actors[spec.name], backend.actors[spec.name]),
                         solid_terrain=backend.solid_terrain,
@@ -168,7 +168,7 @@ class Actors(Guard):
     def plan(self, step: int, until: int) -> int:
         """Plan targets from a step on; return the step until which those of all robots are planned."""
         for index, actor in enumerate(self._actors):
-            with _of_actor(index):
+            with _of_actor(index, actor.name):
                 actor.plan(step, until)
             until = min(until, actor.until)
         return until
@@ -184,10 +184,13 @@ class Actors(Guard):
     def seen_with(self, trace: Trace) -> Trace:
         """Return the trace since the last call with the poses of the robots."""
         traces = {actor.name: actor.robot.collect() for actor in self._actors}
-        for actor in self._actors:
+        for index, actor in enumerate(self._actors):
             seen, missed = actor.watch(traces[actor.name])
             if missed is not None and len(seen) < self._failed[0] - self._passed:
-                error = type(missed)(f"'{actor.name}': {missed}", keys=missed.keys)
+                keys = missed.keys
+                if keys and keys[0] == "robot":
+                    keys = ("world", "actors", index, *keys[1:])
+                error = type(missed)(f"'{actor.name}': {missed}", keys=keys)
                 self._failed = self._passed + len(seen), error
         self._passed += len(trace)
         objects = dict(self._records(traces, self._judged))
@@ -241,10 +244,10 @@ class Actors(Guard):
 
 
 @contextmanager
-def _of_actor(index: int) -> Iterator[None]:
+def _of_actor(index: int, name: str) -> Iterator[None]:
     """Let errors of command sources name the robot."""
     try:
         yield
     except (ScriptError, BadSource) as error:
-        error.actor = index
+        error.actor, error.args = index, (f"'{name}': {error.args[0]}",)
         raise

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.core.errors import BadStart, InvalidScenario, MissedContact, SimulationUnstable
+from sim_action.core.errors import BadStart, InvalidScenario, MissedContact, ScriptError, SimulationUnstable
 from sim_action.core.geometry import Pose, compose
 from sim_action.core.workspace import Workspace
 from sim_action.recording.export.recorded_run import RecordedRun
@@ -142,8 +142,17 @@ def test_every_source_commands_its_own_robot(tmp_path: Path, engine: str) -> Non
 def test_a_robot_that_explodes_is_named(tmp_path: Path, engine: str) -> None:
     push = "  disturbances: [{at: 0.1 s, body: oncoming, velocity: [29, 0, 0]}]\nphysics: {max_speed: 2 m/s}"
     text = written(actor(), "[no_collision]", engine=engine, commands="").replace("\nexpect", f"{push}\nexpect")
-    with pytest.raises(SimulationUnstable, match=r"'oncoming': simulation unstable at t = 0.10\d s"):
+    with pytest.raises(SimulationUnstable, match=r"'oncoming': simulation unstable at t = 0.10\d s") as unstable:
         run(tmp_path, text)
+    assert unstable.value.keys == ("world", "actors", 0, "model")
+
+
+def test_a_script_that_fails_names_its_robot(tmp_path: Path) -> None:
+    (tmp_path / "bad.py").write_text("def drive(seen):\n    raise ValueError('boom')\n", encoding="utf-8")
+    text = written(actor(commands="{script: bad.py, function: drive}"), "[no_collision]", commands="")
+    with pytest.raises(ScriptError, match=r"^at 0 s of sim time, 'oncoming': .* ValueError: boom") as failed:
+        run(tmp_path, text)
+    assert (failed.value.actor, failed.value.source) == (0, 0)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
