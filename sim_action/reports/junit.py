@@ -380,7 +380,8 @@ def _measured(group: ScenarioGroup, outcome: Outcome, cases: list[ET.Element]) -
         f"event: {one_line(name)}": ", ".join(f"{time:.3f} s" for time in times) or "never"
         for name, times in outcome.events.items()
     }
-    return judged | unjudged | events
+    actors = {f"actor: {one_line(name)}": one_line(model) for name, model in outcome.actors.items()}
+    return judged | unjudged | events | actors
 
 
 def _prefix(group: ScenarioGroup) -> str:

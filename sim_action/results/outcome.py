@@ -366,6 +366,7 @@ class Outcome(FrozenModel):
         statistics: the counts and bounds of a gate, if this is the outcome of the gate itself.
         marks: what acted on the robot or changed its surroundings, in the order of time.
         events: name of each event -> the sim times in s at which it happened.
+        actors: name of each other robot of the world -> its model.
         measurements: the values that were measured for information only; nothing judged them.
         failures: the reasons why there is no verdict; empty unless `status` is "error" or "flaky".
         end: the reason for the end of the run: "goals met", "expectation failed", "duration", "event", "time limit" or
@@ -408,6 +409,7 @@ class Outcome(FrozenModel):
     expectations: tuple[ExpectationOutcome, ...] = ()
     marks: Annotated[tuple[TimeMark, ...], Field(max_length=MAX_TIME_MARKS)] = ()
     events: dict[str, tuple[float, ...]] = Field(default_factory=dict)
+    actors: dict[str, str] = Field(default_factory=dict)
     measurements: tuple[Measurement, ...] = ()
     failures: tuple[Failure, ...] = ()
     end: str | None = None

@@ -447,6 +447,7 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         notes=run.notes,
         model_notes=run.model_notes,
         events=dict(run.events),
+        actors={actor.name: actor.model for actor in scenario.world.actors},
     )
     return outcome.model_copy(update={"status": outcome.judged_status(is_varied=is_varied)})
 
@@ -482,8 +483,7 @@ def store_evidence(job: Job, scene: Scene, footage: RunRecorder) -> tuple[str, .
             save_trace(trace, job.trace, footage.marks)
     with _noted("replay", notes):
         if job.replay is not None and (film := footage.film()) is not None and footage.start is not None:
-            # Imported only if it is needed.
-            from sim_action.recording.replay.build import make_replay
+            from sim_action.recording.replay.build import make_replay  # many runs have no replay
 
             make_replay(
                 *(job.loaded.scenario, scene, footage.start, film, job.replay),
@@ -518,7 +518,7 @@ def run_to_record(job: Job, scene: Scene, footage: RunRecorder) -> Iterator[Reco
         trace, film = footage.trace(), footage.film()
         if trace is not None and film is not None:
             run = RecordedRun.of(scene, film, trace, job.loaded.scenario, footage.twists())
-            yield replace(run, wrenches=footage.wrenches())
+            yield replace(run, wrenches=footage.wrenches(), actors=footage.actors)
 
 
 _SPARE_DESCRIPTORS: Final = 64

@@ -133,6 +133,7 @@ class Actors(Guard):
         # Steps that were collected; the number of the first one that has no verdict, and why.
         self._passed = 0
         self._failed: tuple[float, RunError | None] = math.inf, None
+        self._film: dict[str, list[Trace]] = {name: [] for name in scene.actors}
         self._judged = [name for name in sorted(judged) if name in self._frames]
         self._actors: list[_Actor] = []
         with ExitStack() as opened:
@@ -194,7 +195,10 @@ class Actors(Guard):
                 self._failed = self._passed + len(seen), error
         self._passed += len(trace)
         objects = dict(self._records(traces, self._judged))
-        film = dict(self._records(self._frames_of(traces), self._links)) if self._filmed else {}
+        shown = self._frames_of(traces) if self._filmed else {}
+        for name, moments in shown.items():
+            self._film[name].append(moments)
+        film = dict(self._records(shown, self._links)) if shown else {}
         return replace(trace, objects={**trace.objects, **objects}, bodies={**trace.bodies, **film})
 
     @override
@@ -214,6 +218,10 @@ class Actors(Guard):
     def follow(self, scene: Scene) -> None:
         for actor in self._actors:
             actor.follow(scene)
+
+    def film(self, end: float) -> dict[str, Trace]:
+        """Return name -> the moments until a sim time in s that a replay shows; empty without a replay."""
+        return {name: Trace.concatenate(kept).between(0.0, end) for name, kept in self._film.items() if kept}
 
     def _frames_of(self, traces: Mapping[str, Trace]) -> dict[str, Trace]:
         """Return the moments of traces that a replay shows."""

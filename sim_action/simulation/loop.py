@@ -264,7 +264,7 @@ class _Loop:
                     footage.add(stored, judged=seen.sensors, is_last=is_last, bodies=bodies)
             panel = self._without_later_events(panel)
             if failure is not None or panel.end is not None:
-                footage.marks = self._marks(panel.time if panel.end else self._step / self._scenario.physics.rate)
+                self._end_footage(panel.time if panel.end else self._step / self._scenario.physics.rate)
             if isinstance(failure, ControllersFinished):
                 break
             if failure is not None and panel.end is None:
@@ -318,6 +318,11 @@ class _Loop:
             verdict.with_extreme(expected.signals(self._scene, start, ahead if verdict.goal else seen))
             for verdict, expected in zip(verdicts, self._scenario.expect, strict=True)
         )
+
+    def _end_footage(self, end: float) -> None:
+        self._footage.marks = self._marks(end)
+        if self._actors:
+            self._footage.actors = self._actors.film(end)
 
     def _marks(self, end: float) -> tuple[TimeMark, ...]:
         """Return the marks of the timeline of the run until a sim time in s."""

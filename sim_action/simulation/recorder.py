@@ -67,6 +67,8 @@ class RunRecorder:
         self._film: list[Trace] = []
         self.start: Observation | None = None
         self.marks: tuple[TimeMark, ...] = ()
+        # Name of each other robot -> its trace in the film.
+        self.actors: Mapping[str, Trace] = {}
         self.readings: dict[str, ReadingLog] | None = {} if filmed else None
 
     @property

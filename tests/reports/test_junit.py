@@ -45,6 +45,14 @@ def test_totals_are_counts_of_testcases(kind: str, strict: bool, options: Report
         assert int(parent.attrib["errors"]) == len(list(parent.iter("error")))
 
 
+def test_events_and_actors_are_properties_of_the_suite(options: ReportOptions) -> None:
+    sample = SAMPLES["passed"].outcomes[0]
+    outcome = sample.model_copy(update={"events": {"it passes": (1.5,)}, "actors": {"cart": "cart.urdf"}})
+    root = written(results_of(outcome), options)
+    told = {each.attrib["name"]: each.attrib["value"] for each in root.iter("property")}
+    assert (told["event: it passes"], told["actor: cart"]) == ("1.500 s", "cart.urdf")
+
+
 def test_junitparser_reads_it(options: ReportOptions) -> None:
     write_junit(SAMPLES["failed"], options)
     report = JUnitXml.fromfile(str(options.junit))

@@ -8,7 +8,9 @@ import pytest
 
 from sim_action.core.errors import BadStart, InvalidScenario, MissedContact, ScriptError, SimulationUnstable
 from sim_action.core.geometry import Pose, compose
+from sim_action.core.records import replace
 from sim_action.core.workspace import Workspace
+from sim_action.recording.export.mcap_log import topics
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2_messages import Frames
 from sim_action.recording.replay.build import replay_of
@@ -191,10 +193,20 @@ def test_a_robot_that_starts_inside_another_is_refused(tmp_path: Path, engine: s
         (actor(more=", sensors: [{lidar: {}, link: mast}]"), "world.actors.0.sensors.0"),
         (actor(commands="{joints: [{at: 1 s, position: {arm: 1}}]}"), "world.actors.0.commands.joints"),
         (actor().replace("turtlebot3_burger", "no.urdf"), "world.actors.0.model: "),
+        pytest.param(
+            actor(commands="{ros1: {nodes: [./a.py]}}"),
+            "world.actors.0.commands: 'ros1' drives only the robot under test; ",
+            marks=pytest.mark.process,
+        ),
+        (
+            actor(commands="{ros2: {nodes: [./a.py]}}"),
+            "world.actors.0.commands: 'ros2' drives only the robot under test; ",
+        ),
     ],
 )
 def test_a_wrong_robot_is_refused_at_its_place(tmp_path: Path, actors: str, message: str) -> None:
     path = tmp_path / "a.sim.yml"
+    (tmp_path / "a.py").touch()
     path.write_text(written(actors, "[no_collision]"), encoding="utf-8")
     with pytest.raises(InvalidScenario) as refused:
         load_scenario(path)
@@ -265,3 +277,10 @@ def test_replays_recordings_and_comparisons_have_the_other_robots(tmp_path: Path
     assert run.bodies["oncoming/base_footprint"][-1, 0] == pytest.approx(moved[-1, 0], abs=0.01)
     frames = Frames.of(run).bodies
     assert frames["oncoming/base_scan"] == "oncoming/base_scan"
+    alone = {topic.name for topic in topics(run)}
+    told = {topic.name: topic for topic in topics(replace(run, actors=recorder.actors))}
+    assert told.keys() - alone == {"/oncoming/joint_states", "/oncoming/odom"}
+    joints, odometry = told["/oncoming/joint_states"], told["/oncoming/odom"]
+    last = recorder.actors["oncoming"].base_position_xyz[-1, 0]
+    assert last == pytest.approx(moved[-1, 0], abs=0.01)
+    assert len(joints.messages) == len(odometry.messages) == round(30 * ended.sim_time) + 1

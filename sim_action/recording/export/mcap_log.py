@@ -1,7 +1,8 @@
 """MCAP logs of ROS 2 messages: `--record mcap`.
 
 Topics: /tf and /tf_static with all coordinate frames, /odom and /ground_truth/odom of the base, /clock, /joint_states,
-/cmd_vel, /wrench, /scan of a lidar and /imu; `ros2_markers` has those that are drawn.
+/cmd_vel, /wrench, /scan of a lidar and /imu; /NAME/joint_states and /NAME/odom of each other robot; `ros2_markers` has
+those that are drawn.
 """
 
 from __future__ import annotations
@@ -66,6 +67,7 @@ def topics(run: RecordedRun) -> Iterator[Topic]:
     yield from world_markers(run, frames)
     yield from states(run)
     yield from odometry(run, frames)
+    yield from of_actors(run, frames)
     yield from sensing(run, frames)
     yield from contacts(run, frames)
 
@@ -137,16 +139,22 @@ def states(run: RecordedRun) -> Iterator[Topic]:
     count, at = len(trace), nanoseconds(trace.time)
     clock = CdrForm().gap("<i4", 2).filled(count, stamps(trace.time))
     yield Topic("/clock", "rosgraph_msgs/Clock", at, clock)
-    if joints := len(trace.joint_names):
-        form = CdrForm().gap("<i4", 2).string("").strings(*trace.joint_names)
-        for _ in range(3):
-            form.fixed("<u4", joints).gap("<f8", joints)
-        columns = (trace.joint_position, trace.joint_velocity, trace.joint_effort)
-        yield Topic("/joint_states", "sensor_msgs/JointState", at, form.filled(count, stamps(trace.time), *columns))
+    if trace.joint_names:
+        yield _joint_states("/joint_states", trace)
     if len(twists):
         messages = CdrForm().gap("<f8", 6).filled(len(twists), twists.values)
         yield Topic("/cmd_vel", "geometry_msgs/Twist", nanoseconds(twists.time), messages)
     yield from _wrenches(run)
+
+
+def _joint_states(name: str, trace: Trace) -> Topic:
+    joints, time = len(trace.joint_names), trace.time
+    form = CdrForm().gap("<i4", 2).string("").strings(*trace.joint_names)
+    for _ in range(3):
+        form.fixed("<u4", joints).gap("<f8", joints)
+    columns = (trace.joint_position, trace.joint_velocity, trace.joint_effort)
+    messages = form.filled(len(time), stamps(time), *columns)
+    return Topic(name, "sensor_msgs/JointState", nanoseconds(time), messages)
 
 
 def _wrenches(run: RecordedRun) -> Iterator[Topic]:
@@ -341,7 +349,7 @@ def wheel_odometry(run: RecordedRun) -> OdometryTrack | None:
 
 def odometry(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
     """Yield /odom, and with wheel odometry also /ground_truth/odom."""
-    measured, truth = wheel_odometry(run), _ground_truth(run)
+    measured, truth = wheel_odometry(run), _ground_truth(run.trace)
     if measured is None:
         yield _odometry_topic("/odom", frames.odom, frames.base, truth, "ground truth")
         return
@@ -349,8 +357,17 @@ def odometry(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
     yield _odometry_topic("/ground_truth/odom", frames.map, frames.base, truth, "ground truth")
 
 
-def _ground_truth(run: RecordedRun) -> OdometryTrack:
-    trace = run.trace
+def of_actors(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
+    """Yield /NAME/joint_states and /NAME/odom of each other robot; its odometry is the truth in the world frame."""
+    taken = {"/ground_truth/odom"}
+    for name, trace in run.actors.items():
+        if trace.joint_names:
+            yield _joint_states(free_name(f"/{_plain(name)}/joint_states", taken), trace)
+        topic, truth = free_name(f"/{_plain(name)}/odom", taken), _ground_truth(trace)
+        yield _odometry_topic(topic, frames.map, frames.bodies[name], truth, "ground truth")
+
+
+def _ground_truth(trace: Trace) -> OdometryTrack:
     turned = trace.base_orientation_xyzw
     twists = [rotated_into(turned, vectors) for vectors in (trace.base_linear_xyz, trace.base_angular_xyz)]
     return OdometryTrack(trace.time, np.column_stack((trace.base_position_xyz, turned)), np.column_stack(twists))

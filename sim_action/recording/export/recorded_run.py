@@ -29,6 +29,7 @@ class RecordedRun:
         sensors: all sensors of the robot, with and without stored readings.
         twists: the commanded twists of the base.
         wrenches: the times in s at which wrenches on links were commanded, and all wrenches from then on.
+        actors: name of each other robot of the world -> its trace at the moments of a replay.
         links: the links whose motion text formats have, see `trace.links` of a scenario.
     """
 
@@ -38,6 +39,7 @@ class RecordedRun:
     twists: CommandedTwists = field(default_factory=CommandedTwists)
     links: tuple[str, ...] = ()
     wrenches: Sequence[tuple[float, tuple[LinkWrench, ...]]] = ()
+    actors: Mapping[str, Trace] = field(default_factory=dict)
 
     @classmethod
     def of(cls, scene: Scene, film: Trace, trace: Trace, scenario: Scenario, twists: CommandedTwists) -> Self:

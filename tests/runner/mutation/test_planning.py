@@ -206,6 +206,20 @@ def test_a_wall_stands_across_the_way(tmp_path: Path) -> None:
     assert not of_kind(original(tmp_path, straight(0.5)), "wall")
 
 
+def test_other_robots_are_left_out_or_left_without_commands(tmp_path: Path) -> None:
+    driven = "{name: cart, model: turtlebot3_burger, pose: {x: 3}, commands: {twist: [{linear: 0.1}]}}"
+    parked = "{name: parked, model: turtlebot3_burger, pose: {x: 5}}"
+    world = f"\n  actors: [{driven}, {parked}]"
+    *_, cart, lot = of_kind(original(tmp_path, objects=world), "removed")
+    assert (cart.name, lot.name) == ("removed:cart", "removed:parked")
+    assert [actor.name for actor in cart.loaded.scenario.world.actors] == ["parked"]
+    named = original(tmp_path, objects=world, expect="{clearance: {at_least: 0.1, to: [cart, parked]}}")
+    *_, still = of_kind(named, "removed")
+    assert [(actor.name, len(actor.commands)) for actor in still.loaded.scenario.world.actors] == [
+        *(("cart", 0), ("parked", 0))
+    ]
+
+
 def test_objects_that_other_parts_name_are_not_removed(tmp_path: Path) -> None:
     run = original(tmp_path, expect="{clearance: {at_least: 0.1, to: [crate]}}")
     assert [mutant.name for mutant in of_kind(run, "removed")] == ["removed:far crate"]
