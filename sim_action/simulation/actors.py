@@ -68,30 +68,37 @@ class _Actor:
         heard, more = self.controls.are_watching, self.controls.sensors
         self.sensing = Sensing(own, scene, robot, heard=heard, more=more)
         self._watchdog = Watchdog.of(scene, robot.observe(0, contacts=False))
-        self.tunnelling = self._tunnelling(solid_terrain=solid_terrain)
+        self._guards = [*self._guards_from_now(solid_terrain=solid_terrain)]
         self._about = tuple(about_drive(own, scene, drive))
         self._first, self._rows = 0, list[JointTargets | None]()
 
-    def _tunnelling(self, *, solid_terrain: bool) -> Tunnelling:
-        return Tunnelling(
-            _unmoved(self.scene), self.robot.observe(0, contacts=False), _NO_POSES[0], solid_terrain=solid_terrain
-        )
+    def _guards_from_now(self, *, solid_terrain: bool) -> Iterator[Guard]:
+        start = self.robot.observe(0, contacts=False)
+        yield Tunnelling(_unmoved(self.scene), start, _NO_POSES[0], solid_terrain=solid_terrain)
+        if any(body.path for body in self.scene.world.objects):
+            from sim_action.simulation.bodies_on_paths import Pinning  # few worlds have bodies on paths
+
+            yield Pinning(self.scene, start.twist.linear_xyz)
 
     def forget(self, *, solid_terrain: bool) -> None:
         """Drop the states before t = 0."""
         self.robot.collect()
-        self.tunnelling = self._tunnelling(solid_terrain=solid_terrain)
+        self._guards = [*self._guards_from_now(solid_terrain=solid_terrain)]
 
     def watch(self, trace: Trace) -> tuple[Trace, RunError | None]:
         """Return the moments before the first one that can have no verdict, and its error."""
         trace, error = self._watchdog.watch(trace)
         bodies = np.broadcast_to(_NO_POSES, (len(trace), 0, 7))
-        trace, earlier = self.tunnelling.watch(trace, bodies)
-        return trace, earlier or error
+        for guard in self._guards:
+            trace, earlier = guard.watch(trace, bodies)
+            error = earlier or error
+        return trace, error
 
     def follow(self, scene: Scene) -> None:
         """Take a scene that states the times of what has happened in the world since t = 0."""
-        self.tunnelling.follow(_unmoved(replace(self.scene, world=scene.world)))
+        seen = _unmoved(replace(self.scene, world=scene.world))
+        for guard in self._guards:
+            guard.follow(seen)
 
     def plan(self, step: int, end: int) -> None:
         """Plan targets from a step on, if there are none yet, until its next tick or step `end`."""
@@ -112,7 +119,8 @@ class _Actor:
     def notes(self, end: float) -> Iterator[str]:
         """Yield the notes on its run."""
         of_drive = self._motion.notes if self._motion else ()
-        for note in (*self._about, *of_drive, *self.controls.notes(end), *self.sensing.notes):
+        of_guards = (note for guard in self._guards for note in guard.notes(end))
+        for note in (*self._about, *of_drive, *self.controls.notes(end), *self.sensing.notes, *of_guards):
             yield f"'{self.name}': {note}"
 
 

@@ -61,6 +61,21 @@ def test_a_pinned_robot_is_noted(engine: str, mass: float, tmp_path: Path) -> No
 
 
 @on_every_engine
+def test_another_robot_that_is_pinned_is_named(engine: str, tmp_path: Path) -> None:
+    ego, crate = {"model": "turtlebot3_burger", "pose": {"x": 5}}, {"name": "crate", "model": "robot.urdf"}
+
+    def pressed(squeeze: float) -> SimulationRun:
+        world = {"objects": [WALL, press(squeeze)], "actors": [crate]}
+        return run(tmp_path, engine, block(6.0), robot=ego, world=world)
+
+    (note,) = pins(pressed(0.005))
+    assert note.startswith("'crate': 'press' follows its path with unlimited force and pinned 'block' against 'wall'")
+    assert pins(pressed(0.0)) == []
+    with pytest.raises(SimulationUnstable, match=r"'crate': .*'press' follows .* squeezes 'block' against 'wall'"):
+        pressed(0.06)
+
+
+@on_every_engine
 @pytest.mark.parametrize("squeeze", [0.06, 0.2])
 @pytest.mark.parametrize("mass", [1.0, 6.0, 40.0])
 def test_a_crushed_robot_has_no_verdict(engine: str, mass: float, squeeze: float, tmp_path: Path) -> None:

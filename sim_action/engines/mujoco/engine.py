@@ -21,6 +21,7 @@ from typing_extensions import override
 from sim_action.core import geometry
 from sim_action.core.errors import EngineError
 from sim_action.core.geometry import Pose, Twist, Vector3
+from sim_action.core.records import replace
 from sim_action.engines import named_version
 from sim_action.engines.body_control import HeldWrenches
 from sim_action.engines.clearances import ClearanceRecorder
@@ -80,13 +81,15 @@ class SimulatedRobot(RobotQueries):
         self._control = MuJoCoBodyControl(compiled, objects, sliding.forget)
         self._wrenches = HeldWrenches(self._control, self.link_pose, scene.model)
         self._path_contacts: PathContacts | None = None
+        self._touches: list[Contact] = []
         self.others: Mapping[str, SimulatedRobot] = {}
         """The other robots of the world by name, as this one sees them."""
         self._lazy_contacts = LazyContacts()
 
     @override
     def collect(self) -> Trace:
-        return self._states.trace()
+        touches, self._touches = tuple(self._touches), []
+        return replace(self._states.trace(), contacts=touches) if touches else self._states.trace()
 
     @override
     def observe(self, step: int, *, contacts: bool) -> Observation:
@@ -146,6 +149,10 @@ class SimulatedRobot(RobotQueries):
         if self._stops is not None and (passed := self._stops.passed(memoryview(self._data.qpos))):
             self._stop(passed)
         self._states.keep(step)
+
+    def keep_touches(self, step: int) -> None:
+        """Keep the present contacts with all but the ground as those of a step."""
+        self._touches += self._contacts.of_step(step / self._rate, ground=False)
 
     def keep_nan(self, steps: Sequence[int]) -> None:
         """Record NaN for steps after the simulation has diverged."""
@@ -220,7 +227,6 @@ class MuJoCoEngine(SimulatedRobot, Engine):
         self._watchers = list(self._watching(channels))
         # A live view of the number of warnings by kind.
         self._warned = memoryview(compiled.data.warning.number)
-        self._touches: list[Contact] = []
 
     @override
     def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
@@ -298,6 +304,8 @@ class MuJoCoEngine(SimulatedRobot, Engine):
         if self._objects_qpos.size:
             yield self._record_bodies
         yield from (actor.keep for actor in self.actors.values())
+        if any(body.path for body in self._scene.world.objects):
+            yield from (actor.keep_touches for actor in self.actors.values())
         if channels.contacts and (channels.ground or self._scene.world.names):
             yield self._record_all_contacts if channels.ground else self._record_contacts
             if self._path_contacts is not None:

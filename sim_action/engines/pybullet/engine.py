@@ -26,7 +26,7 @@ from sim_action.engines.pybullet.queries import Distances, clashes, overlaps, po
 from sim_action.engines.pybullet.robot import LoadedRobot
 from sim_action.engines.world_events import WorldEvents
 from sim_action.state.command import JointTargets
-from sim_action.state.observation import Clash, Contact, Overlap
+from sim_action.state.observation import Clash, Overlap
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import ContactRecord
@@ -102,6 +102,8 @@ class PyBulletEngine(LoadedRobot, Engine):
         )
         self._recorders = Recorders(channels, scene, self._reader, self._contacts.of_links)
         self._watchers = [*(actor.keep for actor in actors.values()), *self._recorders.watchers]
+        if any(body.path for body in scene.world.objects):
+            self._watchers += (actor.keep_touches for actor in actors.values())
         if moving:
             look = self._reader(moving)
             self._watchers.append(lambda _: self._body_poses.append(look()))
@@ -109,7 +111,6 @@ class PyBulletEngine(LoadedRobot, Engine):
             self.model_notes = self._self_collision.notes
             self._watchers += self._self_collision.start(channels, self._states.last)
         self._body_poses: list[Sequence[float] | NDArray[np.float64]] = []
-        self._touches: list[Contact] = []
         self._is_watched = self._watches_contacts or bool(self._watchers) or not self._clearances.is_idle
 
     @override
@@ -172,9 +173,8 @@ class PyBulletEngine(LoadedRobot, Engine):
 
     @override
     def collect(self) -> Trace:
-        touches, self._touches = tuple(self._touches), []
         clearances, records = self._clearances.collect(), self._recorders.collect()
-        trace = replace(self._states.collect(), contacts=touches, clearances=clearances, **records)
+        trace = replace(super().collect(), clearances=clearances, **records)
         return trace if self._self_collision is None else self._self_collision.added_to(trace)
 
     @override

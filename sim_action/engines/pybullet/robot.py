@@ -68,6 +68,7 @@ class LoadedRobot(RobotQueries):
         self._self_collision = self._collision_of_links(scene, channels)
         self._place_robot(scene)
         self._path_contacts: PathContacts | None = None
+        self._touches: list[Contact] = []
         self.others: Mapping[str, LoadedRobot] = {}
         """The other robots of the world by name, as this one sees them."""
 
@@ -123,12 +124,17 @@ class LoadedRobot(RobotQueries):
 
     @override
     def collect(self) -> Trace:
-        return self._states.collect()
+        touches, self._touches = tuple(self._touches), []
+        return replace(self._states.collect(), contacts=touches) if touches else self._states.collect()
 
     @property
     def keep(self) -> Callable[[int], None]:
         """The function that keeps the present state as that of a step; it is called at every step."""
         return self._states.keep
+
+    def keep_touches(self, step: int) -> None:
+        """Keep the present contacts with all but the ground as those of a step."""
+        self._touches += self._present_contacts(step, ground=False)
 
     def last_place(self) -> tuple[Sequence[float], Sequence[float]]:
         """Return the pose (7,) of the centre of mass of the base and the joint positions (J,) of the last step."""
