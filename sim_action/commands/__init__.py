@@ -161,6 +161,10 @@ class CommandSource(Transmission):
         """Yield problems with the files that it names. No code of the user is run."""
         yield from ()
 
+    def actor_problems(self, others: Sequence[CommandSource]) -> SpecProblems:
+        """Yield what prevents that it drives another robot of the world beside some sources of the robots before it."""
+        yield from ()
+
     def claims(self, setting: Setting) -> Findings:
         """Yield the findings of the audit of claims that are visible without the robot model."""
         yield from ()

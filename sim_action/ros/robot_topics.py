@@ -140,9 +140,10 @@ class LinkFrames:
     moving: tuple[tuple[str, str, tuple[Joint, ...]], ...]
 
     @classmethod
-    def of(cls, model: RobotModel) -> Self:
-        """Return the frames of a model."""
-        series = [(joints[0].parent, child, joints) for child, joints in model.joints_to.items()]
+    def of(cls, model: RobotModel, prefix: str = "") -> Self:
+        """Return the frames of a model; `prefix`: of their names."""
+        named = ((prefix + child, joints) for child, joints in model.joints_to.items())
+        series = [(prefix + joints[0].parent, child, joints) for child, joints in named]
         moving = {child for _, child, joints in series if any(joint.moves for joint in joints)}
         return cls(
             tuple((parent, child, joints[0].origin) for parent, child, joints in series if child not in moving),

@@ -189,7 +189,7 @@ def _with_actors(scene: Scene, scenario: Scenario, source: Source, models: Mappi
     robots = {EGO: scene, **actors}
     for own, seen in actors.items():
         others = {name: robot for name, robot in robots.items() if name != own}
-        actors[own] = replace(seen, actors=others)
+        actors[own] = replace(seen, actors=others, shared=scene.shared)
     return replace(scene, actors=actors)
 
 
@@ -330,14 +330,17 @@ class _Loader:
         yield from scenario_checks.trace_problems(scenario, parts.sensor_paths)
         yield from scenario_checks.reading_problems(scenario, parts.expect_paths)
         yield from scenario_checks.rule_problems(scenario)
+        others = list(scenario.commands)
         for actor, paths, path in self._actors(scenario):
             seen = scenario.as_seen_by(actor)
             yield from scenario_checks.rate_problems(seen, paths.commands, paths.sensors)
             yield from scenario_checks.transmission_problems(seen, paths.commands, paths.sensors)
             yield from _of_actor(scenario_checks.rule_problems(seen), path)
             for at, source in zip(paths.commands, actor.commands, strict=True):
+                yield from (((*at, *key), message) for key, message in source.actor_problems(others))
                 if not source.is_for_actors:
                     yield at, f"'{source.key}' drives only the robot under test; use a script or a process, or 'ego'"
+            others += actor.commands
         yield from unknown_rules(scenario.allow)
         for path, expectation in zip(parts.expect_paths, scenario.expect, strict=True):
             yield from unknown_rules(expectation.allow, path)

@@ -259,12 +259,15 @@ def _mapped(data: object) -> Mapping[str, str]:
 
 
 def _specs(data: object, key: str) -> Iterator[Mapping[str, object]]:
-    """Yield the values of a key, such as `ros2`, in `commands`."""
-    commands = data.get("commands") if isinstance(data, dict) else None
-    for source in commands if isinstance(commands, tuple) else (commands,):
-        spec = source.get(key) if isinstance(source, dict) else None
-        if isinstance(spec, dict):
-            yield spec
+    """Yield the values of a key, such as `ros2`, in `commands` of all robots."""
+    world = data.get("world") if isinstance(data, dict) else None
+    actors = world.get("actors") if isinstance(world, dict) else None
+    for robot in (data, *(actors if isinstance(actors, tuple) else ())):
+        commands = robot.get("commands") if isinstance(robot, dict) else None
+        for source in commands if isinstance(commands, tuple) else (commands,):
+            spec = source.get(key) if isinstance(source, dict) else None
+            if isinstance(spec, dict):
+                yield spec
 
 
 def _packages_of_nodes(spec: Mapping[str, object]) -> Iterator[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.core import units
 from sim_action.core.errors import Location
@@ -83,6 +83,7 @@ class Scene:
         places: of the models of the world file.
         stuck: joints that faults hold at a time, with an effort that may exceed the limit of their motors.
         actors: name -> the scene of another robot, in which that robot takes the place of the one under test.
+        shared: what the command sources of all robots have in common while they are open.
     """
 
     robot: Robot
@@ -103,6 +104,7 @@ class Scene:
     places: WorldPlaces = field(default_factory=WorldPlaces)
     stuck: frozenset[str] = frozenset()
     actors: Mapping[str, Scene] = field(default_factory=dict)
+    shared: dict[str, Any] = field(default_factory=dict)
 
     @property
     def frames(self) -> dict[str, tuple[str, str]]:

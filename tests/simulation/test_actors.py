@@ -198,10 +198,6 @@ def test_a_robot_that_starts_inside_another_is_refused(tmp_path: Path, engine: s
             "world.actors.0.commands: 'ros1' drives only the robot under test; ",
             marks=pytest.mark.process,
         ),
-        (
-            actor(commands="{ros2: {nodes: [./a.py]}}"),
-            "world.actors.0.commands: 'ros2' drives only the robot under test; ",
-        ),
     ],
 )
 def test_a_wrong_robot_is_refused_at_its_place(tmp_path: Path, actors: str, message: str) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 from sim_action.commands import ClosedLoop
 from sim_action.core.errors import Location, ScriptError, SourceProblem, UsageError
-from sim_action.core.records import dataclass
+from sim_action.core.records import dataclass, field
 from sim_action.core.wording import escaped_line, shortened
 from sim_action.robot.documents.xml_document import shown_file
 from sim_action.ros import node_start
@@ -27,7 +27,7 @@ from sim_action.ros.ros2.messages import Message
 from sim_action.ros.ros2.node_processes import Node, NodeGroup
 from sim_action.ros.ros2.received_commands import ReceivedCommands, unsent
 from sim_action.ros.ros2.started_nodes import Domain, ListedNodes, scratch_of, set_up_packages
-from sim_action.ros.ros2.topics import channels, topics_of
+from sim_action.ros.ros2.topics import DESCRIPTION, TRANSFORM_TOPICS, channels, topics_of
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Transcript
@@ -51,7 +51,8 @@ _MAX_ERRORS: Final = 10
 
 
 _KEY: Final = "ros2"
-_DESCRIPTION: Final = "/robot_description"
+# Ticks at the same time differ by less.
+_EPSILON_S: Final = 1e-6
 # The wall time that a node may take to end after it has left the graph.
 _MAX_LEAVE_S: Final = 5.0
 # The calms after the first one, in which nodes of a launch get to know all others.
@@ -128,13 +129,19 @@ def open_nodes(spec: Ros2Nodes, rate: float, scene: Scene) -> ClosedLoop:
     except UsageError as error:
         raise SourceProblem(str(error), _KEY) from None
     with ExitStack() as undo:
-        inherited = {**os.environ, **node_start.variables(scene.seed)}
-        session = Session.open(spec, ros, scene.workspace, inherited, undo)
+        session: Session | None = scene.shared.get(_KEY)
+        if session is None or any(robot.space == spec.space for robot in session.robots):
+            inherited = {**os.environ, **node_start.variables(scene.seed)}
+            session = Session.open(spec, ros, scene.workspace, inherited, undo)
+            if _KEY not in scene.shared:
+                scene.shared[_KEY] = session
+                undo.callback(scene.shared.pop, _KEY)
         group = _started(spec, rate, scene, session)
         undo.callback(group.close)
         nodes = DrivenNodes(spec, rate, scene, session, group)
         nodes.closing = undo.pop_all()
-        nodes.notes += [*ros.notes, *session.packages.notes]
+        if session.robots[0] is nodes:
+            nodes.notes += [*ros.notes, *session.packages.notes]
     return controller_of(nodes)
 
 
@@ -156,25 +163,32 @@ def controller_of(nodes: DrivenNodes) -> ClosedLoop:
 def _started(spec: Ros2Nodes, rate: float, scene: Scene, session: Session) -> NodeGroup:
     """Start the nodes that the scenario lists, or its launch file. Raise SourceProblem, ScriptError."""
     if spec.launch is None:
-        return ListedNodes(spec.nodes or (), session.packages, scene.workspace, session.folder)
+        return ListedNodes(spec, session.packages, scene.workspace, session.folder)
     launched = LaunchSpec.of(spec, session.packages, scene.workspace, robot_topics(spec, rate, scene))
     return LaunchedNodes(launched, session.folder)
 
 
 def robot_topics(spec: Ros2Nodes, rate: float, scene: Scene) -> RobotTopics:
     """Return the names of the topics of the robot."""
-    found = channels(scene, spec.topics, rate, spec.controllers, described=False)
+    found = channels(scene, spec.topics, rate, spec.controllers, space=spec.space)
     published = {each.topic for each in found.publishers} | {CLOCK}
     return RobotTopics(frozenset(each.topic for each in found.subscriptions), frozenset(published))
 
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """The folder of the processes of a run, its packages, and its bridge."""
+    """The folder of the processes of a run, its packages, and its bridge.
+
+    Attributes:
+        robots: those whose nodes share the bridge and the lock-step, in the order of their start.
+        graph_notes: notes on topics of all nodes.
+    """
 
     folder: ProcessFolder
     packages: Packages
     bridge: Bridge
+    robots: list[DrivenNodes] = field(default_factory=list)
+    graph_notes: list[str] = field(default_factory=list)
 
     @classmethod
     def open(
@@ -195,10 +209,18 @@ class Session:
 
 
 class DrivenNodes:
-    """The nodes of a scenario, and the bridge to them.
+    """The nodes that drive a robot, and the bridge to them.
+
+    If several robots have nodes, all have published a moment before sim time advances. Those that come first in a tick
+    obey at the next one what nodes then send.
 
     Attributes:
         closing: what ends the nodes.
+        space: the namespace of the robot, such as "/robot2"; or empty.
+        topics: the topics of this robot alone.
+        seconds: the sim time of its last tick, in s.
+        lockstep: that of the nodes of all robots.
+        listeners: the number of subscriptions of each of its clocks; of the first robot.
         transcript: all messages of nodes that command the robot.
         has_heard: True after the first of these messages.
         not_reproducible: reasons why another run may differ.
@@ -213,16 +235,19 @@ class DrivenNodes:
         self._is_realtime = spec.pace == "realtime"
         self.transcript, self.notes = Transcript(), list[str]()
         self._started_at: float | None = None
-        self._seconds = 0.0
+        self.space, self.seconds, self.topics = spec.space, -1 / rate, set[str]()
+        self.listeners, self._inbox = list[int](), list[tuple[int, Message]]()
         self._largest: dict[str, int] = {}
         self._errors = LoggedErrors(scene.workspace.root)
         self.logged_errors = self._errors.messages
-        self.has_heard, self._finished = False, dict[int, str]()
+        self.has_heard, self._finished = False, dict[int | str, str]()
         self._misfits = list[str]()
-        self._bridge, self._group = session.bridge, group
+        self._session, self._bridge, self._group = session, session.bridge, group
         self._forward = session.folder.forward
         self.losses = group.losses
         self.closing = ExitStack()
+        session.robots.append(self)
+        self._first = session.robots[0]
         try:
             self._begin()
         except BridgeEnded as error:
@@ -230,22 +255,21 @@ class DrivenNodes:
 
     def tick(self, seen: Observation) -> Answer:
         """Publish a moment, let the nodes handle it, and return the last command. Raise ScriptError."""
-        self._seconds = seen.time
+        self.seconds = seen.time
         try:
             self._group.tell_time(seen.time)
             self._admit_new_nodes()
             self._publish(seen)
-            received, listeners = self._bridge.take(self._lockstep.clocks)
-            self._hear_errors(received, seen.time)
-            self._await_leaving(listeners, seen.time)
+            if not any(map(self._waits_for, self._session.robots)):
+                self._first.advance(seen.time)
+            self._group.refuse_ended()
+            self._first.note_finished(seen.time)
             self._admit_new_nodes()
         except BridgeEnded as error:
             self._group.refuse_ended()
             raise self._bridge_error(error) from None
-        for place, message in received:
-            if place == self._log:
-                continue
-            number = place - self._first_heard
+        received, self._inbox = self._inbox, []
+        for number, message in received:
             topic, node = self._senders[number]
             self.has_heard = True
             self.transcript.add(seen.time, topic, json.dumps(message, default=list).encode())
@@ -253,6 +277,28 @@ class DrivenNodes:
         if round(seen.time * self._rate) % round(self._rate) == 0:
             self._forward()
         return self._commands.answer(seen)
+
+    def _waits_for(self, other: DrivenNodes) -> bool:
+        """Return True if another robot, which ticked one period ago, is still to publish this moment."""
+        return abs(self.seconds - other.seconds - 1 / self._rate) < _EPSILON_S
+
+    def advance(self, seconds: float) -> None:
+        """Let the nodes of all robots hear of a sim time in s, and pass on what they send. Raise BridgeEnded."""
+        if self._is_realtime:
+            self.lockstep.tell_time(seconds)
+            self._sleep_until(seconds)
+        else:
+            self.lockstep.advance(seconds)
+        received, listeners = self._bridge.take(self.lockstep.clocks)
+        self.hear_errors(received, seconds)
+        for robot in self._session.robots:
+            robot.receive(received)
+        self._await_leaving(listeners)
+
+    def receive(self, received: Sequence[tuple[int, Message]]) -> None:
+        """Keep the commands of this robot until its next answer."""
+        numbered = ((place - self._first_heard, message) for place, message in received)
+        self._inbox += ((number, message) for number, message in numbered if 0 <= number < len(self._senders))
 
     def why_silent(self) -> str:
         """Return why nodes do not move the robot, as far as the topics show."""
@@ -273,30 +319,39 @@ class DrivenNodes:
         self._forward()
         self.closing.close()
         self.notes += self._group.notes
+        if self._first is self:
+            self.notes += self._session.graph_notes
 
     def _begin(self) -> None:
         """Hold the clock until all nodes are up, know each other, and are connected to the robot."""
         if (rmw := self._bridge.await_start()) != RMW:
             raise SourceProblem(f"the bridge runs on {rmw}; set RMW_IMPLEMENTATION={RMW}", _KEY)
         self._group.await_start()
-        self._lockstep = Lockstep(self._bridge, self._group.roots)
-        self.not_reproducible = self._lockstep.losses
+        if self._first is self:
+            self.lockstep = Lockstep(self._bridge, self._group.roots)
+            self.not_reproducible = self.lockstep.losses
+        else:
+            self.lockstep, self.not_reproducible = self._first.lockstep, []
+            self.lockstep.watch_more(self._group.roots)
         self._admit_new_nodes()
         # The types and the nodes of commands are known only when all nodes are.
         self._open_topics()
         self._admit(())
+        notes = self._session.graph_notes
+        notes.clear()
         if self._is_realtime:
-            self._lockstep.losses.append(_REALTIME)
+            self.not_reproducible += [_REALTIME] if self._first is self else []
         else:
-            self.notes += order_notes(self._bridge.whole_graph())
-            self._lockstep.hold()
-            self._lockstep.settle(0.0)
+            notes += order_notes(self._bridge.whole_graph())
+            self.lockstep.hold()
+            self.lockstep.settle(0.0)
         # Commands from before the start arrive or not, depending on which node came up first.
         received, _ = self._bridge.take(())
-        self._hear_errors(received, None)
-        self.notes += unheard(self._bridge.whole_graph(), self._published)
+        self._first.hear_errors(received, None)
+        notes += unheard(self._bridge.whole_graph(), self._published)
 
-    def _hear_errors(self, received: list[tuple[int, Message]], seconds: float | None) -> None:
+    def hear_errors(self, received: Sequence[tuple[int, Message]], seconds: float | None) -> None:
+        """Take the errors that nodes of any robot logged until a sim time in s; None: it has not begun."""
         for number, message in received:
             if number == self._log:
                 self._errors.take(message, seconds)
@@ -307,24 +362,30 @@ class DrivenNodes:
 
     def _admit(self, new: Sequence[Node]) -> None:
         """Wait until new nodes are up, and all know each other. Raise ScriptError, BridgeEnded."""
-        self._lockstep.add(new)
+        self.lockstep.add(new)
         readiness = Readiness(self._bridge, new, self._group.refuse_ended, self._spec.start_within)
         readiness.await_clocks()
         readiness.await_answers()
-        commands = topics_of(self._scene, self._spec.topics, self._spec.controllers)
-        readiness.await_connections({_DESCRIPTION, *commands.values()})
+        commands = topics_of(self._scene, self._spec.topics, self._spec.controllers, self.space)
+        watched = {self.space + DESCRIPTION, *commands.values()}
+        readiness.await_connections(watched)
         # On a busy machine, nodes of a launch may not have been able to announce themselves during one calm.
         for _ in range(_MORE_CALMS if self._spec.launch and not self._is_realtime else 0):
-            self._lockstep.settle(self._seconds)
-            readiness.await_connections({_DESCRIPTION, *commands.values()})
-        self._lockstep.losses += (each for each in readiness.losses if each not in self._lockstep.losses)
-        self._listeners = self._lockstep.listeners()
+            self.lockstep.settle(max(0.0, self.seconds))
+            readiness.await_connections(watched)
+        self.lockstep.losses += (each for each in readiness.losses if each not in self.lockstep.losses)
+        self._first.listeners = self.lockstep.listeners()
 
     def _open_topics(self) -> None:
         """Open the topics of the robot."""
         stated, scene = self._spec.topics, self._scene
-        described = bool(self._bridge.graph([_DESCRIPTION]).publishers[_DESCRIPTION])
-        found = channels(scene, stated, self._rate, self._spec.controllers, described=described)
+        description = self.space + DESCRIPTION
+        described = bool(self._bridge.graph([description]).publishers[description])
+        found = channels(scene, stated, self._rate, self._spec.controllers, described=described, space=self.space)
+        self.topics = {each.topic for each in found.publishers} | {each.topic for each in found.subscriptions}
+        for robot in self._session.robots[:-1]:
+            if both := sorted(self.topics & robot.topics - TRANSFORM_TOPICS):
+                raise SourceProblem(f"'{both[0]}' is already a topic of another robot; change 'topics' of one", _KEY)
         wanted = {each.type for each in found.publishers} | {
             kind for each in found.subscriptions for kind in each.types
         }
@@ -353,7 +414,7 @@ class DrivenNodes:
             [Endpoint(each.topic, each.type, each.qos) for each in publishers],
             [
                 *(Endpoint(each.topic, each.type, each.qos) for each in subscriptions),
-                errors_endpoint(graph.publishers[ROSOUT]),
+                *([errors_endpoint(graph.publishers[ROSOUT])] if self._first is self else ()),
             ],
         )
         self._publishers = list(enumerate(publishers, first))
@@ -361,19 +422,14 @@ class DrivenNodes:
     def _publish(self, seen: Observation) -> None:
         tick = round(seen.time * self._rate)
         if tick and not self._is_realtime:
-            self._lockstep.notice_wakes()
+            self.lockstep.notice_wakes()
         for number, publisher in self._publishers:
             message = publisher.message(tick, seen)
             if message is not None:
                 self._notice_size(number, publisher.topic, self._bridge.publish(number, message))
                 # One message after the other, and then the time: else two callbacks of a node race.
                 if not self._is_realtime:
-                    self._lockstep.settle(seen.time)
-        if self._is_realtime:
-            self._lockstep.tell_time(seen.time)
-            self._sleep_until(seen.time)
-            return
-        self._lockstep.advance(seen.time)
+                    self.lockstep.settle(seen.time)
 
     def _notice_size(self, number: int, topic: str, size: int) -> None:
         """Notice messages that are too large, once for each topic that a node hears."""
@@ -390,21 +446,17 @@ class DrivenNodes:
             self._started_at = now - seconds
         time.sleep(max(0.0, self._started_at + seconds - now))
 
-    def _await_leaving(self, listeners: list[int], seconds: float) -> None:
-        """Hold sim time while a node ends: it leaves the graph first, and then ends by the wall clock.
-
-        Raise ScriptError if a node has failed.
-        """
-        if listeners != self._listeners:
-            for node, before, now in zip(self._lockstep.nodes, self._listeners, listeners, strict=True):
+    def _await_leaving(self, listeners: list[int]) -> None:
+        """Hold sim time while a node ends: it leaves the graph first, and then ends by the wall clock."""
+        if listeners != self.listeners:
+            for node, before, now in zip(self.lockstep.nodes, self.listeners, listeners, strict=True):
                 if now < before:
                     node.process.await_end(_MAX_LEAVE_S)
-            self._listeners = listeners
-        self._group.refuse_ended()
-        self._note_finished(seconds)
+            self.listeners = listeners
 
-    def _note_finished(self, seconds: float) -> None:
-        for node in self._lockstep.nodes:
+    def note_finished(self, seconds: float) -> None:
+        """Note the nodes of all robots that have ended until a sim time in s."""
+        for node in self.lockstep.nodes:
             if node.number not in self._finished and node.process.exit_code() is not None:
                 self._finished[node.number] = f"the node '{node.process.label}' finished at {seconds:g} s of sim time"
                 self.notes.append(f"{self._finished[node.number]}; its last command holds")

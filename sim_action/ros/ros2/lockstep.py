@@ -73,7 +73,7 @@ class Lockstep:
 
         :param roots: ids of the processes from which all nodes descend.
         """
-        self._bridge, self._roots = bridge, roots
+        self._bridge, self._roots = bridge, tuple(roots)
         self._watched = WatchedProcesses(spared=threading.get_native_id())
         self._children: dict[int, ChildProcesses] = {}
         self._known: dict[int, frozenset[int]] = {}
@@ -85,6 +85,10 @@ class Lockstep:
         # True if nodes have no clock of their own, and listen to that of all tools.
         self._is_heard = True
         self._all = bridge.open([Endpoint(CLOCK, CLOCK_TYPE, CLOCK_QOS)], ())
+
+    def watch_more(self, roots: Sequence[int]) -> None:
+        """Also watch processes that descend from others."""
+        self._roots, self._known = (*self._roots, *roots), {}
 
     def add(self, nodes: Sequence[Node]) -> None:
         """Open the clocks of nodes. Raise BridgeEnded."""

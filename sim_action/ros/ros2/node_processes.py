@@ -177,9 +177,9 @@ class LaunchedProcess:
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """A process with a clock of its own; `number`: of its clock."""
+    """A process with a clock of its own; `number`: of its clock, in a namespace such as "robot2/_0"."""
 
-    number: int
+    number: int | str
     process: NodeProcess | LaunchedProcess
 
 

@@ -240,6 +240,9 @@ def joint_problems(controllers: Mapping[str, JointController], model: RobotModel
 class Ros2Nodes(Nodes[Ros2NodeSpec]):
     """The nodes to start, and the names of the robot's topics."""
 
+    namespace: Annotated[Namespace | None, Field(description="of its nodes and topics, and prefix of its frames")] = (
+        None
+    )
     topics: Annotated[
         dict[str, RobotTopicName],
         Field(
@@ -261,3 +264,8 @@ class Ros2Nodes(Nodes[Ros2NodeSpec]):
             "the wall clock, for nodes that must"
         ),
     ] = "lockstep"
+
+    @property
+    def space(self) -> str:
+        """The beginning of the names of topics and nodes: "/robot2"; empty without a namespace."""
+        return f"/{name}" if (name := (self.namespace or "").strip("/")) else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
 from pydantic import Field
@@ -23,7 +24,7 @@ class Ros2Commands(CommandSource):
     `geometry_msgs/Twist` or `TwistStamped` on `/cmd_vel` drives the robot, and holds until the next one. The nodes can
     subscribe to `/clock`, published at `rate`, `/odom`, `/tf`, `/joint_states`, `/robot_description` and the sensors of
     the scenario. `topics` sets other topics: `topics: {cmd_vel: /diff_cont/cmd_vel}`. `launch` is experimental: see
-    [launch files](../../docs/ros2/launch.md).
+    [launch files](../../docs/ros2/launch.md), and `namespace` for [several robots](../../docs/ros2/reference.md).
 
     Sim time starts at 0 when all nodes are up and connected; `use_sim_time` is set. It advances only when every node
     has handled all its messages, so every run is the same: `random` and `numpy.random` start from `seed`, and timeouts
@@ -35,7 +36,6 @@ class Ros2Commands(CommandSource):
     """
 
     key: ClassVar[str] = "ros2"
-    is_for_actors: ClassVar[bool] = False
     runs_user_code: ClassVar[bool] = True
 
     ros2: Annotated[Ros2Nodes, Field(description="launch file or list of nodes")]
@@ -56,7 +56,30 @@ class Ros2Commands(CommandSource):
         """See CommandSource.problems. This starts nothing and works without ROS 2."""
         from sim_action.ros.ros2.file_problems import file_problems  # the rest of the module runs without it
 
-        return ((("ros2", *path), message) for path, message in file_problems(self.ros2, workspace))
+        if self.ros2.launch and self.ros2.space:
+            yield ("ros2", "namespace"), "a launch file states the namespaces of its nodes; remove it, or list 'nodes'"
+        yield from ((("ros2", *path), message) for path, message in file_problems(self.ros2, workspace))
+
+    @override
+    def actor_problems(self, others: Sequence[CommandSource]) -> SpecProblems:
+        nodes = self.ros2
+        if nodes.launch:
+            yield ("ros2", "launch"), "a launch file drives only the robot under test; list the 'nodes' of this one"
+        for other in others:
+            if not isinstance(other, Ros2Commands):
+                continue
+            if other.ros2.space == nodes.space:
+                both = f"the namespace '{nodes.space}'" if nodes.space else "no namespace"
+                same = f"two robots with {both} have the same topics and frames"
+                yield ("ros2",), f"{same}; state another one, such as 'namespace: robot2'"
+                return
+            for key in ("workspace", "pace"):
+                if (own := getattr(nodes, key)) != (first := getattr(other.ros2, key)):
+                    wanted = f"'{key}' must be {first!r}, as for the first one, not {own!r}"
+                    yield ("ros2",), f"the nodes of all robots share one lock-step: {wanted}"
+            if other.rate != self.rate:
+                wanted = f"'rate' must be {other.rate:g} Hz, as for the first one, not {self.rate:g} Hz"
+                yield (), f"the nodes of all robots share one clock: {wanted}"
 
     @property
     @override
@@ -73,7 +96,7 @@ class Ros2Commands(CommandSource):
         ros2 = self.ros2
         for path, message in controller_problems(scene, ros2.controllers):
             yield ("ros2", "controllers", *path), message
-        for path, message in topic_problems(scene, ros2.topics, ros2.controllers):
+        for path, message in topic_problems(scene, ros2.topics, ros2.controllers, ros2.space):
             yield ("ros2", "topics", *path), message
 
     def joints(self, scene: Scene) -> frozenset[str]:

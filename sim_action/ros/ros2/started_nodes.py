@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import socket
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self
@@ -140,13 +140,14 @@ def set_up_packages(spec: Ros2Nodes, ros: Ros2, workspace: Workspace, folder: Pr
 class ListedNodes(NodeGroup):
     """The nodes that a scenario lists."""
 
-    def __init__(
-        self, nodes: Sequence[Ros2NodeSpec], packages: Packages, workspace: Workspace, folder: ProcessFolder
-    ) -> None:
+    def __init__(self, spec: Ros2Nodes, packages: Packages, workspace: Workspace, folder: ProcessFolder) -> None:
         """Start the nodes, and return at once. Raise SourceProblem, ScriptError."""
-        self._directory = workspace.root
-        self._started = [_start_node(node, number, packages, workspace, folder) for number, node in enumerate(nodes)]
-        self._new = [Node(number, process) for number, process in enumerate(self._started)]
+        self._directory, nodes = workspace.root, spec.nodes or ()
+        prefix = f"{spec.space[1:]}/_" if spec.space else ""
+        numbered = [(f"{prefix}{index}", node) for index, node in enumerate(nodes)]
+        started = [(at, _start_node(node, at, packages, workspace, folder)) for at, node in numbered]
+        self._new = [Node(number, process) for number, process in started]
+        self._started = [process for _, process in started]
         self._required = [node.required for node in nodes]
         super().__init__([process.pid for process in self._started])
 
@@ -165,9 +166,9 @@ class ListedNodes(NodeGroup):
 
 
 def _start_node(
-    node: Ros2NodeSpec, number: int, packages: Packages, workspace: Workspace, folder: ProcessFolder
+    node: Ros2NodeSpec, number: str, packages: Packages, workspace: Workspace, folder: ProcessFolder
 ) -> NodeProcess:
-    """Start a node with a clock of its own. Raise SourceProblem, ScriptError."""
+    """Start a node with a clock of its own, whose number has its namespace. Raise SourceProblem, ScriptError."""
     assert packages.ros is not None
     try:
         if node.file is not None:
@@ -177,14 +178,16 @@ def _start_node(
     except PathError as error:
         raise SourceProblem(str(error), "ros2") from None
     words = [*command, *node.arguments, "--ros-args"]
-    named = {"__node": node.name, "__ns": node.namespace and f"/{node.namespace.strip('/')}"}
+    own, space = node.namespace or "", number.rpartition("/")[0]
+    within = (own if own.startswith("/") else f"{space}/{own}").strip("/")
+    named = {"__node": node.name, "__ns": within and f"/{within}"}
     for name, other in {**named, **node.remap, CLOCK: clock_of(number)}.items():
         words += ["-r", f"{name}:={other}"] if other else []
     if node.parameters:
-        path = folder.path / f"parameters-{number}.yaml"
+        path = folder.path / f"parameters-{number.replace('/', '-')}.yaml"
         path.write_text(parameter_file(node.parameters), encoding="utf-8")
         words += ["--params-file", str(path)]
-    return folder.start(node.called, [*words, "-p", "use_sim_time:=true"], stdin=node.stdin)
+    return folder.start(f"{space}/{node.called}".lstrip("/"), [*words, "-p", "use_sim_time:=true"], stdin=node.stdin)
 
 
 def node_error(process: NodeProcess, code: int, directory: Path) -> ScriptError:

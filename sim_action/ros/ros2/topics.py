@@ -58,11 +58,15 @@ STATES_RATE_HZ: Final = 50.0
 """The rate of odometry, transforms and joint states; Gazebo's differential drive has it by default."""
 
 TRAJECTORIES: Final = "joint_trajectory"
+DESCRIPTION: Final = "/robot_description"
+TRANSFORM_TOPICS: Final = frozenset({"/tf", "/tf_static"})
+"""The topics that all robots share."""
 
 # They have one type each, and no key.
 _OF_ALL_ROBOTS: Final = frozenset({"/clock", "/parameter_events", "/robot_description", "/rosout", "/tf", "/tf_static"})
 
-_NO_CONTROLLERS: Final[Mapping[str, JointController]] = MappingProxyType({})
+_Controllers = Mapping[str, JointController]
+_NO_CONTROLLERS: Final[_Controllers] = MappingProxyType({})
 
 _Read = TypeVar("_Read")
 
@@ -86,18 +90,22 @@ class RobotFrames:
     links: LinkFrames
 
     @classmethod
-    def of(cls, scene: Scene) -> RobotFrames:
-        """Return the frames of a robot and its sensors, with distinct names: a name that is taken gets a suffix."""
-        model = scene.model
+    def of(cls, scene: Scene, space: str = "") -> RobotFrames:
+        """Return the frames of a robot and its sensors, with distinct names: a name that is taken gets a suffix.
+
+        `space`: the namespace that they begin with, such as "/robot2"; or empty.
+        """
+        model, prefix = scene.model, f"{space[1:]}/" if space else ""
         taken = {link.name for link in model.links}
         odom = free_name(_ODOM, taken)
         frames = {sensor.name: _frame_of(sensor, taken) for sensor in scene.sensors}
+        mounted = _mounted(scene.sensors, frames)
         return cls(
-            odom,
-            model.root,
-            frames,
-            tuple(_mounted(scene.sensors, frames)),
-            LinkFrames.of(model),
+            prefix + odom,
+            prefix + model.root,
+            {name: prefix + frame for name, frame in frames.items()},
+            tuple((prefix + link, prefix + frame, pose) for link, frame, pose in mounted),
+            LinkFrames.of(model, prefix),
         )
 
 
@@ -156,9 +164,9 @@ class Channels:
 
 
 def topics_of(
-    scene: Scene, stated: Mapping[str, str], controllers: Mapping[str, JointController] = _NO_CONTROLLERS
+    scene: Scene, stated: Mapping[str, str], controllers: _Controllers = _NO_CONTROLLERS, space: str = ""
 ) -> dict[str, str]:
-    """Return the topics of a robot by their keys, with the stated ones.
+    """Return the topics of a robot by their keys, with the stated ones; those without a "/" in front are in `space`.
 
     The keys are `cmd_vel` (with a drive), `odom` (unless the base is fixed, or a sensor measures odometry),
     `joint_states` (with joints), the names of controllers, or else `joint_trajectory` (with joints that are not those
@@ -174,14 +182,15 @@ def topics_of(
         del usual[ODOMETRY]
     if not scene.model.moving_joints:
         del usual[JOINTS]
-    return robot_topics.topics_of(scene.sensors, stated, usual)
+    topics = robot_topics.topics_of(scene.sensors, stated, usual)
+    return {key: topic if stated.get(key, "").startswith("/") else f"{space}{topic}" for key, topic in topics.items()}
 
 
 def topic_problems(
-    scene: Scene, stated: Mapping[str, str], controllers: Mapping[str, JointController] = _NO_CONTROLLERS
+    scene: Scene, stated: Mapping[str, str], controllers: _Controllers = _NO_CONTROLLERS, space: str = ""
 ) -> SpecProblems:
     """Yield problems of stated topics, by their keys: unknown names, and topics that are used twice."""
-    topics = topics_of(scene, stated, controllers)
+    topics = topics_of(scene, stated, controllers, space)
     yield from robot_topics.topic_problems(stated, topics)
     for name in (each for each in stated if each in topics):
         if topics[name] in _OF_ALL_ROBOTS:
@@ -194,7 +203,7 @@ def topic_problems(
                 yield (name,), f"'{shared[0]}' is already a topic of the camera '{other}'"
 
 
-def controller_problems(scene: Scene, controllers: Mapping[str, JointController]) -> SpecProblems:
+def controller_problems(scene: Scene, controllers: _Controllers) -> SpecProblems:
     """Yield problems of controllers, by their names and keys: names of other topics, and joints that do not fit."""
     taken = topics_of(scene, {}).keys() - {TRAJECTORIES}
     for name in sorted(taken & controllers.keys()):
@@ -206,23 +215,24 @@ def channels(
     scene: Scene,
     stated: Mapping[str, str],
     rate: float,
-    controllers: Mapping[str, JointController] = _NO_CONTROLLERS,
+    controllers: _Controllers = _NO_CONTROLLERS,
     *,
     described: bool = False,
+    space: str = "",
 ) -> Channels:
     """Return the topics of a robot, of which the scenario states some by their keys; `rate`: ticks per second.
 
+    `space`: the namespace of topics and frames, such as "/robot2"; or empty.
     `described`: True if another node publishes /robot_description. Then it is a robot_state_publisher, which publishes
     the frames of links, too.
     """
-    topics, frames = topics_of(scene, stated, controllers), RobotFrames.of(scene)
-    publishers = [*_states(scene, topics, frames, rate, described=described), *_sensors(scene, topics, frames)]
+    topics, frames = topics_of(scene, stated, controllers, space), RobotFrames.of(scene, space)
+    description = None if described else f"{space}{DESCRIPTION}"
+    publishers = [*_states(scene, topics, frames, rate, description=description), *_sensors(scene, topics, frames)]
     return Channels(tuple(publishers), tuple(_subscriptions(scene, topics, controllers)))
 
 
-def _subscriptions(
-    scene: Scene, topics: Mapping[str, str], controllers: Mapping[str, JointController]
-) -> Iterator[Subscription]:
+def _subscriptions(scene: Scene, topics: Mapping[str, str], controllers: _Controllers) -> Iterator[Subscription]:
     if COMMANDS in topics:
         yield twist_subscription(COMMANDS, topics[COMMANDS])
     for name, controller in controllers.items():
@@ -250,9 +260,10 @@ def states_schedule(rate: float) -> Schedule:
 
 
 def _states(
-    scene: Scene, topics: Mapping[str, str], frames: RobotFrames, rate: float, *, described: bool
+    scene: Scene, topics: Mapping[str, str], frames: RobotFrames, rate: float, *, description: str | None
 ) -> Iterator[Publisher]:
-    schedule = states_schedule(rate)
+    """Yield the states of a robot; `description`: the topic of its URDF, None if another node publishes it."""
+    schedule, described = states_schedule(rate), description is None
     if JOINTS in topics:
         yield Publisher(topics[JOINTS], "sensor_msgs/msg/JointState", _joint_states(scene, schedule))
     if ODOMETRY in topics:
@@ -265,9 +276,9 @@ def _states(
     if fixed:
         static = messages.transforms_message(0.0, fixed)
         yield Publisher("/tf_static", "tf2_msgs/msg/TFMessage", _once(static), LATCHED)
-    if not described:
+    if description is not None:
         text = scene.model.urdf or urdf_of(scene.model)
-        yield Publisher("/robot_description", "std_msgs/msg/String", _once({"data": text}), LATCHED)
+        yield Publisher(description, "std_msgs/msg/String", _once({"data": text}), LATCHED)
 
 
 def _once(message: Message) -> Callable[[int, Observation], Message | None]:

@@ -68,6 +68,27 @@ def test_stated_topics_take_the_place_of_usual_ones(tmp_path: Path) -> None:
     assert {"/scan_raw", "/front/image", "/front/camera_info"} <= {each.topic for each in found.publishers}
 
 
+def test_topics_and_frames_of_a_robot_begin_with_its_namespace(tmp_path: Path) -> None:
+    there = scene(tmp_path, more=SENSORS)
+    found = channels(there, {"cmd_vel": "drive", "imu": "/imu2"}, RATE, space="/a/b")
+
+    assert found.subscriptions[0].topic == "/a/b/drive"
+    topics = {each.topic for each in found.publishers}
+    assert {"/tf", "/tf_static", "/imu2", "/a/b/scan", "/a/b/eye/camera_info", "/a/b/robot_description"} < topics
+    assert all(topic.startswith("/a/b/") for topic in topics - {"/tf", "/tf_static", "/imu2"})
+    seen = resting(there)
+    frames = [
+        (each["header"]["frame_id"], each["child_frame_id"])
+        for topic in ("/tf", "/tf_static")
+        for each in first_message(found, topic, seen)["transforms"]
+    ]
+    assert {("a/b/odom", "a/b/base_footprint"), ("a/b/base_footprint", "a/b/eye_optical_frame")} < set(frames)
+    assert all(name.startswith("a/b/") for pair in frames for name in pair)
+    assert first_message(found, "/a/b/scan", seen)["header"]["frame_id"] == "a/b/base_scan"
+    odometry = first_message(found, "/a/b/odom", seen)
+    assert (odometry["header"]["frame_id"], odometry["child_frame_id"]) == ("a/b/odom", "a/b/base_footprint")
+
+
 def test_unknown_keys_and_topics_used_twice_are_named(tmp_path: Path) -> None:
     there = scene(tmp_path, more=SENSORS)
 
