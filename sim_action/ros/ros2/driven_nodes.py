@@ -318,9 +318,9 @@ class DrivenNodes:
         """End the nodes, and collect notes."""
         self._forward()
         self.closing.close()
-        self.notes += self._group.notes
         if self._first is self:
             self.notes += self._session.graph_notes
+        self.notes += self._group.notes
 
     def _begin(self) -> None:
         """Hold the clock until all nodes are up, know each other, and are connected to the robot."""
