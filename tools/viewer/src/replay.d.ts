@@ -74,6 +74,7 @@ interface BodyData {
   pose: number[];
   track?: number;
   appears?: number;
+  disappears?: number;
   shapes: Shape[];
 }
 
