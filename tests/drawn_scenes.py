@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import itertools
 import math
 import random
 import sys
@@ -177,8 +178,10 @@ def drawn_scene(chance: random.Random) -> DrawnScene:
         rpy: Vector3 = (chance.uniform(-3, 3), chance.uniform(-1.5, 1.5), chance.uniform(-3, 3))
         rpy = chance.choice(((0.0, 0.0, 0.0), rpy))
         reach = math.hypot(*size)
-        while True:
-            x, y = chance.uniform(-0.5, 0.5), chance.uniform(-0.5, 0.5)
+        for attempt in itertools.count():
+            # Some bodies leave no place between them.
+            room = 0.5 + attempt // 1000
+            x, y = chance.uniform(-room, room), chance.uniform(-room, room)
             place: Vector3 = (x, y, reach + chance.uniform(0.005, 0.8))
             if all(math.dist(place, other.position) > reach + other.reach + 0.01 for other in solids):
                 break

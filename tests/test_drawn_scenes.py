@@ -30,6 +30,11 @@ def test_drawn_scenes_hold(engine: str, number: int) -> None:
     assert at_fault(engine, drawn_scene(random.Random(f"7-{number}"))) == set()
 
 
+def test_a_body_without_a_place_between_the_others_stands_beside_them() -> None:
+    drawn = drawn_scene(random.Random("1-1651"))
+    assert max(abs(at) for body in drawn.bodies for at in body.position[:2]) > 0.5
+
+
 def heavier(trace: Trace) -> Trace:
     record = trace.link_contacts["it"]
     return replace(trace, link_contacts={"it": replace(record, force=1.5 * record.force)})
