@@ -96,13 +96,7 @@ def look(packages: Sequence[Entry], temp: Path, variables: Mapping[str, str]) ->
     kept = f"~/{_CACHE}/{locks.digest(chosen)[:16]}" if is_cached else ""
     plan = Plan(str(ready) if ready else "", left_out, kept)
     restores = bool(kept) and not ready and not wheels.are_there(chosen, Path(kept).expanduser())
-    return {
-        "plan": plan.text(),
-        "cache": restores,
-        "wheels": kept,
-        "key": key(chosen, variables),
-        "at": time.time(),
-    }
+    return {"plan": plan.text(), "cache": restores, "wheels": kept, "key": key(chosen, variables), "at": time.time()}
 
 
 def folder_problem(name: str) -> str | None:

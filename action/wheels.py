@@ -33,7 +33,7 @@ _PIP_OPTIONS: Final = (
     *("--require-hashes", "--only-binary", ":all:", "--no-deps"),
 )
 _UNUSED: Final = {
-    "pybullet": ("pybullet_data", "pybullet_envs", "pybullet_examples", "pybullet_robots", "eglRenderer."),
+    "pybullet": ("pybullet_data", "pybullet_envs", "pybullet_examples", "pybullet_robots", "eglRenderer.")
 }
 """Package -> how the paths of its unused files start: models, training environments and a renderer, 149 MB."""
 

@@ -40,11 +40,7 @@ html_js_files = ["site.js"]
 html_extra_path = ["llms.txt", "scenario.schema.json", "base.schema.json", "results.schema.json", "proof.schema.json"]
 html_copy_source = False
 html_use_index = False
-html_theme_options = {
-    "source_repository": REPOSITORY,
-    "source_branch": "main",
-    "source_directory": "docs/",
-}
+html_theme_options = {"source_repository": REPOSITORY, "source_branch": "main", "source_directory": "docs/"}
 pygments_style = "friendly"
 pygments_dark_style = "monokai"
 

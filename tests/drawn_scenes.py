@@ -195,9 +195,7 @@ def run(engine: str, drawn: DrawnScene) -> Trace:
     with tempfile.TemporaryDirectory() as name:
         scene = drawn.scene(Path(name))
         channels = Channels(
-            contacts=True,
-            objects=frozenset(body.name for body in drawn.bodies),
-            link_contacts=frozenset({_LINK}),
+            contacts=True, objects=frozenset(body.name for body in drawn.bodies), link_contacts=frozenset({_LINK})
         )
         backend = ENGINES[engine].load()(scene, channels)
         try:

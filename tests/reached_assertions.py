@@ -30,7 +30,7 @@ _LOGIC: Final = "tests/assertions/temporal_logic"
 RARE: Final[dict[str, dict[str, str]]] = {
     f"{_LOGIC}/test_robustness.py::test_the_comparison_that_decides_has_the_robustness_of_the_whole": {
         "assert math.isinf(whole)": "no comparison decides only where all windows lie beyond the end of the walk"
-    },
+    }
 }
 """Assertions that few examples can reach, with the reason: name of the test, source of the assertion."""
 

@@ -151,10 +151,7 @@ def test_a_version_of_the_format_that_is_not_there_yet(tmp_path: Path) -> None:
         ('"a\\0b.urdf"', "3:3: robot.model: 'a\\x00b.urdf' is not a valid path"),
         ('"a\\n::error::b.urdf"', "3:3: robot.model: 'a\\n::error::b.urdf' does not exist"),
         ("a" * 300 + ".urdf", "3:3: robot.model: 'aaaaaaa"),
-        (
-            '"\\ud800.urdf"',
-            "3:10: half of a surrogate pair is not a character; write the character itself",
-        ),
+        ('"\\ud800.urdf"', "3:10: half of a surrogate pair is not a character; write the character itself"),
     ],
 )
 def test_a_model_that_cannot_be_read(model: str, problem: str, tmp_path: Path) -> None:

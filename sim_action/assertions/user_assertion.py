@@ -18,14 +18,7 @@ from sim_action.core.errors import Location, ScriptError
 from sim_action.core.field_types import NamesFile
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
-from sim_action.core.user_scripts import (
-    ANYTHING,
-    ScriptProblem,
-    read_script,
-    run_file,
-    script_error,
-    script_errors_at,
-)
+from sim_action.core.user_scripts import ANYTHING, ScriptProblem, read_script, run_file, script_error, script_errors_at
 from sim_action.core.wording import did_you_mean, escaped_line, shown, with_article
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import plain_data

@@ -343,11 +343,7 @@ def _array(array: Any) -> Any:
 
 
 def _pose(pose: Pose) -> Json:
-    return {
-        "position_xyz": list(pose.position_xyz),
-        "orientation_xyzw": list(pose.orientation_xyzw),
-        "yaw": pose.yaw,
-    }
+    return {"position_xyz": list(pose.position_xyz), "orientation_xyzw": list(pose.orientation_xyzw), "yaw": pose.yaw}
 
 
 def _twist(twist: Twist) -> Json:

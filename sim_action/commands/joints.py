@@ -102,10 +102,9 @@ class JointCommands(LinkCommands):
         tuple[JointPoint, ...], Field(alias="joints", min_length=1, description="points in the order of time")
     ]
     interpolation: Annotated[Interpolation, Field(description="interpolation between two points")] = "linear"
-    rate: Annotated[
-        PositiveHertz,
-        Field(description="rate of the ticks at which velocities and efforts are given"),
-    ] = 40.0
+    rate: Annotated[PositiveHertz, Field(description="rate of the ticks at which velocities and efforts are given")] = (
+        40.0
+    )
 
     @override
     def time_marks(self, sender: str) -> Iterator[TimeMark]:

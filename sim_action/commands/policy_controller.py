@@ -51,8 +51,7 @@ class PolicyAction(FrozenModel):
     ]
     scale: Annotated[PerJoint, Field(description="factor for the output")] = 1.0
     offset: Annotated[
-        Offset,
-        Field(description="added after `scale`: rad (m), or `home`, the positions at which the robot starts"),
+        Offset, Field(description="added after `scale`: rad (m), or `home`, the positions at which the robot starts")
     ] = 0.0
     clip: Annotated[float | None, Field(gt=0, description="largest absolute output, before `scale`; default: none")] = (
         None

@@ -153,11 +153,7 @@ def _entry(name: str, text: str) -> tuple[float, ...]:
 
 
 def contradictions(
-    stated: Stated,
-    layout: Layout,
-    action: PolicyAction | None,
-    terms: Sequence[Term],
-    frames: Callable[[Term], int],
+    stated: Stated, layout: Layout, action: PolicyAction | None, terms: Sequence[Term], frames: Callable[[Term], int]
 ) -> SpecProblems:
     """Yield keys of a scenario that differ from what the network states, with both values.
 

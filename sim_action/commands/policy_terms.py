@@ -69,9 +69,7 @@ _BY_NAME: Final[dict[str, Any]] = {"type": "object", "additionalProperties": {"t
 _NUMBERS: Final[list[dict[str, Any]]] = [{"type": "number"}, {"type": "array", "items": {"type": "number"}}, _BY_NAME]
 
 PerJoint = Annotated[
-    float | tuple[float, ...] | Mapping[str, float],
-    PlainValidator(_per_joint),
-    WithJsonSchema({"anyOf": _NUMBERS}),
+    float | tuple[float, ...] | Mapping[str, float], PlainValidator(_per_joint), WithJsonSchema({"anyOf": _NUMBERS})
 ]
 """A number for all joints, a list with one for each, or a map of joint names and patterns to numbers."""
 

@@ -110,8 +110,7 @@ class ReplayCommands(CommandSource):
         MessageType | None, Field(description="message type of the topic; default: the type in the log")
     ] = None
     stamps: Annotated[
-        Stamps,
-        Field(description="times of a log of ROS: of receipt, of `header.stamp`, or of `/clock` in the log"),
+        Stamps, Field(description="times of a log of ROS: of receipt, of `header.stamp`, or of `/clock` in the log")
     ] = "receipt"
     columns: Annotated[
         dict[str, str] | None,
@@ -127,8 +126,7 @@ class ReplayCommands(CommandSource):
     ] = ()
     interface: Annotated[Kind, Field(description="quantity of the numbers of a `Float64MultiArray`")] = "position"
     only_joints: Annotated[
-        tuple[str, ...] | None,
-        Field(min_length=1, description="joints to move; default: all joints in the log"),
+        tuple[str, ...] | None, Field(min_length=1, description="joints to move; default: all joints in the log")
     ] = None
     clock: Annotated[
         Literal["own", "shared"],

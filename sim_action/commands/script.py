@@ -74,8 +74,7 @@ class ScriptCommands(CommandSource):
         str | None, Field(min_length=1, description="name of the function to call; default: `control`")
     ] = None
     class_name: Annotated[
-        str | None,
-        Field(alias="class", min_length=1, description="name of the class to use; default: `Controller`"),
+        str | None, Field(alias="class", min_length=1, description="name of the class to use; default: `Controller`")
     ] = None
     settings: Annotated[
         Mapping[str, Any],

@@ -11,13 +11,7 @@ from typing_extensions import override
 
 from sim_action.commands import Controller, LinkCommands, OpenLoop
 from sim_action.commands.twist import missed_by_ticks
-from sim_action.core.field_types import (
-    Coordinate,
-    FrozenModel,
-    Name,
-    NonNegativeSeconds,
-    PositiveSeconds,
-)
+from sim_action.core.field_types import Coordinate, FrozenModel, Name, NonNegativeSeconds, PositiveSeconds
 from sim_action.core.units import first_step
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems

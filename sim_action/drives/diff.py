@@ -346,10 +346,7 @@ def _ramp(
     planned, rims = [], start
     for _ in range(steps):
         before = rims
-        rims = (
-            ramp_towards(wanted[0], before[0], most_change),
-            ramp_towards(wanted[1], before[1], most_change),
-        )
+        rims = (ramp_towards(wanted[0], before[0], most_change), ramp_towards(wanted[1], before[1], most_change))
         planned.append(JointTargets({}, _joint_speeds(gears, *rims), {}, limits))
         if before == rims:
             break

@@ -60,10 +60,7 @@ ENGINES: Final[dict[str, EngineRow]] = {
         distribution="pybullet",
         install_hint="PyBullet has wheels only for Python 3.11 on Linux x86-64: pip install pybullet",
         mjcf_problem="PyBullet reads most of MJCF without its joints",
-        feature_modules={
-            "damped joints": "engines.pybullet.passive_joints",
-            "skid drive": "engines.pybullet.sliding",
-        },
+        feature_modules={"damped joints": "engines.pybullet.passive_joints", "skid drive": "engines.pybullet.sliding"},
     ),
     "mujoco": EngineRow(
         path="sim_action.engines.mujoco.engine:MuJoCoEngine",

@@ -42,15 +42,7 @@ from sim_action.core.wording import escaped_line, system_reason
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.engines import ENGINES
 from sim_action.recording.export import write_recordings
-from sim_action.results.outcome import (
-    ExpectationOutcome,
-    Failure,
-    FailureKind,
-    Outcome,
-    Scope,
-    flattened,
-    status_of,
-)
+from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome, Scope, flattened, status_of
 from sim_action.runner.child_files import ChildFiles, OutcomeWriter
 from sim_action.runner.job import BEGUN, JUDGED, Job, out_of_memory
 from sim_action.runner.observed_inputs import ObservedInputs, hear_early, observed_inputs

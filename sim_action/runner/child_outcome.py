@@ -364,10 +364,7 @@ _MEANINGS: Final[Mapping[str, str]] = {
     "STATUS_STACK_OVERFLOW": _NATIVE,
 }
 # Windows has no signals: a crash gives one of these exit codes (NTSTATUS values of [MS-ERREF]).
-_STATUSES: Final[Mapping[int, str]] = {
-    0xC0000005: "STATUS_ACCESS_VIOLATION",
-    0xC00000FD: "STATUS_STACK_OVERFLOW",
-}
+_STATUSES: Final[Mapping[int, str]] = {0xC0000005: "STATUS_ACCESS_VIOLATION", 0xC00000FD: "STATUS_STACK_OVERFLOW"}
 
 
 def _signal_name(ending: int) -> str | None:

@@ -290,10 +290,9 @@ class Scenario(FrozenModel):
         ),
     ] = None
     engines: Annotated[tuple[EngineName, ...], Field(description="engines of these repetitions")] = ()
-    inconclusive: Annotated[
-        Unexercised,
-        Field(description="effect of a verdict that a repetition could change"),
-    ] = "error"
+    inconclusive: Annotated[Unexercised, Field(description="effect of a verdict that a repetition could change")] = (
+        "error"
+    )
     duration: Annotated[
         PositiveSeconds | None, Field(description="simulate at least so long, even if all goals are met earlier")
     ] = None

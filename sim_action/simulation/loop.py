@@ -104,11 +104,7 @@ class SimulationRun:
 
 
 def simulate(
-    scenario: Scenario,
-    scene: Scene,
-    progress: Progress,
-    footage: RunRecorder | None = None,
-    seams: Seams = UNTOUCHED,
+    scenario: Scenario, scene: Scene, progress: Progress, footage: RunRecorder | None = None, seams: Seams = UNTOUCHED
 ) -> SimulationRun:
     """Run a scenario to its end. Raise RunError where there can be no verdict.
 

@@ -72,9 +72,7 @@ READING_COLUMNS: Final[Mapping[str, Mapping[str, ReadingColumn]]] = MappingProxy
             "angular_velocity_xyz": ReadingColumn(units.ANGULAR_SPEED, "xyz"),
             "linear_acceleration_xyz": ReadingColumn(units.ACCELERATION, "xyz"),
         },
-        "lidar": {
-            "ranges": ReadingColumn(units.LENGTH, many=True, least=0.0),
-        },
+        "lidar": {"ranges": ReadingColumn(units.LENGTH, many=True, least=0.0)},
         "odometry": {
             "position_xyz": ReadingColumn(units.LENGTH, "xyz"),
             "orientation_xyzw": _ORIENTATION,

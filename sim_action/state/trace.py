@@ -36,12 +36,7 @@ COLUMNS: Final = (
 )
 """The columns of a state, and the arrays of a stored trace."""
 
-_WIDTHS: Final = {
-    "base_position_xyz": 3,
-    "base_orientation_xyzw": 4,
-    "base_linear_xyz": 3,
-    "base_angular_xyz": 3,
-}
+_WIDTHS: Final = {"base_position_xyz": 3, "base_orientation_xyzw": 4, "base_linear_xyz": 3, "base_angular_xyz": 3}
 
 
 def _no_links(_: Trace) -> Mapping[str, Any]:

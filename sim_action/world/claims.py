@@ -186,8 +186,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             "a rostest whose methods passed although a node ended with an error, or a callback of the test raised",
         ),
         LOW_GATE: Rule(
-            "error",
-            "a gate that passes although most of its runs fail: a rate, or the share of a quantile, below 50 %",
+            "error", "a gate that passes although most of its runs fail: a rate, or the share of a quantile, below 50 %"
         ),
         INCOMPLETE_WORLD: Rule(
             "error", "a model or a mesh of a world file that is not found or cannot be used: an obstacle is missing"

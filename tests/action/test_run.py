@@ -417,9 +417,7 @@ def test_names_of_passed_variables_are_an_option_for_each_line(name: str, inputs
     assert not any(word.startswith("--pass-env") for word in SUBCOMMANDS[name].command_line(inputs))
 
 
-def test_the_input_margins_varies_factors_in_place_of_the_run(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_input_margins_varies_factors_in_place_of_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[Sequence[str]] = []
 
     def called(words: Sequence[str], names: object) -> int:

@@ -280,12 +280,7 @@ def test_mecanum_wheels_by_name_are_offered_as_such(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "odd",
-    [
-        wheel("e", "0.5 0 -1", parent="upper"),
-        wheel("e", "0.5 0 0"),
-    ],
-    ids=["steered", "in the middle"],
+    "odd", [wheel("e", "0.5 0 -1", parent="upper"), wheel("e", "0.5 0 0")], ids=["steered", "in the middle"]
 )
 def test_no_drive_is_offered_that_may_be_wrong(odd: str, tmp_path: Path) -> None:
     found = cart(tmp_path, *FOUR, odd)

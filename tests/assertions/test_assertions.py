@@ -220,11 +220,7 @@ LEFT = WHEELS[0]
         ("reach", {"x": 1, "y": 2, "z": 3, "tolerance": "10 cm"}, "reach (1, 2, 3) within 0.1 m"),
         ("reach", {"x": 1, "y": 2, "yaw": "90 deg"}, "reach (1, 2) facing 90 deg within 0.05 m"),
         ("settled", {"for": "500 ms"}, "settled for 0.5 s"),
-        (
-            "stay_within",
-            {"x": ("-1 m", "2 m"), "z": (0, "50 cm")},
-            "stay_within x -1 m to 2 m, z 0 m to 0.5 m",
-        ),
+        ("stay_within", {"x": ("-1 m", "2 m"), "z": (0, "50 cm")}, "stay_within x -1 m to 2 m, z 0 m to 0.5 m"),
         ("stops_before", {**WALL, "gap": ("20 cm", "60 cm")}, "stops_before wall with a gap of 0.2 m to 0.6 m"),
     ],
 )

@@ -265,13 +265,7 @@ def test_what_was_touched_instead_is_told() -> None:
     one, both = trace([1.0], contacts=aside[:1]), trace([1.0], contacts=aside)
     missed = judged(touch(link="base_scan"), one)
     assert missed == Verdict(
-        False,
-        0.0,
-        1.0,
-        -1.0,
-        "contacts",
-        1.0,
-        "did not touch ball in 1.0 s; base_footprint touched wall at 0.50 s",
+        False, 0.0, 1.0, -1.0, "contacts", 1.0, "did not touch ball in 1.0 s; base_footprint touched wall at 0.50 s"
     )
     assert judged(touch(link="base_scan"), both).message.endswith("; base_footprint touched it at 0.75 s")
     assert judged(touch(), trace([1.0])).message == "did not touch ball in 1.0 s; touched nothing else"
@@ -294,11 +288,7 @@ def test_how_near_it_came_is_told_where_that_is_known() -> None:
     [
         ({"with": "bal"}, "with", "the world has no body 'bal'; did you mean 'ball'?"),
         ({"with": "grund"}, "with", "the world has no body 'grund'"),
-        (
-            {"link": "base_scam"},
-            "link",
-            "the robot has no link 'base_scam' with a collision shape; did",
-        ),
+        ({"link": "base_scam"}, "link", "the robot has no link 'base_scam' with a collision shape; did"),
         ({"link": "*_finger"}, "link", "the robot has no link"),
     ],
 )

@@ -46,11 +46,7 @@ def test_an_upper_bound_is_broken_at_the_first_moment_beyond() -> None:
 
 @pytest.mark.parametrize(
     ("at_least", "at_most", "state", "passed"),
-    [
-        (1.0, 1.5, State.HOLDS, True),
-        (1.5, 2.0, State.PENDING, False),
-        (0.5, 1.0, State.BROKEN, False),
-    ],
+    [(1.0, 1.5, State.HOLDS, True), (1.5, 2.0, State.PENDING, False), (0.5, 1.0, State.BROKEN, False)],
 )
 def test_with_both_bounds_a_broken_one_decides_else_the_goal(
     at_least: float, at_most: float, state: State, passed: bool

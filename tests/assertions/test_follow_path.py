@@ -167,11 +167,7 @@ def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("asked", "limit"),
-    [
-        ({"max_error": 0.75, "rms": 0.5, "end": END}, 0.75),
-        ({"rms": 0.5, "end": END}, 0.5),
-        ({"end": END}, 0.25),
-    ],
+    [({"max_error": 0.75, "rms": 0.5, "end": END}, 0.75), ({"rms": 0.5, "end": END}, 0.5), ({"end": END}, 0.25)],
 )
 def test_without_a_step_the_limit_is_the_first_that_was_asked(asked: dict[str, Any], limit: float) -> None:
     verdict = judged(FollowPath(path=LINE, **asked), trace([]))

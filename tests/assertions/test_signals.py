@@ -75,10 +75,7 @@ def told(signal: Signal) -> Curve:
         (Upright(max_tilt=0.5), [("tilt", "rad", [0.0, 0.0, 0.0], None, 0.5)]),
         (
             MaxSpeed(linear=3.5, angular=1.0),
-            [
-                ("speed", "m/s", [0.0, 3.0, 4.0], None, 3.5),
-                ("turn rate", "rad/s", [0.0, 0.0, 0.0], None, 1.0),
-            ],
+            [("speed", "m/s", [0.0, 3.0, 4.0], None, 3.5), ("turn rate", "rad/s", [0.0, 0.0, 0.0], None, 1.0)],
         ),
         (StayWithin(y=(-1.0, 2.0)), [("y", "m", [0.0, 0.0, 4.0], -1.0, 2.0)]),
     ],
@@ -153,10 +150,7 @@ def test_what_adds_up_is_shown_up_to_each_moment(assertion: Assertion, curves: l
         ),
         (
             JointWithin(position={LEFT: (-1.0, 2.0)}, effort={LEFT: (-2.0, 2.0)}),
-            [
-                (LEFT, "rad", [0.0, 1.0, 3.0], -1.0, 2.0),
-                (f"{LEFT} effort", "N m", [0.0, -3.0, 0.0], -2.0, 2.0),
-            ],
+            [(LEFT, "rad", [0.0, 1.0, 3.0], -1.0, 2.0), (f"{LEFT} effort", "N m", [0.0, -3.0, 0.0], -2.0, 2.0)],
         ),
         (
             Effort(joints=(LEFT,), at_most=2.0, rms_at_most=1.0),

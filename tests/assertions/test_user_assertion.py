@@ -201,10 +201,7 @@ def test_what_it_raises_or_answers_is_an_error_at_its_line(
             "class M(type):\n    def __getattr__(self, name):\n        1 / 0\nclass Slow(metaclass=M): ...",
             "Slow raised ZeroDivisionError",
         ),
-        (
-            "class Slow:\n    kind = 'always'\n    def judge(self, trace): ...",
-            "Slow.kind is 'always'; allowed: end,",
-        ),
+        ("class Slow:\n    kind = 'always'\n    def judge(self, trace): ...", "Slow.kind is 'always'; allowed: end,"),
         (
             "class Slow:\n    def __init__(self):\n        raise ValueError('no')\n    def judge(self, trace): ...",
             "Slow(...), called with its settings, raised ValueError: no",

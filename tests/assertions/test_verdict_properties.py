@@ -134,10 +134,7 @@ LIMITS: Final[dict[str, list[Limit]]] = {
         Limit(lambda n: JointWithin(effort={LEFT: (-2 * FAR, n)})),
     ],
     "effort": [Limit(lambda n: Effort(at_most=n)), Limit(lambda n: Effort(joints=(LEFT,), rms_at_most=n))],
-    "energy": [
-        Limit(lambda j: Energy(at_most=j)),
-        Limit(lambda j: Energy(at_most=j, braking="costs", joints=(LEFT,))),
-    ],
+    "energy": [Limit(lambda j: Energy(at_most=j)), Limit(lambda j: Energy(at_most=j, braking="costs", joints=(LEFT,)))],
     "support_margin": [lower(lambda m: SupportMargin(links=("wheel_*", "caster_back_link"), at_least=m))],
     "object": [
         Limit(lambda m: ObjectAssertion(name="cube", moved=Moved(at_most=m))),
@@ -241,9 +238,7 @@ GOALS: Final[dict[str, list[Extreme]]] = {
             least=True,
         ),
     ],
-    "final_pose": [
-        Extreme(lambda m: FinalPose(x=0.3, y=0.3, tolerance=m), distance_to(0.3, 0.3), least=True),
-    ],
+    "final_pose": [Extreme(lambda m: FinalPose(x=0.3, y=0.3, tolerance=m), distance_to(0.3, 0.3), least=True)],
     "contact": [
         Extreme(lambda n: Touch.model_validate({"with": "wall", "at_least": n}), greatest_force),
         Extreme(
@@ -283,9 +278,7 @@ GOALS: Final[dict[str, list[Extreme]]] = {
         ),
         Extreme(lambda m: ObjectAssertion(name="cube", moved=Moved(at_least=m)), cube_moved),
     ],
-    "stl": [
-        Extreme(lambda a: Stl(formula=f"eventually tilt > {a:.12f} rad"), lambda seen: float(seen.tilt.max())),
-    ],
+    "stl": [Extreme(lambda a: Stl(formula=f"eventually tilt > {a:.12f} rad"), lambda seen: float(seen.tilt.max()))],
     "any_of": [Extreme(lambda m: AnyOf(parts=(Travel(at_least=m), Reach(x=FAR, y=FAR))), travelled)],
     "all_of": [Extreme(lambda m: AllOf(parts=(Travel(at_least=m), Travel(at_most=FAR))), travelled)],
     "at_once": [Extreme(lambda m: AtOnce(parts=(Travel(at_least=m), Travel(at_most=FAR))), travelled)],

@@ -54,11 +54,7 @@ def test_traces_come_along_under_names_of_their_own() -> None:
     shard(2, outcome("b/Same.sim.yml", trace=trace))
     assert merge_results(request()) is ExitCode.PASSED
     found = {made.file: made.trace for made in read().outcomes}
-    assert found == {
-        "a/same.sim.yml": "traces/same.npz",
-        "b/Same.sim.yml": "traces/Same-2.npz",
-        "c/same.sim.yml": None,
-    }
+    assert found == {"a/same.sim.yml": "traces/same.npz", "b/Same.sim.yml": "traces/Same-2.npz", "c/same.sim.yml": None}
     assert Path("joined/traces/same.npz").read_text() == "trace of a/same.sim.yml"
     assert Path("joined/traces/Same-2.npz").read_text() == "trace of b/Same.sim.yml"
     assert len(list(Path("joined/traces").iterdir())) == 2

@@ -39,10 +39,7 @@ def test_what_is_no_pair_is_refused(text: str) -> None:
 @pytest.mark.parametrize(
     ("texts", "message"),
     [
-        (
-            ("a=missing",),
-            r"--package a=missing: there is no such folder \(looked for /.*/missing\); name a",
-        ),
+        (("a=missing",), r"--package a=missing: there is no such folder \(looked for /.*/missing\); name a"),
         (("a=file",), r"--package a=file: there is no such folder"),
         (("a=",), r"--package a=: there is no such folder \(it is empty\)"),
         (("a=nul\0",), r"--package a=nul\\x00: there is no such folder"),

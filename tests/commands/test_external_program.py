@@ -144,7 +144,7 @@ def test_its_parameters_are_arguments(tmp_path: Path) -> None:
     assert isinstance(controller, ClosedLoop)
     controller.close()
     assert json.loads((tmp_path / "heard.json").read_text()) == [
-        *("--kp=-1.2", "--name=a b", "--slow=true", '--gains=[1, {"x": null}]', "--empty=", "--k.p-i_d=1e-09"),
+        *("--kp=-1.2", "--name=a b", "--slow=true", '--gains=[1, {"x": null}]', "--empty=", "--k.p-i_d=1e-09")
     ]
 
 

@@ -293,11 +293,7 @@ def test_terms_have_the_scale_clip_and_history_that_the_network_states(folder: P
             {"observation": ("joints.position", "last_action")},
             "observation.1: the network states 'frames' 2, and the scenario 1 for 'actions'",
         ),
-        (
-            {"observation_names": "joint_pos,motion_anchor_pos_b"},
-            {},
-            "for which there is no term",
-        ),
+        ({"observation_names": "joint_pos,motion_anchor_pos_b"}, {}, "for which there is no term"),
         (
             {"observation_terms_clip": "-1.000;3.000,-inf;inf"},
             {},

@@ -318,10 +318,7 @@ SCENARIO: Final = {
         ),
         ({"link": "tool0", "waypoints": []}, "pose.waypoints: must not be empty"),
         ({"link": "tool0", "waypoints": [{"x": 0.4}], "frame": "table"}, "pose.frame: expected 'world' or 'base'"),
-        (
-            {"link": "tool0", "waypoints": [{"z": 0.3}, {"x": 1.5}]},
-            "pose.waypoints.1: link 'tool0' is 0.5",
-        ),
+        ({"link": "tool0", "waypoints": [{"z": 0.3}, {"x": 1.5}]}, "pose.waypoints.1: link 'tool0' is 0.5"),
         (
             {"link": "tool0", "waypoints": [{"y": -0.3, "at": 0.1}]},
             (
@@ -358,10 +355,7 @@ SCENARIO: Final = {
             {"link": "shoulder_link", "waypoints": [{"x": 0.1}]},
             "; only 1 joint moves it, so add 'orientation: free' if only its position counts",
         ),
-        (
-            {"link": "tool0", "waypoints": [{"x": -0.5, "y": 0.05}]},
-            "of the way to this waypoint, at (",
-        ),
+        ({"link": "tool0", "waypoints": [{"x": -0.5, "y": 0.05}]}, "of the way to this waypoint, at ("),
     ],
 )
 def test_bad_input(tmp_path: Path, pose: dict[str, Any], message: str) -> None:

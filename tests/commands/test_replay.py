@@ -158,11 +158,7 @@ CSV_PROBLEMS = [
     ({"replay": "a.csv", "start": "2 s"}, "9:3", "the log ends before that time, 1.5 s after its first row"),
     ({"replay": "a.csv", "only_joints": "[wheel_left_joint]"}, "9:3", "twists, not joints; remove this key"),
     ({"replay": "wheels.csv", "timeout": "1 s"}, "9:3", "this applies to twists only"),
-    (
-        {"replay": "wheels.csv", "only_joints": "[wheel_lift_joint]"},
-        "9:3",
-        "the log has no joint 'wheel_lift_joint'",
-    ),
+    ({"replay": "wheels.csv", "only_joints": "[wheel_lift_joint]"}, "9:3", "the log has no joint 'wheel_lift_joint'"),
     ({"replay": "strange.csv"}, "8:3", "strange.csv: the model has no moving joint 'wheel_lift_joint'; did you mean"),
 ]
 

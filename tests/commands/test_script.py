@@ -235,10 +235,7 @@ def test_motions_join_the_joint_targets_of_an_answer(tmp_path: Path) -> None:
             "return sim.JointTargets(velocity={'wheel_left': 1})",
             "the model has no moving joint 'wheel_left'; did you mean 'wheel_left_joint'?",
         ),
-        (
-            "return sim.JointTargets(position={1: 1.0})",
-            "cannot be driven: the model has no moving joint '1'",
-        ),
+        ("return sim.JointTargets(position={1: 1.0})", "cannot be driven: the model has no moving joint '1'"),
         ("return sim.JointTargets(position={None: 1.0})", "the model has no moving joint 'None'"),
         ("return sim.JointTargets(max_effort={'arm': 1.0})", "the model has no moving joint 'arm'"),
         ("return sim.JointTargets(position={'scan_joint': 1.0})", "the model has no moving joint 'scan_joint'"),

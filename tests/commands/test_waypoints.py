@@ -138,12 +138,7 @@ lookaheads = st.floats(0.05, 5)
 
 @pytest.mark.parametrize(
     ("point", "closest"),
-    [
-        ((3.0, 4.0), (3.0, 2.0)),
-        ((0.0, 2.5), (1.0, 2.0)),
-        ((9.0, 9.0), (5.0, 2.0)),
-        ((2.0, 2.0), (2.0, 2.0)),
-    ],
+    [((3.0, 4.0), (3.0, 2.0)), ((0.0, 2.5), (1.0, 2.0)), ((9.0, 9.0), (5.0, 2.0)), ((2.0, 2.0), (2.0, 2.0))],
     ids=["beside it", "before its start", "beyond its end", "on it"],
 )
 def test_the_closest_point(point: Point, closest: Point) -> None:

@@ -94,11 +94,7 @@ COMMANDS = LEAST[LEAST.index("commands:") : LEAST.index("expect:")]
     ("wrench", "line", "message"),
     [
         ("{link: base_scam, force: [0, 0, 1]}", 5, "the robot has no link 'base_scam'; did you mean 'base_scan'?"),
-        (
-            "{force: [0, 0, 1], frame: wrld}",
-            5,
-            "there is no frame 'wrld': a frame is world, base, or a link",
-        ),
+        ("{force: [0, 0, 1], frame: wrld}", 5, "there is no frame 'wrld': a frame is world, base, or a link"),
         ("{force: [0, 0, 1], at: 40 s}", 5, "40 s is not earlier than time_limit (30 s)"),
         ("{force: [0, 0, 1], at: 1 ms, for: 1 ms}", 5, "no tick falls between 0.001 s and 0.002 s"),
         ("{frce: [0, 0, 1]}", 5, "unknown key; did you mean 'force'?"),

@@ -161,6 +161,4 @@ def test_a_bad_key_of_a_map_is_told_at_the_key() -> None:
     with pytest.raises(ValidationError) as caught:
         Named.model_validate(data)
 
-    assert list(spec_errors(Named, data, caught.value)) == [
-        (("places", "kitchen"), "must have at most 3 characters"),
-    ]
+    assert list(spec_errors(Named, data, caught.value)) == [(("places", "kitchen"), "must have at most 3 characters")]

@@ -82,10 +82,7 @@ def test_every_joint_that_is_not_there_is_a_problem_at_its_place() -> None:
     found = problems(DiffDrive(left=(LEFT, "wheel_left"), right=("scan_joint",)), burger())
     allowed = "(allowed: wheel_left_joint, wheel_right_joint)"
     assert found == [
-        (
-            ("left", 1),
-            f"the model has no moving joint 'wheel_left'; did you mean 'wheel_left_joint'? {allowed}",
-        ),
+        (("left", 1), f"the model has no moving joint 'wheel_left'; did you mean 'wheel_left_joint'? {allowed}"),
         (("right", 0), f"the model has no moving joint 'scan_joint' {allowed}"),
     ]
 

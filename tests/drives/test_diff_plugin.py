@@ -48,10 +48,7 @@ def with_plugin(name: str, **parameters: str) -> RobotModel:
             ),
             {"separation": 0.2, "radius": 0.04},
         ),
-        (
-            with_plugin("gz-sim-diff-drive-system", left_joint=LEFT, right_joint=RIGHT, wheel_radius="wide"),
-            {},
-        ),
+        (with_plugin("gz-sim-diff-drive-system", left_joint=LEFT, right_joint=RIGHT, wheel_radius="wide"), {}),
     ],
     ids=["ROS 1", "ROS 2", "gz"],
 )

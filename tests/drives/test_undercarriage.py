@@ -242,8 +242,7 @@ def test_a_wheel_that_cannot_roll_is_named_with_its_joint() -> None:
 
 
 @pytest.mark.parametrize(
-    ("plugin", "parameters"),
-    [("gazebo_ros_planar_move", {}), ("gz-sim-velocity-control-system", {"topic": "cmd_vel"})],
+    ("plugin", "parameters"), [("gazebo_ros_planar_move", {}), ("gz-sim-velocity-control-system", {"topic": "cmd_vel"})]
 )
 def test_a_base_that_a_plugin_moves_has_no_drive(plugin: str, parameters: dict[str, str]) -> None:
     model = with_plugin(cart(*FOUR), plugin, **parameters)

@@ -26,9 +26,7 @@ from tests.integration.conftest import (
     environment,
     write,
 )
-from tests.integration.github import (
-    Runner,
-)
+from tests.integration.github import Runner
 from tests.patience import PATIENCE
 from tests.soak import soaked
 

@@ -12,17 +12,8 @@ from pathlib import Path
 import pytest
 
 from action.lock import entries_here, normalized, without_engines
-from tests.integration.conftest import (
-    ACTION,
-    TUTORIAL,
-    environment,
-    write,
-)
-from tests.integration.github import (
-    CacheStore,
-    Runner,
-    base_python,
-)
+from tests.integration.conftest import ACTION, TUTORIAL, environment, write
+from tests.integration.github import CacheStore, Runner, base_python
 from tests.soak import soaked
 
 CUBE = """<mujoco><worldbody>
@@ -202,8 +193,7 @@ def test_other_machines_are_told_what_to_do_before_anything_is_installed(
 
 
 @pytest.mark.parametrize(
-    ("system", "arch"),
-    soaked([("Linux", "ARM64"), ("macOS", "ARM64"), ("Windows", "X64")], short=[("Windows", "X64")]),
+    ("system", "arch"), soaked([("Linux", "ARM64"), ("macOS", "ARM64"), ("Windows", "X64")], short=[("Windows", "X64")])
 )
 def test_machines_for_which_an_engine_has_wheels_are_let_in(
     tmp_path: Path, runner_temp: Path, system: str, arch: str

@@ -11,20 +11,8 @@ from xml.sax.saxutils import quoteattr
 
 import pytest
 
-from tests.integration.conftest import (
-    ACTION,
-    BOX,
-    IMPOSTOR,
-    SCRIPTED,
-    STUCK,
-    TUTORIAL,
-    counts,
-    write,
-)
-from tests.integration.github import (
-    ActionResult,
-    Runner,
-)
+from tests.integration.conftest import ACTION, BOX, IMPOSTOR, SCRIPTED, STUCK, TUTORIAL, counts, write
+from tests.integration.github import ActionResult, Runner
 from tests.soak import soaked
 
 HOSTILE = [
@@ -218,8 +206,7 @@ SWITCHES = ["junit-strict", "summary", "annotations", "fail-on-failure"]
 
 
 @pytest.mark.parametrize(
-    ("name", "text"),
-    soaked(itertools.product(SWITCHES, HOSTILE_CHOICES), short=[(SWITCHES[-1], HOSTILE_CHOICES[2])]),
+    ("name", "text"), soaked(itertools.product(SWITCHES, HOSTILE_CHOICES), short=[(SWITCHES[-1], HOSTILE_CHOICES[2])])
 )
 def test_choices_of_merge_are_refused(runner: Runner, name: str, text: str) -> None:
     refused = runner.run(ACTION / "merge", {"results": ".", name: text})

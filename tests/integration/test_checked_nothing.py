@@ -136,9 +136,7 @@ CASES: Final[Mapping[str, Case]] = {
         (("failed", "at 0.00 s, more than 20 deg"),),
     ),
     "window after the end": Case(
-        BURGER + "expect: [upright, {no_collision: {}, after: 3 s}]\ntime_limit: 1 s\n",
-        "error",
-        refused="time_limit",
+        BURGER + "expect: [upright, {no_collision: {}, after: 3 s}]\ntime_limit: 1 s\n", "error", refused="time_limit"
     ),
 }
 

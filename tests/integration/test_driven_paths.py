@@ -119,8 +119,7 @@ def nearest_in_turn(places: list[Point], points: list[Point], within: float) -> 
 
 @on_every_engine
 @pytest.mark.parametrize(
-    "follower",
-    [pytest.param(each, marks=() if each.name == "burger" else IN_SOAK, id=each.name) for each in FOLLOWERS],
+    "follower", [pytest.param(each, marks=() if each.name == "burger" else IN_SOAK, id=each.name) for each in FOLLOWERS]
 )
 def test_it_follows_five_waypoints(follower: Follower, engine: str, tmp_path: Path) -> None:
     done = run(tmp_path, follower, engine)

@@ -90,10 +90,7 @@ def test_an_assertion_that_cannot_be_imported_stops_its_scenario_only(tmp_path: 
 
 @pytest.mark.parametrize(
     ("old", "new", "recorded"),
-    [
-        ("return self\n", "raise ValueError('oh')\n", True),
-        ("return Watch()", "raise ValueError('oh')", False),
-    ],
+    [("return self\n", "raise ValueError('oh')\n", True), ("return Watch()", "raise ValueError('oh')", False)],
 )
 def test_an_exception_in_a_run_names_the_package_and_the_place(
     old: str, new: str, recorded: bool, tmp_path: Path

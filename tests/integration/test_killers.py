@@ -72,12 +72,7 @@ KILLERS: Final = {
         "crash",
         "its last report was at 0.00 s of sim time; ended a process that its script left behind",
     ),
-    "leaves a session": (
-        LEAVES_A_SESSION,
-        "",
-        "crash",
-        "ended 8 processes that its script left behind",
-    ),
+    "leaves a session": (LEAVES_A_SESSION, "", "crash", "ended 8 processes that its script left behind"),
     "endless output": (
         "while True: print('flood ' * 100)",
         "output_limit: 1 MB",

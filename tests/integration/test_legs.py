@@ -80,11 +80,7 @@ def test_a_table_that_falls_lands_when_the_formula_says(engine: str, tmp_path: P
     keys: dict[str, Any] = {"robot": {"model": "table.urdf", "pose": {"z": 0.53}}, "physics": {"settle": 0}}
     in_air = {"feet_on_ground": {"links": ["foot_*"], "at_most": 0}}
     on_feet = {"feet_on_ground": {"links": ["foot_*"]}}
-    asked = [
-        {**in_air, "before": lands - 0.01},
-        {**in_air, "before": lands + 0.01},
-        {**on_feet, "after": lands - 0.01},
-    ]
+    asked = [{**in_air, "before": lands - 0.01}, {**in_air, "before": lands + 0.01}, {**on_feet, "after": lands - 0.01}]
     verdicts = run(tmp_path, engine, *asked, **keys).verdicts
     assert [verdict.passed for verdict in verdicts] == [True, False, False]
     assert verdicts[1].time == pytest.approx(lands, abs=0.009)

@@ -108,11 +108,7 @@ def test_plastic_springs_and_polynomials_act_as_in_mujoco_alone(joint: str, tmp_
             "position",
             "DC motor 'm' drives it.*velocity or effort",
         ),
-        (
-            '<pid name="m" joint="arm" input="vel"/>',
-            "position",
-            "velocity servo 'm' drives it, .* follow a position",
-        ),
+        ('<pid name="m" joint="arm" input="vel"/>', "position", "velocity servo 'm' drives it, .* follow a position"),
         ('<pid name="m" joint="arm" input="ff"/>', "velocity", "motor 'm' drives it, .* command its effort"),
         ('<intvelocity name="m" joint="arm" kp="3" actrange="-1 1"/>', "position", "command its velocity"),
         ('<muscle name="m" joint="arm" lengthrange="0 1"/>', "position", "no command can set, because it is a muscle"),

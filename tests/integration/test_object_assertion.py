@@ -20,10 +20,7 @@ CRATE = {
     "name": "crate",
     "box": [0.1, 0.1, 0.1],
     "pose": {"x": -1.0, "z": 0.5},
-    "path": [
-        {"at": 0.25, "x": -1.0, "z": 0.5},
-        {"at": 0.5, "x": -0.6, "z": 0.7, "roll": "30 deg"},
-    ],
+    "path": [{"at": 0.25, "x": -1.0, "z": 0.5}, {"at": 0.5, "x": -0.6, "z": 0.7, "roll": "30 deg"}],
 }
 BALL = {"name": "ball", "sphere": {"radius": 0.1}, "mass": 0.1, "pose": {"x": 1.0, "y": 2.0, "z": 2.0}}
 PARCEL = {"name": "parcel", "box": [0.1, 0.1, 0.1], "mass": 1, "pose": {"x": -2, "z": 2}, "appears": 0.25}

@@ -216,7 +216,7 @@ def test_the_text_and_the_list_of_packages_are_written(tmp_path: Path) -> None:
             "viewer1/file",
             "release/notes.md",
             f"release/sim-action-{__version__}.cdx.json",
-        ),
+        )
     ]
 
 

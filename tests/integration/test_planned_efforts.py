@@ -97,8 +97,7 @@ def work(speeds: FloatArray, efforts: FloatArray, time: FloatArray) -> float:
 
 
 @pytest.mark.parametrize(
-    ("motion", "rates"),
-    soaked([(m, r) for m in range(len(MOTIONS)) for r in range(len(RATES))], FEW),
+    ("motion", "rates"), soaked([(m, r) for m in range(len(MOTIONS)) for r in range(len(RATES))], FEW)
 )
 @on_every_engine
 def test_efforts_and_work_are_those_of_inverse_dynamics(engine: str, motion: int, rates: int, tmp_path: Path) -> None:
@@ -161,11 +160,7 @@ def test_a_quarter_turn_needs_the_effort_and_work_of_a_closed_form(
         "name": "n",
         "robot": {"model": "turret.urdf", "base": "fixed"},
         "physics": {"rate": physics},
-        "commands": {
-            "joints": [{"at": time, "position": {"pan": way}}],
-            "interpolation": "minimum_jerk",
-            "rate": rate,
-        },
+        "commands": {"joints": [{"at": time, "position": {"pan": way}}], "interpolation": "minimum_jerk", "rate": rate},
         "expect": [{"effort": {"at_most": 39}}, {"energy": {"at_most": 1000}}],
         "allow": ["fixed-base"],
         "backend": engine,

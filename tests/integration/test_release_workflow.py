@@ -66,10 +66,7 @@ def test_the_version_is_checked_before_anything_else(machine: Machine) -> None:
     assert (ran.returncode, ran.stdout) == (0, "release: everything agrees on version 0.9.0\n")
     other = Machine(machine.folder, version="0.9.1; true")
     ran = other.run("check", "Check that everything agrees", folder)
-    assert (ran.returncode, ran.stdout) == (
-        1,
-        f'{PACKAGE}:1: __version__ is "0.9.0", but the tag is v0.9.1; true\n',
-    )
+    assert (ran.returncode, ran.stdout) == (1, f'{PACKAGE}:1: __version__ is "0.9.0", but the tag is v0.9.1; true\n')
 
 
 @pytest.mark.parametrize(

@@ -117,10 +117,7 @@ REFUSED: Final[dict[str, tuple[Files, str]]] = {
         lambda: {"robot.urdf": robot('<link name="l"/>\n' * 100_000)},
         "robot.urdf:50001: more than 50,000 elements [bad-xml]",
     ),
-    "a model of 25 MB": (
-        lambda: {"robot.urdf": body("") + b" " * 25_000_000},
-        "a model may have at most 20 MB",
-    ),
+    "a model of 25 MB": (lambda: {"robot.urdf": body("") + b" " * 25_000_000}, "a model may have at most 20 MB"),
     "a model of 19 MB of small elements": (
         lambda: {"robot.urdf": body("<a/>" * 4_700_000)},
         "robot.urdf:2: more than 50,000 elements [bad-xml]",
@@ -141,10 +138,7 @@ REFUSED: Final[dict[str, tuple[Files, str]]] = {
 
 # Nothing is drawn, so that nobody opens these.
 PASSED_OVER: Final[dict[str, Files]] = {
-    "a texture": lambda: {
-        "robot.urdf": body(TEXTURED),
-        "i.png": image(),
-    },
+    "a texture": lambda: {"robot.urdf": body(TEXTURED), "i.png": image()},
     "a visual": lambda: {"robot.urdf": shape("visual", "i.png"), "i.png": image()},
     "a material of a mesh": lambda: {
         "robot.urdf": shape("collision", "mesh.obj"),

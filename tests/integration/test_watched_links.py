@@ -149,11 +149,7 @@ def cases(seen: Watched) -> list[Case]:
     tilt = np.arccos(seen.poses[:, 2, 2])
     return [
         (lambda at: {"reach": {"x": x, "y": y, "z": z, "tolerance": at}}, seen.distance(aside).min(), 1e-9),
-        (
-            lambda at: {"reach": {"x": x, "y": y, "tolerance": at}},
-            np.hypot(*(seen.place - aside)[:, :2].T).min(),
-            1e-9,
-        ),
+        (lambda at: {"reach": {"x": x, "y": y, "tolerance": at}}, np.hypot(*(seen.place - aside)[:, :2].T).min(), 1e-9),
         (
             lambda at: {
                 "reach": {
@@ -167,26 +163,14 @@ def cases(seen: Watched) -> list[Case]:
             off_by,
             1e-8,
         ),
-        (
-            lambda at: {"final_pose": {"x": end_x + 0.3, "z": end_z - 0.4, "tolerance": at}},
-            0.5,
-            1e-9,
-        ),
+        (lambda at: {"final_pose": {"x": end_x + 0.3, "z": end_z - 0.4, "tolerance": at}}, 0.5, 1e-9),
         (lambda at: {"final_pose": {"orientation": {**off_at_end, "tolerance": f"{at!r} rad"}}}, 0.5, 1e-8),
-        (
-            lambda at: {"final_pose": {"yaw": f"{heading + 0.25!r} rad", "yaw_tolerance": f"{at!r} rad"}},
-            0.25,
-            1e-8,
-        ),
+        (lambda at: {"final_pose": {"yaw": f"{heading + 0.25!r} rad", "yaw_tolerance": f"{at!r} rad"}}, 0.25, 1e-8),
         (lambda at: {"stay_within": {"y": [-9, at]}}, seen.place[:, 1].max(), 1e-9),
         (lambda at: {"max_speed": {"linear": at}}, seen.speed.max(), 1e-6),
         (lambda at: {"max_speed": {"angular": f"{at!r} rad/s"}}, seen.turn_rate.max(), 1e-6),
         (lambda at: {"travel": {"at_most": at}}, np.hypot(*(seen.place - start)[:, :2].T).max(), 1e-9),
-        (
-            lambda at: {"path_length": {"at_most": at}},
-            np.linalg.norm(np.diff(seen.place, axis=0), axis=1).sum(),
-            1e-9,
-        ),
+        (lambda at: {"path_length": {"at_most": at}}, np.linalg.norm(np.diff(seen.place, axis=0), axis=1).sum(), 1e-9),
         (lambda at: {"upright": {"max_tilt": f"{at!r} rad"}}, tilt.max(), 1e-7),
         (
             lambda at: {

@@ -48,18 +48,12 @@ WEAKER: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "a rule that is allowed": ({}, {"allow": ["never-moved"]}),
     "a wall that moved": (expecting("no_collision"), expecting("no_collision", world=placed(x=30.0))),
     "another wall": (expecting("no_collision"), expecting("no_collision", world=placed(name="box"))),
-    "an easy part of any_of": (
-        {"expect": [{"any_of": EITHER}]},
-        {"expect": [{"any_of": [*EITHER, "upright"]}]},
-    ),
+    "an easy part of any_of": ({"expect": [{"any_of": EITHER}]}, {"expect": [{"any_of": [*EITHER, "upright"]}]}),
     "an easier part of any_of": (
         {"expect": [{"any_of": EITHER}]},
         {"expect": [{"any_of": [{"travel": {"at_least": "1 cm"}}, EITHER[1]]}]},
     ),
-    "wider bounds": (
-        expecting(LANE),
-        expecting({"stay_within": {"y": [-5, 5]}, "name": "in its lane"}),
-    ),
+    "wider bounds": (expecting(LANE), expecting({"stay_within": {"y": [-5, 5]}, "name": "in its lane"})),
     "an axis less": (
         expecting({"stay_within": {"x": [-1, 1], "y": [-0.1, 0.1]}, "name": "in its lane"}),
         expecting(LANE),
@@ -72,10 +66,7 @@ WEAKER: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
         ),
     ),
     "a greater tilt": (expecting({"upright": {"max_tilt": 0.1}}), expecting({"upright": {"max_tilt": 0.5}})),
-    "a formula": (
-        expecting({"stl": "always (tilt < 0.1)"}),
-        expecting({"stl": "always (tilt < 0.5)"}),
-    ),
+    "a formula": (expecting({"stl": "always (tilt < 0.1)"}), expecting({"stl": "always (tilt < 0.5)"})),
     "a warning": (expecting("upright"), expecting({"upright": {}, "severity": "warning"})),
     "a later window": (expecting("upright"), expecting({"upright": {}, "after": 0.1})),
     "an expectation less": (expecting("upright"), {}),

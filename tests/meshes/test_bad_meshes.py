@@ -11,17 +11,7 @@ import pytest
 
 from sim_action.meshes import MAX_TRIANGLES, MeshError, read_mesh
 from sim_action.meshes.mesh import MAX_BINARY_TRIANGLES
-from tests.mesh_files import (
-    CORNERS,
-    POLYLIST,
-    SHOWN,
-    SIDES,
-    SURFACE,
-    ascii_stl,
-    dae,
-    obj,
-    stl,
-)
+from tests.mesh_files import CORNERS, POLYLIST, SHOWN, SIDES, SURFACE, ascii_stl, dae, obj, stl
 
 
 def refusal(folder: Path, name: str, data: bytes) -> MeshError:

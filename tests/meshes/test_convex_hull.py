@@ -9,14 +9,7 @@ from hypothesis import strategies as st
 
 from sim_action.meshes import convex_hull
 from sim_action.meshes.collision_hulls import shrunk, unshrunk
-from sim_action.meshes.convex_hull import (
-    along,
-    face_normals,
-    furthest,
-    hull_faces,
-    mass_properties,
-    spread_directions,
-)
+from sim_action.meshes.convex_hull import along, face_normals, furthest, hull_faces, mass_properties, spread_directions
 from tests.soak import examples
 
 BOX = np.array([(x, y, z) for x in (0.0, 2.0) for y in (0.0, 1.0) for z in (0.0, 0.5)])

@@ -257,10 +257,7 @@ def _followers() -> list[Case]:
     return cases
 
 
-_PATH: Final = {
-    "shoulder": [(0.0, 0.0), (2.0, 1.0), (4.0, -0.5)],
-    "elbow": [(0.0, 0.0), (2.0, -0.8), (4.0, 0.4)],
-}
+_PATH: Final = {"shoulder": [(0.0, 0.0), (2.0, 1.0), (4.0, -0.5)], "elbow": [(0.0, 0.0), (2.0, -0.8), (4.0, 0.4)]}
 
 
 def _commanded(points: Mapping[str, list[tuple[float, float]]], shape: Shape = "linear") -> dict[str, object]:

@@ -140,11 +140,7 @@ def _falls() -> list[Case]:
             setup = Setup(model, 3.0, robot={"pose": {"z": drop + half}}, settle=0.0)
             name = f"{what} dropped from {100 * drop:g} cm"
             time = math.sqrt(2 * drop / GRAVITY)
-            figures: dict[str, Any] = {
-                "group": GROUP,
-                "setups": (setup,),
-                "family": name,
-            }
+            figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "family": name}
             # Semi-implicit Euler falls g t dt / 2 further, which is half a step in time.
             timed: dict[str, Any] = {"unit": "s", "kind": "analytic", "truth": time, "tolerance": 0.5 / RATE + 1e-4}
             rests: dict[str, Any] = {"unit": "m", "kind": "analytic", "truth": half, "tolerance": 0.001}
@@ -164,24 +160,13 @@ def stack(what: str, masses: tuple[float, ...], top: float) -> list[Case]:
     """Boxes of the world on each other, with these masses in kg, and the robot on top."""
     side = 0.2
     objects = [
-        {
-            "name": f"box{number}",
-            "box": [side] * 3,
-            "mass": mass,
-            "friction": 0.7,
-            "pose": {"z": (number + 0.5) * side},
-        }
+        {"name": f"box{number}", "box": [side] * 3, "mass": mass, "friction": 0.7, "pose": {"z": (number + 0.5) * side}}
         for number, mass in enumerate(masses)
     ]
     model = box((side, side, side), top, 0.7)
     height = (len(masses) + 0.5) * side
     setup = Setup(model, 5.0, {"world": {"objects": objects}}, {"pose": {"z": height}})
-    figures: dict[str, Any] = {
-        "group": GROUP,
-        "setups": (setup,),
-        "unit": "m",
-        "family": what,
-    }
+    figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "unit": "m", "family": what}
     stands: dict[str, Any] = {"kind": "analytic", "truth": height, "tolerance": 0.002 * (len(masses) + 1)}
     stays: dict[str, Any] = {"kind": "bound", "truth": 0.0, "tolerance": 0.005}
     return [
@@ -263,17 +248,7 @@ def _walls() -> list[Case]:
         ("burger rolls into wall", "burger rolls into a wall", rolled, _impulse_share(mass), "of the momentum"),
     )
     return [
-        Case(
-            f"{name} at {rate:g} Hz: impulse",
-            GROUP,
-            (setup.at(rate),),
-            measure,
-            unit,
-            "analytic",
-            1.0,
-            0.05,
-            family,
-        )
+        Case(f"{name} at {rate:g} Hz: impulse", GROUP, (setup.at(rate),), measure, unit, "analytic", 1.0, 0.05, family)
         for family, name, setup, measure, unit in rows
         for rate in (240.0, 480.0, 960.0)
     ]

@@ -139,11 +139,7 @@ def pushed(loads: Iterable[Load]) -> list[Case]:
     cases = []
     for what, model, mass, friction, size in loads:
         load = {"name": "load", "box": [size] * 3, "mass": mass, "friction": friction, "pose": {"x": 0.5}}
-        setup = Setup(
-            model,
-            8.0,
-            {"commands": {"rate": 10, "twist": [{"linear": 0.2}]}, "world": {"objects": [load]}},
-        )
+        setup = Setup(model, 8.0, {"commands": {"rate": 10, "twist": [{"linear": 0.2}]}, "world": {"objects": [load]}})
         figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "unit": "m/s", "family": what}
         figures |= {"kind": "analytic", "truth": 0.2, "tolerance": 0.002}
         cases.append(Case(f"{what}: its speed", measure=steady_speed(5.0, 8.0), **figures))
@@ -162,10 +158,7 @@ def spinning_wheels(frictions: Iterable[float]) -> list[Case]:
     for friction in frictions:
         height, behind = 0.86 * 0.10 + 0.12 * 0.075 + 0.02 * 0.025, 0.25
         truth = friction * WHEEL_LOAD * GRAVITY / (1 + friction * height / behind)
-        keys = {
-            "commands": {"rate": 10, "twist": [{"linear": 6.0}]},
-            "world": {"ground": {"friction": friction}},
-        }
+        keys = {"commands": {"rate": 10, "twist": [{"linear": 6.0}]}, "world": {"ground": {"friction": friction}}}
         drive = {"diff": {"left": ["left_wheel_joint"], "right": ["right_wheel_joint"], "acceleration": 2.0}}
         setup = Setup(caster_robot(6.0, 0.0), 2.0, keys, {"drive": drive})
         name = f"wheels spin on ground of friction {friction:g}"

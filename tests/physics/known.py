@@ -24,11 +24,7 @@ _SPLIT: Final = "friction is shared between two directions by the inertia in eac
 Rows = tuple[tuple[str, str, tuple[str, ...]], ...]
 
 _ROWS: Final[Rows] = (
-    (
-        _LATE,
-        "pybullet",
-        ("rover long curve speed",),
-    ),
+    (_LATE, "pybullet", ("rover long curve speed",)),
     (
         _SPLIT,
         "pybullet",
@@ -65,43 +61,19 @@ _ROWS: Final[Rows] = (
             "plate on feet shoved at 1.5 m/s and 5 rad/s on friction 0.6: turn",
         ),
     ),
-    (
-        _ORDER,
-        "mujoco",
-        ("double pendulum: energy",),
-    ),
-    (
-        _ORDER,
-        "pybullet",
-        ("double pendulum: energy",),
-    ),
+    (_ORDER, "mujoco", ("double pendulum: energy",)),
+    (_ORDER, "pybullet", ("double pendulum: energy",)),
 )
 
 _MISSED_ROWS: Final[Rows] = (
     (
         _LATE,
         "pybullet",
-        (
-            "rover long curve speed",
-            "rover on six wheels spin over rates",
-            "rover on six wheels spin over start yaws",
-        ),
+        ("rover long curve speed", "rover on six wheels spin over rates", "rover on six wheels spin over start yaws"),
     ),
-    (
-        _SPLIT,
-        "pybullet",
-        ("caster 40 kg friction 1 spin",),
-    ),
-    (
-        _ORDER,
-        "mujoco",
-        ("double pendulum: energy",),
-    ),
-    (
-        _ORDER,
-        "pybullet",
-        ("double pendulum: energy",),
-    ),
+    (_SPLIT, "pybullet", ("caster 40 kg friction 1 spin",)),
+    (_ORDER, "mujoco", ("double pendulum: energy",)),
+    (_ORDER, "pybullet", ("double pendulum: energy",)),
 )
 
 

@@ -18,10 +18,7 @@ from tests.physics.zoo import ZOO
 SURE_MARGIN: Final = 3.0
 """Converged differences that a margin needs for the verdict to be judged."""
 
-QUICK: Final = (
-    "box shoved at 1 m/s on friction 0.2: distance",
-    "box slides down 35 deg at friction 0.5",
-)
+QUICK: Final = ("box shoved at 1 m/s on friction 0.2: distance", "box slides down 35 deg at friction 0.5")
 
 
 CASES: Final = [case for case in ZOO if not case.between and all(setup.rate == RATE for setup in case.setups)]

@@ -358,11 +358,7 @@ gate: {passes: {at_least: 50 %, confidence: 75 %}, runs: 7}
 def test_a_gate_is_one_test(pytester: pytest.Pytester, run: Run) -> None:
     write(pytester, a=GATE, b=DRIVES)
     listed = run("--collect-only", "-q", "-m", "smoke")
-    assert listed.stdout.lines[:3] == [
-        "a.sim.yml::slip[yaw=0]",
-        "a.sim.yml::slip[yaw=1]",
-        "b.sim.yml::burger drives",
-    ]
+    assert listed.stdout.lines[:3] == ["a.sim.yml::slip[yaw=0]", "a.sim.yml::slip[yaw=1]", "b.sim.yml::burger drives"]
     run("-k", "slip", "--junitxml", "j.xml").assert_outcomes(passed=2, deselected=1)
     assert re.search('name="passed runs of slip.yaw=1." value="6 of 7"', (pytester.path / "j.xml").read_text())
 

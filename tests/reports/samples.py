@@ -271,10 +271,7 @@ _OUTCOMES: dict[str, tuple[Outcome, ...]] = {
                         "'parsec' is not a unit of time; use one of: s, ms, us, min, h",
                         Location("scenarios/broken.sim.yml", 9, 13),
                     ),
-                    (
-                        "'travl' is not an assertion; did you mean 'travel'?",
-                        Location("scenarios/broken.sim.yml", 7, 5),
-                    ),
+                    ("'travl' is not an assertion; did you mean 'travel'?", Location("scenarios/broken.sim.yml", 7, 5)),
                 )
             ),
         ),

@@ -11,14 +11,7 @@ import pytest
 from sim_action.assertions.self_collision import SelfCollision
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, MissingScenario, Problem
 from sim_action.results.gates import over_variations
-from sim_action.results.outcome import (
-    ExpectationOutcome,
-    ExpectationStatus,
-    Outcome,
-    Scope,
-    Status,
-    status_of,
-)
+from sim_action.results.outcome import ExpectationOutcome, ExpectationStatus, Outcome, Scope, Status, status_of
 from sim_action.scenario.model import Severity, Unexercised
 from sim_action.scenario.selection import Unmatched
 from sim_action.state.verdict import Judged, Verdict
@@ -112,11 +105,7 @@ def test_severity_and_unexercised_soften_a_verdict(
 
 @pytest.mark.parametrize(
     ("verdicts", "status"),
-    [
-        ((PASSED, PASSED), "passed"),
-        ((PASSED, NEVER), "not_exercised"),
-        ((NEVER, FAILED, PASSED), "failed"),
-    ],
+    [((PASSED, PASSED), "passed"), ((PASSED, NEVER), "not_exercised"), ((NEVER, FAILED, PASSED), "failed")],
 )
 def test_the_worst_expectation_gives_the_status_and_all_but_a_pass_exit_code_1(
     verdicts: tuple[Verdict, ...], status: Status

@@ -60,11 +60,7 @@ def test_results_are_read_as_they_were_written(tmp_path: Path) -> None:
 def test_differences_without_a_limit_are_no_expectations_of_a_former_version(tmp_path: Path) -> None:
     held, apart = (
         ExpectationOutcome(
-            name=name,
-            assertion="agreement",
-            severity="warning",
-            location=Location("a.sim.yml", 1),
-            verdict=verdict,
+            name=name, assertion="agreement", severity="warning", location=Location("a.sim.yml", 1), verdict=verdict
         )
         for name, verdict in (
             ("the same verdicts as pybullet 3.2.7", Verdict(True, message="judged as in pybullet 3.2.7")),

@@ -385,10 +385,7 @@ def test_variations_that_cannot_be_run_are_told_by_the_first_and_not_missing() -
     told = broken.model_copy(update={"failures": (failure,)})
     assert [
         entry.origin is None for entry in merge_shards(files(results(told)), Listing([*sweep, source("a", 4)], []))
-    ] == [
-        False,
-        True,
-    ]
+    ] == [False, True]
 
 
 def test_a_gate_is_that_of_its_scenario() -> None:

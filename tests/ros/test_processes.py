@@ -83,14 +83,8 @@ HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
         (None, False),
         ("", False),
         (HEAD, False),
-        (
-            f'{HEAD}<testsuite errors="0" failures="0" name="a" tests="1" time="3">',
-            False,
-        ),
-        (
-            f'{HEAD}<testsuite errors="0" name="a"><testcase name="b"/></testsuite>',
-            True,
-        ),
+        (f'{HEAD}<testsuite errors="0" failures="0" name="a" tests="1" time="3">', False),
+        (f'{HEAD}<testsuite errors="0" name="a"><testcase name="b"/></testsuite>', True),
         ("<testsuites><testsuite/><testsuite><testcase name='a'/></testsuite>  </testsuites>".rjust(90), True),
     ],
 )

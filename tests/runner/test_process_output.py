@@ -31,11 +31,7 @@ ERROR = "b3Error[examples/Importers/urdf.cpp,9]:\nmissing link"
         (BANNER, (), ""),
         (f"{BANNER}hello", (), "hello"),
         (WARNING, (("warning", "No inertial data for link"),), ""),
-        (
-            WARNING + ERROR,
-            (("warning", "No inertial data for link"), ("error", "missing link")),
-            "",
-        ),
+        (WARNING + ERROR, (("warning", "No inertial data for link"), ("error", "missing link")), ""),
         (WARNING + "\n" + WARNING, (("warning", "No inertial data for link"),), ""),
         (f"before {WARNING}\nafter\n", (("warning", "No inertial data for link"),), "before after"),
         ("b3Printf[a.cpp,1]: so it is\n", (("note", "so it is"),), ""),

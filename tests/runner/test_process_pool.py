@@ -268,13 +268,7 @@ def test_a_child_that_never_can_begin_is_an_error(
         monkeypatch.setattr(RefusedInside, name, value)
     with Patient() as patient:
         outcomes = execute(
-            loaded(tmp_path, "abc"),
-            tmp_path,
-            3,
-            Listener(),
-            patient,
-            child_type=RefusedInside,
-            fail_fast=fail_fast,
+            loaded(tmp_path, "abc"), tmp_path, 3, Listener(), patient, child_type=RefusedInside, fail_fast=fail_fast
         )
     assert [outcome.status for outcome in outcomes] == ["error", *["skipped" if fail_fast else "error"] * 2]
     assert titles(outcomes)[1:] == ([] if fail_fast else ["not started"] * 2)

@@ -135,10 +135,7 @@ def test_a_follower_begins_within_its_own_limits(offset: float, joints: str, pro
 
 @pytest.mark.parametrize(
     ("joints", "positions"),
-    [
-        ("{'*': 0.1}", {"elbow": 0.1, "tip": 0.1}),
-        ("{'e*': 6 deg, elbow: 0.2}", {"elbow": 0.2, "tip": 0.2}),
-    ],
+    [("{'*': 0.1}", {"elbow": 0.1, "tip": 0.1}), ("{'e*': 6 deg, elbow: 0.2}", {"elbow": 0.2, "tip": 0.2})],
 )
 def test_a_pattern_sets_joints_with_motors_and_a_name_wins(
     joints: str, positions: dict[str, float], tmp_path: Path

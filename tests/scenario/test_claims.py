@@ -185,12 +185,7 @@ def test_nothing_to_touch(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "appears", "found"),
-    [
-        ("", "2 s", False),
-        ("before: 2 s", "2 s", True),
-        ("before: 2 s", "1.9 s", False),
-    ],
+    ("before", "appears", "found"), [("", "2 s", False), ("before: 2 s", "2 s", True), ("before: 2 s", "1.9 s", False)]
 )
 def test_an_object_that_appears_too_late_to_be_touched(before: str, appears: str, found: bool, tmp_path: Path) -> None:
     ball = f"{{name: ball, sphere: {{radius: 1}}, mass: 1, pose: {{x: 9, z: 3}}, appears: {appears}}}"

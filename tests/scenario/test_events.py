@@ -60,11 +60,7 @@ def with_event(folder: Path, do: list[Any], **keys: Any) -> tuple[SimulationRun,
             {},
             lambda time: {"disturbances": [{"at": time + 0.1, "payload": 1.0}]},
         ),
-        (
-            {"appear": "crate"},
-            {"objects": [CRATE]},
-            lambda time: {"objects": [{**CRATE, "appears": time}]},
-        ),
+        ({"appear": "crate"}, {"objects": [CRATE]}, lambda time: {"objects": [{**CRATE, "appears": time}]}),
         (
             {"remove": "crate"},
             {"objects": [{**CRATE, "mass": 50, "pose": {"x": 0.5}}]},

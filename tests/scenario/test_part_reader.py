@@ -44,10 +44,7 @@ def read(folder: Path, *entries: str) -> Scenario:
 @pytest.mark.parametrize(
     ("entry", "spec"),
     [
-        (
-            "any_of: [{travel: {at_least: 1 m}}, no_collision]",
-            AnyOf(parts=(Travel(at_least=1.0), NoCollision())),
-        ),
+        ("any_of: [{travel: {at_least: 1 m}}, no_collision]", AnyOf(parts=(Travel(at_least=1.0), NoCollision()))),
         (
             "all_of:\n    - no_collision\n    - not: {any_of: [{stl: speed < 1}]}",
             AllOf(parts=(NoCollision(), Negation(part=AnyOf(parts=(Stl(formula="speed < 1"),))))),
@@ -159,14 +156,8 @@ def test_of_very_many_sources_the_files_are_not_read(tmp_path: Path) -> None:
     ("entries", "message"),
     [
         (["upright"] * 1_001, "expect: 1,001 expectations; at most 1,000 are read"),
-        (
-            ["any_of: [upright, no_collision]"] * 500,
-            "expect: more than 1,000 assertions including nested ones",
-        ),
-        (
-            ["assertion: mine.py:Mine"] * 51,
-            "expect: more than 50 assertions with a file of their own; split the sce",
-        ),
+        (["any_of: [upright, no_collision]"] * 500, "expect: more than 1,000 assertions including nested ones"),
+        (["assertion: mine.py:Mine"] * 51, "expect: more than 50 assertions with a file of their own; split the sce"),
         (
             ["any_of: [no_collision, {follow_path: {file: path.csv, rms: 1 m}}]"] * 51,
             "expect: more than 50 assertions with a file of their own; split the scenario",

@@ -54,7 +54,7 @@ def test_names_are_seen_from_the_file_that_they_stand_in() -> None:
     write("sim/rock.mtl")
     watched = found("extends: bases/b.base.yml")
     assert watched == [
-        *("c.base.yml", "sim/a.sim.yml", "sim/bases/b.base.yml", "sim/bases/log.csv", "sim/rock.mtl", "sim/rock.obj"),
+        *("c.base.yml", "sim/a.sim.yml", "sim/bases/b.base.yml", "sim/bases/log.csv", "sim/rock.mtl", "sim/rock.obj")
     ]
 
 
@@ -141,7 +141,7 @@ def test_models_are_watched_with_their_meshes_and_what_they_include() -> None:
     write("robots/meshes/wheel.stl")
     watched = found("robot: {model: ../robots/urdf/r.urdf.xacro}")
     assert watched == [
-        *("robots/meshes/wheel.stl", "robots/urdf/r.urdf.xacro", "robots/urdf/wheel.xacro", "sim/a.sim.yml"),
+        *("robots/meshes/wheel.stl", "robots/urdf/r.urdf.xacro", "robots/urdf/wheel.xacro", "sim/a.sim.yml")
     ]
     assert found("robot: {model: 'package://robots/urdf/wheel.xacro'}")[0] == "robots/meshes/wheel.stl"
 

@@ -113,28 +113,19 @@ def test_a_body_appears_before_the_end(tmp_path: Path) -> None:
     ("keys", "problem"),
     [
         ("at: 10 s, velocity: [1, 0, 0]", "at: 10 s is not earlier than time_limit (10 s)"),
-        (
-            "at: 9 s, for: 2 s, force: [1, 0, 0]",
-            "for: it acts until 11 s, but the run ends at time_limit (10 s)",
-        ),
+        ("at: 9 s, for: 2 s, force: [1, 0, 0]", "for: it acts until 11 s, but the run ends at time_limit (10 s)"),
         (
             "at: 1, for: 1, link: base_foot, force: [1, 0, 0]",
             "link: the robot has no link 'base_foot'; did you mean 'base_footprint'?",
         ),
         ("at: 1, for: 1, link: ball, force: [1, 0, 0]", "link: the robot has no link 'ball'; say body: ball"),
-        (
-            "at: 1, for: 1, body: base_scan, force: [1, 0, 0]",
-            "body: there is no body 'base_scan'; say link: base_scan",
-        ),
+        ("at: 1, for: 1, body: base_scan, force: [1, 0, 0]", "body: there is no body 'base_scan'; say link: base_scan"),
         ("at: 1, for: 1, body: bal, force: [1, 0, 0]", "body: there is no body 'bal'; did you mean 'ball'?"),
         (
             "at: 1, for: 1, body: wall, force: [1, 0, 0]",
             "body: body 'wall' is fixed whatever acts on it; only one with a 'mass' can be disturbed",
         ),
-        (
-            "at: 1, for: 1, body: stone, force: [1, 0, 0]",
-            "at: body 'stone' is not there before it appears, at 3 s",
-        ),
+        ("at: 1, for: 1, body: stone, force: [1, 0, 0]", "at: body 'stone' is not there before it appears, at 3 s"),
         (
             "at: 1, adhesion: 5 N, link: imu_link",
             "link: the robot has no link 'imu_link' with a collision shape, so nothing touches it",

@@ -141,10 +141,7 @@ def test_a_problem_of_the_file_has_its_line(inside: str, line: int, message: str
 
 @pytest.mark.parametrize(
     ("world", "message"),
-    [
-        ("worlds/none.world", "'worlds/none.world' does not exist"),
-        ("../a.world", "is outside the workspace"),
-    ],
+    [("worlds/none.world", "'worlds/none.world' does not exist"), ("../a.world", "is outside the workspace")],
 )
 def test_a_file_that_cannot_be_read_is_named(world: str, message: str, tmp_path: Path) -> None:
     (tmp_path.parent / "a.world").write_text("<sdf/>")

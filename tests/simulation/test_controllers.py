@@ -254,11 +254,7 @@ def test_a_twist_takes_wheels_that_are_known(tmp_path: Path) -> None:
     ("sources", "velocity", "position"),
     [
         (["twist: [{linear: 1.0}]"], {"wheel_left_joint": 0.0, "wheel_right_joint": 0.0}, {}),
-        (
-            ["joints: [{at: 0, position: {wheel_left_joint: 1}}]"],
-            {"wheel_right_joint": 0.0},
-            {"wheel_left_joint": 0.0},
-        ),
+        (["joints: [{at: 0, position: {wheel_left_joint: 1}}]"], {"wheel_right_joint": 0.0}, {"wheel_left_joint": 0.0}),
     ],
 )
 def test_before_t_0_wheels_are_braked_unless_a_source_holds_them(

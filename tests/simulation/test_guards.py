@@ -57,10 +57,7 @@ def test_what_is_no_number_is_seen_in_every_column(column: int, value: float) ->
 @pytest.mark.parametrize(
     ("moments", "what"),
     [
-        (
-            trace(TIMES, speed=[0, 1, 120, 130]),
-            "the base link base_footprint: 120 m/s, and the bound is 100 m/s;",
-        ),
+        (trace(TIMES, speed=[0, 1, 120, 130]), "the base link base_footprint: 120 m/s, and the bound is 100 m/s;"),
         (
             trace(TIMES, turn_rate=[0, 1, -1000, 0]),
             "the base link base_footprint: 1000 rad/s, and the bound is 1000 rad/s;",
@@ -198,10 +195,7 @@ def test_nothing_is_no_reason() -> None:
     assert watchdog().watch(empty) == (empty, None)
 
 
-@given(
-    st.lists(st.floats(-150, 150), min_size=1, max_size=12),
-    st.lists(st.integers(0, 12), max_size=4),
-)
+@given(st.lists(st.floats(-150, 150), min_size=1, max_size=12), st.lists(st.integers(0, 12), max_size=4))
 def test_however_a_trace_is_cut_the_same_step_is_named(speeds: list[float], cuts: list[int]) -> None:
     moments = trace([index / 240 for index in range(1, len(speeds) + 1)], velocity=speeds)
     dog = watchdog()

@@ -44,10 +44,7 @@ def test_a_body_on_a_path_may_touch_and_pin_the_robot(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "module"),
-    [
-        ("</joint>", '<dynamics damping="0.1"/></joint>', "engines.pybullet.passive_joints"),
-    ],
+    ("old", "new", "module"), [("</joint>", '<dynamics damping="0.1"/></joint>', "engines.pybullet.passive_joints")]
 )
 def test_a_model_that_needs_care(old: str, new: str, module: str, tmp_path: Path) -> None:
     urdf = BURGER.read_text(encoding="utf-8")

@@ -160,8 +160,7 @@ def test_goals_that_are_met_before_the_robot_moves(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("which", "wall", "found"),
-    [("min", "", True), ("mean", "", True), ("max", "", False), ("min", WALL, False)],
+    ("which", "wall", "found"), [("min", "", True), ("mean", "", True), ("max", "", False), ("min", WALL, False)]
 )
 def test_a_sensor_that_sees_nothing_in_range(which: str, wall: str, found: bool, tmp_path: Path) -> None:
     text = SCANS.replace("RATE", "10 Hz").replace("[upright]", f"[{{{CLEAR.replace('min', which)}}}]")
@@ -363,10 +362,7 @@ def test_what_came_in_time_is_not_told() -> None:
 def test_what_never_came_is_told_each_once() -> None:
     assert list(unreached_events(PRESSED, 3.0)) == [
         (("world", "objects", 1, "appears"), "body 'ball' never appeared: it is due at 3 s, but the run ended at 3 s"),
-        (
-            ("world", "disturbances", 1),
-            "world.disturbances[1] never began: it is due at 5 s, but the run ended at 3 s",
-        ),
+        (("world", "disturbances", 1), "world.disturbances[1] never began: it is due at 5 s, but the run ended at 3 s"),
         (("commands", 1), "the wrench of commands.1 never began: it is due at 4 s, but the run ended at 3 s"),
     ]
     assert len(list(unreached_events(PRESSED, 0.5))) == 5

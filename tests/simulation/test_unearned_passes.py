@@ -153,10 +153,7 @@ KINDS: Final[Mapping[str, Kind]] = {
             (DRIVES, "settled: {turn_rate: 5}"),
             (SEEN, "sensor: {name: imu, reading: angular_velocity_xyz, which: norm, at_most: 30}"),
         ),
-        (
-            (DRIVES, "max_speed: {angular: 1.5}"),
-            (DRIVES, "stl: always (turn_rate < 90 deg/s)"),
-        ),
+        ((DRIVES, "max_speed: {angular: 1.5}"), (DRIVES, "stl: always (turn_rate < 90 deg/s)")),
     ),
     "an obstacle out of reach": Kind(
         "nothing-to-touch",
@@ -187,10 +184,7 @@ KINDS: Final[Mapping[str, Kind]] = {
                 ),
                 "travel: {at_least: 10 cm}",
             ),
-            (
-                DRIVES + "sensors: [{imu: {gyro_noise: 0.1}, name: imu, rate: 20 Hz}]\n",
-                "travel: {at_least: 10 cm}",
-            ),
+            (DRIVES + "sensors: [{imu: {gyro_noise: 0.1}, name: imu, rate: 20 Hz}]\n", "travel: {at_least: 10 cm}"),
         ),
         (
             (world("disturbances: [{at: 0.3 s, for: 0.1 s, force: [0, 0.5, 0]}]"), "travel: {at_least: 10 cm}"),
@@ -408,23 +402,12 @@ KINDS: Final[Mapping[str, Kind]] = {
     ),
     "a robot that cannot drive": Kind(
         "never-moved",
-        (
-            (ICE, "upright"),
-            (ICE, "clearance: {at_most: 2 m}"),
-            (ICE, "any_of: [{travel: {at_least: 5 cm}}, upright]"),
-        ),
-        (
-            (SLOW, "travel: {at_least: 0.5 mm}"),
-            (SLOW, "all_of: [{path_length: {at_least: 0.5 mm}}, upright]"),
-        ),
+        ((ICE, "upright"), (ICE, "clearance: {at_most: 2 m}"), (ICE, "any_of: [{travel: {at_least: 5 cm}}, upright]")),
+        ((SLOW, "travel: {at_least: 0.5 mm}"), (SLOW, "all_of: [{path_length: {at_least: 0.5 mm}}, upright]")),
     ),
     "a controller that does nothing": Kind(
         "silent-controller",
-        (
-            (GUARD, "upright"),
-            (GUARD, "max_speed: {linear: 0.3}"),
-            (GUARD, "no_collision"),
-        ),
+        ((GUARD, "upright"), (GUARD, "max_speed: {linear: 0.3}"), (GUARD, "no_collision")),
         (
             (GUARD, "travel: {at_most: 1 cm}"),
             (GUARD, "max_speed: {linear: 1 cm/s}"),
@@ -510,10 +493,7 @@ LIMITS_OF_RUNS: Final[Mapping[str, float]] = {
 
 @pytest.mark.parametrize(("expect", "engine"), in_turns([(expect,) for expect in LIMITS_OF_RUNS]))
 @settings(
-    max_examples=2,
-    phases=[Phase.generate],
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-    deadline=None,
+    max_examples=2, phases=[Phase.generate], suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None
 )
 @given(speed=st.floats(0.05, 0.3), time_limit=st.floats(0.3, 0.6), beyond=st.floats(1.3, 1000))
 def test_a_limit_beyond_a_robot_that_runs_away_has_a_finding(

@@ -22,12 +22,7 @@ def test_the_limits_of_what_must_not_hold_are_on_the_other_side() -> None:
 
 
 @pytest.mark.parametrize(
-    ("start", "end", "window"),
-    [
-        (0.0, 2.0, (0.0, 2.0)),
-        (0.5, 1.5, (0.5, 1.5)),
-        (3.0, 2.0, (3.0, 3.0)),
-    ],
+    ("start", "end", "window"), [(0.0, 2.0, (0.0, 2.0)), (0.5, 1.5, (0.5, 1.5)), (3.0, 2.0, (3.0, 3.0))]
 )
 def test_limits_hold_within_the_window_of_the_expectation(
     start: float, end: float, window: tuple[float, float]

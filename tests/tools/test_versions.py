@@ -197,11 +197,7 @@ def test_this_changelog_can_be_cut(tmp_path: Path) -> None:
         unreleased = "### Added\n\n- Something.\n"
         changelog = changelog.replace("## Unreleased\n", f"## Unreleased\n\n{unreleased}", 1)
     (tmp_path / VERSION_FILE).parent.mkdir(parents=True)
-    write(
-        tmp_path,
-        VERSION_FILE,
-        (release.ROOT / VERSION_FILE).read_text(encoding="utf-8"),
-    )
+    write(tmp_path, VERSION_FILE, (release.ROOT / VERSION_FILE).read_text(encoding="utf-8"))
     write(tmp_path, "CHANGELOG.md", changelog)
     major = int(__version__.partition(".")[0])
     cut(tmp_path, f"{major + 1}.0.0", "2026-11-30")

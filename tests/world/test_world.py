@@ -136,12 +136,7 @@ def test_units_are_read_on_the_way_in() -> None:
 
 @pytest.mark.parametrize(
     ("written", "xyz"),
-    [
-        (1.62, (0, 0, -1.62)),
-        ("162 cm/s^2", (0, 0, -1.62)),
-        (0, (0, 0, 0)),
-        ((0, "1 m/s^2", -9), (0, 1, -9)),
-    ],
+    [(1.62, (0, 0, -1.62)), ("162 cm/s^2", (0, 0, -1.62)), (0, (0, 0, 0)), ((0, "1 m/s^2", -9), (0, 1, -9))],
 )
 def test_gravity_is_downwards_or_a_vector(written: object, xyz: tuple[float, ...]) -> None:
     assert World.model_validate({"gravity": written}).gravity_xyz == pytest.approx(xyz)

@@ -102,11 +102,7 @@ ROBOTS: Final = (
     KnownRobot("laikago", "laikago/laikago_toes.urdf", {"pose": {"roll": "90 deg"}}),
     MINITAUR,
     KnownRobot("kuka_iiwa", "kuka_iiwa/model.urdf", {"base": "fixed"}),
-    KnownRobot(
-        "franka_panda",
-        "franka_panda/panda.urdf",
-        {"base": "fixed"},
-    ),
+    KnownRobot("franka_panda", "franka_panda/panda.urdf", {"base": "fixed"}),
 )
 """The robots of `pybullet_data`."""
 

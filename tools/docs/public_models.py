@@ -154,11 +154,7 @@ def page(found: Mapping[str, tuple[str, list[Survey]]]) -> str:
     everything = [result for _, results in found.values() for result in results]
     models, load, _, complete = share(everything)
     summary = f"{models} models in {len(found)} repositories; {load} load, and {complete} of the complete ones.\n"
-    blocks = {
-        "collections": summary,
-        "public-models": bullets(_models(found)),
-        "refusals": bullets(_refusals(found)),
-    }
+    blocks = {"collections": summary, "public-models": bullets(_models(found)), "refusals": bullets(_refusals(found))}
     text = PAGE.read_text(encoding="utf-8")
     return BLOCK.sub(lambda match: f"{match[1]}{blocks[match[2]]}{match[4]}", text)
 

@@ -72,13 +72,7 @@ SIGNS: Final = MappingProxyType(
 """Operators of other notations -> the operator here. Of two with the same beginning, the longer comes first."""
 
 _OPERATORS: Final = ("not", "and", "or", "implies", "always", "eventually", "until", "abs")
-_OTHER_WORDS: Final = {
-    "g": "always",
-    "globally": "always",
-    "f": "eventually",
-    "finally": "eventually",
-    "u": "until",
-}
+_OTHER_WORDS: Final = {"g": "always", "globally": "always", "f": "eventually", "finally": "eventually", "u": "until"}
 
 # A lower cutoff would match names of signals and units.
 _ALIKE: Final = 0.75

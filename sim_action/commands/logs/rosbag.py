@@ -247,11 +247,7 @@ def _is_indexed(reader: Any) -> bool:
 def _unpacked(file: Path, folder: Path) -> Path:
     """Decompress a file into a folder."""
     target, size = folder / file.stem, 0
-    with (
-        open_regular(file, follow_link=True) as packed,
-        zstd().open(packed, "rb") as source,
-        target.open("wb") as copy,
-    ):
+    with open_regular(file, follow_link=True) as packed, zstd().open(packed, "rb") as source, target.open("wb") as copy:
         while block := source.read(_BLOCK_BYTES):
             size += len(block)
             if size > MAX_UNPACKED_BYTES:

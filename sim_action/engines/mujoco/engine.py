@@ -439,11 +439,7 @@ class StateRecorder:
     """
 
     def __init__(
-        self,
-        compiled: CompiledScene,
-        robot: RobotModel,
-        rate: float,
-        efforts: Callable[[], FloatArray],
+        self, compiled: CompiledScene, robot: RobotModel, rate: float, efforts: Callable[[], FloatArray]
     ) -> None:
         """`efforts` returns the efforts (J,) of the last step."""
         self._compiled, self.robot, self._rate, self._efforts_now = compiled, robot, rate, efforts

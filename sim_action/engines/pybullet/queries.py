@@ -226,13 +226,7 @@ def cast_rays(client: int, start_xyz: Vector3, ends_xyz: NDArray[np.float64], se
 class Contacts:
     """Reads the contacts of the last step."""
 
-    def __init__(
-        self,
-        client: int,
-        robot: int,
-        links: Mapping[int, str],
-        bodies: Mapping[int, str],
-    ) -> None:
+    def __init__(self, client: int, robot: int, links: Mapping[int, str], bodies: Mapping[int, str]) -> None:
         """`links`, `bodies`: PyBullet number -> name; a body may have several numbers."""
         self._client, self._robot, self._links, self._bodies = client, robot, links, bodies
         self._immovable, self._on_paths = frozenset[int](), frozenset[int]()

@@ -18,10 +18,7 @@ from sim_action.state.trace import FloatArray
 # Names of columns, each with its unit.
 _POSE: Final = (("x", "m"), ("y", "m"), ("z", "m"), ("qx", ""), ("qy", ""), ("qz", ""), ("qw", ""))
 _TURNED: Final = (("roll", "rad"), ("pitch", "rad"), ("yaw", "rad"))
-_TWIST: Final = (
-    *(("vx", "m/s"), ("vy", "m/s"), ("vz", "m/s")),
-    *(("wx", "rad/s"), ("wy", "rad/s"), ("wz", "rad/s")),
-)
+_TWIST: Final = (*(("vx", "m/s"), ("vy", "m/s"), ("vz", "m/s")), *(("wx", "rad/s"), ("wy", "rad/s"), ("wz", "rad/s")))
 _KINDS: Final[tuple[Reading, ...]] = ("position", "velocity", "effort")
 
 

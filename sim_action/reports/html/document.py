@@ -319,8 +319,7 @@ def html_table(shown: Table, options: ReportOptions, *, around: str = "wide") ->
     titles = tuple(title.strip() for title in shown.titles)
     fold = element("summary", shown.rest_title), table(titles, rest, around=around)
     return joined(
-        table(titles, first, around=around) if first else "",
-        element("details", *fold, class_="rest") if rest else "",
+        table(titles, first, around=around) if first else "", element("details", *fold, class_="rest") if rest else ""
     )
 
 

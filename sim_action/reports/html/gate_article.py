@@ -170,10 +170,7 @@ def _bound_labels(lower: float, upper: float) -> list[Html]:
     if upper - lower >= _LABEL_GAP:
         return [_label(_at(bound), y, "middle", percent(bound)) for bound in (lower, upper)]
     middle = (lower + upper) / 2
-    return [
-        _label(_at(middle) - 4, y, "end", percent(lower)),
-        _label(_at(middle) + 4, y, "start", percent(upper)),
-    ]
+    return [_label(_at(middle) - 4, y, "end", percent(lower)), _label(_at(middle) + 4, y, "start", percent(upper))]
 
 
 def _at(share: float) -> float:

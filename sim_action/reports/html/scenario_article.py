@@ -14,13 +14,7 @@ from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.sightings import BlindData, ObstacleData, SightingData
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
-from sim_action.reports.formatting import (
-    moment,
-    run_facts,
-    speed_text,
-    timeline,
-    user_output,
-)
+from sim_action.reports.formatting import moment, run_facts, speed_text, timeline, user_output
 from sim_action.reports.html.document import (
     Html,
     article,

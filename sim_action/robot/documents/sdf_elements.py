@@ -34,10 +34,7 @@ _INFINITE: Final = frozenset({"inf", "+inf", "-inf", "infinity", "+infinity", "-
 
 
 _IGNORED: Final = "is not simulated; it is ignored"
-_CONSEQUENCES: Final = {
-    "harmless-part": "does not change the motion",
-    "unknown-part": "is unknown and is not read",
-}
+_CONSEQUENCES: Final = {"harmless-part": "does not change the motion", "unknown-part": "is unknown and is not read"}
 """Rule -> what a finding says about a part."""
 
 

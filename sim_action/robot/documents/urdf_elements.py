@@ -23,12 +23,7 @@ MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 """The attributes of <inertia>."""
 
 SHAPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {
-        "box": ("size",),
-        "sphere": ("radius",),
-        "cylinder": ("radius", "length"),
-        "capsule": ("radius", "length"),
-    }
+    {"box": ("size",), "sphere": ("radius",), "cylinder": ("radius", "length"), "capsule": ("radius", "length")}
 )
 """Shapes other than meshes -> their attributes."""
 

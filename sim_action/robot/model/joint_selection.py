@@ -178,11 +178,7 @@ def reading_of(joint: str, reading: Reading) -> Callable[[Trace], FloatArray]:
     """Return a function from a trace to the position, velocity or effort of a joint, (T,) in SI units."""
 
     def signal(trace: Trace) -> FloatArray:
-        columns = {
-            "position": trace.joint_position,
-            "velocity": trace.joint_velocity,
-            "effort": trace.joint_effort,
-        }
+        columns = {"position": trace.joint_position, "velocity": trace.joint_velocity, "effort": trace.joint_effort}
         return columns[reading][:, trace.joint_names.index(joint)]
 
     return signal

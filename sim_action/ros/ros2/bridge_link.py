@@ -176,12 +176,7 @@ class Bridge:
 
 
 def _plain(endpoint: Endpoint) -> dict[str, Any]:
-    return {
-        "topic": endpoint.topic,
-        "type": endpoint.type,
-        "qos": endpoint.qos.as_dict(),
-        "least": endpoint.least,
-    }
+    return {"topic": endpoint.topic, "type": endpoint.type, "qos": endpoint.qos.as_dict(), "least": endpoint.least}
 
 
 def _packed(value: Any, blob: bytearray) -> Any:

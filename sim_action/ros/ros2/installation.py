@@ -395,9 +395,4 @@ def _inherited(variables: Mapping[str, str]) -> dict[str, str]:
 
 
 def _names(distribution: str) -> dict[str, str]:
-    return {
-        "ROS_DISTRO": distribution,
-        "ROS_VERSION": "2",
-        "ROS_PYTHON_VERSION": "3",
-        "RMW_IMPLEMENTATION": RMW,
-    }
+    return {"ROS_DISTRO": distribution, "ROS_VERSION": "2", "ROS_PYTHON_VERSION": "3", "RMW_IMPLEMENTATION": RMW}

@@ -61,10 +61,7 @@ def transforms_message(time: float, frames: Iterable[PlacedFrame]) -> Message:
             {
                 "header": header(time, parent),
                 "child_frame_id": child,
-                "transform": {
-                    "translation": vector(pose.position_xyz),
-                    "rotation": quaternion(pose.orientation_xyzw),
-                },
+                "transform": {"translation": vector(pose.position_xyz), "rotation": quaternion(pose.orientation_xyzw)},
             }
             for parent, child, pose in frames
         ]

@@ -136,11 +136,7 @@ HEAVIER: Final = (2.0, 5.0)
 NOISIER: Final = 10.0
 
 NOISES: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
-    {
-        "lidar": {"noise": 0.05},
-        "odometry": {"noise": 0.05},
-        "imu": {"gyro_noise": 0.05, "accelerometer_noise": 0.5},
-    }
+    {"lidar": {"noise": 0.05}, "odometry": {"noise": 0.05}, "imu": {"gyro_noise": 0.05, "accelerometer_noise": 0.5}}
 )
 """The noise that a sensor without any gets, in the unit of each key."""
 

@@ -128,12 +128,7 @@ def test_an_explicit_time_counts_from_the_first_movement_on() -> None:
 
 @pytest.mark.parametrize(
     ("x", "yaw", "moves"),
-    [
-        (0.0009, 0.0, False),
-        (0.0011, 0.0, True),
-        (0.0, math.radians(0.09), False),
-        (0.0, math.radians(0.11), True),
-    ],
+    [(0.0009, 0.0, False), (0.0011, 0.0, True), (0.0, math.radians(0.09), False), (0.0, math.radians(0.11), True)],
 )
 def test_what_counts_as_movement(x: float, yaw: float, moves: bool) -> None:
     seen = trace([0.0, 1.0, 2.0], x=[0.0, x, x], yaw=[0.0, yaw, yaw])

@@ -79,10 +79,7 @@ def refusal(text: str) -> str:
             "imu.angular_velocity_xyz.z < 1",
             Comparison(Signal("angular_velocity_xyz", source="sensor", names=("imu", "z")), "<", Number(1.0)),
         ),
-        (
-            "bumper.touching < 1",
-            Comparison(Signal("touching", source="sensor", names=("bumper",)), "<", Number(1.0)),
-        ),
+        ("bumper.touching < 1", Comparison(Signal("touching", source="sensor", names=("bumper",)), "<", Number(1.0))),
         (
             "distance(tool0, 'a, b') < 1",
             Comparison(Signal("distance", source="pair", names=("tool0", "a, b")), "<", Number(1.0)),

@@ -44,15 +44,7 @@ FAULTS: Final = (
     Fault("EDQUOT on output", "lasting", _DISK, _REPORTS, "parent", lasting=True, error=errno.EDQUOT, short=()),
     Fault("EDQUOT on output", "once", _DISK, _REPORTS, "parent", error=errno.EDQUOT, short=(37,)),
     Fault(
-        "ENOSPC on trace",
-        "lasting",
-        _DISK,
-        _EVIDENCE,
-        "child",
-        lasting=True,
-        error=errno.ENOSPC,
-        short=(1,),
-        stride=7,
+        "ENOSPC on trace", "lasting", _DISK, _EVIDENCE, "child", lasting=True, error=errno.ENOSPC, short=(1,), stride=7
     ),
     Fault("ENOSPC on trace", "once", _DISK, _EVIDENCE, "child", error=errno.ENOSPC, short=(5,), stride=7),
     Fault("ENOSPC on TMPDIR", "lasting", _DISK, _TMP, lasting=True, error=errno.ENOSPC, most_lost=_ALL, short=(7,)),

@@ -54,10 +54,7 @@ _SCENARIOS: Final = {
 # A script has an interpreter of its own, which takes as long as all others together.
 _LEFT_OUT: Final = ("stays short", "too fast", "script")
 
-NAMES: Final = {
-    "mixed": tuple(_SCENARIOS),
-    "passing": tuple(name for name in _SCENARIOS if name not in _LEFT_OUT),
-}
+NAMES: Final = {"mixed": tuple(_SCENARIOS), "passing": tuple(name for name in _SCENARIOS if name not in _LEFT_OUT)}
 """Name of a suite -> the names of its scenarios. The exit code of the second shows each verdict that is lost."""
 
 

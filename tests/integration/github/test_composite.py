@@ -42,15 +42,7 @@ def test_bash_stops_at_the_first_failure_even_in_a_pipe(act: Act) -> None:
 
 def test_after_a_failure_only_who_asks_for_it_runs(act: Act) -> None:
     steps = run("exit 4", name="fails")
-    for condition in (
-        "success()",
-        "always()",
-        "failure()",
-        "!cancelled()",
-        "cancelled()",
-        "true",
-        "always() && false",
-    ):
+    for condition in ("success()", "always()", "failure()", "!cancelled()", "cancelled()", "true", "always() && false"):
         steps += run("true", name=f'"{condition}"', **{"if": f'"{condition}"'})
     result = act(action(steps))
     assert result.steps == ("fails", "always()", "failure()", "!cancelled()")

@@ -36,9 +36,7 @@ def test_it_is_what_others_make_of_the_same_message(
     columns: list[Any] = [np.tile(values, (len(pairs), 1))] if values else []
     encode: Any = serialize_dynamic("a/B", DEFINITION)["a/B"]
     expected = [
-        encode(
-            SimpleNamespace(name=name, flag=flag, values=values, words=words, ratio=ratio, count=-7, last=last),
-        )
+        encode(SimpleNamespace(name=name, flag=flag, values=values, words=words, ratio=ratio, count=-7, last=last))
         for ratio, last in pairs
     ]
     assert form.filled(len(pairs), *columns, ratios, lasts) == expected

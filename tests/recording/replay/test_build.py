@@ -286,10 +286,7 @@ def test_of_many_the_strongest_are_kept_in_the_order_of_time() -> None:
 def test_what_touches_something_unknown_is_passed_over() -> None:
     assert strongest_touches(
         joined_touches([contact(1.0, body="ground")]), {"base_footprint": 0}, {"wall": 0}, RATE
-    ) == (
-        (),
-        0,
-    )
+    ) == ((), 0)
 
 
 def test_a_contact_without_a_force_is_kept_before_weak_ones() -> None:

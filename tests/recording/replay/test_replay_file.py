@@ -94,12 +94,7 @@ SCAN = {
     "scale": 0.01,
     "ranges": [100],
 }
-MANY_SCANS = {
-    **SCAN,
-    "rays": 360,
-    "time": {**STILL, "deltas": [1] * 399},
-    "ranges": [100] * 144_000,
-}
+MANY_SCANS = {**SCAN, "rays": 360, "time": {**STILL, "deltas": [1] * 399}, "ranges": [100] * 144_000}
 MANY_TRACKS = {
     "time": {**STILL, "deltas": [1] * 19_999},
     "base": [STILL] * 7,

@@ -12,16 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.reports.escaping import plain_text
-from sim_action.reports.html.document import (
-    LIVE_SCRIPT,
-    SCRIPTS,
-    Html,
-    Page,
-    element,
-    page_script,
-    policy,
-    text,
-)
+from sim_action.reports.html.document import LIVE_SCRIPT, SCRIPTS, Html, Page, element, page_script, policy, text
 
 
 def hash_of(content: str) -> str:

@@ -102,10 +102,7 @@ def said(*obstacles: ObstacleData, unread: tuple[str, ...] = (), body: str = "wa
 @pytest.mark.parametrize(
     ("obstacle", "words"),
     [
-        (
-            ObstacleData(body=0, touched=2.31, seen=(LIDAR, BUMPER)),
-            BOTH,
-        ),
+        (ObstacleData(body=0, touched=2.31, seen=(LIDAR, BUMPER)), BOTH),
         (ObstacleData(body=0, seen=(BUMPER,)), "wall was first seen by bumper (contact) at 2.30 s."),
         (
             ObstacleData(body=0, seen=(like(BUMPER, every=8),)),

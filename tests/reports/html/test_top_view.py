@@ -123,10 +123,7 @@ def test_frames_follow_each_other() -> None:
         (BoxShape(kind="box", pose=HERE, color=GREY, size=(0.4, 0.2, 0.1)), (0.2, 0.1)),
         (CylinderShape(kind="cylinder", pose=HERE, color=GREY, radius=0.3, length=1.0), (0.3, 0.3)),
         (EllipsoidShape(kind="ellipsoid", pose=HERE, color=GREY, half=(0.3, 0.1, 0.2)), (0.3, 0.1)),
-        (
-            CapsuleShape(kind="capsule", pose=LYING, color=GREY, radius=0.1, length=0.4),
-            (0.3, 0.1),
-        ),
+        (CapsuleShape(kind="capsule", pose=LYING, color=GREY, radius=0.1, length=0.4), (0.3, 0.1)),
     ],
     ids=lambda value: getattr(value, "kind", ""),
 )

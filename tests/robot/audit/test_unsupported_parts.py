@@ -44,10 +44,7 @@ def test_what_a_link_is_and_is_not_simulated_as(odd: str, usual: str, tmp_path: 
 @pytest.mark.parametrize(
     ("odd", "usual"),
     [
-        (
-            "<friction><torsional><coefficient>1</coefficient></torsional></friction>",
-            "<friction/>",
-        ),
+        ("<friction><torsional><coefficient>1</coefficient></torsional></friction>", "<friction/>"),
         ("<friction><ode><slip1>0.1</slip1></ode></friction>", "<friction><ode><slip1>0</slip1></ode></friction>"),
         ("<friction><ode><slip2>0.1</slip2></ode></friction>", "<friction><ode><slip2>0</slip2></ode></friction>"),
         (

@@ -173,10 +173,7 @@ LAYOUTS = {
     "spaces around": Layout(f"{_URDF} arm/package.xml arm/m/a.stl", " package://arm/m/a.stl\n", "arm/m/a.stl"),
     "percent signs": Layout(f"{_URDF} arm/m/a b.stl", "package://arm/m/a%20b.stl", "arm/m/a b.stl", ("above",)),
     "file:// with a relative path": Layout(
-        f"{_URDF} arm/urdf/m/a.stl",
-        "file://m/a.stl",
-        "arm/urdf/m/a.stl",
-        ("'file://m' is read as a relative path",),
+        f"{_URDF} arm/urdf/m/a.stl", "file://m/a.stl", "arm/urdf/m/a.stl", ("'file://m' is read as a relative path",)
     ),
     "file:// with the name of a model": Layout(
         "models/arm/model.sdf models/table/m/a.stl",

@@ -19,14 +19,7 @@ from hypothesis import strategies as st
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.workspace import Workspace
-from sim_action.robot.model.inverse_kinematics import (
-    REACHED_M,
-    Chain,
-    Values,
-    damped_least_squares,
-    reach,
-    search,
-)
+from sim_action.robot.model.inverse_kinematics import REACHED_M, Chain, Values, damped_least_squares, reach, search
 from sim_action.robot.model.kinematics import link_poses
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot

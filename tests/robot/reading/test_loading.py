@@ -67,10 +67,7 @@ def test_a_file_of_the_workspace_is_read(tmp_path: Path) -> None:
     ("name", "message"),
     [
         ("turtlebot3", "unknown robot 'turtlebot3'; did you mean 'turtlebot3_burger'?"),
-        (
-            "zzz",
-            f"unknown robot 'zzz' (allowed: {NAMES}), or the path of a .urdf, .xacro, .sdf or .xml file",
-        ),
+        ("zzz", f"unknown robot 'zzz' (allowed: {NAMES}), or the path of a .urdf, .xacro, .sdf or .xml file"),
         ("package://a/b.urdf", "the package 'a' was not found"),
         ("absent.xacro", "'absent.xacro' does not exist"),
         ("absent.urdf", "'absent.urdf' does not exist"),

@@ -59,10 +59,7 @@ def test_a_group_means_its_moving_joints(group: str, joints: tuple[str, ...], tm
 
 
 def test_disabled_pairs_are_read(tmp_path: Path) -> None:
-    model = model_with(
-        tmp_path,
-        '<disable_collisions link1="two" link2="base" reason="Never"/>',
-    )
+    model = model_with(tmp_path, '<disable_collisions link1="two" link2="base" reason="Never"/>')
     assert model.srdf is not None
     assert model.srdf.disabled == {frozenset(("base", "two"))}
 

@@ -217,7 +217,5 @@ def lay_out(workspace: Path) -> None:
         },
     )
     package(
-        workspace,
-        "turtlebot3_gazebo",
-        {"launch/turtlebot3_empty_world.launch": _LAUNCH, "worlds/empty.world": _WORLD},
+        workspace, "turtlebot3_gazebo", {"launch/turtlebot3_empty_world.launch": _LAUNCH, "worlds/empty.world": _WORLD}
     )

@@ -8,12 +8,7 @@ import pytest
 
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.ros.launches import source_folder
-from sim_action.ros.ros1.catkin_packages import (
-    packages_below,
-    packages_in,
-    packages_of,
-    workspace_of,
-)
+from sim_action.ros.ros1.catkin_packages import packages_below, packages_in, packages_of, workspace_of
 from tests.ros_workspace import ros_package, written
 
 

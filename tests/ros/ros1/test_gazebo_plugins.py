@@ -189,10 +189,7 @@ def test_a_tag_without_an_effect_is_not_lost(tags: str) -> None:
 @pytest.mark.parametrize(
     ("tags", "message"),
     [
-        (
-            "<updateRate>200</updateRate>",
-            "of gazebo_ros_diff_drive: messages come 100 times per second",
-        ),
+        ("<updateRate>200</updateRate>", "of gazebo_ros_diff_drive: messages come 100 times per second"),
         ("<updateRate>100</updateRate>", None),
         ("<updateRate>often</updateRate><broadcastTF>1</broadcastTF>", None),
         ("<comandTopic>cmd</comandTopic>", "as in Gazebo; did you mean 'commandTopic'?"),

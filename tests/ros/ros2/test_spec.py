@@ -29,11 +29,7 @@ FIRST = "{ros2: {nodes: [./drive.py]}}"
     [
         (FIRST, "{ros2: {namespace: robot2, nodes: [./drive.py]}}", ""),
         ("{twist: [{linear: 1}]}", FIRST, ""),
-        (
-            FIRST,
-            FIRST,
-            "have the same topics and frames; state another one, such as 'namespace: robot2'",
-        ),
+        (FIRST, FIRST, "have the same topics and frames; state another one, such as 'namespace: robot2'"),
         (
             FIRST.replace("nodes", "namespace: /a, nodes"),
             FIRST.replace("nodes", "namespace: a, nodes"),
@@ -44,11 +40,7 @@ FIRST = "{ros2: {nodes: [./drive.py]}}"
             "{ros2: {namespace: b, nodes: [./drive.py], pace: realtime}}",
             "one lock-step: 'pace' must be 'lockstep', as for the first one, not 'realtime'",
         ),
-        (
-            FIRST,
-            "{ros2: {namespace: b, nodes: [./drive.py]}, rate: 50 Hz}",
-            "as for the first one, not 50 Hz",
-        ),
+        (FIRST, "{ros2: {namespace: b, nodes: [./drive.py]}, rate: 50 Hz}", "as for the first one, not 50 Hz"),
         (
             FIRST,
             "{ros2: {launch: [p, a.launch.py]}}",

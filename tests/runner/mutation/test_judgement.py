@@ -48,12 +48,7 @@ def judged_run(
         pairs = zip(several, severities, strict=True)
         several = tuple(each.model_copy(update={"severity": severity}) for each, severity in pairs)
     return Outcome(
-        name="a",
-        file="a.sim.yml",
-        status=status_of(several),
-        expectations=several,
-        digest=digest,
-        trace=trace,
+        name="a", file="a.sim.yml", status=status_of(several), expectations=several, digest=digest, trace=trace
     )
 
 

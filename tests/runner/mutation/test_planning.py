@@ -46,10 +46,7 @@ def test_the_first_variation_on_the_first_engine_is_proven(tmp_path: Path) -> No
 def test_the_command_line_chooses_kinds_and_single_mutants(tmp_path: Path) -> None:
     run = original(tmp_path)
     (plan,) = planned([run], ("removed:crate", "motor-off"))
-    assert [mutant.name for mutant in plan.chosen] == [
-        "motor-off:wheel_left_joint",
-        "removed:crate",
-    ]
+    assert [mutant.name for mutant in plan.chosen] == ["motor-off:wheel_left_joint", "removed:crate"]
     assert plan.left_out == 17
     assert within([plan], 0.5, 1)[0].left_out == 19
     assert len(planned([run])[0].chosen) == 19

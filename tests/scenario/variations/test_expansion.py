@@ -247,8 +247,7 @@ def test_a_name_in_a_list_leads_to_its_entry_wherever_that_stands() -> None:
 
 
 @pytest.mark.parametrize(
-    ("key", "box"),
-    [("world.objects.a.b.pose.x", 0), ("world.objects.a.pose.x", 1), ("world.objects.a.b.c.pose.x", 2)],
+    ("key", "box"), [("world.objects.a.b.pose.x", 0), ("world.objects.a.pose.x", 1), ("world.objects.a.b.c.pose.x", 2)]
 )
 def test_a_name_with_dots_leads_to_its_entry(key: str, box: int) -> None:
     objects = ", ".join(f"{{name: {name}, box: [1, 1, 1]}}" for name in ("a.b", "a", "a.b.c"))
@@ -305,10 +304,7 @@ def test_a_name_with_dots_leads_to_its_entry(key: str, box: int) -> None:
         ("{robot.pose.x: {choice: [1, 2], weights: [75 %, 25 %], samples: 2}}", "expected a number, found '75 %'"),
         ("{robot.pose.x: {uniform: [0, .inf], samples: 2}}", "expected a finite number or quantity, found inf"),
         ("{robot.pose.x: {uniform: [-1e308, 1e308], samples: 2}}", "are farther apart than any number"),
-        (
-            "{robot.pose.x: {normal: [0, 0], samples: 2}}",
-            "the standard deviation, must be above 0; found [0, 0]",
-        ),
+        ("{robot.pose.x: {normal: [0, 0], samples: 2}}", "the standard deviation, must be above 0; found [0, 0]"),
         ("{robot.pose.x: {normal: [0, 1]}}", "the key 'samples' is missing"),
         ("{robot.pose.x: {normal: [0, 1], samples: 0}}", "must be at least 1, found 0"),
         ("{robot.pose.x: {normal: [0], samples: 1}}", "entry 2 of the list is missing"),
@@ -352,7 +348,7 @@ def test_a_key_that_is_none_is_told_where_it_stands_in_the_variations(tmp_path: 
     (refused,) = loaded(tmp_path, "variations:\n  world.ground.fricton: [1, 2]\n")
     assert isinstance(refused, Refused)
     assert [str(problem).rpartition("yml:")[2].partition(" (")[0] for problem in refused.problems] == [
-        "12:26: world.ground.fricton: unknown key; did you mean 'friction'?",
+        "12:26: world.ground.fricton: unknown key; did you mean 'friction'?"
     ]
 
 
@@ -414,11 +410,7 @@ def test_what_is_drawn_stays_the_same_for_good() -> None:
         "variations:\n  robot.pose.yaw: {uniform: [-0.1, 0.1], samples: 3}\n"
         "  robot.pose.x: {normal: [0 cm, 5 cm], samples: 3}\n"
     )
-    assert names(text) == [
-        "[yaw=0.038,x=11.8cm]",
-        "[yaw=0.016,x=-3.59cm]",
-        "[yaw=-0.0165,x=2.34cm]",
-    ]
+    assert names(text) == ["[yaw=0.038,x=11.8cm]", "[yaw=0.016,x=-3.59cm]", "[yaw=-0.0165,x=2.34cm]"]
     text = (
         "variations:\n  robot.pose.z: {log_uniform: [1 mm, 1 m], samples: 4}\n"
         "  robot.pose.y: {sobol: [0, 1], samples: 4}\n"

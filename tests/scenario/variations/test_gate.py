@@ -85,10 +85,7 @@ def test_a_gate_does_not_reach_its_runs(tmp_path: Path) -> None:
         ("{passes: {at_least: often}}", "expected a share such as 90 %, found 'often'"),
         ("{passes: {at_least: 1}}", "both excluded; found 100 %"),
         ("{passes: {at_least: 90 %, confidence: 120 %}}", "gives 100 %; found 120 %; use 95 %"),
-        (
-            "{quantile: {of: travel.measured, q: 0, at_least: 1 m}}",
-            "a quantile lies between 0 % and 100 %, both",
-        ),
+        ("{quantile: {of: travel.measured, q: 0, at_least: 1 m}}", "a quantile lies between 0 % and 100 %, both"),
         (
             "{stop_early: {reject: 95.00001 %, accept: 95 %}}",
             "'reject' must be below 'accept'; found 95.00001 % and 95 %",

@@ -212,11 +212,7 @@ def test_files_of_spreadsheets_are_read(tmp_path: Path, data: bytes) -> None:
             "csv: rows.csv, column: bbb",
             "rows.csv has no column 'bbb'; did you mean 'bb'? (allowed: a, bb)",
         ),
-        (
-            "x;y\n1;2\n",
-            "csv: rows.csv",
-            "no column 'x'; separate columns by commas, its first line is 'x;y'",
-        ),
+        ("x;y\n1;2\n", "csv: rows.csv", "no column 'x'; separate columns by commas, its first line is 'x;y'"),
         ("x,x\n1,2\n", "csv: rows.csv", "rows.csv has 2 columns 'x'; give each column a name of its own"),
         ("x,y\n", "csv: rows.csv", "rows.csv has 0 rows after the header, but it needs at least 1"),
         ("x,y\n1,2\n", "csv: rows.csv, samples: 2", "rows.csv has 1 row after the header, but 'samples' is 2"),
@@ -309,7 +305,7 @@ def test_wrong_values_are_reported_where_they_are_written_and_stop_all_variation
     (refused,) = loaded(tmp_path, "world.ground.friction: {choice: [0.5, -1], samples: 16}")
     assert isinstance(refused, Refused)
     assert [str(problem).rpartition("/")[2] for problem in refused.problems] == [
-        "s.sim.yml:12:41: world.ground.friction: must be at least 0, found -1",
+        "s.sim.yml:12:41: world.ground.friction: must be at least 0, found -1"
     ]
 
 

@@ -121,8 +121,7 @@ def test_a_capsule_is_a_cylinder_and_two_balls(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "shape",
-    ["<cylinder><radius>1</radius><length>0.00001</length></cylinder>", "<box><size>1 2 0.00001</size></box>"],
+    "shape", ["<cylinder><radius>1</radius><length>0.00001</length></cylinder>", "<box><size>1 2 0.00001</size></box>"]
 )
 def test_a_mark_on_the_floor_is_as_thin_as_engines_resolve(shape: str, tmp_path: Path) -> None:
     bodies, lost = read(shaped(shape), tmp_path)
@@ -187,12 +186,7 @@ BOX = """
     [
         ("", 0.5, (0.0, 0.0, 0.0), None),
         ("<pose>0 0 0.3 0 0 0</pose>", 0.4, (0.0, 0.0, 0.3), None),
-        (
-            "",
-            2.0,
-            (0.0, 0.0, 0.0),
-            "the inertia of 'm' is that of uniform density: ",
-        ),
+        ("", 2.0, (0.0, 0.0, 0.0), "the inertia of 'm' is that of uniform density: "),
     ],
 )
 def test_a_moving_body_has_its_stated_inertia(

@@ -125,10 +125,7 @@ def one_test(settings: Settings) -> Iterator[object]:
         folder = _new(settings, f"one-{engine}")
         (folder / "one.sim.yml").write_text(_ONE.format(engine=engine))
         bare, reported, by_hand = take_turns(
-            settings.rounds,
-            ours(folder, "--no-report"),
-            ours(folder),
-            pytest_command(folder, engine, "test_one.py"),
+            settings.rounds, ours(folder, "--no-report"), ours(folder), pytest_command(folder, engine, "test_one.py")
         )
         without, with_report = bounds[engine]
         name = f"{engine}: one test of 1.5 m"

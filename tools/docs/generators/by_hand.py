@@ -23,13 +23,7 @@ def costs() -> str:
 def _cells(row: Row) -> tuple[str, ...]:
     ratio = f"{row.ratio:.2f}"
     missed = row.ratio > row.goal
-    return (
-        row.name,
-        f"**{ratio}**" if missed else ratio,
-        f"<= {row.goal:g}",
-        _time(row.ours),
-        _time(row.theirs),
-    )
+    return (row.name, f"**{ratio}**" if missed else ratio, f"<= {row.goal:g}", _time(row.ours), _time(row.theirs))
 
 
 def _time(seconds: float) -> str:

@@ -25,6 +25,6 @@ setup(
             "wall_follower = my_robot.wall_follower:main",
             "planner = my_robot.planner:main",
             "smoother = my_robot.smoother:main",
-        ],
+        ]
     },
 )

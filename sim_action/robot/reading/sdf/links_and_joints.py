@@ -334,7 +334,7 @@ _SUPPORTED: Final = ("revolute", "continuous", "prismatic", "ball", "universal",
 _URDF_TYPES: Final = {"ball": "spherical", "revolute2": "universal"}
 _UNSUPPORTED: Final = {
     "screw": "no engine couples a rotation and a translation in one joint; use a revolute and a prismatic joint with "
-    "<mimic>",
+    "<mimic>"
 }
 _TWO_AXES: Final = ("universal", "revolute2")
 # The parts of an axis that are not read of a joint with several.

@@ -119,9 +119,7 @@ class Wiring:
             return any(publisher.has_subscribers for publisher in publishers) or self.is_clock_held()
 
         return OnDemandSensor.of(
-            sensor,
-            lambda seconds: schedule.is_due(round(seconds * TICKS)) and has_subscribers(),
-            keeps_first=True,
+            sensor, lambda seconds: schedule.is_due(round(seconds * TICKS)) and has_subscribers(), keeps_first=True
         )
 
     def controller_schedule(self, name: str, rate: float) -> Schedule:

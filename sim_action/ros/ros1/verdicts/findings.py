@@ -10,11 +10,7 @@ from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
 from sim_action.ros.result_files import Case, Suite, read_suite
 from sim_action.ros.ros1.launch.launch_process import Ending
-from sim_action.ros.ros1.launch_request import (
-    PROCESS_FILE,
-    SimulationResult,
-    run_folders,
-)
+from sim_action.ros.ros1.launch_request import PROCESS_FILE, SimulationResult, run_folders
 from sim_action.ros.ros1.verdicts.launch_output import CallbackError, callback_errors, cleaned_output
 from sim_action.ros.ros1.verdicts.launch_tags import TestTag
 

@@ -118,10 +118,7 @@ class Judge:
 
     def _test(self, test: TestFindings, found: Findings) -> Outcome:
         where = Location(self.file, test.tag.line if test.tag else None)
-        expectations = (
-            *_accepting_skips(self._expectations(test, found, where)),
-            *self._unpublished(test, where),
-        )
+        expectations = (*_accepting_skips(self._expectations(test, found, where)), *self._unpublished(test, where))
         failed = any(expected.failed for expected in expectations)
         dead = [death for death in deaths(found.text) if death.node not in (test.name, _SIMULATION_NODE)]
         failed_nodes = [_described(death, found) for death in dead if not _is_window(death)]

@@ -108,12 +108,7 @@ STARTED: Final[dict[str, tuple[str, list[list[str]]]]] = {
             "'c': [TextSubstitution(text='[1, '), '2]'], 'd': {'e': TextSubstitution(text='true')}, "
             "'f': ParameterValue(TextSubstitution(text='1'), value_type=str)}])"
         ),
-        [
-            [
-                *("e", "__node:=n", "__ns:=/s"),
-                parameters("/s/n", a="1", b=[1.0, 2.5], c=[1, 2], d__e=True, f="1"),
-            ]
-        ],
+        [[*("e", "__node:=n", "__ns:=/s"), parameters("/s/n", a="1", b=[1.0, 2.5], c=[1, 2], d__e=True, f="1")]],
     ),
     "scopes.launch.xml": (
         """<launch><group>

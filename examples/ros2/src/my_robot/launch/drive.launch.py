@@ -10,10 +10,6 @@ def generate_launch_description():
     return LaunchDescription(
         [
             DeclareLaunchArgument("distance", default_value="1.5"),
-            Node(
-                package="my_robot",
-                executable="mover",
-                parameters=[{"distance": LaunchConfiguration("distance")}],
-            ),
+            Node(package="my_robot", executable="mover", parameters=[{"distance": LaunchConfiguration("distance")}]),
         ]
     )
