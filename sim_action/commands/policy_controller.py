@@ -15,6 +15,7 @@ from sim_action.commands.policy_terms import Layout, Offset, PerJoint, Reader, T
 from sim_action.commands.twist import TwistSegment
 from sim_action.core.errors import ScriptError
 from sim_action.core.field_types import FrozenModel
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import counted
 from sim_action.core.yaml_errors import SpecProblems
@@ -22,7 +23,6 @@ from sim_action.networks.onnx_network import FLOATS, NetworkProblem, Session, Te
 from sim_action.state.command import JointTargets
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from sim_action.state.observation import Observation
@@ -195,8 +195,6 @@ class Input:
 
     def value(self, now: Observation, last_action: Vector) -> NDArray[Any]:
         """Return the value for this tick. Raises ScriptError."""
-        import numpy as np
-
         frame = [self._part(index, now, last_action) for index in range(len(self._terms))]
         if not self._past:
             starts_empty = self._history is not None and self._history.start == "zeros"
@@ -240,8 +238,6 @@ class Input:
         return next(index for (index, _), end in zip(parts, ends, strict=True) if place < end)
 
     def _part(self, index: int, now: Observation, last_action: Vector) -> Vector:
-        import numpy as np
-
         term, read = self._terms[index], self._readers[index]
         value: Vector = last_action if read is None else np.asarray(read(now), dtype=np.float64)
         part: Vector = value * self._scales[index]
@@ -255,8 +251,6 @@ class Input:
 def _scale(term: Term, layout: Layout) -> Any:
     if isinstance(term.scale, float | int):
         return float(term.scale)
-    import numpy as np
-
     names = layout.of(term) if isinstance(term.scale, Mapping) else tuple(map(str, range(len(term.scale))))
     return np.asarray(values_of(term.scale, names, {}))
 
@@ -287,14 +281,10 @@ class NetworkController:
     _chunks: deque[Any] = field(init=False)
 
     def __post_init__(self) -> None:
-        import numpy as np
-
         self.action, self._chunks = np.zeros(len(self.joints)), deque()
 
     def run(self, now: Observation) -> None:
         """Compute the next action. Raises ScriptError."""
-        import numpy as np
-
         if self.spec.ensemble is not None:
             self._chunks = deque(chunk[1:] for chunk in self._chunks if len(chunk) > 1)
             self._chunks.append(self._asked(now))
@@ -309,8 +299,6 @@ class NetworkController:
 
     def _asked(self, now: Observation) -> Vector:
         """Run the network and return its actions, one in each row."""
-        import numpy as np
-
         given = {name: each.value(now, self.action) for name, each in self.inputs.items()}
         names = [self.output, *self.memory.values(), *self.session.hidden]
         try:
@@ -341,8 +329,6 @@ class NetworkController:
     @staticmethod
     def _require_finite(values: NDArray[Any], given: Mapping[str, NDArray[Any]], names: Sequence[str]) -> None:
         """Raise ScriptError for a result that is not finite; `names`: of its values, one after the other."""
-        import numpy as np
-
         wrong = ~np.isfinite(values.ravel())
         if wrong.any():
             largest = max((float(np.abs(each).max(initial=0.0)) for each in given.values()), default=0.0)
@@ -379,7 +365,6 @@ class Motors:
     @classmethod
     def of(cls, action: PolicyAction, layout: Layout) -> Motors:
         """Return the motors of a policy."""
-        import numpy as np
 
         def numbers(value: Any) -> Vector:
             return np.asarray(values_of(0.0 if value is None else value, layout.joints, layout.home))
@@ -391,14 +376,10 @@ class Motors:
 
     def targets(self, action: Vector, now: Observation) -> JointTargets:
         """Return the targets of a tick. Raises ScriptError."""
-        import numpy as np
-
         with np.errstate(over="ignore", invalid="ignore"):
             return self._targets(action, now)
 
     def _targets(self, action: Vector, now: Observation) -> JointTargets:
-        import numpy as np
-
         target = self.offset + self.scale * action
         if not self.soft:
             return _TARGETS[self.kind](self._finite(target, f"target {self.kind}"))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 from pydantic import Field
 
 from sim_action.core.field_types import FrozenModel
+from sim_action.core.lazy_numpy import np
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.networks.onnx_network import FLOATS, Tensor
@@ -57,8 +58,6 @@ class PictureInput:
     """The value of an input that takes a picture."""
 
     def __init__(self, picture: Picture, tensor: Tensor, shape: tuple[int, ...]) -> None:
-        import numpy as np
-
         self._picture, self._type, self._shape = picture, tensor.type, shape
         default = 1 / 255 if tensor.type in FLOATS else 1.0
         self._scale = default if picture.scale is None else picture.scale
@@ -66,8 +65,6 @@ class PictureInput:
 
     def value(self, now: Observation, _: object) -> NDArray[Any]:
         """Return the value for this tick."""
-        import numpy as np
-
         # A reading of another kind of sensor was refused before the run.
         pixels = np.asarray(now.sensors[self._picture.camera].columns()["rgb"])
         values = (pixels * self._scale - self._mean) / self._std

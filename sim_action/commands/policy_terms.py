@@ -10,6 +10,7 @@ from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
 
 from sim_action.core.field_types import FrozenModel, PositiveSeconds
 from sim_action.core.geometry import Vector3, conjugate, rotate, rpy_from_quaternion
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import FirstFew, counted, did_you_mean, shown
 from sim_action.core.yaml_errors import SpecProblem, SpecProblems
@@ -179,8 +180,6 @@ class Term(FrozenModel):
         name, column = self.sensor
 
         def read(now: Observation) -> Sequence[float]:
-            import numpy as np
-
             return [float(each) for each in np.ravel(now.sensors[name].columns()[column])]
 
         return read

@@ -16,6 +16,7 @@ from sim_action.commands.controller_answers import Saturation, answer_problem, a
 from sim_action.commands.robot_description import RobotDescription
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.field_types import NamesFile
+from sim_action.core.lazy_numpy import np
 from sim_action.core.user_scripts import (
     ANYTHING,
     Script,
@@ -202,11 +203,9 @@ def _seed_of(scene: Scene, code: str) -> int:
 
 
 def _seed_global_generators(seed: int) -> None:
-    import numpy as np
-
     random.seed(seed)
     # numpy's seed is a list of 32-bit words.
-    np.random.seed([seed & _WORD, seed >> 32])  # noqa: NPY002 - scripts may use it; we do not
+    np.random.seed([seed & _WORD, seed >> 32])
 
 
 def controller_name(

@@ -14,6 +14,7 @@ from typing_extensions import override
 from sim_action.core import geometry, units
 from sim_action.core.field_types import PositiveMetresPerSecondSquared, PositiveNewtons
 from sim_action.core.geometry import Twist, Vector3
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, DriveMotion, is_level
@@ -337,8 +338,6 @@ class MecanumOdometry:
     @cached_property
     def _shares(self) -> list[list[float]]:
         """Coefficients (3, 4) of each wheel for motion ahead, to the left and turning (least squares)."""
-        import numpy as np
-
         motions = geometry.AXES
         ways = [[found.gear * found.speed(*motion) for motion in motions] for found in self.wheels]
         shares: list[list[float]] = np.linalg.pinv(np.array(ways)).tolist()

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Final
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass
 from sim_action.robot.model.kinematics import shape_points
 from sim_action.robot.model.robot_model import Joint, Link, Shape
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
 MAX_UNROUNDNESS: Final = 0.03
@@ -131,8 +131,6 @@ def _mesh_tyre(shape: Shape, axis: Vector3, anchor: Vector3) -> Tyre | NotRound:
     """Return the tyre of a mesh, from its hulls."""
     if not (shape.hulls or shape.corners):
         return NotRound("is a mesh whose shape is not known here")
-    import numpy as np
-
     points = shape_points(shape) - np.array(anchor)
     first, second = _across(axis)
     across = np.stack([_along(points, first), _along(points, second)])
@@ -156,8 +154,6 @@ def _mesh_tyre(shape: Shape, axis: Vector3, anchor: Vector3) -> Tyre | NotRound:
 
 def _outline(across: NDArray[np.float64]) -> list[tuple[float, float]]:
     """Return the corners of the convex hull of points (2, P), counter-clockwise, as seen in many directions."""
-    import numpy as np
-
     angles = np.arange(_DIRECTIONS) * (2 * np.pi / _DIRECTIONS)
     rows: list[int] = []
     for start in range(0, _DIRECTIONS, _AT_A_TIME):

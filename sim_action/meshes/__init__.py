@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Final
 from sim_action.core.content_cache import Entry
 from sim_action.core.files import read_at_most
 from sim_action.core.geometry import Vector3
+from sim_action.core.lazy_numpy import np
 from sim_action.core.wording import shown
 from sim_action.meshes.collada import read_collada
 from sim_action.meshes.collision_hulls import MeshFacts, facts_of
@@ -38,7 +39,6 @@ from sim_action.meshes.mesh import (
 )
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
 __all__ = [
@@ -147,8 +147,6 @@ def read_stl(data: bytes) -> Mesh:
 
 
 def _read_binary(data: bytes, count: int) -> Mesh:
-    import numpy as np
-
     refuse_more_triangles(count, MAX_BINARY_TRIANGLES)
     corners = _corners(data, count, 1).reshape(-1, 3)
     with np.errstate(invalid="ignore"):  # a signalling NaN
@@ -157,8 +155,6 @@ def _read_binary(data: bytes, count: int) -> Mesh:
 
 def _corners(data: bytes, count: int, step: int) -> NDArray[np.float32]:
     """Return the corners (N, 3, 3) of every `step`-th triangle of a binary file."""
-    import numpy as np
-
     # The corners as one item of 36 bytes, which are copied at once.
     layout = np.dtype([("normal", "V12"), ("corners", "V36"), ("attributes", "V2")])
     return np.frombuffer(data, layout, count, _HEADER_BYTES)["corners"][::step].copy().view("<f4").reshape(-1, 3, 3)
@@ -176,8 +172,6 @@ def sampled_triangles(data: bytes, most: int) -> tuple[int, NDArray[np.float32]]
 
 
 def _read_ascii(data: bytes) -> Mesh:
-    import numpy as np
-
     corners, ends, at = array("d"), [0], 0
     while not _NOTHING.match(data, at):
         at = _read_solid(data, at, corners)
@@ -290,8 +284,6 @@ class _Reader:
             refuse_more_parts(len(self._starts))
 
     def mesh(self) -> Mesh:
-        import numpy as np
-
         if self._ahead[0] > self._points:
             raise self._no_such_point(*self._ahead)
         triangles = np.array(self._corners, np.int64).reshape(-1, 3) - 1

@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 from xml.etree.ElementTree import Element
 
+from sim_action.core.lazy_numpy import np
 from sim_action.meshes.mesh import (
     Mesh,
     MeshError,
@@ -27,7 +28,6 @@ from sim_action.meshes.mesh import (
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    import numpy as np
     from numpy.typing import NDArray
 
     Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
@@ -42,7 +42,6 @@ from xml.parsers import expat
 from sim_action.core.wording import shown
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
 
@@ -154,8 +153,6 @@ class Document:
 
     def numbers(self, element: Element) -> NDArray[np.float64]:
         """Return the numbers in the text of an element. Raises MeshError."""
-        import numpy as np
-
         text = element.text or ""
         if not text.strip():
             return np.zeros(0)
@@ -174,8 +171,6 @@ class Document:
 
     def rows(self, element: Element) -> NDArray[np.int64]:
         """Return the whole numbers from 0 in the text of an element. Raises MeshError."""
-        import numpy as np
-
         found = self.numbers(element)
         if not ((found >= 0) & (found < 2**31) & (found == np.floor(found))).all():
             raise self.error(element, "expected whole numbers from 0", "mesh-index")
@@ -193,8 +188,6 @@ def read_collada(data: bytes) -> Mesh:
 
 def _assembled(document: Document, shown: Iterable[tuple[Element, NDArray[np.float64]]]) -> Mesh:
     """Assemble one mesh from geometries, each with its transformation."""
-    import numpy as np
-
     geometries: dict[Element, tuple[NDArray[np.float64], NDArray[np.int64]]] = {}
     points, parts, counts = [np.zeros((0, 3))], [], [0, 0]
     for geometry, placed in shown:
@@ -221,8 +214,6 @@ def shown_geometries(document: Document) -> Iterator[tuple[Element, NDArray[np.f
 
     A file without a scene yields each geometry once. Raises MeshError.
     """
-    import numpy as np
-
     unit = document.root.find("asset/unit")
     meter = 1.0 if unit is None else document.positive(unit, "meter")
     in_metres = np.diag([meter, meter, meter, 1.0])
@@ -276,8 +267,6 @@ class _Walk:
 
 def _transformed(document: Document, node: Element, placed: NDArray[np.float64]) -> NDArray[np.float64]:
     """Apply the transformations of a node in file order; the last one acts on the points first."""
-    import numpy as np
-
     for element in node:
         if element.tag in _TRANSFORMATIONS:
             count, matrix = _TRANSFORMATIONS[element.tag]
@@ -296,23 +285,17 @@ def _matrix(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _translate(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
-    import numpy as np
-
     matrix = np.eye(4)
     matrix[:3, 3] = numbers
     return matrix
 
 
 def _scale(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
-    import numpy as np
-
     return np.diag([*numbers, 1.0])
 
 
 def _rotate(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the rotation about an axis by an angle in degrees (Rodrigues)."""
-    import numpy as np
-
     x, y, z, degrees = (float(number) for number in numbers)
     length = math.hypot(x, y, z)
     x, y, z = (x / length, y / length, z / length) if length else (0.0, 0.0, 0.0)
@@ -339,8 +322,6 @@ _MAX_INPUTS: Final = 64
 
 def read_geometry(document: Document, geometry: Element) -> Surface:
     """Return all surfaces of a geometry as one. Raises MeshError."""
-    import numpy as np
-
     points, triangles, above = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
     for element in geometry.iterfind("mesh/*"):
         if element.tag in _SURFACES:
@@ -353,8 +334,6 @@ def read_geometry(document: Document, geometry: Element) -> Surface:
 
 def _surface(document: Document, element: Element) -> Surface:
     """Return the triangles of an element and the points that they use."""
-    import numpy as np
-
     named, triangles = _corners(document, element)
     if not len(triangles):
         return np.zeros((0, 3)), triangles
@@ -387,8 +366,6 @@ def _points(document: Document, vertex_input: Element) -> NDArray[np.float64]:
 
 def _corners(document: Document, element: Element) -> tuple[Element, NDArray[np.int64]]:
     """Return the vertex input of a surface, and its triangles as indices of that input's points."""
-    import numpy as np
-
     vertex = _input(document, element, "VERTEX")
     width = 1 + max(document.whole(other, "offset", otherwise=0) for other in element.iterfind("input"))
     if width > _MAX_INPUTS:
@@ -404,8 +381,6 @@ def _corners(document: Document, element: Element) -> tuple[Element, NDArray[np.
 
 def _counts(document: Document, element: Element, runs: list[int]) -> NDArray[np.int64]:
     """Return the number of corners of each polygon, strip or fan."""
-    import numpy as np
-
     if element.tag == "triangles":
         return np.full(sum(runs) // 3, 3)
     if element.tag != "polylist":
@@ -416,8 +391,6 @@ def _counts(document: Document, element: Element, runs: list[int]) -> NDArray[np
 
 def _triangulated(corners: NDArray[np.int64], counts: NDArray[np.int64], *, is_strip: bool) -> NDArray[np.int64]:
     """Split polygons into triangles; a polygon is treated as a fan about its first corner."""
-    import numpy as np
-
     each = np.maximum(counts - 2, 0)
     refuse_more_triangles(int(each.sum()))
     starts = np.repeat(np.cumsum(counts) - counts, each)

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 from sim_action.core.geometry import Vector3
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass
 from sim_action.meshes.mesh import Mesh, compacted
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
 
@@ -66,8 +66,6 @@ def facts_of(name: str, mesh: Mesh) -> MeshFacts:
 
 def hulls_of(mesh: Mesh, scale: Vector3, margin: float) -> Iterator[NDArray[np.float64]]:
     """Yield the points (P, 3) of each hull in m, shrunk by the margin that the engine adds."""
-    import numpy as np
-
     for triangles in _hulls(mesh):
         points, _ = compacted(mesh.points_xyz, triangles)
         yield shrunk(_outermost(points * np.array(scale)), margin)
@@ -75,8 +73,6 @@ def hulls_of(mesh: Mesh, scale: Vector3, margin: float) -> Iterator[NDArray[np.f
 
 def _hulls(mesh: Mesh) -> tuple[NDArray[np.int64], ...]:
     """Return the triangles of each hull. If a part is flat, the parts are faces of one body, not bodies."""
-    import numpy as np
-
     if len(mesh.parts) == 1:
         return mesh.parts
     if len(mesh.parts) > MAX_HULLS or any(is_flat(mesh.points_xyz[part.ravel()]) for part in mesh.parts):
@@ -108,8 +104,6 @@ def shrunk(points: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
     A box, a sphere and a wheel about an axis keep their shape except for rounded edges; other shapes differ by at most
     the margin.
     """
-    import numpy as np
-
     lower, upper = points.min(axis=0), points.max(axis=0)
     middle, half = (lower + upper) / 2, (upper - lower) / 2
     kept = np.maximum(1 - margin / np.where(half > 0, half, np.inf), _MIN_KEPT_SHARE)
@@ -119,8 +113,6 @@ def shrunk(points: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
 
 def unshrunk(points: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
     """Return the points of a hull before they were shrunk by the margin."""
-    import numpy as np
-
     lower, upper = points.min(axis=0), points.max(axis=0)
     middle, half = (lower + upper) / 2, (upper - lower) / 2
     thin = half <= margin * _MIN_KEPT_SHARE / (1 - _MIN_KEPT_SHARE)
@@ -148,8 +140,6 @@ _TRIANGLES_AT_A_TIME: Final = 1 << 14
 
 def is_flat(points: NDArray[np.float64]) -> bool:
     """Return True if all points lie in one plane."""
-    import numpy as np
-
     apart = points - points.mean(axis=0)
     _, axes = np.linalg.eigh(np.einsum("pi,pj->ij", apart, apart))
     return bool(np.ptp(_along(apart, axes[None, :, 0])) <= _FLAT * max(np.ptp(column) for column in points.T))
@@ -160,8 +150,6 @@ def is_convex(points_xyz: NDArray[np.float64], triangles: NDArray[np.int64], sha
 
     Only a sample of many triangles is tested; `sharers`: number of parts that share the time limit.
     """
-    import numpy as np
-
     used, rows = compacted(points_xyz, triangles)
     points = used - used.mean(axis=0)
     points /= np.abs(points).max()
@@ -172,8 +160,6 @@ def is_convex(points_xyz: NDArray[np.float64], triangles: NDArray[np.int64], sha
 
 def are_concave(corners: NDArray[np.floating[Any]]) -> bool:
     """Return True if a mesh with these triangles (T, 3, 3) among others cannot be convex."""
-    import numpy as np
-
     points = corners.reshape(-1, 3).astype(np.float64)
     with np.errstate(invalid="ignore", divide="ignore"):  # triangles without an area
         points -= points.mean(axis=0)
@@ -183,8 +169,6 @@ def are_concave(corners: NDArray[np.floating[Any]]) -> bool:
 
 def _all_behind(points: NDArray[np.float64], corners: NDArray[np.float64]) -> bool:
     """Return True if all points lie on one side of each triangle (T, 3, 3)."""
-    import numpy as np
-
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     at_a_time = max(1, _PRODUCTS_AT_A_TIME // len(points))
@@ -199,8 +183,6 @@ def _all_behind(points: NDArray[np.float64], corners: NDArray[np.float64]) -> bo
 
 def _is_closed(points: NDArray[np.float64], rows: NDArray[np.int64]) -> bool:
     """Return True if the triangles (T, 3) surround the origin."""
-    import numpy as np
-
     starts = range(0, len(rows), _TRIANGLES_AT_A_TIME)
     covered = sum(_solid_angles(points[rows[start : start + _TRIANGLES_AT_A_TIME]]) for start in starts)
     return covered >= 4 * np.pi * (1 - _OPEN)
@@ -214,8 +196,6 @@ def _along(points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDAr
 
 def _solid_angles(corners: NDArray[np.float64]) -> float:
     """Return the sum of the solid angles of triangles about the origin (van Oosterom and Strackee, 1983)."""
-    import numpy as np
-
     a, b, c = np.ascontiguousarray(corners.transpose(1, 2, 0))
     la, lb, lc = (np.sqrt(_product(corner, corner)) for corner in (a, b, c))
     (bx, by, bz), (cx, cy, cz) = b, c

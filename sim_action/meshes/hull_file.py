@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Final
 
 from sim_action.core.content_cache import Entry
 from sim_action.core.geometry import Box, Vector3
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass
 from sim_action.meshes.collision_hulls import MeshFacts, hulls_of, unshrunk
 from sim_action.meshes.mesh import Mesh, MeshError
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
 FORMAT: Final = 2
@@ -103,8 +103,6 @@ def hull_lines(points: NDArray[np.float64], above: int) -> str:
 
 def read_hull_points(text: bytes) -> list[NDArray[np.float64]]:
     """Return the points (P, 3) in m of each hull of a rewritten mesh."""
-    import numpy as np
-
     hulls = list[list[list[float]]]()
     for line in text.decode("ascii").splitlines():
         kind, *values = line.split()

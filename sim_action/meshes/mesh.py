@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
 MAX_BYTES: Final = 110_000_000
@@ -63,8 +63,6 @@ def mesh_of(points_xyz: NDArray[np.floating[Any]], parts: Sequence[NDArray[np.in
     :param points_xyz: (N, 3) of 32 or 64 bits; equal ones become one.
     :param parts: rows of the points (T, 3); or a slice of triangles, if each triangle has three rows of its own.
     """
-    import numpy as np
-
     from sim_action.meshes.welding import welded  # it imports this module
 
     if not is_length(points_xyz):
@@ -85,8 +83,6 @@ def compacted(
     points_xyz: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the points that triangles use, and the triangles as indices of these."""
-    import numpy as np
-
     is_used = np.zeros(len(points_xyz), np.bool_)
     is_used[triangles] = True
     if is_used.all():
@@ -130,8 +126,6 @@ def _selected(triangles: NDArray[np.int64], is_kept: NDArray[np.bool_]) -> NDArr
 
 def _have_area(points: NDArray[np.floating[Any]], part: NDArray[np.int64] | slice) -> NDArray[np.bool_]:
     """Return for each triangle of a part if it has an area."""
-    import numpy as np
-
     whole = _of_triangles(points, part) if isinstance(part, slice) else part
     found = np.zeros(len(whole), np.bool_)
     for start in range(0, len(whole), _CHUNK_TRIANGLES):

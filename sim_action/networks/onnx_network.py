@@ -14,6 +14,7 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.core.files import open_regular
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import escaped_line, shown
 from sim_action.core.workspace import PathError, Workspace
@@ -238,8 +239,6 @@ class Session:
 
     def constant(self, name: str, value: Any) -> NDArray[Any]:
         """Return a value in all places of an input, or a list of values. Raise NetworkProblem."""
-        import numpy as np
-
         kind, shape = self.network.inputs[name].type, self.shapes[name]
         try:
             plain = np.array(str(value or "") if kind == "object" and value == 0 else value)

@@ -11,6 +11,7 @@ from typing_extensions import override
 
 from sim_action.core.field_types import NonNegativeMetres, PositiveMetres, PositiveRadians, Radians
 from sim_action.core.geometry import compose, rotate
+from sim_action.core.lazy_numpy import np
 from sim_action.core.units import display
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.sensors import Measure, Mount, Sensor, Sight
@@ -18,7 +19,6 @@ from sim_action.state.readings import LidarScan
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.random import Generator
     from numpy.typing import NDArray
 
@@ -78,8 +78,6 @@ class Lidar(Sensor):
 
     @override
     def open(self, mount: Mount) -> Measure:
-        import numpy as np
-
         first, increment = self.first_angle, self.increment
         angles = first + increment * np.arange(self.rays)
         cosines, sines = np.cos(angles), np.sin(angles)

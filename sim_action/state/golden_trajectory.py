@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, NoReturn, Self
 
 from sim_action.core.files import read_at_most, whole_file
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line, shown
 
@@ -88,8 +89,6 @@ class Golden:
     @classmethod
     def of_trace(cls, form: GoldenForm, trace: Trace, rate: float) -> Self:
         """Return the trajectory of a run, from its first to its last moment; `rate`: rows per second, in Hz."""
-        import numpy as np
-
         rows = rows_of(trace, form.joint_names)
         resolution = 10.0**-_TIME_DECIMALS
         first = math.ceil(rows[0, 0] / resolution - resolution) * resolution
@@ -104,8 +103,6 @@ class Golden:
     @classmethod
     def read(cls, path: Path, form: GoldenForm) -> Self:
         """Read a file. Raise OSError, and GoldenError for a file that is damaged or of another robot."""
-        import numpy as np
-
         data = read_at_most(path, _MAX_BYTES)
         if data is None:
             raise GoldenError(f"1: the file is larger than {_MAX_BYTES // 1_000_000} MB, the maximum")
@@ -144,8 +141,6 @@ def is_golden(start: bytes) -> bool:
 
 def rows_of(trace: Trace, joints: Sequence[str]) -> FloatArray:
     """Return the rows (T, 5 + J) of a golden trajectory for all moments of a trace; yaw in (-pi, pi]."""
-    import numpy as np
-
     columns = [trace.joint_position[:, trace.joint_names.index(name)] for name in joints]
     return np.column_stack((trace.time, trace.base_position_xyz, trace.yaw, *columns))
 
@@ -155,8 +150,6 @@ def interpolated(rows: FloatArray, times: FloatArray) -> FloatArray:
 
     Before the first row and after the last row, the values are constant. Only the two nearest rows count.
     """
-    import numpy as np
-
     after = np.clip(np.searchsorted(rows[:, 0], times), 0, len(rows) - 1)
     before = np.maximum(after - 1, 0)
     step = rows[after] - rows[before]
@@ -170,15 +163,11 @@ def interpolated(rows: FloatArray, times: FloatArray) -> FloatArray:
 
 def wrapped(angle: FloatArray) -> FloatArray:
     """Return angles in rad, wrapped to [-pi, pi)."""
-    import numpy as np
-
     return np.asarray(np.remainder(angle + np.pi, 2 * np.pi) - np.pi, dtype=np.float64)
 
 
 def _continuous(yaw: FloatArray) -> FloatArray:
     """Return yaw without jumps from pi to -pi; a start at either of them becomes pi."""
-    import numpy as np
-
     turned = np.unwrap(yaw)
     return turned + 2 * np.pi if turned[0] < -np.pi + 10 * RESOLUTION else turned
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from sim_action.core import units
 from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import Dimension
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
 
@@ -242,8 +242,6 @@ class LidarScan:
     @property
     def angles(self) -> NDArray[np.float64]:
         """The angles of the rays, (N,) rad."""
-        import numpy as np
-
         return self.angle_min + self.angle_increment * np.arange(len(self.ranges), dtype=np.float64)
 
     def nearest(self, start_angle: float, end_angle: float) -> float:
@@ -252,8 +250,6 @@ class LidarScan:
         `nearest(1.0, 0.5)` covers the back. If no ray lies between the angles, the nearest ray counts; outside
         the field of view the result is inf.
         """
-        import numpy as np
-
         width = end_angle - start_angle
         if width < 0:
             width %= _FULL_CIRCLE
@@ -275,8 +271,6 @@ def shifted(reading: Reading, kind: str, offsets: Mapping[str, float | tuple[flo
 
     What is out of range stays so. Ranges of a scan that get out of its range are infinite, as with noise.
     """
-    import numpy as np
-
     values, columns = reading.columns(), columns_of(kind)
     changed: dict[str, Any] = {}
     for name, offset in offsets.items():

@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Protocol
 
 from sim_action.core.geometry import Pose, Twist, Vector3, quaternion_from_rpy
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
 

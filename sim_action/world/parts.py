@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Quaternion, Vector3
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, field, replace
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
 
@@ -81,8 +81,6 @@ def moved(part: Part, pose: Pose) -> Part:
     if isinstance(part, HullPart):
         return HullPart(tuple(geometry.compose(pose, Pose(point)).position_xyz for point in part.points_xyz))
     if isinstance(part, SurfacePart):
-        import numpy as np
-
         axes = np.array([geometry.rotate(pose.orientation_xyzw, axis) for axis in geometry.AXES])
         return SurfacePart(part.points_xyz @ axes + pose.position_xyz, part.triangles)
     return replace(part, pose=geometry.compose(pose, part.pose))
@@ -122,16 +120,12 @@ def reach(part: Part) -> float:
         return math.hypot(*part.pose.position_xyz) + math.hypot(part.radius, part.height / 2)
     if isinstance(part, SpherePart):
         return math.hypot(*part.pose.position_xyz) + part.radius
-    import numpy as np
-
     points = grid_points(part) if isinstance(part, GridPart) else np.asarray(part.points_xyz)
     return float(np.sqrt(np.square(points).sum(axis=1)).max())
 
 
 def grid_points(grid: GridPart) -> NDArray[np.float64]:
     """Return the samples (R * C, 3) of a grid, row by row."""
-    import numpy as np
-
     rows, columns = grid.heights.shape
     width, depth = grid.size_xy
     x = np.tile(np.linspace(-width / 2, width / 2, columns), rows)
@@ -154,8 +148,6 @@ def height_at(grid: GridPart, x: float, y: float) -> float | None:
 
 def grid_surface(grid: GridPart) -> SurfacePart:
     """Return the triangles of a grid; like in both engines, each cell folds from its lowest x, y to its highest."""
-    import numpy as np
-
     rows, columns = grid.heights.shape
     corners = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = (part.ravel() for part in (corners[:-1, :-1], corners[:-1, 1:], corners[1:, 1:], corners[1:, :-1]))

@@ -23,10 +23,10 @@ from sim_action.core.field_types import (
     RadiansPerSecond,
 )
 from sim_action.core.geometry import Vector3
+from sim_action.core.lazy_numpy import np
 from sim_action.state.timeline import TimeMark
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
 MAX_PHYSICS_RATE_HZ: Final = 100_000.0

@@ -11,6 +11,7 @@ from sim_action.core import units
 from sim_action.core.errors import Location
 from sim_action.core.field_types import FrozenModel, Placement
 from sim_action.core.geometry import Pose, rpy_from_quaternion
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, field
 from sim_action.core.workspace import Workspace
 from sim_action.robot.model.kinematics import Mobility, link_poses, why_no_link
@@ -235,7 +236,5 @@ class Scene:
 
     def generator(self, purpose: str) -> Generator:
         """Return a random generator for one purpose, independent of all others."""
-        import numpy as np
-
         purpose = f"{purpose} ({self.namesake + 1})" if self.namesake else purpose
         return np.random.default_rng((self.seed, zlib.crc32(purpose.encode())))

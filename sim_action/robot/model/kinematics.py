@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Final
 
 from sim_action.core import geometry, units
 from sim_action.core.geometry import ZERO, Box, Pose, Vector3
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.model.robot_model import ENGINE_MARGIN_M, WORLD, Joint, Reading, RobotModel, Shape
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
 
@@ -120,8 +120,6 @@ def _contains(outer: Box, inner: Box) -> bool:
 
 def shape_points(shape: Shape) -> NDArray[np.float64]:
     """Return the corners (P, 3) of the hulls of a mesh in m, in the frame of its link."""
-    import numpy as np
-
     from sim_action.meshes.hull_file import read_unshrunk_points  # a usual run does without it
 
     if shape.corners:

@@ -13,6 +13,7 @@ from weakref import WeakKeyDictionary
 
 from sim_action.core import geometry
 from sim_action.core.geometry import ZERO, Pose, Quaternion, Twist, Vector3
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass
 from sim_action.robot.model.kinematics import link_of_frame, why_no_link
 from sim_action.robot.model.robot_model import WORLD, Joint, RobotModel
@@ -78,8 +79,6 @@ def link_motion(model: RobotModel, trace: Trace, link: str) -> LinkMotion:
 
     :raises KeyError: the robot has no such link; the message has the nearest names.
     """
-    import numpy as np
-
     states = _STATES.get(trace)
     if states is None or states.model is not model:
         states = _STATES[trace] = _states_of(model, trace)
@@ -102,8 +101,6 @@ def link_frames(model: RobotModel, base: Pose, positions: FloatArray) -> dict[st
     :param base: the poses of the base link, as columns.
     :param positions: (T, J) rad or m, of the moving joints of the model.
     """
-    import numpy as np
-
     columns = zip(model.moving_joints, positions.T, strict=True)
     joints: Any = {joint.name: JointState(column, 0.0, 0.0) for joint, column in columns}
     states = LinkStates(model, base, Twist(), joints, np)
@@ -281,8 +278,6 @@ def _turn_of(axis_xyz: Vector3, angle: Any, functions: ModuleType) -> Quaternion
 
 def _states_of(model: RobotModel, trace: Trace) -> LinkStates:
     """Return the states of the links at all moments of a trace, as columns."""
-    import numpy as np
-
     pose = Pose(_columns(trace.base_position_xyz), _columns(trace.base_orientation_xyzw))
     twist = Twist(_columns(trace.base_linear_xyz), _columns(trace.base_angular_xyz))
     readings = zip(trace.joint_position.T, trace.joint_velocity.T, trace.joint_effort.T, strict=True)
@@ -295,8 +290,6 @@ def _columns(rows: FloatArray) -> Any:
 
 
 def _rows(columns: Any) -> FloatArray:
-    import numpy as np
-
     return np.column_stack(columns)
 
 
@@ -307,8 +300,6 @@ def centre_of_mass(model: RobotModel, trace: Trace, loads: Mapping[str, FloatArr
 
     :param loads: link -> the masses (T,) in kg that are added to it, at its own centre of mass.
     """
-    import numpy as np
-
     moments, total = np.zeros((len(trace), 3)), np.zeros((len(trace), 1))
     for link in (link for link in model.links if link.mass):
         motion = link_motion(model, trace, link.name)

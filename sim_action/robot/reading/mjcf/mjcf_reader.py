@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 from sim_action.core import geometry
 from sim_action.core.errors import Location, ModelError
 from sim_action.core.geometry import Pose
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import replace
 from sim_action.robot.audit.elements import no_bounce
 from sim_action.robot.documents.packages import Packages
@@ -182,8 +183,6 @@ def _open_meshes(model: Any, built: Built) -> Iterator[Finding]:
 
 def _is_closed(model: Any, mesh: int) -> bool:
     """Return True if each edge of a mesh belongs to two triangles, with points at the same place as one."""
-    import numpy as np
-
     point, face = model.mesh_vertadr[mesh], model.mesh_faceadr[mesh]
     points = model.mesh_vert[point : point + model.mesh_vertnum[mesh]]
     faces = model.mesh_face[face : face + model.mesh_facenum[mesh]]
