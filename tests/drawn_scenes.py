@@ -58,21 +58,14 @@ _OVERLAP_M: Final = 3e-3
 
 @dataclass(frozen=True)
 class Solid:
-    """A homogeneous body.
-
-    Attributes:
-        kind: "box", "sphere" or "cylinder".
-        size: half sizes in m of a box; the radius; radius and half height.
-        mass: kg; None: it is fixed.
-        position, orientation: its start, world frame.
-    """
+    """A homogeneous body."""
 
     name: str
-    kind: str
-    size: tuple[float, ...]
-    mass: float | None
+    kind: str  # "box", "sphere" or "cylinder"
+    size: tuple[float, ...]  # half sizes in m of a box; the radius; radius and half height
+    mass: float | None  # kg; None: it is fixed
     friction: float
-    position: Vector3
+    position: Vector3  # position, orientation: its start, world frame
     rpy: Vector3
 
     @property

@@ -295,14 +295,10 @@ _TABLES: Final[tuple[Table[Any], ...]] = (ASSERTIONS, COMMANDS, DRIVES, SENSORS)
 
 @dataclass(frozen=True, slots=True)
 class _Kind:
-    """The place of the names of a table in a file.
+    """The place of the names of a table in a file."""
 
-    Attributes:
-        place: the key above them.
-        beside: the model of the keys that may stand next to such a name; None: there are none.
-    """
-
-    place: str
+    place: str  # the key above them
+    # the model of the keys that may stand next to such a name; None: there are none
     beside: type[BaseModel] | None = None
 
 

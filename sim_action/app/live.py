@@ -51,17 +51,11 @@ _HEADERS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The answer to a request.
+    """The answer to a request."""
 
-    Attributes:
-        body: the content; empty: there is nothing new.
-        kind: the media type.
-        policy: the content security policy.
-    """
-
-    body: bytes
-    kind: str = "text/html; charset=utf-8"
-    policy: str = "default-src 'none'"
+    body: bytes  # the content; empty: there is nothing new
+    kind: str = "text/html; charset=utf-8"  # the media type
+    policy: str = "default-src 'none'"  # the content security policy
 
 
 Answering = Callable[[str, str], Answer | None]

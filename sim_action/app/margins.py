@@ -42,22 +42,15 @@ MARGINS_FOLDER: Final = "margins"
 
 @dataclass(frozen=True, slots=True)
 class MarginsRequest:
-    """The options of `margins`.
-
-    Attributes:
-        factors: those to vary; empty: all that apply.
-        runs: the largest number of runs for each factor.
-        budget: the largest number of runs in all; None: any.
-        resume: True to take over runs of the earlier call in the output folder.
-    """
+    """The options of `margins`."""
 
     plan: PlanRequest
     reports: ReportRequest
     jobs: int
-    factors: tuple[FactorRequest, ...] = ()
-    runs: int = 20
-    budget: int | None = None
-    resume: bool = False
+    factors: tuple[FactorRequest, ...] = ()  # those to vary; empty: all that apply
+    runs: int = 20  # the largest number of runs for each factor
+    budget: int | None = None  # the largest number of runs in all; None: any
+    resume: bool = False  # True to take over runs of the earlier call in the output folder
 
 
 def find_margins(request: MarginsRequest, interruption: Interruption) -> tuple[Margins, ExitCode]:

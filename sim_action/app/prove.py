@@ -74,23 +74,15 @@ PROOF_FOLDER: Final = "proof"
 
 @dataclass(frozen=True, slots=True)
 class ProveRequest:
-    """The options of `prove`.
-
-    Attributes:
-        reports: which reports are written, and the folder for them.
-        only: names of the mutants to run, see `planning.refuse_unknown`; empty: all of them.
-        budget: the wall time in s that mutants may take, as estimated before they start; None: any.
-        json: the file for the proof; None: none.
-        strict: an expectation that has noticed nothing fails the call.
-    """
+    """The options of `prove`."""
 
     plan: PlanRequest
-    reports: ReportRequest
+    reports: ReportRequest  # which reports are written, and the folder for them
     jobs: int
-    only: tuple[str, ...] = ()
-    budget: float | None = None
-    json: Path | None = None
-    strict: bool = False
+    only: tuple[str, ...] = ()  # names of the mutants to run, see `planning.refuse_unknown`; empty: all of them
+    budget: float | None = None  # the wall time in s that mutants may take, as estimated before they start; None: any
+    json: Path | None = None  # the file for the proof; None: none
+    strict: bool = False  # an expectation that has noticed nothing fails the call
 
     @property
     def is_quiet(self) -> bool:
@@ -179,8 +171,7 @@ def _told(target: str) -> Iterator[None]:
 class _Call:
     """One call: `folder` holds the files of its runs. Raise UsageError.
 
-    Attributes:
-        shown: the scenarios of the proof with their runs.
+    `shown`: the scenarios of the proof with their runs.
     """
 
     def __init__(self, request: ProveRequest, folder: Path, interruption: Interruption) -> None:

@@ -36,26 +36,18 @@ from sim_action.scenario.source import Refused
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
-    """The options of `run`.
-
-    Attributes:
-        recordings: the formats to record each run in.
-        resume: True to take over outcomes of the earlier call in the output folder.
-        valid_only: True if nothing runs unless all scenarios are valid.
-        cluster: the address of the cluster that runs the scenarios; None: this machine does.
-        budget: the largest number of runs, with all repetitions; None: any.
-    """
+    """The options of `run`."""
 
     plan: PlanRequest
     reports: ReportRequest
     jobs: int
     fail_fast: bool
-    recordings: tuple[str, ...] = ()
+    recordings: tuple[str, ...] = ()  # the formats to record each run in
     repeat: int = 1
-    resume: bool = False
-    valid_only: bool = False
-    cluster: str | None = None
-    budget: int | None = None
+    resume: bool = False  # True to take over outcomes of the earlier call in the output folder
+    valid_only: bool = False  # True if nothing runs unless all scenarios are valid
+    cluster: str | None = None  # the address of the cluster that runs the scenarios; None: this machine does
+    budget: int | None = None  # the largest number of runs, with all repetitions; None: any
 
     def __post_init__(self) -> None:
         """Refuse options that a cluster cannot follow. Raise UsageError."""
@@ -166,8 +158,7 @@ def _schedule(request: RunRequest, found: RunPlan, keys: RunKeys) -> Iterator[Sc
 class _Call:
     """One call with its plan: `started` is the time on `time.monotonic()` of its start.
 
-    Attributes:
-        taken: the outcomes that are taken over from an earlier call.
+    `taken`: the outcomes that are taken over from an earlier call.
     """
 
     def __init__(

@@ -33,19 +33,12 @@ _THRESHOLDS: Final = Thresholds(speed=0.0)
 
 @dataclass(slots=True)
 class _Watched:
-    """The files that are watched.
+    """The files that are watched."""
 
-    Attributes:
-        files: scenario file -> the files that it depends on.
-        folders: where new scenario files may appear.
-        seen: the state of all of them when the last run began.
-        ignored: files that the runs write themselves.
-    """
-
-    files: dict[Path, frozenset[Path]] = field(default_factory=dict)
-    folders: frozenset[Path] = frozenset()
-    seen: dict[Path, Stamp] = field(default_factory=dict)
-    ignored: set[Path] = field(default_factory=set)
+    files: dict[Path, frozenset[Path]] = field(default_factory=dict)  # scenario file -> the files that it depends on
+    folders: frozenset[Path] = frozenset()  # where new scenario files may appear
+    seen: dict[Path, Stamp] = field(default_factory=dict)  # the state of all of them when the last run began
+    ignored: set[Path] = field(default_factory=set)  # files that the runs write themselves
 
     def paths(self) -> set[Path]:
         return set(self.folders).union(*self.files.values()) - self.ignored

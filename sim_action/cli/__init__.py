@@ -15,18 +15,12 @@ from sim_action.core.records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Subcommand:
-    """A subcommand.
+    """A subcommand."""
 
-    Attributes:
-        module: the module of this package with the command.
-        purpose: the line about it in `sim-action --help`.
-        keys: the options that can be set in pyproject.toml.
-        handles_signals: it handles signals by an `Interruption`; a signal ends each other subcommand at once.
-    """
-
-    module: str
-    purpose: str
-    keys: tuple[str, ...] = ()
+    module: str  # the module of this package with the command
+    purpose: str  # the line about it in `sim-action --help`
+    keys: tuple[str, ...] = ()  # the options that can be set in pyproject.toml
+    # it handles signals by an `Interruption`; a signal ends each other subcommand at once
     handles_signals: bool = False
 
 

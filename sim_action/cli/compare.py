@@ -96,23 +96,16 @@ STANDARD_OUTPUT: Final = "-"
 
 @dataclass(frozen=True, slots=True)
 class CompareRequest:
-    """The options of `compare`.
+    """The options of `compare`."""
 
-    Attributes:
-        old, new: files, folders or globs of results, as typed.
-        strict: treat warnings as failures.
-        markdown: file for the Markdown; "-" prints it instead of the text for terminals; None writes none.
-        summary: add the comparison to the job summary on GitHub.
-        allow_removed: accept a new run that has no scenario of the old run.
-    """
-
-    old: str
+    old: str  # old, new: files, folders or globs of results, as typed
     new: str
     thresholds: Thresholds = field(default_factory=Thresholds)
-    strict: bool = False
+    strict: bool = False  # treat warnings as failures
+    # file for the Markdown; "-" prints it instead of the text for terminals; None writes none
     markdown: str | None = None
-    summary: bool = True
-    allow_removed: bool = False
+    summary: bool = True  # add the comparison to the job summary on GitHub
+    allow_removed: bool = False  # accept a new run that has no scenario of the old run
 
 
 def compare_results(request: CompareRequest) -> ExitCode:

@@ -38,15 +38,10 @@ def cache_folder(name: str) -> Path | None:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """The place in the cache for the data that is made from a source.
+    """The place in the cache for the data that is made from a source."""
 
-    Attributes:
-        path: of its file; None: there is no cache.
-        key: the digest of the source and of the way in which the data is made.
-    """
-
-    path: Path | None
-    key: str
+    path: Path | None  # of its file; None: there is no cache
+    key: str  # the digest of the source and of the way in which the data is made
 
     @classmethod
     def of(cls, folder: Path | None, suffix: str, source: bytes, *made_with: object) -> Entry:

@@ -94,13 +94,10 @@ class ExitCode(IntEnum):
 
 
 class SimActionError(Exception):
-    """The base class of all errors.
-
-    Attributes:
-        problems: what to fix, each with its place; empty if no file of the user is known to be at fault.
-    """
+    """The base class of all errors."""
 
     exit_code = ExitCode.INTERNAL
+    # what to fix, each with its place; empty if no file of the user is known to be at fault
     problems: tuple[Problem, ...] = ()
 
     def __reduce__(self) -> tuple[Callable[..., SimActionError], tuple[object, ...]]:
@@ -251,9 +248,7 @@ class RecordingError(SourceProblem):
 class RunError(SimActionError):
     """A valid scenario that failed in a way that leaves it without a verdict.
 
-    Attributes:
-        location: the place in user code.
-        keys: the keys of the scenario that lead to the cause; None: unknown.
+    `location`: the place in user code; `keys`: the keys of the scenario that lead to the cause; None: unknown.
     """
 
     exit_code = ExitCode.FAILED
@@ -273,9 +268,7 @@ class EngineError(RunError):
 class BadStart(RunError):
     """The scenario cannot start; each problem comes with the keys that lead to its cause.
 
-    Attributes:
-        by_keys: the keys of each cause in the scenario, and its message.
-        elsewhere: problems in other files.
+    `by_keys`: the keys of each cause in the scenario, and its message; `elsewhere`: problems in other files.
     """
 
     exit_code = ExitCode.INVALID

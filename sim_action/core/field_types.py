@@ -78,13 +78,10 @@ class Without:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """An annotation that makes a float a quantity of one dimension, or of one of several (for joints).
-
-    Attributes:
-        most_bare: the greatest angle in rad, or angular speed in rad/s, that is accepted without a unit.
-    """
+    """An annotation that makes a float a quantity of one dimension, or of one of several (for joints)."""
 
     dimensions: tuple[Dimension, ...]
+    # the greatest angle in rad, or angular speed in rad/s, that is accepted without a unit
     most_bare: float = units.MAX_BARE_RAD
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -167,13 +164,9 @@ VARIATION: Final = "$variation"
 
 @dataclass(frozen=True, slots=True)
 class NamesFile:
-    """An annotation that makes a text, or each text in a list or map, the name of a file relative to the scenario.
+    """An annotation that makes a text, or each text in a list or map, the name of a file relative to the scenario."""
 
-    Attributes:
-        if_there: True if it is a file name only when such a file exists, such as an argument of a program.
-    """
-
-    if_there: bool = False
+    if_there: bool = False  # True if it is a file name only when such a file exists, such as an argument of a program
 
 
 def is_plain_name(name: str) -> bool:

@@ -128,14 +128,10 @@ class GitError(Exception):
 
 @dataclass(frozen=True)
 class GitTree:
-    """The files of a repository and of the repositories in it.
+    """The files of a repository and of the repositories in it."""
 
-    Attributes:
-        root: its folder.
-        contents: the path of each file, relative to the root -> a text that is equal for equal contents.
-    """
-
-    root: Path
+    root: Path  # its folder
+    # the path of each file, relative to the root -> a text that is equal for equal contents
     contents: Mapping[str, str]
 
     @cached_property

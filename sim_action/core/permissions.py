@@ -53,26 +53,18 @@ _VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 @dataclass(frozen=True, slots=True)
 class Permissions:
-    """The permissions that the caller gives.
+    """The permissions that the caller gives."""
 
-    Attributes:
-        outside: True if files may be outside the workspace.
-        scripts_refused: the reason why code of the repository is not run; None: it is run.
-        imports_refused: the reason why parts of installed packages are not imported, although nothing
-            is run; None: `scripts_refused` decides.
-        updates_golden: True if golden trajectories are written, inside the workspace.
-        forces_golden: True if they are written from a run that did not pass, too.
-        pass_env: names of environment variables that code of the repository may see, in addition to the harmless ones.
-        packages: names of ROS packages with their folders, absolute and without links; they may be outside the
-            workspace.
-    """
-
-    outside: bool = False
-    scripts_refused: str | None = None
+    outside: bool = False  # True if files may be outside the workspace
+    scripts_refused: str | None = None  # the reason why code of the repository is not run; None: it is run
+    # the reason why parts of installed packages are not imported, although nothing is run; None: `scripts_refused`
+    # decides
     imports_refused: str | None = None
-    updates_golden: bool = False
-    forces_golden: bool = False
+    updates_golden: bool = False  # True if golden trajectories are written, inside the workspace
+    forces_golden: bool = False  # True if they are written from a run that did not pass, too
+    # names of environment variables that code of the repository may see, in addition to the harmless ones
     pass_env: tuple[str, ...] = ()
+    # names of ROS packages with their folders, absolute and without links; they may be outside the workspace
     packages: tuple[tuple[str, str], ...] = ()
 
     def require_scripts(self, subject: str) -> None:
@@ -164,17 +156,11 @@ A pull request that is checked out by its commit leaves no other trace.
 
 @dataclass(frozen=True, slots=True)
 class _Repository:
-    """The folder that a `.git` stands for.
+    """The folder that a `.git` stands for."""
 
-    Attributes:
-        own: the folder of HEAD and FETCH_HEAD.
-        common: the folder of refs and config; worktrees of one repository share it.
-        is_pinned: True for a submodule: another repository holds its commit.
-    """
-
-    own: Path
-    common: Path
-    is_pinned: bool = False
+    own: Path  # the folder of HEAD and FETCH_HEAD
+    common: Path  # the folder of refs and config; worktrees of one repository share it
+    is_pinned: bool = False  # True for a submodule: another repository holds its commit
 
     @classmethod
     def at(cls, git: Path) -> _Repository | None:

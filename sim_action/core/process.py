@@ -46,10 +46,8 @@ class Interruption:
     """A context in which Ctrl-C, SIGTERM, SIGHUP and SIGQUIT only set a flag and end a `wait`.
 
     A cancelled workflow sends SIGTERM, a closed terminal SIGHUP. An exception raised by a signal handler could come
-    after a child process has started and before it is known, or in the middle of a report.
-
-    Attributes:
-        happened: True after the first signal.
+    after a child process has started and before it is known, or in the middle of a report. `happened`: True after the
+    first signal.
     """
 
     def __init__(self) -> None:

@@ -36,14 +36,10 @@ GROUPS: Final = ("sim_action.assertions", "sim_action.commands", "sim_action.sen
 
 @dataclass(frozen=True, eq=False)
 class InstalledPart:
-    """A name that scenarios can use, of an installed package.
+    """A name that scenarios can use, of an installed package."""
 
-    Attributes:
-        entry: the entry point: the name, and the import path of its class.
-        packages: the distributions that have this name, each with its version. More than one is an error.
-    """
-
-    entry: EntryPoint
+    entry: EntryPoint  # the entry point: the name, and the import path of its class
+    # the distributions that have this name, each with its version. More than one is an error.
     packages: tuple[str, ...]
 
     @property
@@ -129,18 +125,12 @@ class Table(Generic[T]):
     """The names of one kind ("assertion", "command", ...), in the order of their lists.
 
     Iteration gives the names of sim-action itself, `all_names` also those of installed packages.
-
-    Attributes:
-        kind: the noun for messages.
-        paths: name -> "module:attribute".
-        group: the group of entry points with which installed packages add names; empty if they cannot.
-        base: the class from which theirs derive.
     """
 
-    kind: str
-    paths: Mapping[str, str]
-    group: str = ""
-    base: type = object
+    kind: str  # the noun for messages
+    paths: Mapping[str, str]  # name -> "module:attribute"
+    group: str = ""  # the group of entry points with which installed packages add names; empty if they cannot
+    base: type = object  # the class from which theirs derive
 
     def __contains__(self, name: object) -> bool:
         return name in self.paths
@@ -168,15 +158,10 @@ class Table(Generic[T]):
 
 @dataclass(frozen=True)
 class Blame:
-    """A part of an installed package whose code raised an exception.
+    """A part of an installed package whose code raised an exception."""
 
-    Attributes:
-        name: of the part in scenarios.
-        message: the package, the exception, and the place in its code.
-    """
-
-    name: str
-    message: str
+    name: str  # of the part in scenarios
+    message: str  # the package, the exception, and the place in its code
 
 
 def blame(error: BaseException) -> Blame | None:

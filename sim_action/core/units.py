@@ -25,16 +25,12 @@ ALL_DIGITS: Final = 18
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dimension:
-    """A kind of quantity: its name, its SI unit, and the factor from each accepted unit to SI.
-
-    Attributes:
-        example: a usual value in text, for descriptions.
-    """
+    """A kind of quantity: its name, its SI unit, and the factor from each accepted unit to SI."""
 
     name: str
     si: str
     factors: MappingProxyType[str, float]
-    example: str
+    example: str  # a usual value in text, for descriptions
 
 
 # Those that have units, in the order of messages.

@@ -86,19 +86,12 @@ class ScriptProblem(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """The parameters of a function after its first, or of the `__init__` of a class after `self`.
+    """The parameters of a function after its first, or of the `__init__` of a class after `self`."""
 
-    Attributes:
-        line: of the `def`, or of the class if it has no `__init__`.
-        names: those that can be given by name.
-        required: those without a default.
-        takes_others: True if it has `**others`.
-    """
-
-    line: int
-    names: tuple[str, ...] = ()
-    required: tuple[str, ...] = ()
-    takes_others: bool = False
+    line: int  # of the `def`, or of the class if it has no `__init__`
+    names: tuple[str, ...] = ()  # those that can be given by name
+    required: tuple[str, ...] = ()  # those without a default
+    takes_others: bool = False  # True if it has `**others`
 
     def problems(self, given: Collection[str]) -> Iterator[tuple[str | None, str]]:
         """Yield each given name that does not exist, and None with each required name that is not given."""
@@ -110,34 +103,23 @@ class Parameters:
 
 @dataclass(frozen=True, slots=True)
 class ScriptClass:
-    """A class of a script, as far as its text shows.
-
-    Attributes:
-        is_plain: True if it has no bases and no decorators.
-        parameters: of its `__init__`; None: the text does not show them.
-    """
+    """A class of a script, as far as its text shows."""
 
     name: str
     line: int
     names: frozenset[str]
-    is_plain: bool
-    parameters: Parameters | None
+    is_plain: bool  # True if it has no bases and no decorators
+    parameters: Parameters | None  # of its `__init__`; None: the text does not show them
 
 
 @dataclass(frozen=True, slots=True)
 class Script:
-    """The content of a Python file, as far as its text shows.
+    """The content of a Python file, as far as its text shows."""
 
-    Attributes:
-        names: all names that it defines, imports or assigns at module level, also in an `if` or a `try`.
-        functions: name -> parameters of each function that it defines at module level; None: the text does not show
-            them.
-        classes: the classes that it defines at module level.
-    """
-
-    names: frozenset[str]
+    names: frozenset[str]  # all names that it defines, imports or assigns at module level, also in an `if` or a `try`
+    # name -> parameters of each function that it defines at module level; None: the text does not show them
     functions: Mapping[str, Parameters | None]
-    classes: tuple[ScriptClass, ...]
+    classes: tuple[ScriptClass, ...]  # the classes that it defines at module level
 
     def class_named(self, name: str) -> ScriptClass | None:
         """Return a class; None: the text does not show it."""

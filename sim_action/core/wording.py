@@ -132,17 +132,11 @@ class FirstFew:
 
 
 class SourceLine(NamedTuple):
-    """A line of a file.
+    """A line of a file."""
 
-    Attributes:
-        number: its number, counted from 1.
-        text: the line without its end.
-        is_marked: True for a line that the excerpt is about.
-    """
-
-    number: int
-    text: str
-    is_marked: bool
+    number: int  # its number, counted from 1
+    text: str  # the line without its end
+    is_marked: bool  # True for a line that the excerpt is about
 
     def numbered(self, width: int) -> str:
         """Return the line with a sign if it is marked, and its number in so many characters."""

@@ -63,25 +63,18 @@ def similar_name(path: Path) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Workspace:
-    """The folders of one scenario.
+    """The folders of one scenario."""
 
-    Attributes:
-        directory: the folder of the scenario file; relative paths start here.
-        root: files outside this folder are refused, unless `allow_outside` is set.
-        updates_golden: True if golden trajectories are written instead of compared.
-        forces_golden: True if they are written from a run that did not pass, too.
-        pass_env: names of environment variables that code of the scenario may see, in addition to the harmless ones.
-        packages: names of ROS packages that the caller provides, with their folders, absolute and without links; files
-            below them may be read.
-    """
-
-    directory: Path
-    root: Path
+    directory: Path  # the folder of the scenario file; relative paths start here
+    root: Path  # files outside this folder are refused, unless `allow_outside` is set
     allow_outside: bool = False
-    updates_golden: bool = False
+    updates_golden: bool = False  # True if golden trajectories are written instead of compared
+    # names of environment variables that code of the scenario may see, in addition to the harmless ones
     pass_env: tuple[str, ...] = ()
+    # names of ROS packages that the caller provides, with their folders, absolute and without links; files below them
+    # may be read
     packages: tuple[tuple[str, str], ...] = ()
-    forces_golden: bool = False
+    forces_golden: bool = False  # True if they are written from a run that did not pass, too
 
     @classmethod
     def around(
@@ -137,10 +130,7 @@ class Workspace:
         return None
 
     def new_file(self, path: str) -> Path:
-        """Return the absolute path of a file to write, inside the root and not behind a link.
-
-        Raise PathError.
-        """
+        """Return the absolute path of a file to write, inside the root and not behind a link. Raise PathError."""
         if not path.isprintable():
             raise PathError(f"{path!r} is not a valid path")
         new = Path(os.path.normpath(self.directory / path))

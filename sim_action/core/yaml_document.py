@@ -63,15 +63,12 @@ def plain_value(text: str) -> object:
 
 @dataclass(frozen=True)
 class Document:
-    """The content of a file as plain values (maps as dict, lists as tuple), with the place of each value.
-
-    Attributes:
-        moved: paths of values that are written elsewhere -> their paths in the file, which `marks` has.
-    """
+    """The content of a file as plain values (maps as dict, lists as tuple), with the place of each value."""
 
     file: str
     data: object
     marks: Mapping[KeyPath, Location] = field(default_factory=dict)
+    # paths of values that are written elsewhere -> their paths in the file, which `marks` has
     moved: Mapping[KeyPath, KeyPath] = field(default_factory=dict)
 
     def location(self, path: KeyPath) -> Location:

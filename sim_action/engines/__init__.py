@@ -24,26 +24,17 @@ Feature = Literal["damped joints", "skid drive"]
 
 @dataclass(frozen=True, slots=True)
 class EngineRow:
-    """A physics engine.
+    """A physics engine."""
 
-    Attributes:
-        path: import path of its class, "module:attribute".
-        title: its name in sentences.
-        package: the Python package that it needs.
-        distribution: the distribution of this package on PyPI.
-        install_hint: how to install it.
-        mjcf_problem: the reason why it does not simulate MJCF models; empty if it does.
-        environment: environment variables that it reads; `*` at the end of a name stands for any text.
-        feature_modules: the modules of `sim_action` that a run imports for a feature of its robot only.
-    """
-
-    path: str
-    title: str
-    package: str
-    distribution: str
-    install_hint: str
-    mjcf_problem: str = ""
+    path: str  # import path of its class, "module:attribute"
+    title: str  # its name in sentences
+    package: str  # the Python package that it needs
+    distribution: str  # the distribution of this package on PyPI
+    install_hint: str  # how to install it
+    mjcf_problem: str = ""  # the reason why it does not simulate MJCF models; empty if it does
+    # environment variables that it reads; `*` at the end of a name stands for any text
     environment: tuple[str, ...] = ()
+    # the modules of `sim_action` that a run imports for a feature of its robot only
     feature_modules: Mapping[Feature, str] = field(default_factory=dict)
 
     def load(self) -> type[Engine]:

@@ -79,15 +79,11 @@ class HeldWrenches:
 
 @dataclass(frozen=True, slots=True)
 class RobotInertia:
-    """The mass and the yaw inertia of a whole robot.
+    """The mass and the yaw inertia of a whole robot."""
 
-    Attributes:
-        mass: kg.
-        inertia: lower bound in kg m^2 about the vertical axis through the base. A servo with too small an inertia
-            still reaches its velocity and does not oscillate.
-    """
-
-    mass: float
+    mass: float  # kg
+    # lower bound in kg m^2 about the vertical axis through the base. A servo with too small an inertia still reaches
+    # its velocity and does not oscillate.
     inertia: float
 
 

@@ -40,20 +40,13 @@ _MAX_DISTANCE_M: Final = 1e5
 
 @dataclass(slots=True)
 class _Body:
-    """Lower bounds on the distance of a body to the links of the robot.
-
-    Attributes:
-        clear: link -> m; at a travel of w the distance is at least this minus w.
-        rest: the same for all other links.
-        due: travel in m at which a link can matter again.
-        ahead: search margin beyond the limit, in m.
-    """
+    """Lower bounds on the distance of a body to the links of the robot."""
 
     name: str
-    clear: dict[str, float]
-    rest: float
-    due: float = -math.inf
-    ahead: float = _MAX_DISTANCE_M
+    clear: dict[str, float]  # link -> m; at a travel of w the distance is at least this minus w
+    rest: float  # the same for all other links
+    due: float = -math.inf  # travel in m at which a link can matter again
+    ahead: float = _MAX_DISTANCE_M  # search margin beyond the limit, in m
 
     @classmethod
     def unknown(cls, name: str, links: Collection[str] | None) -> _Body:
@@ -89,20 +82,14 @@ class _Body:
 
 @dataclass(slots=True)
 class _WatchState:
-    """The state of one clearance watch during a run.
-
-    Attributes:
-        least: least distance in m since the watch opened.
-        latest: m; at a travel of w some body is at most this plus w away.
-        due: travel in m at which a body can matter again.
-    """
+    """The state of one clearance watch during a run."""
 
     watch: ClearanceWatch
     names: tuple[str, ...]
     bodies: list[_Body] = field(default_factory=list)
-    least: float = math.inf
-    latest: float = math.inf
-    due: float = math.inf
+    least: float = math.inf  # least distance in m since the watch opened
+    latest: float = math.inf  # m; at a travel of w some body is at most this plus w away
+    due: float = math.inf  # travel in m at which a body can matter again
     found: list[Nearness] = field(default_factory=list)
 
     def begin(self) -> None:

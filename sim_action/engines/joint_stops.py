@@ -58,9 +58,8 @@ class JointStops:
     def passed(self, positions: Sequence[float]) -> list[tuple[int, float, bool]]:
         """Return the places of joints that have passed their stops, and of their followers.
 
-        Each comes with its new position, and True if its speed is now 0. It is called after each step.
-
-        :param positions: in rad or m, by place.
+        Each comes with its new position, and True if its speed is now 0. It is called after each step. `positions`: in
+        rad or m, by place.
         """
         moved: list[Placed] = []
         # A loop takes half of the time of a comprehension, and this is done at every step.

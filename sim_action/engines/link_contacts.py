@@ -34,14 +34,10 @@ _PRECISION_M: Final = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class SelfPairs:
-    """The pairs of links that count, and those that are left out because they touch where the model puts the joints.
-
-    Attributes:
-        resting: pairs with the depth in m of their overlap; negative for a gap.
-    """
+    """The pairs of links that count, and those that are left out because they touch where the model puts the joints."""
 
     counted: tuple[LinkPair, ...]
-    resting: tuple[tuple[LinkPair, float], ...]
+    resting: tuple[tuple[LinkPair, float], ...]  # pairs with the depth in m of their overlap; negative for a gap
 
     @classmethod
     def of(cls, pairs: Iterable[LinkPair], nearest: NearestOfLinks) -> Self:

@@ -154,15 +154,10 @@ _FAR_M = 1e6
 
 
 class MotionFactors(NamedTuple):
-    """The factors (2 + J,) of the base's speed and turn rate and of the joint speeds.
+    """The factors (2 + J,) of the base's speed and turn rate and of the joint speeds."""
 
-    Attributes:
-        ways: their product with these is an upper bound in m/s on the speed of any point of a link.
-        turns: the same in rad/s on its turn rate. The spin of a round link about its axis does not count.
-    """
-
-    ways: FloatArray
-    turns: FloatArray
+    ways: FloatArray  # their product with these is an upper bound in m/s on the speed of any point of a link
+    turns: FloatArray  # the same in rad/s on its turn rate. The spin of a round link about its axis does not count.
 
 
 def motion_factors(model: RobotModel, reaches: Mapping[str, float]) -> dict[str, MotionFactors]:

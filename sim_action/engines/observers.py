@@ -202,11 +202,7 @@ _NEVER: Final = 10**15
 
 
 class _Traveller:
-    """A body on a path.
-
-    Attributes:
-        due: the first step at which it can touch a link.
-    """
+    """A body on a path. `due`: the first step at which it can touch a link."""
 
     def __init__(self, scene: Scene, body: Body) -> None:
         parts = scene.parts_of(body)

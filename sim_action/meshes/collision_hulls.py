@@ -28,26 +28,17 @@ _MIN_KEPT_SHARE: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class MeshFacts:
-    """The facts of a mesh file.
+    """The facts of a mesh file."""
 
-    Attributes:
-        format: stl, obj or dae.
-        triangles: number of triangles with an area.
-        vertices: number of distinct points of these.
-        hulls: number of convex hulls, one per part.
-        shape: convex if the hulls equal the mesh; concave if they fill hollow or open regions; flat without a volume.
-            A sample of the triangles is tested if there are many.
-        lower_xyz: lower corner of the bounding box in the file's units; for dae in m.
-        upper_xyz: upper corner.
-    """
-
-    format: str
-    triangles: int
-    vertices: int
-    hulls: int
+    format: str  # stl, obj or dae
+    triangles: int  # number of triangles with an area
+    vertices: int  # number of distinct points of these
+    hulls: int  # number of convex hulls, one per part
+    # convex if the hulls equal the mesh; concave if they fill hollow or open regions; flat without a volume. A sample
+    # of the triangles is tested if there are many.
     shape: Literal["convex", "concave", "flat"]
-    lower_xyz: Vector3
-    upper_xyz: Vector3
+    lower_xyz: Vector3  # lower corner of the bounding box in the file's units; for dae in m
+    upper_xyz: Vector3  # upper corner
 
 
 def facts_of(name: str, mesh: Mesh) -> MeshFacts:

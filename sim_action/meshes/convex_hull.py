@@ -32,15 +32,11 @@ _ROUNDING: Final = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class MassProperties:
-    """The centre of mass in m, and the inertia about it in kg m^2, of a body of 1 kg, in its own axes.
-
-    Attributes:
-        volume: in m^3.
-    """
+    """The centre of mass in m, and the inertia about it in kg m^2, of a body of 1 kg, in its own axes."""
 
     centre_xyz: FloatArray
     inertia: FloatArray
-    volume: float
+    volume: float  # in m^3
 
 
 def mass_properties(points: FloatArray) -> MassProperties:

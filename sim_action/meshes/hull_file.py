@@ -29,17 +29,11 @@ _MAX_COORDINATE_M: Final = 1e6
 
 @dataclass(frozen=True, slots=True)
 class CleanMesh:
-    """A rewritten mesh, and the facts of the original.
+    """A rewritten mesh, and the facts of the original."""
 
-    Attributes:
-        text: the OBJ.
-        facts: of the original.
-        scale: length in m of one unit of the original.
-    """
-
-    text: bytes
-    facts: MeshFacts
-    scale: Vector3
+    text: bytes  # the OBJ
+    facts: MeshFacts  # of the original
+    scale: Vector3  # length in m of one unit of the original
 
     @property
     def box(self) -> Box:

@@ -46,15 +46,10 @@ class MeshError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles with an area.
+    """Triangles with an area."""
 
-    Attributes:
-        points_xyz: (P, 3) distinct points in the file's units; each is a corner of a triangle.
-        parts: (T, 3) each, indices of `points_xyz`; the separate objects of the file.
-    """
-
-    points_xyz: NDArray[np.float64]
-    parts: tuple[NDArray[np.int64], ...]
+    points_xyz: NDArray[np.float64]  # (P, 3) distinct points in the file's units; each is a corner of a triangle
+    parts: tuple[NDArray[np.int64], ...]  # (T, 3) each, indices of `points_xyz`; the separate objects of the file
 
 
 def mesh_of(points_xyz: NDArray[np.floating[Any]], parts: Sequence[NDArray[np.int64] | slice]) -> Mesh:

@@ -169,16 +169,11 @@ FileKind = Literal["trace", "replay", "recording"]
 
 @dataclass(frozen=True, slots=True)
 class StoredFile:
-    """A file of a run that an outcome names.
-
-    Attributes:
-        name: the relative path in the outcome.
-        source: the path of the file; None if it is missing, or not a file that sim-action writes.
-    """
+    """A file of a run that an outcome names."""
 
     kind: FileKind
-    name: str
-    source: Path | None
+    name: str  # the relative path in the outcome
+    source: Path | None  # the path of the file; None if it is missing, or not a file that sim-action writes
 
     def target(self, trace: Path) -> Path:
         """Return the path for the copy, given the path for the trace of the same run."""

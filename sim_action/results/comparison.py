@@ -67,31 +67,21 @@ _MIN_SLOWDOWN_S: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """The thresholds for warnings.
+    """The thresholds for warnings."""
 
-    Attributes:
-        margin: warn if the new margin is less than this fraction of the old one.
-        speed: warn if the new real-time factor is less than this fraction of the old one.
-    """
-
-    margin: float = 0.5
-    speed: float = 0.5
+    margin: float = 0.5  # warn if the new margin is less than this fraction of the old one
+    speed: float = 0.5  # warn if the new real-time factor is less than this fraction of the old one
 
 
 @dataclass(frozen=True, slots=True)
 class SmallerMargin:
-    """A smaller margin of an expectation that still holds.
-
-    Attributes:
-        old, new: the margins in `unit`.
-        old_share, new_share: the margins as fractions of the limit; None for a limit of zero.
-    """
+    """A smaller margin of an expectation that still holds."""
 
     expectation: str
     unit: str
-    old: float
+    old: float  # old, new: the margins in `unit`
     new: float
-    old_share: float | None
+    old_share: float | None  # old_share, new_share: the margins as fractions of the limit; None for a limit of zero
     new_share: float | None
 
 
@@ -105,33 +95,26 @@ class Slower:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """The comparison of one scenario.
-
-    Attributes:
-        old, new: the outcomes; one of them is None if only one run has the scenario.
-        missed: expectations that held before and do not hold now, unless the scenario newly fails because of them.
-        weaker: expectations that were removed, that only warn now, or whose limit allows more.
-        stricter: expectations whose limit allows less.
-        claims: the claims of a gate that demand less or more than before, and other surroundings of the expectations.
-        renamed: the old and new names of expectations with another name and no other limit.
-        moves_differently: True if the digests differ with the same seed on the same engine build.
-        processors: the CPU models of both runs if they differ; the speeds cannot be compared then.
-        gate: the comparison of the runs of a gate, if this is one.
-    """
+    """The comparison of one scenario."""
 
     kind: ChangeKind
-    old: Outcome | None
+    old: Outcome | None  # old, new: the outcomes; one of them is None if only one run has the scenario
     new: Outcome | None
+    # expectations that held before and do not hold now, unless the scenario newly fails because of them
     missed: tuple[ExpectationOutcome, ...] = ()
     smaller_margins: tuple[SmallerMargin, ...] = ()
     slower: Slower | None = None
+    # expectations that were removed, that only warn now, or whose limit allows more
     weaker: tuple[WeakerCheck, ...] = ()
-    stricter: tuple[Pair, ...] = ()
+    stricter: tuple[Pair, ...] = ()  # expectations whose limit allows less
+    # the claims of a gate that demand less or more than before, and other surroundings of the expectations
     claims: tuple[ClaimChange, ...] = ()
+    # the old and new names of expectations with another name and no other limit
     renamed: tuple[tuple[str, str], ...] = ()
-    moves_differently: bool = False
+    moves_differently: bool = False  # True if the digests differ with the same seed on the same engine build
+    # the CPU models of both runs if they differ; the speeds cannot be compared then
     processors: tuple[str, str] | None = None
-    gate: GateComparison | None = None
+    gate: GateComparison | None = None  # the comparison of the runs of a gate, if this is one
 
     @property
     def outcome(self) -> Outcome:
@@ -157,15 +140,11 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """The comparison of two runs.
+    """The comparison of two runs."""
 
-    Attributes:
-        changes: first the scenarios and gates of the new run in its order, then the removed ones; no samples of gates.
-        allow_removed: True if the new run may lack every scenario of the old run.
-    """
-
+    # first the scenarios and gates of the new run in its order, then the removed ones; no samples of gates
     changes: tuple[Change, ...]
-    allow_removed: bool = False
+    allow_removed: bool = False  # True if the new run may lack every scenario of the old run
 
     @property
     def is_empty(self) -> bool:

@@ -18,17 +18,11 @@ from sim_action.results.outcome import Outcome
 
 @dataclass(frozen=True, slots=True)
 class Started:
-    """A run has started.
+    """A run has started."""
 
-    Attributes:
-        place: the index of its outcome in the results.
-        turn: the number of the repetition, counted from 1.
-        name: the name of the scenario.
-    """
-
-    place: int
-    turn: int
-    name: str
+    place: int  # the index of its outcome in the results
+    turn: int  # the number of the repetition, counted from 1
+    name: str  # the name of the scenario
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,21 +38,14 @@ class Progressed:
 
 @dataclass(frozen=True, slots=True)
 class RunEnded:
-    """A run has ended; the other attributes are those of `Started`.
-
-    Attributes:
-        outcome: the outcome of this run alone.
-        key: the digest of everything that the outcome may depend on; None: it is not known.
-        is_one_of_several: True if the final outcome depends on other runs, too.
-        taken_over: True if an earlier call has run it, see `run --resume`.
-    """
+    """A run has ended; the other attributes are those of `Started`."""
 
     place: int
     turn: int
-    outcome: Outcome
-    key: str | None = None
-    is_one_of_several: bool = False
-    taken_over: bool = False
+    outcome: Outcome  # the outcome of this run alone
+    key: str | None = None  # the digest of everything that the outcome may depend on; None: it is not known
+    is_one_of_several: bool = False  # True if the final outcome depends on other runs, too
+    taken_over: bool = False  # True if an earlier call has run it, see `run --resume`
 
 
 @dataclass(frozen=True, slots=True)

@@ -128,26 +128,17 @@ class Header(FrozenModel):
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A line of the journal. A call keeps several for each run, so they are smaller than models.
+    """A line of the journal. A call keeps several for each run, so they are smaller than models."""
 
-    Attributes:
-        at: the wall time in s since the start of the call.
-        event: the kind of the record; "ended": the call has ended, and has no `place`.
-        place: the index of the planned outcome.
-        turn: the number of the repetition, counted from 1; None for a final outcome.
-        key: the digest of everything that the outcome may depend on; None: it is not known.
-        taken_over: True for an outcome of an earlier call, see `run --resume`.
-        seal: the keyed digest of a line with a key, see `Seal`.
-    """
-
-    at: NotNegative
-    event: Kind
-    place: Place | None = None
+    at: NotNegative  # the wall time in s since the start of the call
+    event: Kind  # the kind of the record; "ended": the call has ended, and has no `place`
+    place: Place | None = None  # the index of the planned outcome
+    # the number of the repetition, counted from 1; None for a final outcome
     turn: Annotated[int, Field(ge=1)] | None = None
-    key: str | None = None
-    taken_over: bool = False
+    key: str | None = None  # the digest of everything that the outcome may depend on; None: it is not known
+    taken_over: bool = False  # True for an outcome of an earlier call, see `run --resume`
     outcome: Outcome | None = None
-    seal: str | None = None
+    seal: str | None = None  # the keyed digest of a line with a key, see `Seal`
 
     __pydantic_config__: ClassVar[ConfigDict] = FrozenModel.model_config
 

@@ -34,15 +34,10 @@ MIN_CHARS: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class Mask:
-    """The values to replace, and the names of the variables that code of the repository sees in addition.
+    """The values to replace, and the names of the variables that code of the repository sees in addition."""
 
-    Attributes:
-        names: the names that the caller passes.
-        pattern: matches every value; None: there is none.
-    """
-
-    names: tuple[str, ...] = ()
-    pattern: re.Pattern[str] | None = None
+    names: tuple[str, ...] = ()  # the names that the caller passes
+    pattern: re.Pattern[str] | None = None  # matches every value; None: there is none
 
     @classmethod
     def of(cls, environment: Mapping[str, str], names: tuple[str, ...]) -> Self:
@@ -63,10 +58,8 @@ class Mask:
     def outcome(self, outcome: Outcome, *, names: bool = False, states: bool = True) -> Outcome:
         """Return an outcome without the values, and with hints at variables that code asked for and did not see.
 
-        Args:
-            outcome: the outcome as code of the repository may have written it.
-            names: True if that code also chose the names in it.
-            states: True if a scenario could state the variable with `environment:`.
+        `outcome`: the outcome as code of the repository may have written it; `names`: True if that code also chose the
+        names in it; `states`: True if a scenario could state the variable with `environment:`.
         """
         hinted = tuple(self._hinted(each, states=states) for each in outcome.failures)
         judged = tuple(self._judged_with_hint(each, states=states) for each in outcome.expectations)

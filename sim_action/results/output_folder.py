@@ -76,8 +76,7 @@ def create_folder(folder: Path) -> None:
 class Room:
     """Disk space for the required files of a call: a reserve, and then the space of files of runs.
 
-    Attributes:
-        removed: the names of the files that made room, and the reason of the system.
+    `removed`: the names of the files that made room, and the reason of the system.
     """
 
     def __init__(self, folder: Path | None = None, lock: int | None = None) -> None:

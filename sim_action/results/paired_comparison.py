@@ -52,22 +52,14 @@ class Rate:
 
 @dataclass(frozen=True, slots=True)
 class RateChange:
-    """The change of the pass rate over pairs.
+    """The change of the pass rate over pairs."""
 
-    Attributes:
-        old, new: the rates in the pairs.
-        worse: the number of pairs that passed before and fail now.
-        better: the number of pairs that failed before and pass now.
-        p: the two-sided p-value of no change, adjusted for `tests`.
-        tests: the number of gates of the comparison that can show a change.
-    """
-
-    old: Rate
+    old: Rate  # old, new: the rates in the pairs
     new: Rate
-    worse: int
-    better: int
-    p: float
-    tests: int = 1
+    worse: int  # the number of pairs that passed before and fail now
+    better: int  # the number of pairs that failed before and pass now
+    p: float  # the two-sided p-value of no change, adjusted for `tests`
+    tests: int = 1  # the number of gates of the comparison that can show a change
 
     @property
     def interval(self) -> Interval:
@@ -84,47 +76,31 @@ class RateChange:
 
 @dataclass(frozen=True, slots=True)
 class MarginLoss:
-    """A smaller mean margin of an expectation over pairs.
-
-    Attributes:
-        old, new: the mean margins in `unit`.
-        change: the interval of the mean change, in `unit`.
-        confidence: that of the interval: together, the intervals of all expectations of the gate have `CONFIDENCE`.
-    """
+    """A smaller mean margin of an expectation over pairs."""
 
     expectation: str
     unit: str
     pairs: int
-    old: float
+    old: float  # old, new: the mean margins in `unit`
     new: float
-    change: Interval
-    confidence: float
+    change: Interval  # the interval of the mean change, in `unit`
+    confidence: float  # that of the interval: together, the intervals of all expectations of the gate have `CONFIDENCE`
 
 
 @dataclass(frozen=True, slots=True)
 class GateComparison:
-    """The comparison of the runs of one gate.
+    """The comparison of the runs of one gate."""
 
-    Attributes:
-        old, new: the rates of all runs, also of those without a partner.
-        pairs: the number of runs with the same draws and a verdict in both results.
-        left_out: the number of samples without a verdict, or without a result, before or now.
-        same_draws: False if the samples differ: nothing more is compared then.
-        rate: the change of the pass rate; None without pairs, or if the samples differ.
-        margins: the mean margins that are smaller now.
-        weaker: expectations of the runs that check less than before: the first one of each kind and name.
-        moved: the number of pairs with different digests on the same engine build.
-    """
-
-    old: Rate
+    old: Rate  # old, new: the rates of all runs, also of those without a partner
     new: Rate
-    pairs: int
-    left_out: int
-    same_draws: bool
-    rate: RateChange | None = None
-    margins: tuple[MarginLoss, ...] = ()
+    pairs: int  # the number of runs with the same draws and a verdict in both results
+    left_out: int  # the number of samples without a verdict, or without a result, before or now
+    same_draws: bool  # False if the samples differ: nothing more is compared then
+    rate: RateChange | None = None  # the change of the pass rate; None without pairs, or if the samples differ
+    margins: tuple[MarginLoss, ...] = ()  # the mean margins that are smaller now
+    # expectations of the runs that check less than before: the first one of each kind and name
     weaker: tuple[WeakerCheck, ...] = ()
-    moved: int = 0
+    moved: int = 0  # the number of pairs with different digests on the same engine build
 
     @property
     def failed(self) -> bool:

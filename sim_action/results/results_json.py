@@ -167,10 +167,7 @@ class Results(FrozenModel):
 
     @property
     def exit_code(self) -> ExitCode:
-        """The exit code of the call.
-
-        A shard without scenarios passes if the list of all shards has some.
-        """
+        """The exit code of the call. A shard without scenarios passes if the list of all shards has some."""
         has_scenarios = self.selected or bool(self.shard and self.shard.total)
         return ExitCode.of_command((outcome.exit_code for outcome in self.outcomes), has_scenarios=has_scenarios)
 

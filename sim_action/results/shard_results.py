@@ -28,16 +28,11 @@ Unit = tuple[str, int | None]
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """The scenarios that the results have to contain, in run order.
-
-    Attributes:
-        empty: the paths without a scenario.
-        unmatched: the patterns of names, and the tags, that select no scenario.
-    """
+    """The scenarios that the results have to contain, in run order."""
 
     scenarios: Sequence[Source | Refused]
-    empty: Sequence[str]
-    unmatched: Sequence[Unmatched] = ()
+    empty: Sequence[str]  # the paths without a scenario
+    unmatched: Sequence[Unmatched] = ()  # the patterns of names, and the tags, that select no scenario
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,21 +233,14 @@ def _reject(message: str) -> NoReturn:
 
 @dataclass(frozen=True, slots=True)
 class EarlierRun:
-    """A run that has ended.
+    """A run that has ended."""
 
-    Attributes:
-        name: its results, as typed.
-        outcomes: the outcomes, with those of gates.
-        gates: the gates as they are stated.
-        folders: `id()` of an outcome -> the folder of its results file, from which its files are named.
-        started_at, commit: as in `Results`.
-    """
-
-    name: str
-    outcomes: tuple[Outcome, ...]
+    name: str  # its results, as typed
+    outcomes: tuple[Outcome, ...]  # the outcomes, with those of gates
+    # `id()` of an outcome -> the folder of its results file, from which its files are named
     folders: Mapping[int, Path]
-    gates: tuple[PlannedGate, ...] = ()
-    started_at: datetime | None = None
+    gates: tuple[PlannedGate, ...] = ()  # the gates as they are stated
+    started_at: datetime | None = None  # started_at, commit: as in `Results`
     commit: str | None = None
 
 

@@ -228,19 +228,13 @@ ClaimKind = Literal["removed", "limit", "confidence", "stated"]
 
 @dataclass(frozen=True, slots=True)
 class ClaimChange:
-    """A claim that demands less now, or more.
-
-    Attributes:
-        claim: the key of the claim, such as "passes" or "quantile of travel.measured".
-        old, new: the demand before and now, such as "at least 95 %"; `new` is empty if the claim was removed.
-        is_weaker: True if it demands less now.
-    """
+    """A claim that demands less now, or more."""
 
     kind: ClaimKind
-    claim: str
-    old: str
+    claim: str  # the key of the claim, such as "passes" or "quantile of travel.measured"
+    old: str  # old, new: the demand before and now, such as "at least 95 %"; `new` is empty if the claim was removed
     new: str = ""
-    is_weaker: bool = True
+    is_weaker: bool = True  # True if it demands less now
 
 
 def claim_changes(old: Gate, new: Gate) -> tuple[ClaimChange, ...]:

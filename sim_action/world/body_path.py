@@ -58,18 +58,12 @@ Numbers = tuple[float, float, float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class PosePath:
-    """A pose over time. Each of its six numbers is interpolated linearly; angles are not wrapped.
+    """A pose over time. Each of its six numbers is interpolated linearly; angles are not wrapped."""
 
-    Attributes:
-        times: of the points in s, ascending.
-        points: the numbers at those times.
-        loops: True if the path repeats; otherwise the pose stays at the last point.
-        pace: the changes of the speed along the path: sim time in s, and a multiple of the stated speed.
-    """
-
-    times: tuple[float, ...]
-    points: tuple[Numbers, ...]
-    loops: bool = False
+    times: tuple[float, ...]  # of the points in s, ascending
+    points: tuple[Numbers, ...]  # the numbers at those times
+    loops: bool = False  # True if the path repeats; otherwise the pose stays at the last point
+    # the changes of the speed along the path: sim time in s, and a multiple of the stated speed
     pace: tuple[Pace, ...] = ()
 
     @classmethod

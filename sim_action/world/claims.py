@@ -34,15 +34,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """One rule: the level of its findings, and their summary for the documents.
-
-    Attributes:
-        over_variations: True if a finding counts only if all variations of a scenario have it.
-    """
+    """One rule: the level of its findings, and their summary for the documents."""
 
     level: Literal["error", "warning"]
     summary: str
-    over_variations: bool = False
+    over_variations: bool = False  # True if a finding counts only if all variations of a scenario have it
 
 
 SINGLE_ROW: Final = "single-row-golden"
@@ -203,14 +199,10 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class ClaimFinding:
-    """A finding of a rule: what was found, and what to change.
-
-    Attributes:
-        path: the keys that lead to the place, in a part of a scenario or in the scenario.
-    """
+    """A finding of a rule: what was found, and what to change."""
 
     rule: str
-    path: KeyPath
+    path: KeyPath  # the keys that lead to the place, in a part of a scenario or in the scenario
     message: str
 
     def below(self, path: KeyPath) -> Self:
@@ -271,46 +263,30 @@ _FASTER_THAN_COMMANDS: Final = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """The scenario around an assertion or a command source, as far as its file says it.
-
-    Attributes:
-        time_limit: of the scenario, in s.
-        end: sim time in s at which the assertion is checked last, or at which a command can act last.
-        end_key: the key of the scenario that states this end for commands.
-    """
+    """The scenario around an assertion or a command source, as far as its file says it."""
 
     world: World
     physics: Physics
-    time_limit: float
-    end: float
-    end_key: str = "time_limit"
+    time_limit: float  # of the scenario, in s
+    end: float  # sim time in s at which the assertion is checked last, or at which a command can act last
+    end_key: str = "time_limit"  # the key of the scenario that states this end for commands
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JudgedRun:
-    """A finished run, and its verdict on one expectation.
-
-    Attributes:
-        trace: the stored trace of the run.
-        lacks_premise: True if a premise of the expectation never held.
-        efforts: joint -> the greatest effort that was commanded, in N m or N.
-        wrench: the greatest force in N, or torque in N m, that was commanded on a link.
-        fastest: the greatest linear speed that was commanded, in m/s.
-        time_limit: of the scenario, in s.
-        is_part: True if the verdict is that of a part of an expectation that passed.
-        is_negated: True if that part must not hold.
-    """
+    """A finished run, and its verdict on one expectation."""
 
     scene: Scene
-    trace: Trace
+    trace: Trace  # the stored trace of the run
     verdict: Verdict
-    lacks_premise: bool = False
+    lacks_premise: bool = False  # True if a premise of the expectation never held
+    # joint -> the greatest effort that was commanded, in N m or N
     efforts: Mapping[str, float] = field(default_factory=dict)
-    wrench: float = 0.0
-    fastest: float = 0.0
-    time_limit: float = 0.0
-    is_part: bool = False
-    is_negated: bool = False
+    wrench: float = 0.0  # the greatest force in N, or torque in N m, that was commanded on a link
+    fastest: float = 0.0  # the greatest linear speed that was commanded, in m/s
+    time_limit: float = 0.0  # of the scenario, in s
+    is_part: bool = False  # True if the verdict is that of a part of an expectation that passed
+    is_negated: bool = False  # True if that part must not hold
 
     @property
     def top_speed(self) -> float:
@@ -357,19 +333,12 @@ def _half_a_turn(_: Setting) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Ceiling:
-    """The greatest value that a quantity has in any run: a limit that is not below it checks nothing.
+    """The greatest value that a quantity has in any run: a limit that is not below it checks nothing."""
 
-    Attributes:
-        key: of the limit; that of an inner key has a dot.
-        unit: the SI unit of the limit.
-        why: the reason as a clause.
-        most: returns the value.
-    """
-
-    key: str
-    unit: str
-    why: str
-    most: Callable[[Setting], float] = _half_a_turn
+    key: str  # of the limit; that of an inner key has a dot
+    unit: str  # the SI unit of the limit
+    why: str  # the reason as a clause
+    most: Callable[[Setting], float] = _half_a_turn  # returns the value
 
     @property
     def is_of_base(self) -> bool:

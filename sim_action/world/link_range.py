@@ -37,22 +37,14 @@ ROUNDING_M: Final = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class LinkRange:
-    """All places that the origin of a link may come to in a frame.
+    """All places that the origin of a link may come to in a frame."""
 
-    Attributes:
-        who: the link in a sentence.
-        joint: name of the joint about which it moves; empty for a free base, which moves about its start.
-        centre_xyz: m, the place of that joint, or the start.
-        has_height: False if the z of the centre is unknown.
-        radius: m, the greatest distance from the centre.
-    """
-
-    who: str
+    who: str  # the link in a sentence
     frame: str
-    joint: str
-    centre_xyz: Vector3
-    has_height: bool
-    radius: float
+    joint: str  # name of the joint about which it moves; empty for a free base, which moves about its start
+    centre_xyz: Vector3  # m, the place of that joint, or the start
+    has_height: bool  # False if the z of the centre is unknown
+    radius: float  # m, the greatest distance from the centre
 
     @property
     def middle(self) -> str:

@@ -52,15 +52,10 @@ class HullPart:
 
 @dataclass(frozen=True, eq=False)
 class GridPart:
-    """A surface over a grid about the z axis, with two triangles per cell.
+    """A surface over a grid about the z axis, with two triangles per cell."""
 
-    Attributes:
-        size_xy: extent from the first to the last sample.
-        heights: (R, C) z; row 0 at the lowest y, column 0 at the lowest x.
-    """
-
-    size_xy: tuple[float, float]
-    heights: NDArray[np.float64]
+    size_xy: tuple[float, float]  # extent from the first to the last sample
+    heights: NDArray[np.float64]  # (R, C) z; row 0 at the lowest y, column 0 at the lowest x
 
 
 @dataclass(frozen=True, eq=False)

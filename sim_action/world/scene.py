@@ -35,76 +35,53 @@ MAX_RAISED_M: Final = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Fitting:
-    """The name, kind, link and rate of a sensor, for code that passes its readings on.
-
-    Attributes:
-        kind: its YAML key.
-        link: link of the robot that carries it.
-        rate: readings per second, in Hz.
-        pose: of the sensor in the frame of the link.
-        keys: its own YAML keys, such as the noise; a `Sensor`.
-    """
+    """The name, kind, link and rate of a sensor, for code that passes its readings on."""
 
     name: str
-    kind: str
-    link: str
-    rate: float
-    pose: Pose = Pose()
-    keys: FrozenModel | None = None
+    kind: str  # its YAML key
+    link: str  # link of the robot that carries it
+    rate: float  # readings per second, in Hz
+    pose: Pose = Pose()  # of the sensor in the frame of the link
+    keys: FrozenModel | None = None  # its own YAML keys, such as the noise; a `Sensor`
 
 
 @dataclass(frozen=True, slots=True)
 class WorldPlaces:
-    """The places of models in the world file of a scenario.
+    """The places of models in the world file of a scenario."""
 
-    Attributes:
-        bodies: name of a body of the file -> its place.
-        robot: the place of the model that is the robot, if `robot.pose` is that of the file.
-    """
-
-    bodies: Mapping[str, Location] = field(default_factory=dict)
-    robot: Location | None = None
+    bodies: Mapping[str, Location] = field(default_factory=dict)  # name of a body of the file -> its place
+    robot: Location | None = None  # the place of the model that is the robot, if `robot.pose` is that of the file
 
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Everything that is simulated, with names resolved and files read.
-
-    Attributes:
-        seed: of the scenario; `generator` draws random numbers from it.
-        rotors: joint -> reflected inertia of its motor in kg m^2; missing joints have none.
-        scrubbing: links of wheels that slip sideways whenever the robot turns; PyBullet computes their friction better.
-        mobility: the motions that the drive allows, if there is one.
-        parts: name of a body -> its parts, for bodies whose shapes were read from files.
-        sensors: of the scenario.
-        namesake: number of a command source among those that run the same code; each draws its own random numbers.
-        file: path of the scenario, as in reports.
-        variation: suffix that distinguishes this variation in file names; or empty.
-        acted_on: True if commands or disturbances act on the robot.
-        places: of the models of the world file.
-        stuck: joints that faults hold at a time, with an effort that may exceed the limit of their motors.
-        actors: name -> the scene of another robot, in which that robot takes the place of the one under test.
-        shared: what the command sources of all robots have in common while they are open.
-    """
+    """Everything that is simulated, with names resolved and files read."""
 
     robot: Robot
     model: RobotModel
     world: World
     physics: Physics
     workspace: Workspace
-    seed: int = 0
+    seed: int = 0  # of the scenario; `generator` draws random numbers from it
+    # joint -> reflected inertia of its motor in kg m^2; missing joints have none
     rotors: Mapping[str, float] = field(default_factory=dict)
+    # links of wheels that slip sideways whenever the robot turns; PyBullet computes their friction better
     scrubbing: frozenset[str] = frozenset()
-    mobility: Mobility = field(default_factory=Mobility)
+    mobility: Mobility = field(default_factory=Mobility)  # the motions that the drive allows, if there is one
+    # name of a body -> its parts, for bodies whose shapes were read from files
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
-    sensors: tuple[Fitting, ...] = ()
+    sensors: tuple[Fitting, ...] = ()  # of the scenario
+    # number of a command source among those that run the same code; each draws its own random numbers
     namesake: int = 0
-    file: str = ""
-    variation: str = ""
-    acted_on: bool = False
-    places: WorldPlaces = field(default_factory=WorldPlaces)
+    file: str = ""  # path of the scenario, as in reports
+    variation: str = ""  # suffix that distinguishes this variation in file names; or empty
+    acted_on: bool = False  # True if commands or disturbances act on the robot
+    places: WorldPlaces = field(default_factory=WorldPlaces)  # of the models of the world file
+    # joints that faults hold at a time, with an effort that may exceed the limit of their motors
     stuck: frozenset[str] = frozenset()
+    # name -> the scene of another robot, in which that robot takes the place of the one under test
     actors: Mapping[str, Scene] = field(default_factory=dict)
+    # what the command sources of all robots have in common while they are open
     shared: dict[str, Any] = field(default_factory=dict)
 
     @property

@@ -57,18 +57,12 @@ trace: {rate: 20 Hz}
 
 @dataclass(frozen=True, slots=True)
 class Typo:
-    """A mistake.
+    """A mistake."""
 
-    Attributes:
-        right, wrong: the text of the scenario that it replaces, and the replacement.
-        message: a part of the message of yaml-language-server; empty if JSON Schema cannot find the mistake.
-        at: a text on the line of the message; the default is `wrong`.
-    """
-
-    right: str
+    right: str  # right, wrong: the text of the scenario that it replaces, and the replacement
     wrong: str
-    message: str
-    at: str = ""
+    message: str  # a part of the message of yaml-language-server; empty if JSON Schema cannot find the mistake
+    at: str = ""  # a text on the line of the message; the default is `wrong`
 
     @property
     def text(self) -> str:

@@ -20,32 +20,20 @@ FAR: Final = 1e3
 
 @dataclass(frozen=True)
 class Limit:
-    """An assertion with a limit that is not exceeded.
+    """An assertion with a limit that is not exceeded."""
 
-    Attributes:
-        of: returns the assertion with a limit.
-        loose: a limit that holds on each random trace.
-        least: True if greater values are allowed.
-    """
-
-    of: Callable[[float], Assertion]
-    loose: float = FAR
-    least: bool = False
+    of: Callable[[float], Assertion]  # returns the assertion with a limit
+    loose: float = FAR  # a limit that holds on each random trace
+    least: bool = False  # True if greater values are allowed
 
 
 @dataclass(frozen=True)
 class Extreme:
-    """A goal with a limit, and the extreme of its quantity over a whole run, by other means than the monitor's.
+    """A goal with a limit, and the extreme of its quantity over a whole run, by other means than the monitor's."""
 
-    Attributes:
-        of: returns the assertion with a limit.
-        extreme: the value that decides, in SI units; infinite if there is none.
-        least: True if the goal is met by values that are at most its limit.
-    """
-
-    of: Callable[[float], Assertion]
-    extreme: Callable[[Trace], float]
-    least: bool = False
+    of: Callable[[float], Assertion]  # returns the assertion with a limit
+    extreme: Callable[[Trace], float]  # the value that decides, in SI units; infinite if there is none
+    least: bool = False  # True if the goal is met by values that are at most its limit
 
 
 def of_own_tests(name: str, known: Collection[str]) -> Mapping[str, list[Any]]:

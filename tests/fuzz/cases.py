@@ -29,19 +29,12 @@ ANSWERS: Final = "answers.txt"
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """An input.
+    """An input."""
 
-    Attributes:
-        kind: such as "golden".
-        files: name -> content; `SCENARIO` names the others.
-        victim: the file that was damaged.
-        folder: the folder of the examples that it needs beside it; empty if it needs none.
-    """
-
-    kind: str
-    files: Mapping[str, bytes]
-    victim: str
-    folder: str = ""
+    kind: str  # such as "golden"
+    files: Mapping[str, bytes]  # name -> content; `SCENARIO` names the others
+    victim: str  # the file that was damaged
+    folder: str = ""  # the folder of the examples that it needs beside it; empty if it needs none
 
 
 def case(kind: str, seed: int, number: int) -> Case:

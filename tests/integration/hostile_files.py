@@ -24,24 +24,15 @@ Files = Mapping[str, Content]
 
 @dataclass(frozen=True)
 class Case:
-    """A scenario in a folder of its own.
-
-    Attributes:
-        message: a part of the message of its error; empty: it passes, because the file is ignored.
-        place: the file and line of the error, such as "r.xml:2".
-        files: name -> content.
-        links: name -> target of a link.
-        pipes: names of pipes.
-        scenario: keys of the scenario, as JSON values.
-    """
+    """A scenario in a folder of its own."""
 
     name: str
-    message: str
-    place: str
-    files: Files = field(default_factory=dict)
-    links: Mapping[str, str] = field(default_factory=dict)
-    pipes: tuple[str, ...] = ()
-    scenario: Mapping[str, object] = field(default_factory=dict)
+    message: str  # a part of the message of its error; empty: it passes, because the file is ignored
+    place: str  # the file and line of the error, such as "r.xml:2"
+    files: Files = field(default_factory=dict)  # name -> content
+    links: Mapping[str, str] = field(default_factory=dict)  # name -> target of a link
+    pipes: tuple[str, ...] = ()  # names of pipes
+    scenario: Mapping[str, object] = field(default_factory=dict)  # keys of the scenario, as JSON values
     folders: tuple[str, ...] = ()
 
     @property

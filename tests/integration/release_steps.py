@@ -25,14 +25,12 @@ _GIT: Final = {"GIT_CONFIG_GLOBAL": os.devnull, "GIT_CONFIG_NOSYSTEM": "1", "HOM
 class Machine:
     """A machine that runs steps, below one folder.
 
-    Attributes:
-        programs: stand-ins, which come first in PATH.
-        server: what `github.server_url` is: a folder with bare repositories.
+    `server`: what `github.server_url` is: a folder with bare repositories.
     """
 
     folder: Path
     version: str = "0.9.0"
-    programs: dict[str, str] = field(default_factory=dict)
+    programs: dict[str, str] = field(default_factory=dict)  # stand-ins, which come first in PATH
 
     @property
     def server(self) -> Path:

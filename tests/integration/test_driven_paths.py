@@ -29,17 +29,12 @@ RATE: Final = 120
 
 @dataclass(frozen=True)
 class Follower:
-    """A robot, how large its path is, how it drives, and how well.
-
-    Attributes:
-        scale: of the path.
-        off, near, end: engine -> m.
-    """
+    """A robot, how large its path is, how it drives, and how well."""
 
     name: str
-    scale: float
+    scale: float  # of the path
     figures: Mapping[str, object]
-    off: Mapping[str, float]
+    off: Mapping[str, float]  # off, near, end: engine -> m
     near: Mapping[str, float]
     end: Mapping[str, float]
     robot: Mapping[str, object] = field(default_factory=dict)

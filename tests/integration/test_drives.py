@@ -38,26 +38,17 @@ R2D2S: Final = {side: [f"{side}_front_wheel_joint", f"{side}_back_wheel_joint"] 
 
 @dataclass(frozen=True)
 class Driven:
-    """A robot, how fast it drives, and how well.
-
-    Attributes:
-        speed, turn: m/s and rad/s of the circle.
-        separation: m, in effect; None for a car, which is told a curve.
-        heading: rad, of forward in the base frame.
-        drive: where it is not the one that is recognised.
-        off: engine -> of the way's length, for a line, a circle and an eight.
-        yaw_off: engine -> of all turning, for the same; rad for a line.
-    """
+    """A robot, how fast it drives, and how well."""
 
     name: str
-    speed: float
+    speed: float  # speed, turn: m/s and rad/s of the circle
     turn: float
-    off: Mapping[str, tuple[float, float, float]]
-    yaw_off: Mapping[str, tuple[float, float, float]]
-    separation: float | None = None
-    heading: float = 0.0
+    off: Mapping[str, tuple[float, float, float]]  # engine -> of the way's length, for a line, a circle and an eight
+    yaw_off: Mapping[str, tuple[float, float, float]]  # engine -> of all turning, for the same; rad for a line
+    separation: float | None = None  # m, in effect; None for a car, which is told a curve
+    heading: float = 0.0  # rad, of forward in the base frame
     acceleration: float = 1.0
-    drive: Mapping[str, object] = field(default_factory=dict)
+    drive: Mapping[str, object] = field(default_factory=dict)  # where it is not the one that is recognised
 
 
 ROBOTS_DRIVEN: Final = (

@@ -148,20 +148,13 @@ def test_arms_follow_joint_trajectories(engine: str, arm: Arm, interpolation: st
 
 @dataclass(frozen=True)
 class Legs:
-    """A robot on legs.
-
-    Attributes:
-        height: m, of its base if nothing gave way: that of its legs, and of the balls that its toes are.
-        up: deg, between the z axis of its base and the world's when it stands; y points up in laikago's file.
-        sunk: m, by which its weight brings it down, at the most.
-        tilted: deg, at the most.
-    """
+    """A robot on legs."""
 
     name: str
-    height: float
-    up: float
-    sunk: float
-    tilted: float
+    height: float  # m, of its base if nothing gave way: that of its legs, and of the balls that its toes are
+    up: float  # deg, between the z axis of its base and the world's when it stands; y points up in laikago's file
+    sunk: float  # m, by which its weight brings it down, at the most
+    tilted: float  # deg, at the most
 
 
 def a1s_height(bent: FloatArray | float) -> FloatArray:

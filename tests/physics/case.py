@@ -38,18 +38,11 @@ difference is 0.
 
 @dataclass(frozen=True)
 class Setup:
-    """One simulation.
+    """One simulation. `files`: name -> text of files that the scenario names."""
 
-    Attributes:
-        model: URDF text, or the name of a built-in model, or a path.
-        keys: of the scenario file, without the model.
-        seconds: of sim time.
-        files: name -> text of files that the scenario names.
-    """
-
-    model: str
-    seconds: float
-    keys: Mapping[str, object] = field(default_factory=dict)
+    model: str  # URDF text, or the name of a built-in model, or a path
+    seconds: float  # of sim time
+    keys: Mapping[str, object] = field(default_factory=dict)  # of the scenario file, without the model
     robot: Mapping[str, object] = field(default_factory=dict)
     rate: float = RATE
     settle: float = 2.0
@@ -79,19 +72,12 @@ class Setup:
 
 @dataclass(frozen=True)
 class Run:
-    """What one engine made of a setup.
-
-    Attributes:
-        trace: every step, from t = 0, after the robot has settled.
-        bodies: body of the world -> its poses, 30 a second.
-        contacts: with bodies of the world, not with the ground; in `trace`.
-        mass: of the robot in kg.
-    """
+    """What one engine made of a setup. `contacts`: with bodies of the world, not with the ground; in `trace`."""
 
     setup: Setup
-    trace: Trace
-    bodies: Mapping[str, BodyRecord]
-    mass: float
+    trace: Trace  # every step, from t = 0, after the robot has settled
+    bodies: Mapping[str, BodyRecord]  # body of the world -> its poses, 30 a second
+    mass: float  # of the robot in kg
 
     def between(self, start: float, end: float) -> Trace:
         return self.trace.between(start, end)
@@ -132,34 +118,25 @@ def run_on(engine: str, setup: Setup) -> Run:
 
 @dataclass(frozen=True)
 class Case:
-    """One quantity of one or several runs, and its true value.
-
-    Attributes:
-        measure: takes the runs of all setups, in their order; between engines, those of PyBullet first.
-        tolerance: how far the quantity may be off, in its unit: what the product has to hold.
-        family: cases of one family are held out together; default: the name.
-        limit: of a verdict about the quantity, for comparisons between rates; default: the truth less two tolerances,
-            which is a margin of two tolerances if the engine is right.
-        between: True if the runs of both engines are compared.
-        bundled: True if the model comes with PyBullet.
-        quick: False if `make soak` alone runs it.
-        fresh: True if it is held out by itself, see `fresh.py`.
-    """
+    """One quantity of one or several runs, and its true value."""
 
     name: str
     group: str
     setups: tuple[Setup, ...]
+    # takes the runs of all setups, in their order; between engines, those of PyBullet first
     measure: Callable[..., float]
     unit: str
     kind: Kind
     truth: float
-    tolerance: float
-    family: str = ""
+    tolerance: float  # how far the quantity may be off, in its unit: what the product has to hold
+    family: str = ""  # cases of one family are held out together; default: the name
+    # of a verdict about the quantity, for comparisons between rates; default: the truth less two tolerances, which is a
+    # margin of two tolerances if the engine is right
     limit: float | None = None
-    between: bool = False
-    bundled: bool = False
-    quick: bool = True
-    fresh: bool = False
+    between: bool = False  # True if the runs of both engines are compared
+    bundled: bool = False  # True if the model comes with PyBullet
+    quick: bool = True  # False if `make soak` alone runs it
+    fresh: bool = False  # True if it is held out by itself, see `fresh.py`
 
     @property
     def held_out(self) -> bool:

@@ -18,20 +18,15 @@ _KNOWN: Final = {known.name: known for known in ROBOTS}
 
 @dataclass(frozen=True)
 class _Legged:
-    """A robot.
-
-    Attributes:
-        drop: the height of the base in m at which its feet are 5 cm above the ground; 0: it is not dropped.
-        held: joints without limits, which nothing holds but a command.
-    """
+    """A robot."""
 
     name: str
     model: str
     robot: Mapping[str, object]
     feet: Sequence[str]
-    drop: float
+    drop: float  # the height of the base in m at which its feet are 5 cm above the ground; 0: it is not dropped
     bundled: bool = False
-    held: Sequence[str] = ()
+    held: Sequence[str] = ()  # joints without limits, which nothing holds but a command
 
 
 _LEGS: Final = ("FR", "FL", "RR", "RL")

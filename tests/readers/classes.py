@@ -23,24 +23,16 @@ ALL: Final = ("mujoco", "pybullet", "drake", "pinocchio", "urchin")
 
 @dataclass(frozen=True)
 class Class:
-    """Differences with one cause.
+    """Differences with one cause."""
 
-    Attributes:
-        readers: those that differ from us.
-        quantities: `Difference.quantity`.
-        whose: "theirs": we follow the specification and they do not; "specification": it leaves this open, or we
-            deviate from its letter and say so.
-        text: what the readers do, and what sim-action does.
-        clause: what the specification (wiki.ros.org/urdf/XML) says.
-        applies: the rest of the condition.
-    """
-
-    readers: tuple[str, ...]
-    quantities: tuple[str, ...]
+    readers: tuple[str, ...]  # those that differ from us
+    quantities: tuple[str, ...]  # `Difference.quantity`
+    # "theirs": we follow the specification and they do not; "specification": it leaves this open, or we deviate from
+    # its letter and say so
     whose: str
-    text: str
-    clause: str
-    applies: _Check
+    text: str  # what the readers do, and what sim-action does
+    clause: str  # what the specification (wiki.ros.org/urdf/XML) says
+    applies: _Check  # the rest of the condition
 
     def covers(self, difference: Difference) -> bool:
         """Return True if this is the cause of the difference."""

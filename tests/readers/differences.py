@@ -22,25 +22,16 @@ _NOT_KEPT: Final = object()
 
 @dataclass(frozen=True)
 class Difference:
-    """A value that a reader understands differently from us.
+    """A value that a reader understands differently from us."""
 
-    Attributes:
-        model, reader: where it is.
-        quantity: "mass", "centre", "inertia", "body", "frame", "joints", "links", "type", "lower", ... or "refused".
-        name: of the link or joint; empty for a whole model.
-        element: of that link or joint; None for a whole model.
-        ours, theirs: the two values.
-        root: the robot.
-    """
-
-    model: str
+    model: str  # model, reader: where it is
     reader: str
-    quantity: str
-    name: str
-    element: Element | None
-    ours: Any
+    quantity: str  # "mass", "centre", "inertia", "body", "frame", "joints", "links", "type", "lower", ... or "refused".
+    name: str  # of the link or joint; empty for a whole model
+    element: Element | None  # of that link or joint; None for a whole model
+    ours: Any  # ours, theirs: the two values
     theirs: Any
-    root: Element
+    root: Element  # the robot
 
     def __str__(self) -> str:
         return f"{self.model} {self.reader} {self.quantity} {self.name}: {self.theirs}, ours {self.ours}"

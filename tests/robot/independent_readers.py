@@ -27,16 +27,11 @@ UNLIMITED: Final = 1e16
 
 @dataclass(frozen=True)
 class Body:
-    """A link with a mass.
-
-    Attributes:
-        centre: its centre of mass, in the base frame.
-        inertia: about that centre, along the axes of the base frame.
-    """
+    """A link with a mass."""
 
     mass: float
-    centre: Matrix
-    inertia: Matrix
+    centre: Matrix  # its centre of mass, in the base frame
+    inertia: Matrix  # about that centre, along the axes of the base frame
 
     @property
     def about_base(self) -> Matrix:

@@ -242,9 +242,8 @@ class Interval:
 def mcnemar(worse: int, better: int) -> float:
     """Return the two-sided p-value of no change of the pass rate.
 
-    Args:
-        worse: the number of pairs that passed with the old version and not with the new one.
-        better: the number of pairs that passed with the new version and not with the old one.
+    `worse`: the number of pairs that passed with the old version and not with the new one; `better`: the number of
+    pairs that passed with the new version and not with the old one.
     """
     if min(worse, better) < 0:
         raise ValueError(f"{worse} worse and {better} better pairs: neither number is negative")

@@ -112,9 +112,7 @@ class SequentialTest:
 class SeenResults:
     """The results that a test has seen, one after the other.
 
-    Attributes:
-        runs: their number.
-        verdict: the verdict of the test, after which it looks at nothing; None: it is open.
+    `runs`: their number; `verdict`: the verdict of the test, after which it looks at nothing; None: it is open.
     """
 
     def __init__(self, test: SequentialTest) -> None:

@@ -62,9 +62,7 @@ def _may_touch(one: Collider, other: Collider, paired: Collection[frozenset[str]
 def colliding_pairs(spec: Any, scene: Scene, robot: Iterable[Collider]) -> list[tuple[Collider, Collider]]:
     """Return the pairs of geoms that collide, without those that touch where the model puts its joints.
 
-    Raises EngineError if there are none.
-
-    :param spec: a model with the robot alone.
+    Raises EngineError if there are none. `spec`: a model with the robot alone.
     """
     pairs = geom_pairs(scene, robot)
     counted = _Distances(spec.copy().compile(), pairs).sorted_at_home(scene).counted
@@ -109,8 +107,7 @@ class SelfCollision(LinkContacts):
     ) -> None:
         """Raises EngineError if no pair of links counts, BadStart if links that collide start inside each other.
 
-        :param links: geom -> name of its link.
-        :param robot: the geoms of the robot.
+        `links`: geom -> name of its link; `robot`: the geoms of the robot.
         """
         super().__init__(scene)
         self._links, self._model, self._data = links, model, data

@@ -30,17 +30,13 @@ _MAX_IMPEDANCE: Final = 0.9999
 
 
 class Collider(NamedTuple):
-    """A geom that can touch others.
-
-    Attributes:
-        part: name of its link or of its body of the world.
-        contype, conaffinity: the bits by which MJCF selects the geoms of a robot that may touch each other.
-    """
+    """A geom that can touch others."""
 
     geom: str
-    part: str
+    part: str  # name of its link or of its body of the world
     surface: Surface
     moves: bool = True
+    # contype, conaffinity: the bits by which MJCF selects the geoms of a robot that may touch each other
     contype: int = 1
     conaffinity: int = 1
 
@@ -61,9 +57,8 @@ def add_pairs(
 ) -> dict[str, Surface]:
     """Add a contact pair for all geoms except two of the robot or two static ones; return the soft pairs.
 
-    `gravity`: m/s^2, which determines the weight on a contact. The soft pairs are the input of `soften`.
-
-    :param own: pairs of geoms of the robot that collide.
+    `gravity`: m/s^2, which determines the weight on a contact. The soft pairs are the input of `soften`. `own`: pairs
+    of geoms of the robot that collide.
     """
     # A map has thousands of static parts, which need no pairs among themselves.
     moving, fixed = (

@@ -39,38 +39,26 @@ _MIN_INERTIA: Final = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class CompiledScene:
-    """MuJoCo's model and data of a scene.
-
-    Attributes:
-        fixed: True if the base of the robot cannot move.
-        base: number of the base link's body.
-        robot_qpos, robot_qvel: number of entries of qpos and qvel that belong to the robot.
-        positions, velocities: (J,) indices of the moving joints in qpos and qvel, in the order of the robot model;
-            for a ball joint, the vector part of its quaternion.
-        links: geom -> name of its link.
-        bodies: geom -> name of its body of the world, or of the ground.
-        colliders: the geoms of the robot.
-        unused: data of the same model that are free for use.
-        prefix: of the names of the robot in MuJoCo.
-        first_qpos, first_qvel: the first entries of qpos and qvel that belong to the robot.
-        actors: name of another robot -> the same model, as seen by that robot.
-    """
+    """MuJoCo's model and data of a scene."""
 
     model: Any
     data: Any
-    fixed: bool
-    base: int
-    robot_qpos: int
+    fixed: bool  # True if the base of the robot cannot move
+    base: int  # number of the base link's body
+    robot_qpos: int  # robot_qpos, robot_qvel: number of entries of qpos and qvel that belong to the robot
     robot_qvel: int
+    # positions, velocities: (J,) indices of the moving joints in qpos and qvel, in the order of the robot model; for a
+    # ball joint, the vector part of its quaternion
     positions: NDArray[np.intp]
     velocities: NDArray[np.intp]
-    links: dict[int, str]
-    bodies: dict[int, str]
-    colliders: tuple[Collider, ...]
-    unused: list[Any] = field(default_factory=list)
-    prefix: str = ""
-    first_qpos: int = 0
+    links: dict[int, str]  # geom -> name of its link
+    bodies: dict[int, str]  # geom -> name of its body of the world, or of the ground
+    colliders: tuple[Collider, ...]  # the geoms of the robot
+    unused: list[Any] = field(default_factory=list)  # data of the same model that are free for use
+    prefix: str = ""  # of the names of the robot in MuJoCo
+    first_qpos: int = 0  # first_qpos, first_qvel: the first entries of qpos and qvel that belong to the robot
     first_qvel: int = 0
+    # name of another robot -> the same model, as seen by that robot
     actors: Mapping[str, CompiledScene] = field(default_factory=dict)
 
     @classmethod

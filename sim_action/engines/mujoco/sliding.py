@@ -54,41 +54,28 @@ _Rows = tuple[int, int, int]
 
 
 class _Pair(NamedTuple):
-    """Two touching shapes.
-
-    Attributes:
-        yields: acceleration in m/s^2 by which a contact at rest yields to the weight on it. If mu |w| is smaller, the
-            contact stays closed without a correction.
-        group: number of the group of robots that touch each other; what one does changes nothing of another.
-    """
+    """Two touching shapes."""
 
     friction: float
+    # acceleration in m/s^2 by which a contact at rest yields to the weight on it. If mu |w| is smaller, the contact
+    # stays closed without a correction.
     yields: float
     contacts: list[_Rows]
-    group: int = 0
+    group: int = 0  # number of the group of robots that touch each other; what one does changes nothing of another
 
 
 @dataclass(slots=True)
 class _Touching:
-    """A set of contacts; rows are counted from the end of all rows.
+    """A set of contacts; rows are counted from the end of all rows."""
 
-    Attributes:
-        pairs: contacts with friction.
-        normals: rows of the normals of all contacts.
-        groups: the group of each of them.
-        read: returns the references of these rows, given a view of all and `first_byte`.
-        first_byte: where the rows begin, counted from the end of the view.
-        calm: references at which nothing slides or hits.
-        calm_within: nothing does so either at references that are nearer to `calm`, as vectors.
-    """
-
-    pairs: list[_Pair]
-    normals: list[int]
-    groups: list[int]
+    pairs: list[_Pair]  # contacts with friction
+    normals: list[int]  # rows of the normals of all contacts
+    groups: list[int]  # the group of each of them
+    # returns the references of these rows, given a view of all and `first_byte`
     read: Callable[[memoryview[float], int], tuple[float, ...]]
-    first_byte: int
-    calm: tuple[float, ...]
-    calm_within: float
+    first_byte: int  # where the rows begin, counted from the end of the view
+    calm: tuple[float, ...]  # references at which nothing slides or hits
+    calm_within: float  # nothing does so either at references that are nearer to `calm`, as vectors
 
     def settle(self, values: tuple[float, ...]) -> None:
         """Use these references as `calm`: nothing slides or hits at them."""

@@ -127,11 +127,7 @@ class PyBulletBodyControl(BodyControl):
 
 
 class BasePusher:
-    """Applies the last push of the base at every step.
-
-    Attributes:
-        push: the push in effect; None without one.
-    """
+    """Applies the last push of the base at every step. `push`: the push in effect; None without one."""
 
     def __init__(self, client: int, robot: int, rate: float) -> None:
         self._client, self._robot, self._time_step = client, robot, 1 / rate

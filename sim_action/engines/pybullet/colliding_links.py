@@ -43,9 +43,8 @@ class SelfCollision(LinkContacts):
     def of(cls, scene: Scene, client: int, robot: int, links: Mapping[str, int], joints: Mapping[str, int]) -> Self:
         """Move all joints to their home, and return the contacts there.
 
-        Raises EngineError if no pair of links counts, after closing the engine.
-
-        :param links, joints: name -> PyBullet's number.
+        Raises EngineError if no pair of links counts, after closing the engine. `links, joints`: name -> PyBullet's
+        number.
         """
         for joint in scene.model.motor_joints:
             pybullet.resetJointState(robot, joints[joint.name], joint.home, physicsClientId=client)
@@ -70,9 +69,8 @@ class SelfCollision(LinkContacts):
     def start(self, channels: Channels, row: Callable[[], Sequence[float]]) -> list[Callable[[int], None]]:
         """Return what records the contacts of the present step, if they are asked for.
 
-        Raises BadStart if links that collide start inside each other, after closing the engine.
-
-        :param row: returns the row of the last step, see `Trace.state`.
+        Raises BadStart if links that collide start inside each other, after closing the engine. `row`: returns the row
+        of the last step, see `Trace.state`.
         """
         collides, counted = self._scene.robot.self_collision, self._pairs.counted
         if collides:

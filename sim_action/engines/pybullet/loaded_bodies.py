@@ -261,17 +261,11 @@ _ROUND: Final = geometry.quaternion_from_rpy(0.0, 0.0, math.pi / 2)
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A PyBullet body; a body of the world may consist of several.
+    """A PyBullet body; a body of the world may consist of several."""
 
-    Attributes:
-        shape: number of its collision shape.
-        pose: of its centre, in the frame of the body of the world.
-        dynamics: parameters of `changeDynamics` to set.
-    """
-
-    shape: int
-    pose: Pose = field(default_factory=Pose)
-    dynamics: dict[str, Any] = field(default_factory=dict)
+    shape: int  # number of its collision shape
+    pose: Pose = field(default_factory=Pose)  # of its centre, in the frame of the body of the world
+    dynamics: dict[str, Any] = field(default_factory=dict)  # parameters of `changeDynamics` to set
 
 
 def pieces(client: int, parts: Sequence[Part], mass: float = 0.0) -> Iterator[Piece]:

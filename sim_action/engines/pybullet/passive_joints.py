@@ -226,17 +226,11 @@ class _Mass:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Mechanism:
-    """The rigid groups of links of a robot.
+    """The rigid groups of links of a robot."""
 
-    Attributes:
-        groups: link -> the number of its group, that of its first link.
-        masses: number of a group -> its mass.
-        held: True if the base is fixed.
-    """
-
-    groups: dict[int, int]
-    masses: dict[int, _Mass]
-    held: bool
+    groups: dict[int, int]  # link -> the number of its group, that of its first link
+    masses: dict[int, _Mass]  # number of a group -> its mass
+    held: bool  # True if the base is fixed
 
     @classmethod
     def of(cls, parents: Mapping[int, int], fixed: Collection[int], masses: Mapping[int, _Mass], *, held: bool) -> Self:

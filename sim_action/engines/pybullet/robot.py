@@ -82,9 +82,8 @@ class LoadedRobot(RobotQueries):
     ) -> PyBulletBodyControl:
         """Take what the robot can touch, and return the control of all bodies, as seen by the robot.
 
-        :param objects: body -> the number and pose of each of its pieces.
-        :param names: number -> name of the body.
-        :param tiles: of the ground.
+        `objects`: body -> the number and pose of each of its pieces; `names`: number -> name of the body; `tiles`: of
+        the ground.
         """
         self._objects, self._body_names = objects, names
         self._sliding = self._sliding_wheels(scene) if scene.scrubbing else None

@@ -41,26 +41,20 @@ MODEL_VARIABLES: Final = ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH")
 
 @dataclass(frozen=True, slots=True)
 class PackageFolders:
-    """The packages and models below a folder.
+    """The packages and models below a folder."""
 
-    Attributes:
-        packages: name -> its folders, nearest to the root first; several packages may have the same name.
-        models: the same for Gazebo models; the name is the name of the folder.
-        folders: the same for all folders without a package.xml; empty outside of the workspace.
-        complete: True if all folders were searched.
-    """
-
+    # name -> its folders, nearest to the root first; several packages may have the same name
     packages: Mapping[str, tuple[Path, ...]]
-    models: Mapping[str, tuple[Path, ...]]
+    models: Mapping[str, tuple[Path, ...]]  # the same for Gazebo models; the name is the name of the folder
+    # the same for all folders without a package.xml; empty outside of the workspace
     folders: Mapping[str, tuple[Path, ...]]
-    complete: bool
+    complete: bool  # True if all folders were searched
 
 
 def folders_below(root: Path, *, inside_packages: bool, follows_links: bool = False) -> PackageFolders:
     """Return the packages and models in a folder and below it.
 
-    :param inside_packages: also search below a package.
-    :param follows_links: also read files outside of `root`.
+    `inside_packages`: also search below a package; `follows_links`: also read files outside of `root`.
     """
     packages, models, named = (defaultdict[str, list[Path]](list) for _ in range(3))
     walk, names, own = _Walk(root, inside_packages), PackageNames(), root.resolve()
@@ -315,10 +309,8 @@ class Listings:
     def matched(self, folder: Path, path: str, may_read: Callable[[Path], bool]) -> Path | None:
         """Return the file at a path below a folder, in any letter case and with backslashes; None if there is none.
 
-        Of several such names, the exact one is taken, else the first in the order of the alphabet.
-
-        :param folder: without links.
-        :param may_read: returns True if a folder without links in its path may be listed.
+        Of several such names, the exact one is taken, else the first in the order of the alphabet. `folder`: without
+        links; `may_read`: returns True if a folder without links in its path may be listed.
         """
         place = folder
         for part in PurePosixPath(path.replace("\\", "/")).parts:

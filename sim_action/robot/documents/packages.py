@@ -57,17 +57,11 @@ class Note:
 
 
 class Reference(NamedTuple):
-    """The parts of a reference.
+    """The parts of a reference."""
 
-    Attributes:
-        scheme: "package", "model", "file", or empty for a path.
-        name: of the package or model; empty for other schemes, and for a file directly on the path for models.
-        path: below the package or model; absolute or relative for other schemes.
-    """
-
-    scheme: str
-    name: str
-    path: str = ""
+    scheme: str  # "package", "model", "file", or empty for a path
+    name: str  # of the package or model; empty for other schemes, and for a file directly on the path for models
+    path: str = ""  # below the package or model; absolute or relative for other schemes
 
     @classmethod
     def parsed(cls, text: str) -> Reference:
@@ -131,30 +125,21 @@ class PackageError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """The file or folder that a reference names.
-
-    Attributes:
-        notes: for the user, such as a second package.
-        is_guessed: True if no folder has the name of the package.
-    """
+    """The file or folder that a reference names."""
 
     path: Path
-    notes: tuple[Note, ...] = ()
-    is_guessed: bool = False
+    notes: tuple[Note, ...] = ()  # for the user, such as a second package
+    is_guessed: bool = False  # True if no folder has the name of the package
 
 
 @dataclass(frozen=True)
 class Packages:
-    """The packages that one scenario can use. The search of the workspace is cached: create one object per scenario.
+    """The packages that one scenario can use. The search of the workspace is cached: create one object per scenario."""
 
-    Attributes:
-        workspace: the workspace of the scenario.
-        mapped: `robot.packages`: name -> folder, relative to the scenario.
-        environment: environment variables; only those named above are read.
-    """
-
-    workspace: Workspace
+    workspace: Workspace  # the workspace of the scenario
+    # `robot.packages`: name -> folder, relative to the scenario
     mapped: Mapping[str, str] = field(default_factory=dict)
+    # environment variables; only those named above are read
     environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ), repr=False)
     _hinted: FirstFew = field(default_factory=FirstFew, init=False, repr=False, compare=False)
     _listings: Listings = field(default_factory=Listings, init=False, repr=False, compare=False)

@@ -49,15 +49,11 @@ class SdfProblem(Exception):
 
 @dataclass()
 class Notes:
-    """The findings of one conversion.
+    """The findings of one conversion."""
 
-    Attributes:
-        places: the file and line of each element, of all files.
-        nearest: place and name of an unknown element -> the known name that is close to it.
-    """
-
-    places: dict[Element, Location] = field(default_factory=dict)
+    places: dict[Element, Location] = field(default_factory=dict)  # the file and line of each element, of all files
     findings: list[Finding] = field(default_factory=list)
+    # place and name of an unknown element -> the known name that is close to it
     nearest: dict[tuple[str, str], str | None] = field(default_factory=dict)
     _parts: dict[str, tuple[Element, str, str, str, list[Element]]] = field(default_factory=dict)
     _reported: set[SdfProblem] = field(default_factory=set)
@@ -74,8 +70,7 @@ class Notes:
     def leave_out(self, kind: str, part: Element, text: str, rule: str = "passed-over", meaning: str = "") -> None:
         """Note a part that is not simulated; `kind`: parts of one kind become one finding.
 
-        :param text: the part and its owner, such as "<gravity> of link 'a'".
-        :param meaning: what follows from it.
+        `text`: the part and its owner, such as "<gravity> of link 'a'"; `meaning`: what follows from it.
         """
         *_, parts = self._parts.setdefault(kind, (part, text, rule, meaning, []))
         parts.append(part)

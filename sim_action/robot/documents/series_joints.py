@@ -27,15 +27,11 @@ SERIES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """The joints and links that replace joints with several motions.
+    """The joints and links that replace joints with several motions."""
 
-    Attributes:
-        joints: name of each joint -> name of the joint in the file of which it is a part.
-        links: names of the massless links.
-    """
-
+    # name of each joint -> name of the joint in the file of which it is a part
     joints: dict[str, str] = field(default_factory=dict)
-    links: set[str] = field(default_factory=set)
+    links: set[str] = field(default_factory=set)  # names of the massless links
 
 
 def part_names(joint: Element) -> tuple[str, ...]:

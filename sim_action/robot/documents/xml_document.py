@@ -62,21 +62,14 @@ _CLOSING: Final = re.compile(rb"</([^\s>]*)")
 
 @dataclass(frozen=True, eq=False)
 class ModelDocument:
-    """A parsed file, or a document that was generated.
+    """A parsed file, or a document that was generated."""
 
-    Attributes:
-        root: the root element.
-        places: the file and line of each element.
-        files: for elements whose relative paths do not start from the model's own file: the file that they start from.
-        size: size of the file in bytes; 0 for a generated document.
-        findings: notes on the XML of the file.
-    """
-
-    root: Element
-    places: Mapping[Element, Location] = field(repr=False)
+    root: Element  # the root element
+    places: Mapping[Element, Location] = field(repr=False)  # the file and line of each element
+    # for elements whose relative paths do not start from the model's own file: the file that they start from
     files: Mapping[Element, Path] = field(default_factory=dict, repr=False)
-    size: int = 0
-    findings: tuple[Finding, ...] = ()
+    size: int = 0  # size of the file in bytes; 0 for a generated document
+    findings: tuple[Finding, ...] = ()  # notes on the XML of the file
 
     def finding(self, rule: str, element: Element, message: str) -> Finding:
         """Return a finding at an element."""

@@ -58,38 +58,24 @@ _FREE_RANGE_M: Final = 1.0
 
 @dataclass(frozen=True, slots=True)
 class _Section:
-    """A joint on the way from the base to the link, which turns about the z axis of a frame, or slides along it.
-
-    Attributes:
-        mount: that frame at position 0, seen from the frame of the section before it.
-        column: index of the joint of the chain that moves it.
-        multiplier: rad or m per unit of that joint.
-        offset: the position at 0 of that joint.
-    """
+    """A joint on the way from the base to the link, which turns about the z axis of a frame, or slides along it."""
 
     joint: Joint
-    mount: Pose
-    column: int
-    multiplier: float
-    offset: float
+    mount: Pose  # that frame at position 0, seen from the frame of the section before it
+    column: int  # index of the joint of the chain that moves it
+    multiplier: float  # rad or m per unit of that joint
+    offset: float  # the position at 0 of that joint
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """The joint positions that a search found.
-
-    Attributes:
-        pose: the pose of the link there, in the base frame.
-        distance: m, from the target.
-        angle: rad, between its orientation and that of the target; 0 if any orientation will do.
-        error: m, of both together.
-    """
+    """The joint positions that a search found."""
 
     values: Values
-    pose: Pose
-    distance: float
-    angle: float
-    error: float
+    pose: Pose  # the pose of the link there, in the base frame
+    distance: float  # m, from the target
+    angle: float  # rad, between its orientation and that of the target; 0 if any orientation will do
+    error: float  # m, of both together
 
     @property
     def is_reached(self) -> bool:
@@ -99,24 +85,15 @@ class Solution:
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """The joints that move a link relative to the base.
+    """The joints that move a link relative to the base."""
 
-    Attributes:
-        link: its name.
-        joints: those that can be commanded, from the base to the link.
-        lower, upper: their limits, in rad or m; infinite if there are none.
-        fastest: their largest speeds, in rad/s or m/s; infinite if there is no limit.
-        end: the pose of the link in the frame of the last section.
-        length: m; no point of the link's frame is farther from the base, apart from sliding joints without limits.
-    """
-
-    link: str
-    joints: tuple[Joint, ...]
-    lower: Values
+    link: str  # its name
+    joints: tuple[Joint, ...]  # those that can be commanded, from the base to the link
+    lower: Values  # lower, upper: their limits, in rad or m; infinite if there are none
     upper: Values
-    fastest: Values
-    end: Pose
-    length: float
+    fastest: Values  # their largest speeds, in rad/s or m/s; infinite if there is no limit
+    end: Pose  # the pose of the link in the frame of the last section
+    length: float  # m; no point of the link's frame is farther from the base, apart from sliding joints without limits
     _sections: tuple[_Section, ...]
 
     @classmethod
@@ -252,8 +229,7 @@ def _from_z(axis: Vector3) -> Quaternion:
 def reach(chain: Chain, target: Pose, start: Sequence[float], *, turns: bool = True) -> Solution:
     """Return the joint positions nearest to a target that are found from `start`.
 
-    :param target: the wanted pose of the link, base frame.
-    :param turns: False if any orientation will do.
+    `target`: the wanted pose of the link, base frame; `turns`: False if any orientation will do.
     """
     return _Search(chain, target, turns=turns).from_start(chain.inside(start))
 

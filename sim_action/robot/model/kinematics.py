@@ -200,24 +200,15 @@ def _too_much(joint: Joint, reading: Reading, value: float, limit: float | None)
 
 @dataclass(frozen=True, slots=True)
 class Mobility:
-    """The motions that a drive allows; by default those of a robot that turns in place about its base link's origin.
+    """The motions that a drive allows; by default those of a robot that turns in place about its base link's origin."""
 
-    Attributes:
-        heading: rad, direction of forward motion, from the base's x axis to the left.
-        ahead: m, along the heading, from the axle about which the robot turns to the base link's origin.
-        tightest: 1/m, the largest curvature that it can drive; inf if it turns in place.
-        acceleration: m/s^2, limit of the forward acceleration.
-        turn_acceleration: rad/s^2, limit of the angular acceleration when it turns in place.
-        wheelbase: m, from the fixed axle to the steered one; 0 if no wheel is steered.
-        fastest: m/s, the speed at the rim of the fastest wheel at the limit of its joint; inf without such limits.
-    """
-
-    heading: float = 0.0
-    ahead: float = 0.0
-    tightest: float = math.inf
-    acceleration: float = 1.0
-    turn_acceleration: float = 1.0
-    wheelbase: float = 0.0
+    heading: float = 0.0  # rad, direction of forward motion, from the base's x axis to the left
+    ahead: float = 0.0  # m, along the heading, from the axle about which the robot turns to the base link's origin
+    tightest: float = math.inf  # 1/m, the largest curvature that it can drive; inf if it turns in place
+    acceleration: float = 1.0  # m/s^2, limit of the forward acceleration
+    turn_acceleration: float = 1.0  # rad/s^2, limit of the angular acceleration when it turns in place
+    wheelbase: float = 0.0  # m, from the fixed axle to the steered one; 0 if no wheel is steered
+    # m/s, the speed at the rim of the fastest wheel at the limit of its joint; inf without such limits
     fastest: float = math.inf
 
     @property

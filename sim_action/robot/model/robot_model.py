@@ -39,22 +39,15 @@ FOLLOWED: Final = MappingProxyType[MotorKind, tuple[Reading, ...]](
 
 @dataclass(frozen=True, slots=True)
 class Motor:
-    """The motor of a joint as an MJCF model states it. The engine simulates it with its own gains and limits.
+    """The motor of a joint as an MJCF model states it. The engine simulates it with its own gains and limits."""
 
-    Attributes:
-        actuator: its name in the model.
-        kind: the quantity that its control sets: it is a position servo, a velocity servo, exerts an effort, or is a DC
-            motor at a voltage; "none": no command can set its control.
-        tendon: the fixed tendon on which it acts, together with its other joints; empty if it acts on the joint.
-        is_replaceable: True if an ideal servo acts in its place when a command asks for what it cannot do.
-        reason: why no command can set its control, to follow "it".
-    """
-
-    actuator: str
+    actuator: str  # its name in the model
+    # the quantity that its control sets: it is a position servo, a velocity servo, exerts an effort, or is a DC motor
+    # at a voltage; "none": no command can set its control
     kind: MotorKind
-    tendon: str = ""
-    is_replaceable: bool = True
-    reason: str = ""
+    tendon: str = ""  # the fixed tendon on which it acts, together with its other joints; empty if it acts on the joint
+    is_replaceable: bool = True  # True if an ideal servo acts in its place when a command asks for what it cannot do
+    reason: str = ""  # why no command can set its control, to follow "it"
 
     @property
     def text(self) -> str:
@@ -75,21 +68,14 @@ class Motor:
 
 @dataclass(frozen=True, slots=True)
 class Keyframe:
-    """A state of the robot that an MJCF model names.
+    """A state of the robot that an MJCF model names."""
 
-    Attributes:
-        joints: joint name -> rad (m if prismatic).
-        base: pose of the base link, world frame; None if it is fixed.
-        controls: actuator name -> its controls, in the actuator's own units; empty if the keyframe states none.
-        place: where it stands; None if that is unknown.
-        flaw: the reason why it cannot be used; then it has no positions.
-    """
-
-    joints: Mapping[str, float]
-    base: Pose | None = None
+    joints: Mapping[str, float]  # joint name -> rad (m if prismatic)
+    base: Pose | None = None  # pose of the base link, world frame; None if it is fixed
+    # actuator name -> its controls, in the actuator's own units; empty if the keyframe states none
     controls: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    place: Location | None = None
-    flaw: str = ""
+    place: Location | None = None  # where it stands; None if that is unknown
+    flaw: str = ""  # the reason why it cannot be used; then it has no positions
 
 
 def keyframe_of(keyframes: Mapping[str, Keyframe], wanted: str | int) -> Keyframe | None:
@@ -107,47 +93,32 @@ MeshBytes = tuple[bytes, bytes]
 
 @dataclass(frozen=True, slots=True)
 class FloorLook:
-    """The look of the floor: one colour, or squares of two; red, green and blue from 0 to 1.
-
-    Attributes:
-        other: the colour of every other square; None without squares.
-        square: m, the side of a square.
-    """
+    """The look of the floor: one colour, or squares of two; red, green and blue from 0 to 1."""
 
     color: tuple[float, float, float]
-    other: tuple[float, float, float] | None = None
-    square: float = 1.0
+    other: tuple[float, float, float] | None = None  # the colour of every other square; None without squares
+    square: float = 1.0  # m, the side of a square
 
 
 @dataclass(frozen=True, slots=True)
 class Mjcf:
-    """The input of MuJoCo for a model in its own format; it names no file.
+    """The input of MuJoCo for a model in its own format; it names no file."""
 
-    Attributes:
-        text: the model with its included files.
-        models: name in the text -> text of each model to attach.
-        meshes: mesh name -> its surface, for meshes that collide or have a mass.
-        looked_at: geoms that are only drawn.
-        actuators: names of all actuators; joints without one are passive if there is any.
-        floor: m, height of the horizontal plane of the file, which is at the height 0 of the scenario; 0 without one.
-        floor_look: how the file draws that plane; None if it does not say.
-        excluded: pairs of bodies that <exclude> lets pass through each other.
-        paired: pairs of geoms that <pair> lets collide, whatever their contype and conaffinity.
-        adhesion: name of an <adhesion> actuator -> its link, and the largest force in N.
-        heaviness: a factor of all masses and inertias.
-    """
-
-    text: str
-    models: Mapping[str, bytes] = field(repr=False)
+    text: str  # the model with its included files
+    models: Mapping[str, bytes] = field(repr=False)  # name in the text -> text of each model to attach
+    # mesh name -> its surface, for meshes that collide or have a mass
     meshes: Mapping[str, MeshBytes] = field(repr=False)
-    looked_at: frozenset[str] = frozenset()
-    actuators: tuple[str, ...] = ()
+    looked_at: frozenset[str] = frozenset()  # geoms that are only drawn
+    actuators: tuple[str, ...] = ()  # names of all actuators; joints without one are passive if there is any
+    # m, height of the horizontal plane of the file, which is at the height 0 of the scenario; 0 without one
     floor: float = 0.0
-    excluded: frozenset[frozenset[str]] = frozenset()
+    excluded: frozenset[frozenset[str]] = frozenset()  # pairs of bodies that <exclude> lets pass through each other
+    # pairs of geoms that <pair> lets collide, whatever their contype and conaffinity
     paired: frozenset[frozenset[str]] = frozenset()
-    floor_look: FloorLook | None = None
+    floor_look: FloorLook | None = None  # how the file draws that plane; None if it does not say
+    # name of an <adhesion> actuator -> its link, and the largest force in N
     adhesion: Mapping[str, tuple[str, float]] = field(default_factory=dict)
-    heaviness: float = 1.0
+    heaviness: float = 1.0  # a factor of all masses and inertias
 
 
 READINGS: Final = MappingProxyType(
@@ -178,86 +149,60 @@ Color = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A collision shape of a link.
+    """A collision shape of a link."""
 
-    Attributes:
-        kind: "box", "cylinder", "sphere", "mesh", ...
-        pose: in the link's frame.
-        radius: m, for cylinders, capsules and spheres.
-        lower_xyz, upper_xyz: m, the corners of its bounding box, in its own frame.
-        hulls: the text of a clean mesh, as `sim_action.meshes` makes it; empty for other shapes, and in MJCF.
-        corners: the points (P, 3) of a mesh of MJCF in m, as 32-bit floats in its own frame; else empty.
-    """
-
-    kind: str
-    pose: Pose
-    radius: float | None = None
-    lower_xyz: Vector3 = ZERO
+    kind: str  # "box", "cylinder", "sphere", "mesh", ..
+    pose: Pose  # in the link's frame
+    radius: float | None = None  # m, for cylinders, capsules and spheres
+    lower_xyz: Vector3 = ZERO  # lower_xyz, upper_xyz: m, the corners of its bounding box, in its own frame
     upper_xyz: Vector3 = ZERO
+    # the text of a clean mesh, as `sim_action.meshes` makes it; empty for other shapes, and in MJCF
     hulls: bytes = field(default=b"", repr=False)
+    # the points (P, 3) of a mesh of MJCF in m, as 32-bit floats in its own frame; else empty
     corners: bytes = field(default=b"", repr=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Visual:
-    """A visual shape of a link; it does not collide.
+    """A visual shape of a link; it does not collide."""
 
-    Attributes:
-        kind: "box", "cylinder", "sphere", "capsule", or "mesh".
-        pose: in the link's frame; of its centre, or of the origin of a mesh.
-        color, opacity: red, green, blue and alpha, each 0 to 1; None if the model does not state one.
-        size_xyz: m, size of the box around it; zero for a mesh.
-        file: the absolute path of a mesh, or `MESH_OF_TEXT` and the name of a mesh in MJCF; empty for other shapes.
-        scale: m per unit of that file, along each axis.
-    """
-
-    kind: str
-    pose: Pose
+    kind: str  # "box", "cylinder", "sphere", "capsule", or "mesh"
+    pose: Pose  # in the link's frame; of its centre, or of the origin of a mesh
+    # color, opacity: red, green, blue and alpha, each 0 to 1; None if the model does not state one
     color: Color | None = None
-    size_xyz: Vector3 = ZERO
+    size_xyz: Vector3 = ZERO  # m, size of the box around it; zero for a mesh
+    # the absolute path of a mesh, or `MESH_OF_TEXT` and the name of a mesh in MJCF; empty for other shapes
     file: str = ""
-    scale: Vector3 = (1.0, 1.0, 1.0)
+    scale: Vector3 = (1.0, 1.0, 1.0)  # m per unit of that file, along each axis
     opacity: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """The contact properties of a link.
+    """The contact properties of a link."""
 
-    Attributes:
-        friction: coefficient, multiplied by that of the other body; the default is that of Bullet's URDF importer.
-        stiffness: N/m, of a contact; None: as stiff as the engine allows.
-        damping: N s/m; used with a stiffness only.
-        rolling, spinning: m, torque that resists rolling, or turning about the normal, per force and friction of the
-            other body.
-        adhesion: N, the force by which each contact resists separation; over a distance of `gap` in m.
-    """
-
+    # coefficient, multiplied by that of the other body; the default is that of Bullet's URDF importer
     friction: float = 0.5
-    stiffness: float | None = None
-    damping: float = 1.0
+    stiffness: float | None = None  # N/m, of a contact; None: as stiff as the engine allows
+    damping: float = 1.0  # N s/m; used with a stiffness only
+    # rolling, spinning: m, torque that resists rolling, or turning about the normal, per force and friction of the
+    # other body
     rolling: float = 0.0
     spinning: float = 0.0
-    adhesion: float = 0.0
+    adhesion: float = 0.0  # N, the force by which each contact resists separation; over a distance of `gap` in m
     gap: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A rigid part of the robot.
-
-    Attributes:
-        mass: kg; None if the model does not state one.
-        centre_of_mass_xyz: m, in the link's frame.
-        visuals: its visual shapes.
-    """
+    """A rigid part of the robot."""
 
     name: str
-    mass: float | None
+    mass: float | None  # kg; None if the model does not state one
     collisions: tuple[Shape, ...] = ()
     surface: Surface = Surface()
-    centre_of_mass_xyz: Vector3 = ZERO
-    visuals: tuple[Visual, ...] = ()
+    centre_of_mass_xyz: Vector3 = ZERO  # m, in the link's frame
+    visuals: tuple[Visual, ...] = ()  # its visual shapes
 
     @property
     def has_mesh(self) -> bool:
@@ -276,44 +221,28 @@ class Mimic:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """A joint between a parent link and a child link.
-
-    Attributes:
-        origin: the child link's frame in the parent link's, at joint position zero.
-        axis_xyz: unit vector in the child link's frame.
-        lower, upper: limits in rad (m if prismatic); None without a limit.
-        max_effort: N m (N); None without a limit.
-        max_velocity: rad/s (m/s); None without a limit.
-        mimic: its coupling to another joint; None if it moves independently.
-        anchor_xyz: m, a point on the axis, in the child link's frame; the origin in URDF.
-        reference: rad (m), the position in which the model is drawn; 0 in URDF.
-        stiffness: of a spring, in N m/rad (N/m); 0 without one. No motor holds a joint with a spring.
-        spring_reference: rad (m), the position at which the spring is at rest.
-        series: the joint with several motions of which this is one; empty for other joints. No motor holds it.
-        ball: the ball joint of which this is the rotation about one axis; empty for other joints.
-        motor: the motor that the model states; None: an ideal servo moves the joint when it is commanded.
-        start: rad (m), the initial position that the model states; None without one.
-    """
+    """A joint between a parent link and a child link."""
 
     name: str
     type: JointType
     parent: str
     child: str
-    origin: Pose
-    axis_xyz: Vector3
-    lower: float | None = None
+    origin: Pose  # the child link's frame in the parent link's, at joint position zero
+    axis_xyz: Vector3  # unit vector in the child link's frame
+    lower: float | None = None  # lower, upper: limits in rad (m if prismatic); None without a limit
     upper: float | None = None
-    max_effort: float | None = None
-    max_velocity: float | None = None
-    mimic: Mimic | None = None
-    anchor_xyz: Vector3 = ZERO
-    reference: float = 0.0
-    stiffness: float = 0.0
-    spring_reference: float = 0.0
-    series: str = ""
-    ball: str = ""
+    max_effort: float | None = None  # N m (N); None without a limit
+    max_velocity: float | None = None  # rad/s (m/s); None without a limit
+    mimic: Mimic | None = None  # its coupling to another joint; None if it moves independently
+    anchor_xyz: Vector3 = ZERO  # m, a point on the axis, in the child link's frame; the origin in URDF
+    reference: float = 0.0  # rad (m), the position in which the model is drawn; 0 in URDF
+    stiffness: float = 0.0  # of a spring, in N m/rad (N/m); 0 without one. No motor holds a joint with a spring.
+    spring_reference: float = 0.0  # rad (m), the position at which the spring is at rest
+    series: str = ""  # the joint with several motions of which this is one; empty for other joints. No motor holds it.
+    ball: str = ""  # the ball joint of which this is the rotation about one axis; empty for other joints
+    # the motor that the model states; None: an ideal servo moves the joint when it is commanded
     motor: Motor | None = None
-    start: float | None = None
+    start: float | None = None  # rad (m), the initial position that the model states; None without one
 
     def dimension(self, reading: Reading) -> Dimension:
         """Return the dimension of a reading: it depends on whether the joint turns or slides."""
@@ -389,21 +318,14 @@ def ball_orientation(positions: Vector3) -> Quaternion:
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
-    """A plugin that the model asks Gazebo to load, or a controller in a parameter file that such a plugin names.
+    """A plugin that the model asks Gazebo to load, or a controller in a parameter file that such a plugin names."""
 
-    Attributes:
-        name: its file, without "lib" and ".so"; or the type of a controller, such as "package/Class".
-        parameters: (tag, text), in the order of the file; a list in a parameter file is several of them.
-        title: its own name; in gz-sim that is the class, such as "gz::sim::systems::DiffDrive".
-        location: where it stands; None if that is unknown.
-        unread: the reasons why its parameter files are not read.
-    """
-
-    name: str
+    name: str  # its file, without "lib" and ".so"; or the type of a controller, such as "package/Class"
+    # (tag, text), in the order of the file; a list in a parameter file is several of them
     parameters: tuple[tuple[str, str], ...]
-    title: str = ""
-    location: Location | None = None
-    unread: tuple[str, ...] = ()
+    title: str = ""  # its own name; in gz-sim that is the class, such as "gz::sim::systems::DiffDrive"
+    location: Location | None = None  # where it stands; None if that is unknown
+    unread: tuple[str, ...] = ()  # the reasons why its parameter files are not read
 
     def texts(self, tag: str) -> tuple[str, ...]:
         """Return the texts of all parameters with one tag."""
@@ -412,63 +334,40 @@ class Plugin:
 
 @dataclass(frozen=True, slots=True)
 class CommandedJoint:
-    """A joint with command interfaces, and so with a motor.
+    """A joint with command interfaces, and so with a motor."""
 
-    Attributes:
-        joint: its name.
-        interfaces: "position", "velocity", "effort", or another word in lower case.
-        tag: "ros2_control" or "transmission".
-        location: where that is stated.
-    """
-
-    joint: str
-    interfaces: frozenset[str]
-    tag: str
-    location: Location
+    joint: str  # its name
+    interfaces: frozenset[str]  # "position", "velocity", "effort", or another word in lower case
+    tag: str  # "ros2_control" or "transmission"
+    location: Location  # where that is stated
 
 
 @dataclass(frozen=True)
 class Srdf:
-    """The content of an SRDF.
+    """The content of an SRDF."""
 
-    Attributes:
-        groups: group name -> its joints, in the order of the model.
-        disabled: pairs of links that pass through each other.
-    """
-
+    # group name -> its joints, in the order of the model
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    disabled: frozenset[frozenset[str]] = frozenset()
+    disabled: frozenset[frozenset[str]] = frozenset()  # pairs of links that pass through each other
 
 
 @dataclass(frozen=True)
 class RobotModel:
-    """A loaded robot.
+    """A loaded robot."""
 
-    Attributes:
-        name: the name in the model.
-        source: the absolute path of its file.
-        urdf: clean URDF text for the engine, which names meshes as in `hull_files`; empty for MJCF.
-        findings: warnings of the audit, and errors that `robot.allow` accepted.
-        harmless: the parts that are not read and without which the motion is the same.
-        plugins: the plugins that it asks Gazebo to load, and then the controllers in their parameter files.
-        mjcf: the input of MuJoCo; None for other formats.
-        commanded: the joints that <ros2_control> or a <transmission> drives.
-        keyframes: name -> state, in MJCF.
-        srdf: the content of its SRDF; None without one.
-    """
-
-    name: str
-    source: str
+    name: str  # the name in the model
+    source: str  # the absolute path of its file
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
-    urdf: str
-    findings: tuple[Finding, ...] = ()
+    urdf: str  # clean URDF text for the engine, which names meshes as in `hull_files`; empty for MJCF
+    findings: tuple[Finding, ...] = ()  # warnings of the audit, and errors that `robot.allow` accepted
+    # the plugins that it asks Gazebo to load, and then the controllers in their parameter files
     plugins: tuple[Plugin, ...] = ()
-    mjcf: Mjcf | None = None
-    commanded: tuple[CommandedJoint, ...] = ()
-    keyframes: Mapping[str, Keyframe] = field(default_factory=dict)
-    srdf: Srdf | None = None
-    harmless: tuple[Finding, ...] = ()
+    mjcf: Mjcf | None = None  # the input of MuJoCo; None for other formats
+    commanded: tuple[CommandedJoint, ...] = ()  # the joints that <ros2_control> or a <transmission> drives
+    keyframes: Mapping[str, Keyframe] = field(default_factory=dict)  # name -> state, in MJCF
+    srdf: Srdf | None = None  # the content of its SRDF; None without one
+    harmless: tuple[Finding, ...] = ()  # the parts that are not read and without which the motion is the same
 
     @cached_property
     def hull_files(self) -> dict[str, bytes]:

@@ -30,25 +30,16 @@ _ODD_SHAPES: Final = {
 
 @dataclass(frozen=True, eq=False)
 class Meshes:
-    """The result of resolving the meshes of a model.
-
-    Attributes:
-        boxes: the box around each collision mesh, in m, in its own frame, with its scale applied.
-        hulls: the text of each clean copy, see `Shape`.
-        visuals: the file of each visual mesh.
-    """
+    """The result of resolving the meshes of a model."""
 
     findings: tuple[Finding, ...]
-    boxes: Mapping[Element, Box]
-    hulls: Mapping[Element, bytes]
-    visuals: Mapping[Element, Path]
+    boxes: Mapping[Element, Box]  # the box around each collision mesh, in m, in its own frame, with its scale applied
+    hulls: Mapping[Element, bytes]  # the text of each clean copy, see `Shape`
+    visuals: Mapping[Element, Path]  # the file of each visual mesh
 
 
 def resolve_meshes(document: ModelDocument, path: Path, packages: Packages) -> Meshes:
-    """Find all meshes, and replace collision meshes by clean copies.
-
-    :param path: the file of the model.
-    """
+    """Find all meshes, and replace collision meshes by clean copies. `path`: the file of the model."""
     clean: dict[Element, CleanMesh] = {}
     visuals: dict[Element, Path] = {}
     findings = tuple(_resolve(document, path, packages, clean, visuals))

@@ -125,10 +125,7 @@ def read_urdf(path: Path, packages: Packages | None = None, allow: Iterable[str]
 
 
 def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Iterable[str]) -> RobotModel:
-    """Return the model of a document. Raises ModelError.
-
-    :param path: the file from which relative paths start.
-    """
+    """Return the model of a document. `path`: the file from which relative paths start. Raises ModelError."""
     allowed = set(allow)
     document = with_extensions(with_static_base(document))
     findings = audit(document)
@@ -246,10 +243,7 @@ def materials(document: ModelDocument) -> dict[str, Paint]:
 
 
 def visuals_of(link: Element, paints: Mapping[str, Paint], meshes: Mapping[Element, Path]) -> Iterator[Visual]:
-    """Yield the visuals of a link that can be drawn.
-
-    :param meshes: <mesh> element -> its file.
-    """
+    """Yield the visuals of a link that can be drawn. `meshes`: <mesh> element -> its file."""
     for visual in link.findall("visual"):
         shape = next(iter(visual.findall("geometry/*")), None)
         if shape is None:

@@ -162,10 +162,7 @@ def check_xacro_text(path: Path, arguments: Iterable[str], packages: Packages) -
 
 
 def check_xacro(path: Path, arguments: Iterable[str], packages: Packages) -> XacroCheck:
-    """Check a xacro file and its includes.
-
-    :param arguments: the names in `robot.args`.
-    """
+    """Check a xacro file and its includes. `arguments`: the names in `robot.args`."""
     checker = _Checker(path, packages)
     checker.follow_all()
     checker.check_arguments(arguments)

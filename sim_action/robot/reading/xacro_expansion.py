@@ -46,19 +46,12 @@ _LOCATION_LINES: Final = ("when ", "in file:", "included from:", "instantiated f
 
 @dataclass(frozen=True, slots=True)
 class Expansion:
-    """The result of expanding a xacro file.
+    """The result of expanding a xacro file."""
 
-    Attributes:
-        text: the URDF.
-        places: the place of each of its elements, in document order.
-        notes: the warnings of xacro, one line each.
-        package_notes: how packages were found, if that is not plain.
-    """
-
-    text: str
-    places: tuple[Location, ...]
-    notes: tuple[str, ...]
-    package_notes: tuple[Note, ...] = ()
+    text: str  # the URDF
+    places: tuple[Location, ...]  # the place of each of its elements, in document order
+    notes: tuple[str, ...]  # the warnings of xacro, one line each
+    package_notes: tuple[Note, ...] = ()  # how packages were found, if that is not plain
 
 
 def read_xacro(
@@ -263,10 +256,7 @@ _IN_PLAIN_WORDS: Final = ("XacroException", "RuntimeError", "SubstitutionExcepti
 
 
 def explain_xacro_error(error: BaseException, path: Path) -> XacroError:
-    """Return an error with a message, a rule and a place.
-
-    :param path: the file that xacro was expanding.
-    """
+    """Return an error with a message, a rule and a place. `path`: the file that xacro was expanding."""
     trail = _trail(error)
     cause = _cause(error)
     place = cause.location if isinstance(cause, XacroError) else trail[-1].place if trail else Location(str(path))

@@ -21,15 +21,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """The shapes of a world that were read.
+    """The shapes of a world that were read."""
 
-    Attributes:
-        parts: name of a body -> its parts, for bodies with shapes from files.
-        problems: problems, each with its path of keys.
-    """
-
+    # name of a body -> its parts, for bodies with shapes from files
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
-    problems: tuple[SpecProblem, ...] = ()
+    problems: tuple[SpecProblem, ...] = ()  # problems, each with its path of keys
 
 
 class ShapeLibrary:

@@ -42,15 +42,10 @@ class ImageError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Grey:
-    """A grey image.
+    """A grey image."""
 
-    Attributes:
-        pixels: (H, W), row 0 at the top.
-        white: value of a white pixel; black is 0.
-    """
-
-    pixels: NDArray[np.uint16]
-    white: int
+    pixels: NDArray[np.uint16]  # (H, W), row 0 at the top
+    white: int  # value of a white pixel; black is 0
 
 
 def read_image(data: bytes) -> Grey:

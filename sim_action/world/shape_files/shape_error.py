@@ -11,9 +11,8 @@ from sim_action.core.workspace import PathError, Workspace
 class ShapeError(ValueError):
     """An unusable shape.
 
-    Attributes:
-        key: the key below the shape that causes it.
-        number: index of the shape in `shapes`; None if the body has one shape.
+    `key`: the key below the shape that causes it; `number`: index of the shape in `shapes`; None if the body has one
+    shape.
     """
 
     def __init__(self, message: str, key: str = "file") -> None:

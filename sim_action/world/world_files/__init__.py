@@ -45,45 +45,29 @@ _ABSENT: Final = "an included model that is missing"
 
 @dataclass(frozen=True, eq=False)
 class WorldRobot:
-    """The model of a world that is the robot.
-
-    Attributes:
-        entry: the model, or the <include>.
-        pose: pose of the model in the world.
-        base: pose of its root link in the world; None if it is fixed to the world.
-        place: in the file.
-    """
+    """The model of a world that is the robot."""
 
     name: str
-    entry: Entry
-    pose: Pose
-    base: Pose | None
-    place: Location | None = None
+    entry: Entry  # the model, or the <include>
+    pose: Pose  # pose of the model in the world
+    base: Pose | None  # pose of its root link in the world; None if it is fixed to the world
+    place: Location | None = None  # in the file
 
 
 @dataclass(frozen=True, eq=False)
 class WorldFile:
-    """The content of a world file.
-
-    Attributes:
-        parts: name of a body -> its parts, for bodies whose shapes are in files.
-        models: the names of all models.
-        losses: the parts that are not simulated.
-        remarks: warnings about the file.
-        stated: the keys of `world` that the file states, besides its objects.
-        has_ground: True if the file has a ground plane.
-        places: name of a body -> the place of its model in the file.
-    """
+    """The content of a world file."""
 
     world: World
+    # name of a body -> its parts, for bodies whose shapes are in files
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
     robot: WorldRobot | None = None
-    models: tuple[str, ...] = ()
-    losses: tuple[Loss, ...] = ()
-    remarks: tuple[Finding, ...] = ()
-    stated: frozenset[str] = frozenset()
-    has_ground: bool = True
-    places: Mapping[str, Location] = field(default_factory=dict)
+    models: tuple[str, ...] = ()  # the names of all models
+    losses: tuple[Loss, ...] = ()  # the parts that are not simulated
+    remarks: tuple[Finding, ...] = ()  # warnings about the file
+    stated: frozenset[str] = frozenset()  # the keys of `world` that the file states, besides its objects
+    has_ground: bool = True  # True if the file has a ground plane
+    places: Mapping[str, Location] = field(default_factory=dict)  # name of a body -> the place of its model in the file
 
 
 def read_world_file(
@@ -91,9 +75,8 @@ def read_world_file(
 ) -> WorldFile:
     """Read a world file. Raises ModelError.
 
-    :param path: the file, which may be read.
-    :param is_robot: returns True for a model that can be the robot; the first one is.
-    :param document: the content of the file, if it was read already.
+    `path`: the file, which may be read; `is_robot`: returns True for a model that can be the robot; the first one is;
+    `document`: the content of the file, if it was read already.
     """
     notes = Notes()
     world = read_sdf_world(path.resolve(), document or read_document(path), packages, notes)

@@ -34,8 +34,7 @@ class Loss(FrozenModel):
 class LossList:
     """The losses of one world file, in the order in which they were found.
 
-    Attributes:
-        places: the file and line of each element.
+    `places`: the file and line of each element.
     """
 
     def __init__(self, places: Mapping[Element, Location]) -> None:

@@ -37,17 +37,12 @@ _MESH_ABSENT: Final = "a mesh that cannot be used: it is left out"
 
 @dataclass(frozen=True, eq=False)
 class PlacedShape:
-    """A collision shape; `pose`: world frame.
-
-    Attributes:
-        spec: its keys, without the pose.
-        own_parts: the parts of a mesh, in its own frame; None for other shapes.
-    """
+    """A collision shape; `pose`: world frame."""
 
     collision: Element
-    spec: Mapping[str, Any]
+    spec: Mapping[str, Any]  # its keys, without the pose
     pose: Pose
-    own_parts: tuple[Part, ...] | None = None
+    own_parts: tuple[Part, ...] | None = None  # the parts of a mesh, in its own frame; None for other shapes
 
     def seen_from(self, frame: Pose) -> Shape:
         """Return the shape of a body whose frame has this pose in the world. Raises SdfProblem."""
@@ -70,17 +65,13 @@ class PlacedShape:
 
 @dataclass(eq=False)
 class ShapeReader:
-    """Reads collision shapes; meshes are read once.
-
-    Attributes:
-        ground_friction: that of the ground plane; None if there is none in the file.
-    """
+    """Reads collision shapes; meshes are read once."""
 
     packages: Packages
     losses: LossList
     notes: Notes
     has_ground: bool = False
-    ground_friction: float | None = None
+    ground_friction: float | None = None  # that of the ground plane; None if there is none in the file
     _meshes: dict[_MeshKey, tuple[Part, ...] | str] = field(default_factory=dict)
     _simplified: dict[_MeshKey, float] = field(default_factory=dict)
 

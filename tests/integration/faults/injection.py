@@ -24,44 +24,30 @@ _COUNTERS: Final = struct.Struct("@i3I")
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault, and the calls that may get it.
+    """A fault, and the calls that may get it."""
 
-    Attributes:
-        name: the name of the fault; faults with the same name are one row of the table.
-        place: a short name of the calls.
-        calls: "open" (everything that takes a descriptor), "create" (open for writing), "write" (also the length of a
-            file), "read", "rename", "mkdir", "sync", "fork" (everything that starts a process), "clock" (of the day),
-            "monotonic" (the clock of time limits).
-        paths: patterns of absolute paths, separated by colons; {output}, {tmp} and {cache} are the folders of the run.
-            Empty: any path. A call without a path has the name of its kind, as "pipe".
-        role: the process that makes the call: the command itself, or one below it. Empty: any.
-        lasting: all calls from the n-th on get the fault, as on a disk that stays full.
-        error: the errno that the call returns.
-        signal: the signal that is sent at the call.
-        target: the process that gets the signal: the command itself, or the process that makes the call.
-        jump: s that the clock jumps.
-        most_lost: the number of scenarios that may end without a verdict.
-        exempt: names of scenarios that may also end without a verdict.
-        suite: the suite that runs; empty: one for odd n, and the other for even n.
-        short: the n that are tried in the short form.
-        stride: the long form tries every n-th call, up to the last one.
-    """
-
-    name: str
-    place: str
+    name: str  # the name of the fault; faults with the same name are one row of the table
+    place: str  # a short name of the calls
+    # "open" (everything that takes a descriptor), "create" (open for writing), "write" (also the length of a file),
+    # "read", "rename", "mkdir", "sync", "fork" (everything that starts a process), "clock" (of the day), "monotonic"
+    # (the clock of time limits)
     calls: str
+    # patterns of absolute paths, separated by colons; {output}, {tmp} and {cache} are the folders of the run. Empty:
+    # any path. A call without a path has the name of its kind, as "pipe".
     paths: str = ""
+    # the process that makes the call: the command itself, or one below it. Empty: any.
     role: Literal["", "parent", "child"] = ""
-    lasting: bool = False
-    error: int = 0
-    signal: int = 0
+    lasting: bool = False  # all calls from the n-th on get the fault, as on a disk that stays full
+    error: int = 0  # the errno that the call returns
+    signal: int = 0  # the signal that is sent at the call
+    # the process that gets the signal: the command itself, or the process that makes the call
     target: Literal["", "parent", "self"] = ""
-    jump: int = 0
-    most_lost: int = 0
-    exempt: tuple[str, ...] = ()
-    suite: str = ""
-    short: tuple[int, ...] = (1,)
-    stride: int = 1
+    jump: int = 0  # s that the clock jumps
+    most_lost: int = 0  # the number of scenarios that may end without a verdict
+    exempt: tuple[str, ...] = ()  # names of scenarios that may also end without a verdict
+    suite: str = ""  # the suite that runs; empty: one for odd n, and the other for even n
+    short: tuple[int, ...] = (1,)  # the n that are tried in the short form
+    stride: int = 1  # the long form tries every n-th call, up to the last one
 
     def __str__(self) -> str:
         return f"{self.name}: {self.place}"
@@ -69,22 +55,15 @@ class Fault:
 
 @dataclass(frozen=True)
 class Run:
-    """A finished run, and the traces that it left.
-
-    Attributes:
-        code: the exit code; negative: the signal that ended the command.
-        reached: the calls that could have got the fault.
-        fired: those that got it.
-        left: numbers of processes that are still there.
-    """
+    """A finished run, and the traces that it left."""
 
     folder: Path
-    code: int
+    code: int  # the exit code; negative: the signal that ended the command
     printed: str
     errors: str
-    reached: int
-    fired: int
-    left: tuple[int, ...]
+    reached: int  # the calls that could have got the fault
+    fired: int  # those that got it
+    left: tuple[int, ...]  # numbers of processes that are still there
 
     @property
     def output(self) -> Path:

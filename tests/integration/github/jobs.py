@@ -36,41 +36,29 @@ _MACHINES: Final[Mapping[str, tuple[str, str]]] = {
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """What the jobs of a workflow run have in common.
-
-    Attributes:
-        folder: where each job gets a folder of its own.
-        origin: the repository that a checkout fetches from.
-        work: the parent of the workspace and of RUNNER_TEMP, which are then the same in all jobs, and fresh in each;
-            None: they are in the folder of the job.
-        temp: RUNNER_TEMP of all jobs, which GitHub never has; None gives each its own.
-        variables: in the environment of all jobs, before what the workflow says.
-    """
+    """What the jobs of a workflow run have in common."""
 
     repository: Path
-    origin: Path
-    folder: Path
+    origin: Path  # the repository that a checkout fetches from
+    folder: Path  # where each job gets a folder of its own
+    # the parent of the workspace and of RUNNER_TEMP, which are then the same in all jobs, and fresh in each; None: they
+    # are in the folder of the job
     work: Path | None
     cache: CacheStore
     artifacts: ArtifactStore
-    temp: Path | None
-    variables: Mapping[str, str]
+    temp: Path | None  # RUNNER_TEMP of all jobs, which GitHub never has; None gives each its own
+    variables: Mapping[str, str]  # in the environment of all jobs, before what the workflow says
     numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A job that is about to run.
-
-    Attributes:
-        contexts: github, inputs, needs and matrix.
-        permissions: that it was given.
-    """
+    """A job that is about to run."""
 
     identity: str
     document: Mapping[str, Value]
-    contexts: Mapping[str, Value]
-    permissions: Permissions
+    contexts: Mapping[str, Value]  # github, inputs, needs and matrix
+    permissions: Permissions  # that it was given
 
     @property
     def name(self) -> str:

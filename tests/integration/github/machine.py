@@ -35,16 +35,11 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What a third party's reporter was asked to report.
+    """What a third party's reporter was asked to report."""
 
-    Attributes:
-        reporter: the action's name.
-        files: of JUnit XML, which it found.
-    """
-
-    reporter: str
+    reporter: str  # the action's name
     inputs: Mapping[str, str]
-    files: tuple[Path, ...]
+    files: tuple[Path, ...]  # of JUnit XML, which it found
     tests: int
     failures: int
     errors: int
@@ -80,28 +75,21 @@ class Record:
 
 @dataclass(slots=True)
 class Machine:
-    """A runner during one job.
-
-    Attributes:
-        github: the context of that name.
-        environment: what steps find in it: the job's own, and what steps have written to GITHUB_ENV.
-        path: what goes before PATH, from GITHUB_PATH.
-        origin: the repository that a checkout fetches from.
-        deadline: when the job is out of time, by the monotonic clock.
-    """
+    """A runner during one job."""
 
     workspace: Path
     temp: Path
-    github: Known
+    github: Known  # the context of that name
     os: str = "Linux"
     arch: str = "X64"
+    # what steps find in it: the job's own, and what steps have written to GITHUB_ENV
     environment: dict[str, str] = field(default_factory=dict)
-    path: list[str] = field(default_factory=list)
+    path: list[str] = field(default_factory=list)  # what goes before PATH, from GITHUB_PATH
     cache: CacheStore | None = None
     artifacts: ArtifactStore | None = None
-    origin: Path | None = None
+    origin: Path | None = None  # the repository that a checkout fetches from
     permissions: Permissions = field(default_factory=lambda: DEFAULT)
-    deadline: float | None = None
+    deadline: float | None = None  # when the job is out of time, by the monotonic clock
     record: Record = field(default_factory=Record)
 
     @property

@@ -17,20 +17,13 @@ from tests.integration.github.stand_in import NO_OUTPUTS, StandIn, boolean, one_
 
 @dataclass(frozen=True, slots=True)
 class _Reporter:
-    """What tells one reporter from the others.
-
-    Attributes:
-        path: the input that says where the file is.
-        writes: what its token must be allowed to write.
-        fails: its step fails when a test did.
-        asks_git: for the files that it tracks, so that there must be a checkout.
-    """
+    """What tells one reporter from the others."""
 
     name: str
-    path: str
-    writes: Callable[[Mapping[str, str], Machine], list[str]]
-    fails: bool = False
-    asks_git: bool = False
+    path: str  # the input that says where the file is
+    writes: Callable[[Mapping[str, str], Machine], list[str]]  # what its token must be allowed to write
+    fails: bool = False  # its step fails when a test did
+    asks_git: bool = False  # for the files that it tracks, so that there must be a checkout
 
     def report(self, machine: Machine, inputs: Mapping[str, str]) -> Mapping[str, str]:
         if self.asks_git and not (machine.workspace / ".git").exists():

@@ -13,32 +13,22 @@ from tests.integration.github.values import Value
 
 @dataclass(frozen=True, slots=True)
 class StepResult:
-    """What became of a step.
-
-    Attributes:
-        outcome: success, failure, cancelled or skipped.
-        conclusion: the same, after `continue-on-error`.
-        exit_code: 1 for a failure that has none of its own.
-    """
+    """What became of a step."""
 
     name: str
     id: str
-    outcome: str
-    conclusion: str
+    outcome: str  # success, failure, cancelled or skipped
+    conclusion: str  # the same, after `continue-on-error`
     outputs: Mapping[str, str] = field(default_factory=dict)
-    exit_code: int = 0
+    exit_code: int = 0  # 1 for a failure that has none of its own
 
 
 @dataclass(frozen=True, slots=True)
 class JobRun:
-    """What became of one job, or of one combination of its matrix.
-
-    Attributes:
-        result: success, failure, cancelled or skipped.
-    """
+    """What became of one job, or of one combination of its matrix."""
 
     name: str
-    result: str
+    result: str  # success, failure, cancelled or skipped
     matrix: Mapping[str, Value] = field(default_factory=dict)
     steps: tuple[StepResult, ...] = ()
     outputs: Mapping[str, str] = field(default_factory=dict)
@@ -52,14 +42,11 @@ class JobRun:
 
 @dataclass(frozen=True, slots=True)
 class JobResult:
-    """What became of a job, as `needs` says it.
-
-    Attributes:
-        runs: one; or one for each combination of the matrix, and for each job of a called workflow.
-    """
+    """What became of a job, as `needs` says it."""
 
     result: str
     outputs: Mapping[str, str] = field(default_factory=dict)
+    # one; or one for each combination of the matrix, and for each job of a called workflow
     runs: tuple[JobRun, ...] = ()
 
     @property
@@ -85,15 +72,11 @@ class JobResult:
 
 @dataclass(frozen=True, slots=True)
 class WorkflowResult:
-    """What became of a workflow.
-
-    Attributes:
-        artifacts: a folder with a folder for each.
-    """
+    """What became of a workflow."""
 
     conclusion: str
     jobs: Mapping[str, JobResult]
-    artifacts: Path
+    artifacts: Path  # a folder with a folder for each
 
     @property
     def runs(self) -> tuple[JobRun, ...]:

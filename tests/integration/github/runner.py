@@ -18,42 +18,29 @@ from tests.integration.github.values import Known, Value
 
 @dataclass(frozen=True, slots=True)
 class ActionResult:
-    """What a job gets to see of the action.
+    """What a job gets to see of the action."""
 
-    Attributes:
-        exit_code: of the first step that failed and was not forgiven.
-        steps: the names of the steps that ran.
-        exported: what was written to GITHUB_ENV and GITHUB_PATH, for later steps of the job.
-        step_results: of all steps, by the order they have in the action.
-    """
-
-    exit_code: int
-    steps: tuple[str, ...]
+    exit_code: int  # of the first step that failed and was not forgiven
+    steps: tuple[str, ...]  # the names of the steps that ran
     outputs: Mapping[str, str]
     annotations: tuple[Annotation, ...]
     summary: str
     log: str
-    exported: str
-    step_results: tuple[StepResult, ...]
+    exported: str  # what was written to GITHUB_ENV and GITHUB_PATH, for later steps of the job
+    step_results: tuple[StepResult, ...]  # of all steps, by the order they have in the action
 
 
 @dataclass(frozen=True, slots=True)
 class Runner:
-    """A machine that runs actions.
-
-    Attributes:
-        temp: RUNNER_TEMP; what one action leaves there, the next one in the job finds.
-        variables: what the job has in its environment.
-        cache: without one, nothing is found and nothing is saved.
-    """
+    """A machine that runs actions."""
 
     workspace: Path
-    temp: Path
+    temp: Path  # RUNNER_TEMP; what one action leaves there, the next one in the job finds
     os: str = "Linux"
     arch: str = "X64"
     event_name: str = "push"
-    variables: Mapping[str, str] = field(default_factory=dict)
-    cache: CacheStore | None = None
+    variables: Mapping[str, str] = field(default_factory=dict)  # what the job has in its environment
+    cache: CacheStore | None = None  # without one, nothing is found and nothing is saved
     event: Mapping[str, Value] = field(default_factory=dict)
 
     def run(self, action_path: Path, inputs: Mapping[str, str] | None = None) -> ActionResult:

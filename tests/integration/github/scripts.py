@@ -25,16 +25,11 @@ _SHELLS: Final = {"bash": ("bash", "--noprofile", "--norc", "-e", "-o", "pipefai
 
 @dataclass(frozen=True, slots=True)
 class Script:
-    """What a step runs.
-
-    Attributes:
-        shell: empty if the step does not say.
-        variables: beside those of the machine.
-    """
+    """What a step runs."""
 
     text: str
-    shell: str
-    variables: Mapping[str, str]
+    shell: str  # empty if the step does not say
+    variables: Mapping[str, str]  # beside those of the machine
     github: Mapping[str, Value]
 
 

@@ -21,17 +21,12 @@ _FALSE: Final = frozenset({"false", "False", "FALSE"})
 
 @dataclass(frozen=True, slots=True)
 class StandIn:
-    """What stands in for an action.
+    """What stands in for an action."""
 
-    Attributes:
-        does: what the action does with all its inputs; what it returns are the outputs that are known here.
-        required: inputs that the action does not start without.
-        defaults: of all other inputs that are known here.
-    """
-
+    # what the action does with all its inputs; what it returns are the outputs that are known here
     does: Callable[[Machine, Mapping[str, str]], Mapping[str, str]]
-    required: tuple[str, ...] = ()
-    defaults: Mapping[str, str] = field(default_factory=dict)
+    required: tuple[str, ...] = ()  # inputs that the action does not start without
+    defaults: Mapping[str, str] = field(default_factory=dict)  # of all other inputs that are known here
 
     def use(self, machine: Machine, given: Mapping[str, str]) -> Finished:
         """Raises StepFailed and UnsupportedFeature."""

@@ -33,21 +33,14 @@ class Use:
 
 @dataclass(slots=True)
 class Steps:
-    """A list of steps, and how far it has come.
-
-    Attributes:
-        contexts: beside those of the machine and of the steps themselves.
-        use: runs what a step uses. Raises StepFailed.
-        environment: for these steps, beside the machine's.
-        is_job: they are a job's own steps, which need not name a shell.
-    """
+    """A list of steps, and how far it has come."""
 
     machine: Machine
     steps: Sequence[Value]
-    contexts: Mapping[str, Value]
-    use: Callable[[Use], Finished]
-    environment: Mapping[str, str] = field(default_factory=dict)
-    is_job: bool = False
+    contexts: Mapping[str, Value]  # beside those of the machine and of the steps themselves
+    use: Callable[[Use], Finished]  # runs what a step uses. Raises StepFailed.
+    environment: Mapping[str, str] = field(default_factory=dict)  # for these steps, beside the machine's
+    is_job: bool = False  # they are a job's own steps, which need not name a shell
     results: list[StepResult] = field(default_factory=list)
 
     def run(self) -> None:

@@ -78,19 +78,14 @@ def run_workflow(
 
 @dataclass(slots=True)
 class _Workflow:
-    """A workflow, and how far it has come.
-
-    Attributes:
-        started_by: what its `on` says of the event.
-        granted: what it may do at most; None for one that was not called.
-    """
+    """A workflow, and how far it has come."""
 
     shared: Shared
     document: Mapping[str, Value]
-    started_by: Mapping[str, Value]
+    started_by: Mapping[str, Value]  # what its `on` says of the event
     github: Known
     inputs: Mapping[str, Value]
-    granted: Permissions | None
+    granted: Permissions | None  # what it may do at most; None for one that was not called
     results: dict[str, JobResult] = field(default_factory=dict)
 
     @property

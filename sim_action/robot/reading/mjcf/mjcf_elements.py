@@ -24,17 +24,13 @@ Use = Literal["include", "model", "mesh", "unused"]
 
 @dataclass(frozen=True, slots=True)
 class FileRow:
-    """An element that may name files.
+    """An element that may name files."""
 
-    Attributes:
-        attributes: the attributes that name a file.
-        folder: the attribute of <compiler> with the folder of these files; empty: the folder of the model.
-        use: "include": its elements replace the element; "model": a model to attach; "mesh": our reader reads it;
-            "unused": it must be in the workspace and may be missing, because it is not opened.
-    """
-
-    attributes: tuple[str, ...]
+    attributes: tuple[str, ...]  # the attributes that name a file
+    # the attribute of <compiler> with the folder of these files; empty: the folder of the model
     folder: Literal["", "meshdir", "texturedir"]
+    # "include": its elements replace the element; "model": a model to attach; "mesh": our reader reads it; "unused": it
+    # must be in the workspace and may be missing, because it is not opened
     use: Use
 
 

@@ -50,18 +50,14 @@ _MAX_SQUARE_M: Final = 1_000.0
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """A texture that MuJoCo computes, on a material.
+    """A texture that MuJoCo computes, on a material."""
 
-    Attributes:
-        first, second: red, green and blue; the second one is that of every other square, None without squares.
-        repeats: pictures along the x axis, in a metre or on the whole plane; a picture has two squares along a side.
-        is_uniform: True if they are those in a metre.
-    """
-
+    # first, second: red, green and blue; the second one is that of every other square, None without squares
     first: tuple[float, ...]
     second: tuple[float, ...] | None
+    # pictures along the x axis, in a metre or on the whole plane; a picture has two squares along a side
     repeats: float
-    is_uniform: bool
+    is_uniform: bool  # True if they are those in a metre
 
 
 def patterns_of(root: Element) -> dict[str, Pattern]:
@@ -135,24 +131,17 @@ class MeshFile:
 
 @dataclass(frozen=True)
 class MjcfFiles:
-    """A collected model.
+    """A collected model."""
 
-    Attributes:
-        text: the model with its included files; each element begins on a line of its own.
-        models: name in the text -> text of each model to attach.
-        meshes: name in the text -> the file of each mesh.
-        places: the place of each line of the texts; lines count through all texts.
-        left_out: the parts that are not read: rule and message of each kind -> its places.
-        findings: notes about files that are spelled otherwise.
-        patterns: material -> its texture, if MuJoCo computes it; those of the text, which lacks textures.
-    """
-
-    text: str
-    models: Mapping[str, bytes] = field(repr=False)
-    meshes: Mapping[str, MeshFile]
+    text: str  # the model with its included files; each element begins on a line of its own
+    models: Mapping[str, bytes] = field(repr=False)  # name in the text -> text of each model to attach
+    meshes: Mapping[str, MeshFile]  # name in the text -> the file of each mesh
+    # the place of each line of the texts; lines count through all texts
     places: tuple[Location, ...] = field(repr=False)
+    # the parts that are not read: rule and message of each kind -> its places
     left_out: Mapping[tuple[str, str], Places] = field(default_factory=dict)
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()  # notes about files that are spelled otherwise
+    # material -> its texture, if MuJoCo computes it; those of the text, which lacks textures
     patterns: Mapping[str, Pattern] = field(default_factory=dict)
 
     def place(self, line: int) -> Location | None:

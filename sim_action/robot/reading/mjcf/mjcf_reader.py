@@ -64,10 +64,7 @@ _MAX_RESTITUTION: Final = 0.1
 
 
 def read_mjcf(path: Path, packages: Packages, allow: Iterable[str] = ()) -> RobotModel:
-    """Read a file and its includes. Raises ModelError.
-
-    :param allow: rules of the audit whose errors are accepted.
-    """
+    """Read a file and its includes. `allow`: rules of the audit whose errors are accepted. Raises ModelError."""
     mujoco = _engine(path)
     files = collect_files(path, packages)
     warnings: list[str] = []

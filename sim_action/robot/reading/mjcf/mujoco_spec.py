@@ -53,25 +53,16 @@ class StatedKeyframe(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Built:
-    """A model before it is compiled.
+    """A model before it is compiled."""
 
-    Attributes:
-        spec: MuJoCo's MjSpec.
-        mjcf: the input from which the engine builds it again.
-        drawn: mesh name -> its file, for meshes that are drawn from their files.
-        positions: joint name -> its first number and its count in `qpos` of the file, with all bodies.
-        keyframes: those of the file, in its order.
-        actuators: name -> the number of its controls, in the order of the file.
-        notes: parts that are left out.
-    """
-
-    spec: Any
-    mjcf: Mjcf
-    drawn: Mapping[str, MeshFile]
+    spec: Any  # MuJoCo's MjSpec
+    mjcf: Mjcf  # the input from which the engine builds it again
+    drawn: Mapping[str, MeshFile]  # mesh name -> its file, for meshes that are drawn from their files
+    # joint name -> its first number and its count in `qpos` of the file, with all bodies
     positions: Mapping[str, tuple[int, int]]
-    keyframes: tuple[StatedKeyframe, ...]
-    actuators: Mapping[str, int]
-    notes: Notes
+    keyframes: tuple[StatedKeyframe, ...]  # those of the file, in its order
+    actuators: Mapping[str, int]  # name -> the number of its controls, in the order of the file
+    notes: Notes  # parts that are left out
 
 
 def build(files: MjcfFiles, place: Location) -> Built:
@@ -407,9 +398,8 @@ def robot_bodies(spec: Any, place: Callable[[Any], Location]) -> tuple[frozenset
     """Return the bodies of the world that make up the robot, and a note on the choice, which may be empty.
 
     They are the bodies with joints of their own: one that moves freely, or all that are fixed to the world. If there
-    are several, those with actuators are the robot. Raises ModelError if that is ambiguous.
-
-    :param place: returns the place of an element.
+    are several, those with actuators are the robot. Raises ModelError if that is ambiguous. `place`: returns the place
+    of an element.
     """
     tops = [body for body in spec.worldbody.bodies if not body.mocap]
     free = {body.name for body in tops if any(joint.type == _FREE for joint in body.joints)}

@@ -45,20 +45,14 @@ _UNIQUE_NAMES: Final[Version] = (1, 7)
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """A link, joint, frame or model: an element with a frame.
-
-    Attributes:
-        owner: the scope in which the references of the element are resolved.
-        pose: the <pose> that places it; None if there is none.
-        scope: the inside of a model; None for other kinds.
-    """
+    """A link, joint, frame or model: an element with a frame."""
 
     kind: Kind
     name: str
     element: Element
-    owner: Scope
-    pose: Element | None
-    scope: Scope | None = None
+    owner: Scope  # the scope in which the references of the element are resolved
+    pose: Element | None  # the <pose> that places it; None if there is none
+    scope: Scope | None = None  # the inside of a model; None for other kinds
 
     @property
     def whole_model(self) -> Element:
@@ -81,27 +75,17 @@ class Entry:
 
 @dataclass(eq=False)
 class Scope:
-    """The inside of a <model>; `members` and `names` grow while it is read.
-
-    Attributes:
-        prefix: the prefix of all names in it, as seen from the outermost model.
-        placement_frame: the frame in it that the model's pose places; empty: the model's own frame.
-        static: True if nothing in it moves.
-        parent: the scope around it; None for the outermost model.
-        pose: the <pose> that places it; None if there is none.
-        members: its links, joints, frames and models, in the order of the file.
-        names: name -> the entry that it refers to.
-    """
+    """The inside of a <model>; `members` and `names` grow while it is read."""
 
     file: SdfFile
-    prefix: str
+    prefix: str  # the prefix of all names in it, as seen from the outermost model
     element: Element
-    placement_frame: str
-    static: bool
-    parent: Scope | None
-    pose: Element | None
-    members: list[Entry] = field(default_factory=list)
-    names: dict[str, Entry] = field(default_factory=dict)
+    placement_frame: str  # the frame in it that the model's pose places; empty: the model's own frame
+    static: bool  # True if nothing in it moves
+    parent: Scope | None  # the scope around it; None for the outermost model
+    pose: Element | None  # the <pose> that places it; None if there is none
+    members: list[Entry] = field(default_factory=list)  # its links, joints, frames and models, in the order of the file
+    names: dict[str, Entry] = field(default_factory=dict)  # name -> the entry that it refers to
 
     def all_of(self, kind: Kind) -> Iterator[Entry]:
         """Yield all entries of a kind, in it and below, in the order of the file."""
@@ -144,9 +128,7 @@ class Scope:
 class Assembly:
     """The composition of one model. Problems become findings in `notes`.
 
-    Args:
-        file: the file with the outermost model.
-        static: True if nothing in it moves, whatever it states.
+    `file`: the file with the outermost model; `static`: True if nothing in it moves, whatever it states.
     """
 
     def __init__(self, file: SdfFile, packages: Packages, notes: Notes, *, static: bool = False) -> None:

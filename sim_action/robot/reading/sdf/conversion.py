@@ -39,21 +39,13 @@ _MIN_ROTATION_RAD: Final = 1e-6
 
 @dataclass(frozen=True)
 class Kinematics:
-    """The links and joints with all poses; not yet checked to be a tree.
+    """The links and joints with all poses; not yet checked to be a tree."""
 
-    Attributes:
-        placed: link -> its URDF frame, in the outermost model's frame.
-        joints: the joints of the file.
-        in_world: the outermost model's frame, in the world.
-        static: static links without a joint; they are fixed to the world.
-        roots: other links without a parent; a robot has one.
-    """
-
-    placed: Mapping[Entry, Pose]
-    joints: tuple[ResolvedJoint, ...]
-    in_world: Pose
-    static: tuple[Entry, ...]
-    roots: tuple[Entry, ...]
+    placed: Mapping[Entry, Pose]  # link -> its URDF frame, in the outermost model's frame
+    joints: tuple[ResolvedJoint, ...]  # the joints of the file
+    in_world: Pose  # the outermost model's frame, in the world
+    static: tuple[Entry, ...]  # static links without a joint; they are fixed to the world
+    roots: tuple[Entry, ...]  # other links without a parent; a robot has one
 
     @property
     def needs_world(self) -> bool:
@@ -92,9 +84,8 @@ def urdf_of_sdf(
 ) -> tuple[ModelDocument, tuple[Finding, ...]]:
     """Return the URDF of a parsed SDF, and the findings. Raises ModelError.
 
-    :param path: the file of the document.
-    :param allow: rules whose errors are accepted.
-    :param name: name of the model in a world; empty: the file has one model.
+    `path`: the file of the document; `allow`: rules whose errors are accepted; `name`: name of the model in a world;
+    empty: the file has one model.
     """
     notes = Notes(findings=list(document.findings))
     if name:

@@ -78,10 +78,7 @@ class LinkWriter:
         self._notes, self._frames, self._writer = notes, frames, writer
 
     def write(self, entry: Entry, frame: Pose) -> None:
-        """Write a link. Raises SdfProblem.
-
-        :param frame: the URDF link's frame, in the outermost model's frame.
-        """
+        """Write a link. `frame`: the URDF link's frame, in the outermost model's frame. Raises SdfProblem."""
         element, writer = entry.element, self._writer
         link = writer.add(writer.root, "link", element, name=entry.full_name)
         self._note_unsupported_parts(element, f"link '{entry.full_name}'")
@@ -203,10 +200,7 @@ def shape_in(holder: Element) -> Element | None:
 
 
 def write_shape(writer: UrdfWriter, parent: Element, shape: Element, file: Path) -> None:
-    """Write a shape into a <geometry> of URDF. Raises SdfProblem.
-
-    :param file: the file from which paths of meshes start.
-    """
+    """Write a shape into a <geometry> of URDF. `file`: the file from which paths of meshes start. Raises SdfProblem."""
     if shape.tag == "mesh":
         write_mesh(writer, parent, shape, file)
         return
@@ -282,10 +276,7 @@ def _clipped(text: str, otherwise: float) -> float:
 class UrdfWriter:
     """A URDF document that is being written.
 
-    Args:
-        name: name of the robot.
-        source: the <model> element.
-        sources: the file and line of each element of the SDF.
+    `name`: name of the robot; `source`: the <model> element; `sources`: the file and line of each element of the SDF.
     """
 
     def __init__(self, name: str, source: Element, sources: Mapping[Element, Location]) -> None:
@@ -348,23 +339,15 @@ _AXIS_TOLERANCE_M: Final = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class ResolvedJoint:
-    """A joint whose links, frame and axis are resolved.
-
-    Attributes:
-        type: the URDF type.
-        parent: the parent link; None is the world.
-        pose: the joint's frame, in the outermost model's frame.
-        axis_xyz: in the frame of the child link; None for a fixed joint and a ball joint.
-        axis2_xyz: the second axis of a universal joint, in the same frame.
-    """
+    """A joint whose links, frame and axis are resolved."""
 
     entry: Entry
-    type: str
-    parent: Entry | None
+    type: str  # the URDF type
+    parent: Entry | None  # the parent link; None is the world
     child: Entry
-    pose: Pose
-    axis_xyz: Vector3 | None
-    axis2_xyz: Vector3 | None = None
+    pose: Pose  # the joint's frame, in the outermost model's frame
+    axis_xyz: Vector3 | None  # in the frame of the child link; None for a fixed joint and a ball joint
+    axis2_xyz: Vector3 | None = None  # the second axis of a universal joint, in the same frame
 
     def shift(self, child_pose: Pose) -> Vector3:
         """Return the offset in m, in the child link's frame, that moves the child's origin onto the axis."""
@@ -460,10 +443,7 @@ class JointWriter:
         self._notes, self._frames, self._writer = notes, frames, writer
 
     def write(self, resolved: ResolvedJoint, origin: Pose) -> None:
-        """Write a joint. Raises SdfProblem.
-
-        :param origin: the child link's frame in the parent link's frame.
-        """
+        """Write a joint. `origin`: the child link's frame in the parent link's frame. Raises SdfProblem."""
         element, writer = resolved.entry.element, self._writer
         joint = writer.add(
             writer.root,

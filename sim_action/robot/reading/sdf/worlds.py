@@ -36,24 +36,15 @@ _BARE_VERSION: Final[Version] = (1, 6)
 
 @dataclass(frozen=True, eq=False)
 class SdfWorld:
-    """A world whose models are composed.
+    """A world whose models are composed."""
 
-    Attributes:
-        element: the <world>.
-        scope: its models, as those of an outermost model.
-        states: name of a model -> its <model> in <state>.
-        has_ground: True if it includes the ground plane of Gazebo.
-        renamed: models with the name of an earlier one -> that name.
-        version: of the file.
-    """
-
-    element: Element
-    scope: Scope
+    element: Element  # the <world>
+    scope: Scope  # its models, as those of an outermost model
     frames: Frames
-    states: Mapping[str, Element]
-    has_ground: bool
-    renamed: Mapping[Element, str] = field(default_factory=dict)
-    version: Version = _BARE_VERSION
+    states: Mapping[str, Element]  # name of a model -> its <model> in <state>
+    has_ground: bool  # True if it includes the ground plane of Gazebo
+    renamed: Mapping[Element, str] = field(default_factory=dict)  # models with the name of an earlier one -> that name
+    version: Version = _BARE_VERSION  # of the file
 
     @property
     def models(self) -> Mapping[str, Entry]:

@@ -31,24 +31,16 @@ Moments = dict[str, float]
 
 @dataclass(frozen=True)
 class Part:
-    """A link and the joint that it hangs on.
-
-    Attributes:
-        origin: of the link, in its parent's frame.
-        axis: in the link's frame.
-        centre: of its mass and of a ball, in the link's frame.
-        moments: kg m^2, about axes through the centre, askew to it.
-        joint: the frame of the SDF's joint in the link's; it lies on the axis.
-    """
+    """A link and the joint that it hangs on."""
 
     parent: int
     kind: str
-    origin: Pose
-    axis: Vector3
-    centre: Pose
+    origin: Pose  # of the link, in its parent's frame
+    axis: Vector3  # in the link's frame
+    centre: Pose  # of its mass and of a ball, in the link's frame
     mass: float
-    moments: Moments
-    joint: Pose
+    moments: Moments  # kg m^2, about axes through the centre, askew to it
+    joint: Pose  # the frame of the SDF's joint in the link's; it lies on the axis
 
 
 def random_pose(source: Random) -> Pose:
