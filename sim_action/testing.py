@@ -64,10 +64,8 @@ class BrokenRules(AssertionError):
 def check_assertion(spec: Assertion, *, passes: OneScenario, fails: OneScenario) -> None:
     """Check that an assertion of an installed package keeps the rules of assertions. Raise BrokenRules.
 
-    Args:
-        spec: an example of the assertion.
-        passes: a scenario in which it is expected, and holds.
-        fails: a scenario in which it is expected, and does not hold.
+    `spec`: an example of the assertion; `passes`: a scenario in which it is expected, and holds; `fails`: a scenario in
+    which it is expected, and does not hold.
     """
     problems = _Problems()
     _check_part(spec, ASSERTIONS, problems)
@@ -83,9 +81,7 @@ def check_assertion(spec: Assertion, *, passes: OneScenario, fails: OneScenario)
 def check_sensor(spec: Sensor, *, scenario: OneScenario) -> None:
     """Check that a sensor of an installed package keeps the rules of sensors. Raise BrokenRules.
 
-    Args:
-        spec: an example of the sensor.
-        scenario: a scenario that has the sensor, with `trace: true`.
+    `spec`: an example of the sensor; `scenario`: a scenario that has the sensor, with `trace: true`.
     """
     problems = _Problems()
     _check_part(spec, SENSORS, problems)
@@ -98,9 +94,7 @@ def check_sensor(spec: Sensor, *, scenario: OneScenario) -> None:
 def check_command(spec: CommandSource, *, scenario: OneScenario) -> None:
     """Check that a command source of an installed package keeps the rules of sources. Raise BrokenRules.
 
-    Args:
-        spec: an example of the source.
-        scenario: a scenario that it drives.
+    `spec`: an example of the source; `scenario`: a scenario that it drives.
     """
     problems = _Problems()
     _check_part(spec, COMMANDS, problems)

@@ -42,17 +42,11 @@ NO_READING: Final = "The sensor had no reading between `after` and `before`, or 
 
 
 class Reference(NamedTuple):
-    """The facts about an assertion for the documents, besides its docstring and its fields.
+    """The facts about an assertion for the documents, besides its docstring and its fields."""
 
-    Attributes:
-        page: the page of docs/scenario, which is `assertions-PAGE.md`: motion, contact, joints or logic.
-        kind: a goal, an invariant, or judged at the end of the run; by key if its keys differ.
-        passed, failed, not_exercised: when it has this verdict, in one or two sentences.
-    """
-
-    page: str
-    kind: str
-    passed: str
+    page: str  # the page of docs/scenario, which is `assertions-PAGE.md`: motion, contact, joints or logic
+    kind: str  # a goal, an invariant, or judged at the end of the run; by key if its keys differ
+    passed: str  # passed, failed, not_exercised: when it has this verdict, in one or two sentences
     failed: str
     not_exercised: str = "The run ended before `after`."
 

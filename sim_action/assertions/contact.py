@@ -241,34 +241,22 @@ _MAX_CONTACT_GAP_S: Final = 0.05
 
 @dataclass(frozen=True, slots=True)
 class TouchMonitor(Monitor):
-    """The fold of the contacts over all steps; a stored trace may have fewer steps than contacts.
-
-    Attributes:
-        step: duration of a physics step in s of sim time.
-        stretch: the fold of the time for which the contact lasts and is strong enough.
-        mean: the mean force so far.
-        force: the fold of the mean force in N against its limits.
-        impulse: the fold of the impulse in N s against its limits.
-        first: sim time in s of the first contact.
-        unknown: sim time in s of the first contact without a force, see `Contact.has_force`; only if there are limits.
-        last: sim time in s of the last contact.
-        nearest: the least distance.
-        instead: another contact: of the body with another link if there is one, else the first of all.
-        end: sim time of the last step, in s.
-    """
+    """The fold of the contacts over all steps; a stored trace may have fewer steps than contacts."""
 
     spec: Touch
-    step: float
-    stretch: HoldTime
-    mean: MeanForce
-    force: Bounds
-    impulse: Bounds
-    first: float | None = None
+    step: float  # duration of a physics step in s of sim time
+    stretch: HoldTime  # the fold of the time for which the contact lasts and is strong enough
+    mean: MeanForce  # the mean force so far
+    force: Bounds  # the fold of the mean force in N against its limits
+    impulse: Bounds  # the fold of the impulse in N s against its limits
+    first: float | None = None  # sim time in s of the first contact
+    # sim time in s of the first contact without a force, see `Contact.has_force`; only if there are limits
     unknown: float | None = None
-    last: float | None = None
-    nearest: Nearness | None = None
+    last: float | None = None  # sim time in s of the last contact
+    nearest: Nearness | None = None  # the least distance
+    # another contact: of the body with another link if there is one, else the first of all
     instead: Contact | None = None
-    end: float | None = None
+    end: float | None = None  # sim time of the last step, in s
 
     @property
     @override

@@ -148,18 +148,13 @@ def magnitude(signal: Callable[[Trace], FloatArray]) -> Callable[[Trace], FloatA
 
 @dataclass(frozen=True, slots=True)
 class RootMeanSquareMonitor(Monitor):
-    """The fold of the squares of an effort. It is judged at the end, because later steps can lower the RMS.
+    """The fold of the squares of an effort. It is judged at the end, because later steps can lower the RMS."""
 
-    Attributes:
-        joint: the joint whose motor exerts it.
-        squares: sum of the squares over `moments` steps, up to sim time `end` in s.
-    """
-
-    joint: str
+    joint: str  # the joint whose motor exerts it
     signal: Callable[[Trace], FloatArray]
     unit: str
     limit: float
-    squares: float = 0.0
+    squares: float = 0.0  # sum of the squares over `moments` steps, up to sim time `end` in s
     moments: int = 0
     end: float | None = None
 

@@ -87,20 +87,14 @@ class Energy(Assertion):
 
 @dataclass(frozen=True, slots=True)
 class EnergyMonitor(BoundsMonitor):
-    """The fold of the work so far.
-
-    Attributes:
-        time: sim time of the last step, in s.
-        velocities: velocity of each joint at that time, in rad/s or m/s.
-        work: the work so far, in J.
-    """
+    """The fold of the work so far."""
 
     joints: tuple[str, ...]
     braking: Braking
     bounds: Bounds
-    time: float
-    velocities: tuple[float, ...]
-    work: float = 0.0
+    time: float  # sim time of the last step, in s
+    velocities: tuple[float, ...]  # velocity of each joint at that time, in rad/s or m/s
+    work: float = 0.0  # the work so far, in J
 
     def begin(self, trace: Trace) -> Self:
         """See Monitor.begin. Work before the window does not count."""

@@ -119,26 +119,18 @@ class FinalPose(PoseTarget):
 
 @dataclass(frozen=True, slots=True)
 class FinalPoseMonitor(Monitor):
-    """The monitor of the pose at the last step, and of the closest approach before it.
-
-    Attributes:
-        origin: pose of the frame of the place, in the world.
-        angle: the required heading or orientation; None for any.
-        found: the orientation at the last step as text; empty if none is required.
-        distance, angle_error: errors at the last step in m and rad; 0 where nothing is required.
-        end: sim time of the last step, in s.
-    """
+    """The monitor of the pose at the last step, and of the closest approach before it."""
 
     is_momentary = True
 
     spec: FinalPose
-    origin: Pose
+    origin: Pose  # pose of the frame of the place, in the world
     nearest: ClosestApproach
-    angle: TargetAngle | None = None
-    found: str = ""
-    distance: float = 0.0
+    angle: TargetAngle | None = None  # the required heading or orientation; None for any
+    found: str = ""  # the orientation at the last step as text; empty if none is required
+    distance: float = 0.0  # distance, angle_error: errors at the last step in m and rad; 0 where nothing is required
     angle_error: float = 0.0
-    end: float | None = None
+    end: float | None = None  # sim time of the last step, in s
 
     # It stays open until the end, because the pose may still change.
     state = State.HOLDS

@@ -382,16 +382,11 @@ _MAX_PROGRESS_RATIO: Final = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """The progress of a robot along a path.
-
-    Attributes:
-        place: position of the robot in m.
-        foot: projection of the position onto the path.
-    """
+    """The progress of a robot along a path."""
 
     path: ReferencePath
-    place: Point
-    foot: Foot
+    place: Point  # position of the robot in m
+    foot: Foot  # projection of the position onto the path
 
     @classmethod
     def at_start(cls, path: ReferencePath, place: Point) -> Self:
@@ -421,22 +416,16 @@ class PathLimits:
 
 @dataclass(frozen=True, slots=True)
 class PathMonitor(Monitor):
-    """The monitor of a robot along its path, up to the end of the path if `end` is required.
-
-    Attributes:
-        worst: the fold of the greatest error; it occurred `worst_along` m along the path.
-        squares, moments: sum of the squared errors in m^2 and number of steps.
-        end: sim time of the last step, in s.
-    """
+    """The monitor of a robot along its path, up to the end of the path if `end` is required."""
 
     limits: PathLimits
     progress: Progress
     goal: Goal = Goal()
-    worst: Invariant = Invariant()
+    worst: Invariant = Invariant()  # the fold of the greatest error; it occurred `worst_along` m along the path
     worst_along: float = 0.0
-    squares: float = 0.0
+    squares: float = 0.0  # squares, moments: sum of the squared errors in m^2 and number of steps
     moments: int = 0
-    end: float = 0.0
+    end: float = 0.0  # sim time of the last step, in s
 
     @property
     @override

@@ -110,17 +110,11 @@ class Grasped(Assertion):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sample:
-    """The forces of the links on the object, and its place, at T moments.
+    """The forces of the links on the object, and its place, at T moments."""
 
-    Attributes:
-        time: (T,) s.
-        force: (T, L, 3) N, the sum of the normal forces of each link on the object, world frame.
-        place: (T, L, 3) m, the object in the frame of each link; NaN while it is not there.
-    """
-
-    time: FloatArray
-    force: FloatArray
-    place: FloatArray
+    time: FloatArray  # (T,) s
+    force: FloatArray  # (T, L, 3) N, the sum of the normal forces of each link on the object, world frame
+    place: FloatArray  # (T, L, 3) m, the object in the frame of each link; NaN while it is not there
 
     def rows(self, wanted: NDArray[np.bool_]) -> _Sample:
         """Return some of the moments."""
@@ -135,18 +129,13 @@ class _Sample:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Grip:
-    """The grip at T moments, as the mean over the window before each.
+    """The grip at T moments, as the mean over the window before each."""
 
-    Attributes:
-        touching: (T, L) True where a link presses the object.
-        total, resultant: (T,) N, the sum of the forces of the links, and the length of their vector sum.
-        slip: (T, L) m/s, the speed of the object in the frame of each link.
-    """
-
-    touching: NDArray[np.bool_]
+    touching: NDArray[np.bool_]  # (T, L) True where a link presses the object
+    # total, resultant: (T,) N, the sum of the forces of the links, and the length of their vector sum
     total: FloatArray
     resultant: FloatArray
-    slip: FloatArray
+    slip: FloatArray  # (T, L) m/s, the speed of the object in the frame of each link
 
     @property
     def squeeze(self) -> FloatArray:
@@ -168,31 +157,22 @@ class _Grip:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GraspMonitor(Monitor):
-    """The fold of the time for which the object is held, and of the squeeze.
-
-    Attributes:
-        links: the links that may hold it.
-        least: the least squeeze in N.
-        best: the fold of the squeeze while the grip is sound, else 0.
-        before: the moments of the last window.
-        nearest: links that pressed the object, and the squeeze in N, at the best moment so far, and the reason why that
-            was no grip.
-        steps: the steps at which contacts and poses are known.
-        end: sim time of the last step, in s.
-    """
+    """The fold of the time for which the object is held, and of the squeeze."""
 
     is_goal = True
 
     spec: Grasped
     model: RobotModel
-    links: tuple[str, ...]
-    least: float
+    links: tuple[str, ...]  # the links that may hold it
+    least: float  # the least squeeze in N
     stretch: HoldTime
-    best: Goal = Goal()
-    before: _Sample | None = None
+    best: Goal = Goal()  # the fold of the squeeze while the grip is sound, else 0
+    before: _Sample | None = None  # the moments of the last window
+    # links that pressed the object, and the squeeze in N, at the best moment so far, and the reason why that was no
+    # grip
     nearest: tuple[int, float, str] = (0, 0.0, "no link touched it")
-    steps: Judged = Judged()
-    end: float = 0.0
+    steps: Judged = Judged()  # the steps at which contacts and poses are known
+    end: float = 0.0  # sim time of the last step, in s
 
     @property
     @override

@@ -169,17 +169,11 @@ _ON_LINE_M: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Footing:
-    """The contacts that carry the robot.
+    """The contacts that carry the robot."""
 
-    Attributes:
-        feet: names of links.
-        bodies: names of the bodies that they may stand on.
-        up_xyz: the unit vector against gravity, world frame.
-    """
-
-    feet: tuple[str, ...]
-    bodies: frozenset[str]
-    up_xyz: Vector3
+    feet: tuple[str, ...]  # names of links
+    bodies: frozenset[str]  # names of the bodies that they may stand on
+    up_xyz: Vector3  # the unit vector against gravity, world frame
 
     def is_known(self, trace: Trace) -> bool:
         """Return True if the trace has the contacts of all feet."""
@@ -221,10 +215,8 @@ def support_margins(centre_xy: FloatArray, moment: NDArray[np.intp], points_xy: 
     """Return the distances (T,) in m of a point to the edge of the support polygon, negative outside.
 
     The polygon of a moment is the convex hull of its points; without a point, the distance is minus infinity.
-
-    :param centre_xy: the point, (T, 2) m.
-    :param moment: the index (N,) of the moment of each point of the polygons, rising.
-    :param points_xy: the points of the polygons, (N, 2) m.
+    `centre_xy`: the point, (T, 2) m; `moment`: the index (N,) of the moment of each point of the polygons, rising;
+    `points_xy`: the points of the polygons, (N, 2) m.
     """
     margins = np.full(len(centre_xy), -math.inf)
     counts = np.bincount(moment, minlength=len(centre_xy))
@@ -263,26 +255,18 @@ def _margins(centre: FloatArray, points: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class FeetMonitor(Monitor):
-    """The fold of the number of feet on the ground.
-
-    Attributes:
-        at_least, at_most: the limits; None: no limit.
-        hint: added to the message of a failure at t = 0.
-        fewest, most: the folds of the margins.
-        aloft: the feet in the air at the step of `fewest`.
-        steps: the steps at which contacts are known.
-    """
+    """The fold of the number of feet on the ground."""
 
     is_momentary = True
 
     footing: Footing
-    at_least: int | None
+    at_least: int | None  # at_least, at_most: the limits; None: no limit
     at_most: int | None
-    hint: str = ""
-    fewest: Invariant = Invariant()
+    hint: str = ""  # added to the message of a failure at t = 0
+    fewest: Invariant = Invariant()  # fewest, most: the folds of the margins
     most: Invariant = Invariant()
-    aloft: tuple[str, ...] = ()
-    steps: Judged = Judged()
+    aloft: tuple[str, ...] = ()  # the feet in the air at the step of `fewest`
+    steps: Judged = Judged()  # the steps at which contacts are known
 
     @property
     @override
@@ -386,25 +370,18 @@ class SupportMargin(Feet):
 
 @dataclass(frozen=True, slots=True)
 class SupportMonitor(Monitor):
-    """The fold of the distance of the centre of mass to the edge of the support polygon.
-
-    Attributes:
-        hint: added to the message of a failure at t = 0.
-        payloads: on links.
-        standing: the feet on the ground at the step of the fold.
-        steps: the steps at which contacts are known.
-    """
+    """The fold of the distance of the centre of mass to the edge of the support polygon."""
 
     is_momentary = True
 
     footing: Footing
     model: RobotModel
     at_least: float
-    hint: str = ""
-    payloads: tuple[Disturbance, ...] = ()
+    hint: str = ""  # added to the message of a failure at t = 0
+    payloads: tuple[Disturbance, ...] = ()  # on links
     fold: Invariant = Invariant()
-    standing: tuple[str, ...] = ()
-    steps: Judged = Judged()
+    standing: tuple[str, ...] = ()  # the feet on the ground at the step of the fold
+    steps: Judged = Judged()  # the steps at which contacts are known
 
     @property
     @override

@@ -266,19 +266,13 @@ class Matches(Assertion):
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """The tolerance of one quantity.
+    """The tolerance of one quantity."""
 
-    Attributes:
-        what: "position", "heading" or the name of a joint.
-        columns: the columns of a golden trajectory that make up the error.
-        turns: True for angles that repeat after a full turn.
-    """
-
-    what: str
+    what: str  # "position", "heading" or the name of a joint
     unit: str
     limit: float
-    columns: tuple[int, ...]
-    turns: bool = False
+    columns: tuple[int, ...]  # the columns of a golden trajectory that make up the error
+    turns: bool = False  # True for angles that repeat after a full turn
 
     def errors(self, rows: FloatArray, golden: FloatArray) -> FloatArray:
         """Return (N,) errors in `unit` between rows with the same times."""
@@ -289,17 +283,12 @@ class Tolerance:
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """The fold of the error of one quantity.
-
-    Attributes:
-        largest, time: the largest error and its sim time in s.
-        left: sim time in s at which the error first exceeded the tolerance.
-    """
+    """The fold of the error of one quantity."""
 
     tolerance: Tolerance
-    largest: float = -1.0
+    largest: float = -1.0  # largest, time: the largest error and its sim time in s
     time: float = 0.0
-    left: float | None = None
+    left: float | None = None  # sim time in s at which the error first exceeded the tolerance
 
     def observe(self, time: FloatArray, errors: FloatArray) -> Self:
         """Return the fold after these rows; `time` in s and `errors` in the unit of the tolerance, each (N,)."""
@@ -328,21 +317,14 @@ class Deviation:
 
 @dataclass(frozen=True, eq=False)
 class MatchesMonitor(Monitor):
-    """The comparison of a run with a golden trajectory. The run is interpolated linearly between steps.
+    """The comparison of a run with a golden trajectory. The run is interpolated linearly between steps."""
 
-    Attributes:
-        name: name of the golden file.
-        duration: the allowed difference in length, in s.
-        before: (1, 5 + J) the row of the last step.
-        next: index of the first golden row that has not been compared.
-    """
-
-    name: str
+    name: str  # name of the golden file
     golden: Golden
-    duration: float
-    before: FloatArray
+    duration: float  # the allowed difference in length, in s
+    before: FloatArray  # (1, 5 + J) the row of the last step
     deviations: tuple[Deviation, ...]
-    next: int = 0
+    next: int = 0  # index of the first golden row that has not been compared
 
     @classmethod
     def at_start(

@@ -104,18 +104,14 @@ class MaxSpeed(MotionAssertion):
 
 @dataclass(frozen=True, slots=True)
 class SpeedMonitor(BoundsMonitor):
-    """The fold of the speed of the base, or of its turn rate (`turns`).
-
-    Attributes:
-        jump: the jump that broke the limit, as text; empty if no jump did.
-    """
+    """The fold of the speed of the base, or of its turn rate (`turns`)."""
 
     is_momentary = True
 
     bounds: Bounds
     motion: BaseMotion
     turns: bool = False
-    jump: str = ""
+    jump: str = ""  # the jump that broke the limit, as text; empty if no jump did
 
     def begin(self, trace: Trace) -> Self:
         """See Monitor.begin. The step to the first moment of the window counts."""

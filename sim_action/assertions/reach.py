@@ -57,17 +57,11 @@ def rpy_text(angles: Vector3) -> str:
 
 @dataclass(frozen=True, slots=True)
 class TargetAngle:
-    """The heading or the orientation that a frame must have.
+    """The heading or the orientation that a frame must have."""
 
-    Attributes:
-        name: "heading" or "orientation".
-        tolerance: maximum error in rad.
-        target: the yaw in rad, or the orientation.
-    """
-
-    name: str
-    tolerance: float
-    target: float | Quaternion
+    name: str  # "heading" or "orientation"
+    tolerance: float  # maximum error in rad
+    target: float | Quaternion  # the yaw in rad, or the orientation
 
     def error(self, trace: Trace) -> FloatArray:
         """Return the angle by which it is missed, (T,) rad in [0, pi]."""
@@ -209,20 +203,15 @@ class Reach(PoseTarget):
 
 @dataclass(frozen=True, slots=True)
 class ReachMonitor(Monitor):
-    """The monitor of the distance from the point.
-
-    Attributes:
-        angle: the required heading or orientation; None for any.
-        found: the orientation at the best step as text; empty if none is required.
-    """
+    """The monitor of the distance from the point."""
 
     is_goal = True
     is_momentary = True
 
     spec: Reach
     nearest: ClosestApproach
-    angle: TargetAngle | None
-    found: str = ""
+    angle: TargetAngle | None  # the required heading or orientation; None for any
+    found: str = ""  # the orientation at the best step as text; empty if none is required
 
     @property
     @override

@@ -135,18 +135,13 @@ def _names(names: tuple[str, str], pair: tuple[str, str]) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class SelfCollisionMonitor(Monitor):
-    """The monitor of the first forbidden contact between links, with the force of all its points.
-
-    Attributes:
-        step: s of sim time.
-        collides: True if links push each other away.
-    """
+    """The monitor of the first forbidden contact between links, with the force of all its points."""
 
     is_momentary = True
 
     spec: SelfCollision
-    step: float
-    collides: bool
+    step: float  # s of sim time
+    collides: bool  # True if links push each other away
     first: SelfContact | None = None
     end: float | None = None
 

@@ -204,31 +204,22 @@ def why_not_picked(column: ReadingColumn, which: str | None) -> str | None:
 
 @dataclass(frozen=True, slots=True)
 class SensorMonitor(Monitor):
-    """The fold of the margin to the closer of both bounds.
-
-    Attributes:
-        sensor, reading, which: the value that is read.
-        what: the same as text.
-        once: True if one reading within the bounds is enough.
-        value: the reading at the deciding time.
-        readings: the readings that were judged.
-        unit: SI symbol; empty before the first reading.
-    """
+    """The fold of the margin to the closer of both bounds."""
 
     is_momentary = True
     is_sampled = True
 
-    sensor: str
+    sensor: str  # sensor, reading, which: the value that is read
     reading: str
     which: str | None
-    what: str
+    what: str  # the same as text
     at_least: float | None
     at_most: float | None
-    once: bool
+    once: bool  # True if one reading within the bounds is enough
     fold: Goal | Invariant | None = None
-    value: float = 0.0
-    unit: str = ""
-    readings: Judged = Judged()
+    value: float = 0.0  # the reading at the deciding time
+    unit: str = ""  # SI symbol; empty before the first reading
+    readings: Judged = Judged()  # the readings that were judged
 
     @property
     @override

@@ -123,18 +123,13 @@ class Motion(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class SettledMonitor(Monitor):
-    """The fold of the time at rest, and the fastest motion at the last step.
-
-    Attributes:
-        who: the name of the frame that must be at rest.
-        joints: the joints that count, each with the unit of its velocity.
-    """
+    """The fold of the time at rest, and the fastest motion at the last step."""
 
     is_goal = True
 
     spec: Settled
-    who: str
-    joints: tuple[tuple[str, str], ...]
+    who: str  # the name of the frame that must be at rest
+    joints: tuple[tuple[str, str], ...]  # the joints that count, each with the unit of its velocity
     rest: HoldTime
     motion: BaseMotion
     end: float | None = None

@@ -103,25 +103,16 @@ class StopsBefore(AtRest):
 
 @dataclass(frozen=True, slots=True)
 class StopsBeforeMonitor(Monitor):
-    """The fold of the time at rest with an allowed gap, and of the facts for the message.
-
-    Attributes:
-        base: the motion of the base, with its jumps.
-        touch: the first contact with the body.
-        nearest: the least distance.
-        gap: gap at the last step in m; None if it is greater than allowed.
-        met: gap in m when the robot had rested long enough.
-        motion: the motion at the last step as text.
-    """
+    """The fold of the time at rest with an allowed gap, and of the facts for the message."""
 
     spec: StopsBefore
     rest: HoldTime
-    base: BaseMotion
-    touch: Contact | None = None
-    nearest: Nearness | None = None
-    gap: float | None = None
-    met: float | None = None
-    motion: str = ""
+    base: BaseMotion  # the motion of the base, with its jumps
+    touch: Contact | None = None  # the first contact with the body
+    nearest: Nearness | None = None  # the least distance
+    gap: float | None = None  # gap at the last step in m; None if it is greater than allowed
+    met: float | None = None  # gap in m when the robot had rested long enough
+    motion: str = ""  # the motion at the last step as text
     end: float | None = None
 
     @property

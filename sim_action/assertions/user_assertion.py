@@ -160,17 +160,12 @@ class UserAssertion(Assertion):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UserMonitor(Monitor):
-    """The monitor that keeps every step and calls the class of the user with all of them.
-
-    Attributes:
-        model: the robot, for the motion of its links.
-        decided: the verdict that met the goal or broke the invariant.
-    """
+    """The monitor that keeps every step and calls the class of the user with all of them."""
 
     judge: Judge
-    model: RobotModel
+    model: RobotModel  # the robot, for the motion of its links
     seen: History | None = None
-    decided: Verdict | None = None
+    decided: Verdict | None = None  # the verdict that met the goal or broke the invariant
 
     @property
     @override
@@ -302,15 +297,11 @@ class _Rows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class History:
-    """A trace that grows without copying its state each time. The other records are joined at each call.
-
-    Attributes:
-        beside: the records other than the state, such as contacts, as a trace without steps.
-    """
+    """A trace that grows without copying its state each time. The other records are joined at each call."""
 
     _store: _Rows
     _count: int
-    beside: Trace
+    beside: Trace  # the records other than the state, such as contacts, as a trace without steps
 
     @classmethod
     def of(cls, trace: Trace) -> Self:

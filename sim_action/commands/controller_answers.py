@@ -159,8 +159,7 @@ def _has_three_each(command: Twist | LinkWrench) -> bool:
 class Saturation:
     """Clips efforts and velocities to the limits of a model, and adds one note per joint and quantity.
 
-    Attributes:
-        notes: notes for the user.
+    `notes`: notes for the user.
     """
 
     def __init__(self, model: RobotModel, source: str) -> None:

@@ -193,16 +193,11 @@ def _tick(time: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Blend:
-    """An interpolation between two knots.
+    """An interpolation between two knots."""
 
-    Attributes:
-        share: share of the time -> share of the distance; both in [0, 1).
-        peak: peak speed as a multiple of the mean speed, without ramps; None for a step.
-        curve: times in s and values of knots -> the curve that a position follows.
-    """
-
-    share: Callable[[float], float]
-    peak: float | None
+    share: Callable[[float], float]  # share of the time -> share of the distance; both in [0, 1)
+    peak: float | None  # peak speed as a multiple of the mean speed, without ramps; None for a step
+    # times in s and values of knots -> the curve that a position follows
     curve: Callable[[Sequence[float], Sequence[float]], Curve]
 
 
@@ -221,15 +216,10 @@ BLENDS: Final = MappingProxyType[Interpolation, Blend](
 
 @dataclass(frozen=True, slots=True)
 class JointPath:
-    """A number over time, through knots; constant before the first and after the last.
+    """A number over time, through knots; constant before the first and after the last."""
 
-    Attributes:
-        times: times of the knots, in s, rising.
-        values: values at the knots.
-    """
-
-    times: tuple[float, ...]
-    values: tuple[float, ...]
+    times: tuple[float, ...]  # times of the knots, in s, rising
+    values: tuple[float, ...]  # values at the knots
     blend: Blend
 
     def value(self, time: float) -> float:
@@ -247,19 +237,14 @@ class JointPath:
 
 @dataclass(frozen=True, slots=True)
 class Knot:
-    """The target of one point for one joint, as it is written in the scenario.
-
-    Attributes:
-        name: the name, pattern or group in the scenario that means the joint.
-        index: the index of the point.
-    """
+    """The target of one point for one joint, as it is written in the scenario."""
 
     joint: str
     reading: Reading
-    index: int
+    index: int  # the index of the point
     time: float
     written: float | str
-    name: str
+    name: str  # the name, pattern or group in the scenario that means the joint
 
     @property
     def path(self) -> tuple[str | int, ...]:

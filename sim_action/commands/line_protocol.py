@@ -62,10 +62,7 @@ class LineProcess:
     """A running program that answers each line with one line."""
 
     def __init__(self, arguments: Sequence[str], folder: Path, called: str) -> None:
-        """Start the program in a folder. Raises ScriptError.
-
-        :param called: the name of the program in messages.
-        """
+        """Start the program in a folder. `called`: the name of the program in messages. Raises ScriptError."""
         self._name = called if len(called) <= _MAX_NAME_CHARS else f"{called[: _MAX_NAME_CHARS - 3]}..."
         self._process = self._started(arguments, folder)
         assert self._process.stderr

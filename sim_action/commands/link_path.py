@@ -45,20 +45,14 @@ _AT_LIMIT: Final = 1e-4
 
 
 class Leg(NamedTuple):
-    """A straight line of the path, from rest or passing through.
+    """A straight line of the path, from rest or passing through."""
 
-    Attributes:
-        waypoint: index of the waypoint at its end.
-        start, end: sim time in s.
-        origin, goal: poses of the link at both ends.
-        rests: True if it begins at rest, and True if it ends at rest: a straight blend passes other waypoints.
-    """
-
-    waypoint: int
-    start: float
+    waypoint: int  # index of the waypoint at its end
+    start: float  # start, end: sim time in s
     end: float
-    origin: Pose
+    origin: Pose  # origin, goal: poses of the link at both ends
     goal: Pose
+    # True if it begins at rest, and True if it ends at rest: a straight blend passes other waypoints
     rests: tuple[bool, bool] = (True, True)
 
 
@@ -79,15 +73,10 @@ class Blocked(Exception):
 
 @dataclass(frozen=True, slots=True)
 class LinkPath:
-    """The pose of a link over time, along straight lines; the orientation turns about a fixed axis on each of them.
+    """The pose of a link over time, along straight lines; the orientation turns about a fixed axis on each of them."""
 
-    Attributes:
-        legs: in the order of time; the link waits between two of them.
-        rest: the pose of the link before the first leg.
-    """
-
-    legs: tuple[Leg, ...]
-    rest: Pose
+    legs: tuple[Leg, ...]  # in the order of time; the link waits between two of them
+    rest: Pose  # the pose of the link before the first leg
     blend: Blend
 
     def beginning(self, follower: Follower, waypoints: int, samples: int) -> LinkPath:
@@ -165,16 +154,11 @@ def distances(origin: Pose, goal: Pose) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The joint positions along a path.
-
-    Attributes:
-        start: those before the first leg.
-        samples: for each leg, those at equal distances from its origin to its goal.
-    """
+    """The joint positions along a path."""
 
     path: LinkPath
-    start: Values
-    samples: tuple[tuple[Values, ...], ...]
+    start: Values  # those before the first leg
+    samples: tuple[tuple[Values, ...], ...]  # for each leg, those at equal distances from its origin to its goal
 
     def motion(self, names: Sequence[str]) -> JointMotion:
         """Return the motion of the joints, by their names. It cuts the corners at waypoints that it passes."""
@@ -205,16 +189,11 @@ def along(path: LinkPath, leg: Leg, samples: Sequence[Values]) -> tuple[FloatArr
 
 @dataclass(frozen=True, slots=True)
 class Follower:
-    """Finds joint positions that follow the poses of a link.
-
-    Attributes:
-        turns: False if any orientation will do.
-        rate: ticks per second.
-    """
+    """Finds joint positions that follow the poses of a link."""
 
     chain: Chain
-    turns: bool
-    rate: float
+    turns: bool  # False if any orientation will do
+    rate: float  # ticks per second
 
     def plan(self, path: LinkPath, base: Pose, start: Values) -> Plan:
         """Return the joint positions along a path. Raises Blocked.

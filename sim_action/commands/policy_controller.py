@@ -261,23 +261,17 @@ def _reader(term: Term, layout: Layout, wanted: Schedule) -> Reader:
 
 @dataclass(slots=True)
 class NetworkController:
-    """A network with its inputs, the values it carries from one tick to the next, and its last action.
-
-    Attributes:
-        fixed: name of an input -> its value, until `memory` changes it.
-        memory: name of an input of a recurrent network -> output that sets it.
-        action: the action of this tick, after `clip`; 0 before the first.
-    """
+    """A network with its inputs, the values it carries from one tick to the next, and its last action."""
 
     name: str
     session: Session
     inputs: Mapping[str, Input | PictureInput]
-    fixed: dict[str, NDArray[Any]]
-    memory: Mapping[str, str]
+    fixed: dict[str, NDArray[Any]]  # name of an input -> its value, until `memory` changes it
+    memory: Mapping[str, str]  # name of an input of a recurrent network -> output that sets it
     output: str
     spec: PolicyAction
     joints: Sequence[str]
-    action: Any = field(init=False)
+    action: Any = field(init=False)  # the action of this tick, after `clip`; 0 before the first
     _chunks: deque[Any] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -348,17 +342,13 @@ _TARGETS: Final[Mapping[str, Callable[[dict[str, float]], JointTargets]]] = {
 
 @dataclass(frozen=True, slots=True)
 class Motors:
-    """Turns the action into targets of the joints.
-
-    Attributes:
-        soft: True if a spring and a damper follow the target.
-    """
+    """Turns the action into targets of the joints."""
 
     kind: str
     joints: tuple[str, ...]
     scale: Vector
     offset: Vector
-    soft: bool
+    soft: bool  # True if a spring and a damper follow the target
     stiffness: Vector
     damping: Vector
 

@@ -46,21 +46,15 @@ _ROUNDING: Final = 6e-4
 
 @dataclass(frozen=True, slots=True)
 class Stated:
-    """The statements of a network about its use.
+    """The statements of a network about its use."""
 
-    Attributes:
-        joints: their names in its order.
-        action: key of an action -> a number for all joints, or one for each.
-        names: the names of its observations.
-        terms: for each observation, the keys of a term that it states; its name is missing if there is no such term.
-        without_gains: a joint whose stiffness and damping are not those of the policy; empty if there is none.
-    """
-
-    joints: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()  # their names in its order
+    # key of an action -> a number for all joints, or one for each
     action: Mapping[str, float | tuple[float, ...]] = field(default_factory=dict)
-    names: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()  # the names of its observations
+    # for each observation, the keys of a term that it states; its name is missing if there is no such term
     terms: tuple[Mapping[str, Any], ...] = ()
-    without_gains: str = ""
+    without_gains: str = ""  # a joint whose stiffness and damping are not those of the policy; empty if there is none
 
     @property
     def unknown(self) -> list[str]:

@@ -203,25 +203,16 @@ _READERS: Final[Mapping[str, Reader]] = {
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """The facts of a robot that the sizes of terms depend on.
+    """The facts of a robot that the sizes of terms depend on."""
 
-    Attributes:
-        model: of the robot.
-        joints: the joints of the network, in its order.
-        actions: the number of values of an action.
-        home: joint name -> position at the start, rad (m).
-        offset: of a position action.
-        columns: sensor and column -> number of values, where it is known before the run.
-        down_xyz: the direction of gravity in the world.
-    """
-
-    model: RobotModel
-    joints: tuple[str, ...]
-    actions: int
-    home: Mapping[str, float]
-    offset: Offset = 0.0
+    model: RobotModel  # of the robot
+    joints: tuple[str, ...]  # the joints of the network, in its order
+    actions: int  # the number of values of an action
+    home: Mapping[str, float]  # joint name -> position at the start, rad (m)
+    offset: Offset = 0.0  # of a position action
+    # sensor and column -> number of values, where it is known before the run
     columns: Mapping[tuple[str, str], int] = field(default_factory=dict)
-    down_xyz: Vector3 = (0.0, 0.0, -1.0)
+    down_xyz: Vector3 = (0.0, 0.0, -1.0)  # the direction of gravity in the world
 
     def of(self, term: Term) -> tuple[str, ...]:
         """Return the joints of a term."""

@@ -216,10 +216,9 @@ def controller_name(
 ) -> str:
     """Return the name of the controller in a script. Raises ScriptProblem.
 
-    :param names: the names that the script defines.
-    :param function: the function in the scenario, if any.
-    :param class_name: the class in the scenario; without both, it is a class `Controller` or a function `control`.
-    :param defined: the names that are certainly functions, and those that are certainly classes.
+    `names`: the names that the script defines; `function`: the function in the scenario, if any; `class_name`: the
+    class in the scenario; without both, it is a class `Controller` or a function `control`; `defined`: the names that
+    are certainly functions, and those that are certainly classes.
     """
     functions, classes = defined
     if function is not None:

@@ -335,15 +335,11 @@ class AckermannMotion(DriveMotion):
 
 @dataclass(frozen=True)
 class AckermannOdometry:
-    """The inverse of `AckermannMotion`: distance from the driven wheels, direction from the steering.
-
-    Attributes:
-        heading: direction of forward, in rad from the base's x axis.
-    """
+    """The inverse of `AckermannMotion`: distance from the driven wheels, direction from the steering."""
 
     kingpins: tuple[Kingpin, ...]
     wheels: tuple[DrivenWheel, ...]
-    heading: float
+    heading: float  # direction of forward, in rad from the base's x axis
     middle_xy: tuple[float, float]
 
     @property
@@ -378,19 +374,12 @@ STRAIGHT: Final = Wheel("", None, (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 @dataclass(frozen=True, slots=True)
 class Kingpin:
-    """A steering joint.
+    """A steering joint."""
 
-    Attributes:
-        joint: name of the joint.
-        ahead: distance in m ahead of the axle that is not steered.
-        left: distance in m to the left of the base's centre line.
-        turns: 1 if the joint turns to the left, -1 if its axis points down.
-    """
-
-    joint: str
-    ahead: float
-    left: float
-    turns: float
+    joint: str  # name of the joint
+    ahead: float  # distance in m ahead of the axle that is not steered
+    left: float  # distance in m to the left of the base's centre line
+    turns: float  # 1 if the joint turns to the left, -1 if its axis points down
 
     def angle(self, curvature: float) -> float:
         """Return the steering angle to the left in rad for a curvature."""
@@ -406,19 +395,12 @@ class Kingpin:
 
 @dataclass(frozen=True, slots=True)
 class DrivenWheel:
-    """A wheel with a motor.
+    """A wheel with a motor."""
 
-    Attributes:
-        joint: name of the joint that turns it.
-        gear: distance in m that it rolls forward per rad of its joint.
-        left: distance in m to the left of the base's centre line, with straight wheels.
-        kingpin: its steering joint; None if it is not steered.
-    """
-
-    joint: str
-    gear: float
-    left: float
-    kingpin: Kingpin | None
+    joint: str  # name of the joint that turns it
+    gear: float  # distance in m that it rolls forward per rad of its joint
+    left: float  # distance in m to the left of the base's centre line, with straight wheels
+    kingpin: Kingpin | None  # its steering joint; None if it is not steered
 
     def way(self, curvature: float) -> float:
         """Return the distance that it rolls while the centre of the robot moves 1 m."""

@@ -361,19 +361,13 @@ def _joint_speeds(gears: _Gears, left: float, right: float) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class TwoSidedOdometry:
-    """The inverse of `TwoSidedMotion`: the motion of the base from the rotation of the wheels.
-
-    Attributes:
-        left, right: joints of the wheels.
-        separation: the effective separation in m.
-        heading: direction of forward, in rad from the base's x axis.
-    """
+    """The inverse of `TwoSidedMotion`: the motion of the base from the rotation of the wheels."""
 
     gears: Mapping[str, float]
-    left: tuple[str, ...]
+    left: tuple[str, ...]  # left, right: joints of the wheels
     right: tuple[str, ...]
-    separation: float
-    heading: float
+    separation: float  # the effective separation in m
+    heading: float  # direction of forward, in rad from the base's x axis
     middle_xy: tuple[float, float]
     steering: tuple[str, ...] = ()
 

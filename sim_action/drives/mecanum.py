@@ -207,16 +207,11 @@ class MecanumDrive(Drive):
 
 @dataclass(frozen=True, slots=True)
 class Roller:
-    """A wheel with rollers at 45 deg that form an X seen from above.
-
-    Attributes:
-        gear: distance in m that it would roll forward per rad of its joint.
-        way: 1 at the front left and the rear right, -1 on the other diagonal.
-    """
+    """A wheel with rollers at 45 deg that form an X seen from above."""
 
     place: Rolling
-    gear: float
-    way: int
+    gear: float  # distance in m that it would roll forward per rad of its joint
+    way: int  # 1 at the front left and the rear right, -1 on the other diagonal
 
     def speed(self, ahead: float, left: float, turn: float) -> float:
         """Return the joint speed in rad/s, for a velocity of the base in m/s and rad/s."""
@@ -311,14 +306,10 @@ class MecanumMotion(DriveMotion):
 
 @dataclass(frozen=True)
 class MecanumOdometry:
-    """The inverse of `MecanumMotion`: the motion of the base that fits all wheels best.
-
-    Attributes:
-        heading: direction of forward, in rad from the base's x axis.
-    """
+    """The inverse of `MecanumMotion`: the motion of the base that fits all wheels best."""
 
     wheels: tuple[Roller, ...]
-    heading: float
+    heading: float  # direction of forward, in rad from the base's x axis
     middle_xy: tuple[float, float] = (0.0, 0.0)
     steering: tuple[str, ...] = ()
 

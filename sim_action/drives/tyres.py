@@ -39,19 +39,12 @@ _MIN_PARALLEL: Final = 0.995
 
 @dataclass(frozen=True, slots=True)
 class Tyre:
-    """The round part of a link about a joint's axis.
+    """The round part of a link about a joint's axis."""
 
-    Attributes:
-        radius: m; a mesh rolls as far as a circle with the length of its outline.
-        middle_xyz: its centre in m, in the frame of the link.
-        width: length in m of the line on which it stands; 0 for a sphere.
-        kind: of its shape.
-    """
-
-    radius: float
-    middle_xyz: Vector3
-    width: float
-    kind: str
+    radius: float  # m; a mesh rolls as far as a circle with the length of its outline
+    middle_xyz: Vector3  # its centre in m, in the frame of the link
+    width: float  # length in m of the line on which it stands; 0 for a sphere
+    kind: str  # of its shape
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,23 +48,15 @@ _ROLLING: Final = frozenset({"velocity", "effort"})
 
 @dataclass(frozen=True, slots=True)
 class Undercarriage:
-    """The wheels on the ground.
+    """The wheels on the ground."""
 
-    Attributes:
-        driven: wheels that cannot be steered, and may have motors.
-        steered: wheel -> its steering joint, which has limits or a motor.
-        casters: wheels below an upright joint without limits and without a motor.
-        idle: wheels without a motor, in a model that states the motors of other wheels.
-        loose: wheels that a joint above lets slide or tip over, with the name of that joint.
-        source: the statement that decides which wheels have motors; empty if there is none.
-    """
-
-    driven: tuple[Wheel, ...]
-    steered: tuple[tuple[Wheel, Joint], ...]
-    casters: tuple[Wheel, ...]
-    idle: tuple[Wheel, ...]
+    driven: tuple[Wheel, ...]  # wheels that cannot be steered, and may have motors
+    steered: tuple[tuple[Wheel, Joint], ...]  # wheel -> its steering joint, which has limits or a motor
+    casters: tuple[Wheel, ...]  # wheels below an upright joint without limits and without a motor
+    idle: tuple[Wheel, ...]  # wheels without a motor, in a model that states the motors of other wheels
+    # wheels that a joint above lets slide or tip over, with the name of that joint
     loose: tuple[tuple[Wheel, str], ...]
-    source: str
+    source: str  # the statement that decides which wheels have motors; empty if there is none
 
     @property
     def is_stated(self) -> bool:

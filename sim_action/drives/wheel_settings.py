@@ -43,8 +43,7 @@ _MIN_SHOWN_DEG: Final = 0.05
 class WheelSpeeds:
     """The speed limits of wheels. All wheels slow down by the same factor, so the curve keeps its shape.
 
-    Attributes:
-        notes: a note on the first twist that exceeded a limit.
+    `notes`: a note on the first twist that exceeded a limit.
     """
 
     def __init__(self, model: RobotModel, wheels: Iterable[str]) -> None:

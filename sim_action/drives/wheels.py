@@ -40,21 +40,13 @@ _ROUNDING: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Wheel:
-    """A wheel with all joints at their initial positions.
+    """A wheel with all joints at their initial positions."""
 
-    Attributes:
-        joint: name of the joint that turns it.
-        radius: radius in m; None if the model does not state it.
-        position_xyz: centre of its round shape, or of its link if it has none; m, base frame.
-        axis_xyz: axis of the joint; unit vector, base frame.
-        width: length in m of the line on which it stands; 0 for a sphere, or if the model does not state it.
-    """
-
-    joint: str
-    radius: float | None
-    position_xyz: Vector3
-    axis_xyz: Vector3
-    width: float = 0.0
+    joint: str  # name of the joint that turns it
+    radius: float | None  # radius in m; None if the model does not state it
+    position_xyz: Vector3  # centre of its round shape, or of its link if it has none; m, base frame
+    axis_xyz: Vector3  # axis of the joint; unit vector, base frame
+    width: float = 0.0  # length in m of the line on which it stands; 0 for a sphere, or if the model does not state it
 
 
 def wheel(model: RobotModel, joint_name: str) -> Wheel:
@@ -276,18 +268,12 @@ def _lowest_point(pose: Pose, shape: Shape) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Rolling:
-    """A wheel relative to the forward direction of its drive.
+    """A wheel relative to the forward direction of its drive."""
 
-    Attributes:
-        joint: name of the joint that turns it.
-        ahead, left: position relative to the base's origin in m.
-        turns: 1 if it rolls forward when its joint turns forward, -1 if its axis points the other way.
-    """
-
-    joint: str
-    ahead: float
+    joint: str  # name of the joint that turns it
+    ahead: float  # ahead, left: position relative to the base's origin in m
     left: float
-    turns: float
+    turns: float  # 1 if it rolls forward when its joint turns forward, -1 if its axis points the other way
 
 
 def heading_of(wheels: Sequence[Wheel], left: Sequence[Wheel] = (), right: Sequence[Wheel] = ()) -> float:

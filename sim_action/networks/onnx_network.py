@@ -63,33 +63,22 @@ class NetworkProblem(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Feed:
-    """The values that an input is given: a constant, values of a known shape, or a number of values.
+    """The values that an input is given: a constant, values of a known shape, or a number of values."""
 
-    Attributes:
-        size: the number of values; None if it is not known.
-        frames: the number of observations among them.
-        shape: of a picture.
-        value: of a constant.
-    """
-
-    size: int | None = None
-    frames: int = 1
-    shape: tuple[int, ...] | None = None
-    value: Any = None
+    size: int | None = None  # the number of values; None if it is not known
+    frames: int = 1  # the number of observations among them
+    shape: tuple[int, ...] | None = None  # of a picture
+    value: Any = None  # of a constant
 
 
 @dataclass(frozen=True, slots=True)
 class Tensor:
-    """An input or output of a network.
-
-    Attributes:
-        type: the type of its numbers, such as "float32".
-        shape: its dimensions as the file declares them; None is one that the caller chooses. Empty: a single number,
-            or no declared shape.
-    """
+    """An input or output of a network."""
 
     name: str
-    type: str
+    type: str  # the type of its numbers, such as "float32"
+    # its dimensions as the file declares them; None is one that the caller chooses. Empty: a single number, or no
+    # declared shape.
     shape: tuple[int | None, ...]
 
     def shapes(self, feed: Feed) -> list[tuple[int, ...]]:
@@ -129,16 +118,12 @@ def _filled(shape: tuple[int | None, ...], size: int, frames: int) -> tuple[int,
 
 @dataclass(frozen=True, slots=True)
 class Network:
-    """The inputs and outputs of a network by name.
-
-    Attributes:
-        metadata: the texts that its exporter added.
-        results: name of an output -> number of values that a run returned for one sample; None if it was not run.
-    """
+    """The inputs and outputs of a network by name."""
 
     inputs: Mapping[str, Tensor]
     outputs: Mapping[str, Tensor]
-    metadata: Mapping[str, str] = field(default_factory=dict)
+    metadata: Mapping[str, str] = field(default_factory=dict)  # the texts that its exporter added
+    # name of an output -> number of values that a run returned for one sample; None if it was not run
     results: Mapping[str, int] | None = None
 
 
@@ -270,10 +255,7 @@ def _tensor(argument: Any) -> Tensor:
 
 
 def _content(path: Path, used: int, limit: Callable[[int], None]) -> bytes:
-    """Return the content of a file. Raise OSError, NetworkProblem.
-
-    :param used: the bytes of the files before it.
-    """
+    """Return the content of a file. `used`: the bytes of the files before it. Raise OSError, NetworkProblem."""
     with open_regular(path, follow_link=True) as file:
         size = os.fstat(file.fileno()).st_size
         if used + size > MAX_NETWORK_BYTES:
@@ -311,17 +293,13 @@ def _locations(content: bytes) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True)
 class _Selections:
-    """The values of a network that operations which hide NaN read.
+    """The values of a network that operations which hide NaN read."""
 
-    Attributes:
-        watched: computed values of the main graph that such an operation reads, also one in a subgraph.
-        blind: such operations in subgraphs and functions that read a value which is computed there.
-        outputs: of the network.
-    """
-
+    # computed values of the main graph that such an operation reads, also one in a subgraph
     watched: frozenset[str] = frozenset()
+    # such operations in subgraphs and functions that read a value which is computed there
     blind: frozenset[str] = frozenset()
-    outputs: frozenset[str] = frozenset()
+    outputs: frozenset[str] = frozenset()  # of the network
 
 
 def _selections(content: bytes) -> _Selections:

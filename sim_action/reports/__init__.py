@@ -37,33 +37,22 @@ _NO_ROOM: Final = Room()
 
 @dataclass(frozen=True, slots=True)
 class ReportOptions:
-    """The targets and options of reports.
+    """The targets and options of reports."""
 
-    Attributes:
-        folder: the existing output folder, with `results.json`.
-        junit: the path of the JUnit XML.
-        junit_strict: True to omit everything that the Jenkins schema `junit-10.xsd` forbids.
-        environment: the environment variables; GitHub names its files there (`GITHUB_STEP_SUMMARY`, ...).
-        workspace: the folder to which paths in reports are relative.
-        verbosity: the amount of text on the terminal.
-        silenced: the names of reports that are not written.
-        taken_over: the number of outcomes of an earlier call, see `run --resume`; None: it was not asked for.
-        permissions: what the caller permits; the command that runs a scenario again permits the same.
-        against: the earlier run that `report.html` compares with; None: there is none.
-        room: the space for required reports.
-    """
-
-    folder: Path
-    junit: Path
-    junit_strict: bool
+    folder: Path  # the existing output folder, with `results.json`
+    junit: Path  # the path of the JUnit XML
+    junit_strict: bool  # True to omit everything that the Jenkins schema `junit-10.xsd` forbids
+    # the environment variables; GitHub names its files there (`GITHUB_STEP_SUMMARY`, ...)
     environment: Mapping[str, str]
-    workspace: Path
-    verbosity: Verbosity = "normal"
-    silenced: frozenset[str] = frozenset()
+    workspace: Path  # the folder to which paths in reports are relative
+    verbosity: Verbosity = "normal"  # the amount of text on the terminal
+    silenced: frozenset[str] = frozenset()  # the names of reports that are not written
+    # the number of outcomes of an earlier call, see `run --resume`; None: it was not asked for
     taken_over: int | None = None
+    # what the caller permits; the command that runs a scenario again permits the same
     permissions: Permissions = _NO_PERMISSIONS
-    against: EarlierRun | None = None
-    room: Room = _NO_ROOM
+    against: EarlierRun | None = None  # the earlier run that `report.html` compares with; None: there is none
+    room: Room = _NO_ROOM  # the space for required reports
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -85,19 +74,14 @@ _WORKSPACES: Final = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class ReportRequest:
-    """The report options of the command line.
-
-    Attributes:
-        silenced: the names of reports that are switched off.
-        against: the results of an earlier run, as typed; None: `report.html` compares with nothing.
-    """
+    """The report options of the command line."""
 
     folder: Path
     junit: Path | None
     junit_strict: bool
     verbosity: Verbosity
-    silenced: frozenset[str]
-    against: str | None = None
+    silenced: frozenset[str]  # the names of reports that are switched off
+    against: str | None = None  # the results of an earlier run, as typed; None: `report.html` compares with nothing
 
 
 def workspace_of(environment: Mapping[str, str], here: Path) -> Path:

@@ -39,8 +39,7 @@ _ALL_SYMBOLS: Final = "".join(display.symbol for display in (*STATUS_DISPLAYS.va
 class Console:
     """A stream for lines whose parts have styles; no text acts as markup or as a control sequence.
 
-    Attributes:
-        encoding: the encoding of the stream.
+    `encoding`: the encoding of the stream.
     """
 
     def __init__(self, stream: TextIO, *, colourful: bool) -> None:

@@ -33,20 +33,13 @@ _GAP: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class ChanceTable:
-    """The chances of gates with equal claims.
+    """The chances of gates with equal claims."""
 
-    Attributes:
-        title: the names of the gates, their number of runs and their claim.
-        columns: the true rates, such as "95 %".
-        rows: the name of a verdict and its probability at each rate; for a test that stops early also the mean number
-            of runs.
-        remarks: what the claims about quantiles need.
-    """
-
-    title: str
-    columns: tuple[str, ...] = ()
+    title: str  # the names of the gates, their number of runs and their claim
+    columns: tuple[str, ...] = ()  # the true rates, such as "95 %"
+    # the name of a verdict and its probability at each rate; for a test that stops early also the mean number of runs
     rows: tuple[tuple[str, ...], ...] = ()
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()  # what the claims about quantiles need
 
     def lines(self) -> Iterator[str]:
         """Yield the table as aligned text, without its title."""

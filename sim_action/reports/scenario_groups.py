@@ -22,18 +22,14 @@ _NO_MARGIN: Final = -1.0
 
 @dataclass(frozen=True)
 class ScenarioGroup:
-    """The outcomes of one scenario in call order: one for each variation, or exactly one.
-
-    Attributes:
-        gate: the outcome of the gate that judges them; None: each one counts, or another call judges the gate.
-        planned: the gate as it is stated, if it is known.
-    """
+    """The outcomes of one scenario in call order: one for each variation, or exactly one."""
 
     name: str
     varies: bool
     outcomes: tuple[Outcome, ...]
+    # the outcome of the gate that judges them; None: each one counts, or another call judges the gate
     gate: Outcome | None = None
-    planned: PlannedGate | None = None
+    planned: PlannedGate | None = None  # the gate as it is stated, if it is known
 
     @property
     def is_part(self) -> bool:

@@ -15,29 +15,18 @@ Level = Literal["error", "warning"]
 
 @dataclass(frozen=True, slots=True)
 class StatusDisplay:
-    """The display of one status.
+    """The display of one status."""
 
-    Attributes:
-        word: the status inside a sentence.
-        headline: the status above a scenario in `report.html`.
-        meaning: one line for the documents.
-        symbol: the character on the terminal and in `report.html`.
-        ascii_symbol: the character on a terminal without Unicode.
-        icon: the emoji in the job summary.
-        style: the colour on the terminal, see `Console`. The style sheet of the page has a class of each status.
-        junit: the element inside a testcase; None: no element, so the testcase passes.
-        level: the level of the annotation; None: no annotation.
-    """
-
-    word: str
-    headline: str
-    meaning: str
-    symbol: str
-    ascii_symbol: str
-    icon: str
-    style: str
+    word: str  # the status inside a sentence
+    headline: str  # the status above a scenario in `report.html`
+    meaning: str  # one line for the documents
+    symbol: str  # the character on the terminal and in `report.html`
+    ascii_symbol: str  # the character on a terminal without Unicode
+    icon: str  # the emoji in the job summary
+    style: str  # the colour on the terminal, see `Console`. The style sheet of the page has a class of each status.
+    # the element inside a testcase; None: no element, so the testcase passes
     junit: Literal["error", "failure", "skipped"] | None = None
-    level: Level | None = None
+    level: Level | None = None  # the level of the annotation; None: no annotation
 
 
 STATUS_DISPLAYS: Final[Mapping[DisplayStatus, StatusDisplay]] = MappingProxyType(

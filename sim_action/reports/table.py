@@ -30,35 +30,21 @@ NUMBERS: Final = (" Measured", " Limit", " Margin", " At")
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A row of a table.
+    """A row of a table."""
 
-    Attributes:
-        status: the status, whose symbol begins the row.
-        name: the subject, such as an expectation.
-        message: the finding.
-        values: the texts of the further columns; a number is a sim time in s, which the page links to the replay.
-        kind: the kind of the row, such as "newly fails".
-        location: the place in the scenario file.
-        stands_out: True if every report shows the place and the values, not only the page.
-        interval: the widest interval of the margin that repetitions leave open; the page has it in the notes.
-        notes: remarks of minor importance; Markdown has no room for them.
-        replay: the link to the moment in the replay.
-        link: the element id of the article in the page.
-        is_neutral: True if the symbol has no colour, because the row does not count by itself.
-    """
-
-    status: RowStatus
-    name: str
-    message: str = ""
+    status: RowStatus  # the status, whose symbol begins the row
+    name: str  # the subject, such as an expectation
+    message: str = ""  # the finding
+    # the texts of the further columns; a number is a sim time in s, which the page links to the replay
     values: tuple[str | float, ...] = ()
-    kind: str = ""
-    location: Location | None = None
-    stands_out: bool = False
-    interval: str = ""
-    notes: tuple[str, ...] = ()
-    replay: str = ""
-    link: str = ""
-    is_neutral: bool = False
+    kind: str = ""  # the kind of the row, such as "newly fails"
+    location: Location | None = None  # the place in the scenario file
+    stands_out: bool = False  # True if every report shows the place and the values, not only the page
+    interval: str = ""  # the widest interval of the margin that repetitions leave open; the page has it in the notes
+    notes: tuple[str, ...] = ()  # remarks of minor importance; Markdown has no room for them
+    replay: str = ""  # the link to the moment in the replay
+    link: str = ""  # the element id of the article in the page
+    is_neutral: bool = False  # True if the symbol has no colour, because the row does not count by itself
 
     @property
     def display(self) -> StatusDisplay:
@@ -68,25 +54,15 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Rows with the titles of their columns.
+    """Rows with the titles of their columns."""
 
-    Attributes:
-        name: the title of the names.
-        rows: the rows that are shown at once.
-        columns: the titles of the values; one that begins with a space is right-aligned.
-        message: the title of the messages; empty: a message stands below its name, and the page omits it.
-        kind: the title of the kinds; empty: no row has one.
-        rest: the rows in a fold.
-        rest_title: the title of the fold.
-    """
-
-    name: str
-    rows: tuple[Row, ...]
-    columns: tuple[str, ...] = ()
-    message: str = ""
-    kind: str = ""
-    rest: tuple[Row, ...] = ()
-    rest_title: str = ""
+    name: str  # the title of the names
+    rows: tuple[Row, ...]  # the rows that are shown at once
+    columns: tuple[str, ...] = ()  # the titles of the values; one that begins with a space is right-aligned
+    message: str = ""  # the title of the messages; empty: a message stands below its name, and the page omits it
+    kind: str = ""  # the title of the kinds; empty: no row has one
+    rest: tuple[Row, ...] = ()  # the rows in a fold
+    rest_title: str = ""  # the title of the fold
 
     @property
     def titles(self) -> tuple[str, ...]:

@@ -37,19 +37,12 @@ LENGTH: Final = struct.Struct("<Q")
 
 @dataclass(frozen=True, slots=True)
 class ChildFiles:
-    """The files of one child process.
+    """The files of one child process."""
 
-    Attributes:
-        scratch: its scratch folder, for temporary files of user code.
-        outcome: receives the outcome, see `OutcomeWriter`.
-        output: receives everything that it prints.
-        stack_dump: receives the stack just before its time is up.
-    """
-
-    scratch: Path
-    outcome: Place
-    output: Place
-    stack_dump: Place
+    scratch: Path  # its scratch folder, for temporary files of user code
+    outcome: Place  # receives the outcome, see `OutcomeWriter`
+    output: Place  # receives everything that it prints
+    stack_dump: Place  # receives the stack just before its time is up
 
     @classmethod
     def in_folder(cls, scratch: Path) -> Self:

@@ -146,17 +146,11 @@ def _without_surrogates(value: object) -> object:
 
 @dataclass(slots=True)
 class _Kept:
-    """The remains of a run besides its verdict.
+    """The remains of a run besides its verdict."""
 
-    Attributes:
-        notes: remarks about evidence that was not written.
-        marks: the timeline of the run.
-        runs: the run, if it is recorded.
-    """
-
-    notes: list[str] = field(default_factory=list)
-    marks: tuple[TimeMark, ...] = ()
-    runs: list[RecordedRun] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  # remarks about evidence that was not written
+    marks: tuple[TimeMark, ...] = ()  # the timeline of the run
+    runs: list[RecordedRun] = field(default_factory=list)  # the run, if it is recorded
 
 
 def exit_child() -> NoReturn:

@@ -97,34 +97,22 @@ class _Run:
 
 
 class _Difference(NamedTuple):
-    """The largest difference of two engines in one quantity.
+    """The largest difference of two engines in one quantity."""
 
-    Attributes:
-        what: the name of the quantity, such as "position".
-        measured: the difference in `unit`, at the sim time `time` in s.
-        limit: the allowed difference in `unit`; None: it is only measured.
-        judged: the compared moments.
-    """
-
-    what: str
-    measured: float
+    what: str  # the name of the quantity, such as "position"
+    measured: float  # the difference in `unit`, at the sim time `time` in s
     unit: str
     time: float
-    limit: float | None
-    judged: Judged
+    limit: float | None  # the allowed difference in `unit`; None: it is only measured
+    judged: Judged  # the compared moments
 
 
 class _Quantity(NamedTuple):
-    """A quantity that is compared.
+    """A quantity that is compared."""
 
-    Attributes:
-        name: the name without the engine, such as "the same position as" or "distance to".
-        path: the keys of its limit in the scenario.
-        largest: returns the largest difference of two motions at equal times; None if no moment can be compared.
-    """
-
-    name: str
-    path: KeyPath
+    name: str  # the name without the engine, such as "the same position as" or "distance to"
+    path: KeyPath  # the keys of its limit in the scenario
+    # returns the largest difference of two motions at equal times; None if no moment can be compared
     largest: Callable[[MotionRecord, MotionRecord], _Difference | None]
 
 

@@ -29,29 +29,18 @@ class Job:
     """The order to run one scenario, with the places of its files.
 
     All paths are absolute: a script may change the current folder, or remove it.
-
-    Attributes:
-        trace: the file for the trace.
-        results: the folder that outcomes name the trace from.
-        memory_is_limited: True if the scenario's `memory_limit` is enforced.
-        replay: the file for the replay; None: no replay is written.
-        recordings: the files for recordings; each suffix names the format.
-        motion: the file for the motion at every step; None: the run is not compared with another one.
-        hash_seed: the hash seed of a fresh interpreter; None: a fork is allowed.
-        deadline: the time on `time.monotonic()` at which the child process is ended; None: never.
-        here: the folder that reports name files from.
     """
 
     loaded: LoadedScenario
-    trace: Path
-    results: Path
-    memory_is_limited: bool = True
-    replay: Path | None = None
-    recordings: tuple[Path, ...] = ()
-    hash_seed: int | None = None
-    deadline: float | None = None
-    motion: Path | None = None
-    here: Path = field(default_factory=Path.cwd)
+    trace: Path  # the file for the trace
+    results: Path  # the folder that outcomes name the trace from
+    memory_is_limited: bool = True  # True if the scenario's `memory_limit` is enforced
+    replay: Path | None = None  # the file for the replay; None: no replay is written
+    recordings: tuple[Path, ...] = ()  # the files for recordings; each suffix names the format
+    hash_seed: int | None = None  # the hash seed of a fresh interpreter; None: a fork is allowed
+    deadline: float | None = None  # the time on `time.monotonic()` at which the child process is ended; None: never
+    motion: Path | None = None  # the file for the motion at every step; None: the run is not compared with another one
+    here: Path = field(default_factory=Path.cwd)  # the folder that reports name files from
 
     def __post_init__(self) -> None:
         """Make all paths absolute."""

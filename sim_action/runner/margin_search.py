@@ -52,25 +52,16 @@ _SLOWEST: Final = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Factor:
-    """A quantity of a scenario that can vary.
+    """A quantity of a scenario that can vary."""
 
-    Attributes:
-        name: its name, such as "friction", "noise:scan" or a dotted key.
-        unit: the SI symbol of its values.
-        nominal, low, high: its value in the scenario, and its range.
-        edits: returns the keys of the scenario that state a value.
-        fitting: returns the nearest value that is possible.
-        is_mass: True if the value is a factor of the masses of the robot, which no key states.
-    """
-
-    name: str
-    unit: str
-    nominal: float
+    name: str  # its name, such as "friction", "noise:scan" or a dotted key
+    unit: str  # the SI symbol of its values
+    nominal: float  # nominal, low, high: its value in the scenario, and its range
     low: float
     high: float
-    edits: Callable[[float], Edits] = lambda _: ()
-    fitting: Callable[[float], float] = lambda value: value
-    is_mass: bool = False
+    edits: Callable[[float], Edits] = lambda _: ()  # returns the keys of the scenario that state a value
+    fitting: Callable[[float], float] = lambda value: value  # returns the nearest value that is possible
+    is_mass: bool = False  # True if the value is a factor of the masses of the robot, which no key states
 
     def within(self, low: float, high: float) -> Factor:
         """Return the factor with another range. Raise UsageError if this does not contain the nominal value."""
@@ -270,20 +261,14 @@ FACTORS: Final[Mapping[str, Callable[[Original], Iterable[Factor]]]] = MappingPr
 
 @dataclass(frozen=True, slots=True)
 class FactorRequest:
-    """A factor that the command line names.
+    """A factor that the command line names."""
 
-    Attributes:
-        name: of a row, of one of its factors, or a dotted key.
-        bounds: its range; None: that of the table.
-        share, distance: what must be left, as a part of the nominal value, or in its unit; None: nothing is demanded.
-        unit: the SI symbol of the bounds and the distance, as far as they state one.
-    """
-
-    name: str
-    bounds: tuple[float, float] | None = None
+    name: str  # of a row, of one of its factors, or a dotted key
+    bounds: tuple[float, float] | None = None  # its range; None: that of the table
+    # share, distance: what must be left, as a part of the nominal value, or in its unit; None: nothing is demanded
     share: float | None = None
     distance: float | None = None
-    unit: str = ""
+    unit: str = ""  # the SI symbol of the bounds and the distance, as far as they state one
 
     @property
     def is_demanded(self) -> bool:
@@ -388,21 +373,14 @@ def trial(original: Original, factor: Factor, value: float, permissions: Permiss
 
 @dataclass(slots=True)
 class Trial:
-    """A value of a factor that was tried.
-
-    Attributes:
-        loaded: the scenario with it; None if it is not valid.
-        reason: the reason why it failed, or is not valid; or empty.
-        expectation: the expectation that failed first; or empty.
-        has_passed: True if the scenario passed; None if it did not run.
-    """
+    """A value of a factor that was tried."""
 
     value: float
-    loaded: LoadedScenario | None = None
-    reason: str = ""
-    expectation: str = ""
+    loaded: LoadedScenario | None = None  # the scenario with it; None if it is not valid
+    reason: str = ""  # the reason why it failed, or is not valid; or empty
+    expectation: str = ""  # the expectation that failed first; or empty
     digest: str | None = None
-    has_passed: bool | None = None
+    has_passed: bool | None = None  # True if the scenario passed; None if it did not run
 
     def take(self, outcome: Outcome) -> None:
         """Keep what the search needs of the outcome of its run."""
@@ -417,18 +395,12 @@ class Trial:
 
 @dataclass(slots=True)
 class Side:
-    """The search for the margin of a factor in one direction.
-
-    Attributes:
-        end: the end of the range.
-        asked: the distance from the nominal value that is demanded.
-        trials: those that have ended, or are not valid.
-    """
+    """The search for the margin of a factor in one direction."""
 
     factor: Factor
-    end: float
-    asked: float | None
-    trials: list[Trial] = field(default_factory=list)
+    end: float  # the end of the range
+    asked: float | None  # the distance from the nominal value that is demanded
+    trials: list[Trial] = field(default_factory=list)  # those that have ended, or are not valid
 
     def scan(self) -> list[float]:
         """Return the values to try first."""

@@ -63,21 +63,13 @@ def _with_pose(**added: float) -> Callable[[Scenario], Scenario]:
 
 @dataclass(frozen=True, slots=True)
 class _Cause:
-    """A change of a repetition.
+    """A change of a repetition."""
 
-    Attributes:
-        doing: the change in a sentence, such as "halving the step".
-        changed: returns the scenario with the change.
-        factor: the error that the change leaves open, in its differences.
-        rate: the factor of the rate of the physics.
-        at_start: True if it changes the start of the robot.
-    """
-
-    doing: str
-    changed: Callable[[Scenario], Scenario]
-    factor: float = 1.0
-    rate: int = 1
-    at_start: bool = False
+    doing: str  # the change in a sentence, such as "halving the step"
+    changed: Callable[[Scenario], Scenario]  # returns the scenario with the change
+    factor: float = 1.0  # the error that the change leaves open, in its differences
+    rate: int = 1  # the factor of the rate of the physics
+    at_start: bool = False  # True if it changes the start of the robot
 
 
 _HALF: Final = "half the step"

@@ -43,8 +43,7 @@ _EMPTIES: Final = os.O_TRUNC | os.O_EXCL
 class ObservedInputs:
     """The inputs of user code in this process.
 
-    Attributes:
-        is_limited: False if the code may have read anything, for example in another process.
+    `is_limited`: False if the code may have read anything, for example in another process.
     """
 
     def __init__(self, job: Job, scratch: Path) -> None:

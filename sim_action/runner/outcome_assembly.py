@@ -50,21 +50,13 @@ def originals(plan: tuple[LoadedScenario, ...]) -> tuple[LoadedScenario, ...]:
 
 @dataclass(frozen=True, slots=True)
 class _Scenario:
-    """One scenario that runs.
+    """One scenario that runs."""
 
-    Attributes:
-        runs: its runs, one for each engine.
-        place: the index of its first outcome in the results.
-        indices: the indices of these runs among all runs.
-        turns: the number of runs for each of them, with all repetitions.
-        changes: those of the repetitions of each of them that show its confidence.
-    """
-
-    runs: tuple[LoadedScenario, ...]
-    place: int
-    indices: tuple[int, ...]
-    turns: int
-    changes: tuple[str, ...]
+    runs: tuple[LoadedScenario, ...]  # its runs, one for each engine
+    place: int  # the index of its first outcome in the results
+    indices: tuple[int, ...]  # the indices of these runs among all runs
+    turns: int  # the number of runs for each of them, with all repetitions
+    changes: tuple[str, ...]  # those of the repetitions of each of them that show its confidence
 
     @property
     def places(self) -> range:

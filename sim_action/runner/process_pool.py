@@ -47,19 +47,12 @@ _ATTEMPT_PAUSE_S: Final = 0.2
 
 @dataclass(frozen=True, slots=True)
 class PoolOptions:
-    """The options of a pool.
+    """The options of a pool."""
 
-    Attributes:
-        jobs: the number of child processes that may run at the same time.
-        keys: gives the keys of runs; None: they have none.
-        child_type: how child processes are started; None: as this system allows.
-        shares: several runs without user code may use one child process, where the system allows it.
-    """
-
-    jobs: int = 1
-    keys: RunKeys | None = None
-    child_type: type[ChildProcess] | None = None
-    shares: bool = True
+    jobs: int = 1  # the number of child processes that may run at the same time
+    keys: RunKeys | None = None  # gives the keys of runs; None: they have none
+    child_type: type[ChildProcess] | None = None  # how child processes are started; None: as this system allows
+    shares: bool = True  # several runs without user code may use one child process, where the system allows it
 
 
 def _warmed_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool) -> bool:

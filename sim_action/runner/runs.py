@@ -29,35 +29,23 @@ def motion_file(folder: Path, index: int) -> Path:
 
 @dataclass(frozen=True)
 class Runs:
-    """The runs of a call. Each has an index: the whole list of scenarios runs once in each repetition, in order.
+    """The runs of a call. Each has an index: the whole list of scenarios runs once in each repetition, in order."""
 
-    Attributes:
-        scenarios: the scenarios to run.
-        folder: the folder of the results; traces are written below it.
-        repeat: the number of repetitions; if there are several, each run has its own interpreter and seed of hashes.
-        places: the index in the results for each scenario; empty: that in `scenarios`.
-        turns: the number of runs with the same place before each scenario; empty: 0.
-        replays: write replays, too.
-        formats: the formats of recordings to write.
-        motions: the folder for the motion of runs that are compared, see `motion_file`.
-        ended: the place and the turn of each run that an earlier call has ended; they do not start.
-        fail_fast: start no run after the first one that has not passed.
-        is_needless: returns True for a place in the results if its run need not start any more.
-        here: the folder that reports name files from.
-    """
-
-    scenarios: Sequence[LoadedScenario]
-    folder: Path
+    scenarios: Sequence[LoadedScenario]  # the scenarios to run
+    folder: Path  # the folder of the results; traces are written below it
+    # the number of repetitions; if there are several, each run has its own interpreter and seed of hashes
     repeat: int = 1
-    places: Sequence[int] = ()
-    turns: Sequence[int] = ()
-    replays: bool = False
-    formats: Sequence[str] = ()
-    motions: Path | None = None
+    places: Sequence[int] = ()  # the index in the results for each scenario; empty: that in `scenarios`
+    turns: Sequence[int] = ()  # the number of runs with the same place before each scenario; empty: 0
+    replays: bool = False  # write replays, too
+    formats: Sequence[str] = ()  # the formats of recordings to write
+    motions: Path | None = None  # the folder for the motion of runs that are compared, see `motion_file`
+    # the place and the turn of each run that an earlier call has ended; they do not start
     ended: AbstractSet[tuple[int, int]] = frozenset()
-    fail_fast: bool = False
+    fail_fast: bool = False  # start no run after the first one that has not passed
+    # returns True for a place in the results if its run need not start any more
     is_needless: Callable[[int], bool] = lambda _: False
-    here: Path = field(default_factory=Path.cwd)
+    here: Path = field(default_factory=Path.cwd)  # the folder that reports name files from
 
     def __len__(self) -> int:
         return len(self.scenarios) * self.repeat

@@ -31,16 +31,11 @@ class Ball:
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A box, world frame, in m.
-
-    Attributes:
-        axes: its own x, y and z.
-        halves: half of its size along each.
-    """
+    """A box, world frame, in m."""
 
     centre: Vector3
-    axes: tuple[Vector3, ...]
-    halves: Vector3
+    axes: tuple[Vector3, ...]  # its own x, y and z
+    halves: Vector3  # half of its size along each
 
     @property
     def radius(self) -> float:
@@ -116,16 +111,12 @@ _MAX_PAIRS: Final = 100_000
 
 @dataclass(frozen=True, slots=True)
 class _Placed:
-    """A body at its start.
-
-    Attributes:
-        buried: depth in m of its lowest point below the ground.
-    """
+    """A body at its start."""
 
     body: Body
     index: int
     solids: tuple[Solid, ...]
-    buried: float
+    buried: float  # depth in m of its lowest point below the ground
 
     @classmethod
     def of(cls, body: Body, index: int) -> Self:

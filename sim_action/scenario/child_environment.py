@@ -19,19 +19,12 @@ from sim_action.engines import ENGINES
 
 @dataclass(frozen=True, slots=True)
 class Variables:
-    """Some environment variables that code of the repository sees.
+    """Some environment variables that code of the repository sees."""
 
-    Attributes:
-        purpose: a few words for the documentation.
-        names: names, or patterns; `*` at the end stands for any text.
-        is_compared: True if `--resume` runs a scenario with code again when one of them has changed.
-        may_be_set: True if a scenario may set them with `environment:`.
-    """
-
-    purpose: str
-    names: tuple[str, ...]
-    is_compared: bool = True
-    may_be_set: bool = False
+    purpose: str  # a few words for the documentation
+    names: tuple[str, ...]  # names, or patterns; `*` at the end stands for any text
+    is_compared: bool = True  # True if `--resume` runs a scenario with code again when one of them has changed
+    may_be_set: bool = False  # True if a scenario may set them with `environment:`
 
 
 PASSED: Final = (

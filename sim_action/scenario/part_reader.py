@@ -67,9 +67,8 @@ class OwnPaths:
 class PartReader:
     """Reads the parts of one document and collects their problems.
 
-    Attributes:
-        command_paths, sensor_paths, expect_paths: the key paths of the parts that were read.
-        actor_paths: those of the other robots, in their order.
+    `command_paths, sensor_paths, expect_paths`: the key paths of the parts that were read; `actor_paths`: those of the
+    other robots, in their order.
     """
 
     def __init__(
@@ -440,17 +439,11 @@ def _with_unique_names(expectations: tuple[Expectation, ...]) -> tuple[Expectati
 
 @dataclass(frozen=True, slots=True)
 class Unfolded:
-    """A document whose command sources have all keys side by side.
+    """A document whose command sources have all keys side by side."""
 
-    Attributes:
-        document: it knows where the keys are written.
-        problems: of the maps.
-        refused: the paths of the sources with problems.
-    """
-
-    document: Document
-    problems: tuple[Problem, ...] = ()
-    refused: frozenset[KeyPath] = frozenset()
+    document: Document  # it knows where the keys are written
+    problems: tuple[Problem, ...] = ()  # of the maps
+    refused: frozenset[KeyPath] = frozenset()  # the paths of the sources with problems
 
 
 def unfolded(document: Document) -> Unfolded:
@@ -481,15 +474,11 @@ def _sources_of(commands: Any, path: KeyPath) -> Iterator[_Entry]:
 
 @dataclass(slots=True)
 class _Entry:
-    """One command source.
-
-    Attributes:
-        moved: paths of its keys -> their paths in the file.
-    """
+    """One command source."""
 
     path: KeyPath
     data: Any
-    moved: dict[KeyPath, KeyPath] = field(default_factory=dict)
+    moved: dict[KeyPath, KeyPath] = field(default_factory=dict)  # paths of its keys -> their paths in the file
     problems: list[tuple[KeyPath, str]] = field(default_factory=list)
 
     def unfold(self) -> None:

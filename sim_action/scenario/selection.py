@@ -66,18 +66,14 @@ Scenarios = tuple[Source | Refused, ...]
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """The selection options of the command line; an empty one excludes nothing.
+    """The selection options of the command line; an empty one excludes nothing."""
 
-    Attributes:
-        only, exclude: patterns of names, in which `*` and `?` are wildcards and brackets stand for themselves. An
-        exact name selects only that scenario. The name of a scenario selects all of its variations. tags,
-        exclude_tags: a scenario must have at least one of the first and none of the second.
-    """
-
+    # only, exclude: patterns of names, in which `*` and `?` are wildcards and brackets stand for themselves. An exact
+    # name selects only that scenario. The name of a scenario selects all of its variations. tags,
     only: tuple[str, ...] = ()
     exclude: tuple[str, ...] = ()
     tags: tuple[str, ...] = ()
-    exclude_tags: tuple[str, ...] = ()
+    exclude_tags: tuple[str, ...] = ()  # a scenario must have at least one of the first and none of the second
 
     def takes(self, scenario: Source | Refused, names: AbstractSet[str]) -> bool:
         """Return True if a scenario is selected; `names`: all names that exist.
@@ -96,17 +92,12 @@ class Selection:
 
 @dataclass(frozen=True, slots=True)
 class Unmatched:
-    """A pattern of names, or a tag, that matches no scenario.
+    """A pattern of names, or a tag, that matches no scenario."""
 
-    Attributes:
-        option: the option of the command line that states it.
-        message: the reason, with the nearest name.
-        unreadable: a problem of each file that cannot be read and may have the scenario that is meant.
-    """
-
-    option: str
+    option: str  # the option of the command line that states it
     pattern: str
-    message: str
+    message: str  # the reason, with the nearest name
+    # a problem of each file that cannot be read and may have the scenario that is meant
     unreadable: tuple[Problem, ...] = ()
 
     def __str__(self) -> str:
@@ -218,27 +209,19 @@ class Contents:
 
 @dataclass(frozen=True, slots=True)
 class Suite:
-    """The scenario files of a call and the selection among their scenarios.
+    """The scenario files of a call and the selection among their scenarios."""
 
-    Attributes:
-        files: in order.
-        written: scenarios of a program, which come after those of the files.
-        empty: paths without a scenario.
-        numbers: file name -> selected numbers, for files of which only some scenarios are selected.
-        selection: by names and tags.
-        named_at: the place in pyproject.toml that names the files; None: the command line names them.
-        complete: False if the list lacks files of the call, in which scenarios may be that the selection names.
-        warn: takes a message for each exclusion that matches no scenario.
-    """
-
-    files: Sequence[Path]
-    empty: Sequence[str] = ()
-    written: Sequence[Written] = ()
+    files: Sequence[Path]  # in order
+    empty: Sequence[str] = ()  # paths without a scenario
+    written: Sequence[Written] = ()  # scenarios of a program, which come after those of the files
+    # file name -> selected numbers, for files of which only some scenarios are selected
     numbers: Mapping[str, frozenset[int]] = field(default_factory=dict)
-    selection: Selection = field(default_factory=Selection)
+    selection: Selection = field(default_factory=Selection)  # by names and tags
+    # the place in pyproject.toml that names the files; None: the command line names them
     named_at: Location | None = None
+    # False if the list lacks files of the call, in which scenarios may be that the selection names
     complete: bool = True
-    warn: Callable[[str], None] = _ignore
+    warn: Callable[[str], None] = _ignore  # takes a message for each exclusion that matches no scenario
 
     def read(self, permissions: Permissions, seed: int | None = None) -> Contents:
         """Return the selected scenarios of all files.

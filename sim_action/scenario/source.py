@@ -41,37 +41,22 @@ def varies_seed(variation: Iterable[Varied]) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """One scenario as it is written.
+    """One scenario as it is written."""
 
-    Attributes:
-        path: of its file, as it was named.
-        workspace: in which its files are found.
-        document: all of its keys, also inherited ones, and the place of each.
-        name: the name in reports.
-        line: its first line in a file with several scenarios; None if the file has one.
-        group: the name of the scenario that a variation belongs to.
-        variation: the values of this variation.
-        number: its place among all runs of its file, from 1.
-        draws: key paths of randomly drawn values -> advice for an invalid one.
-        scenario_seed: the seed of the scenario, if this is one of its samples: each sample has a seed derived from it.
-        gate: the gate that judges this run together with others.
-        differs_by_seed: True if only the seed differs from the other runs of its gate.
-        equal_draws: the drawn keys of such a run: all of their values are equal.
-    """
-
-    path: Path
-    workspace: Workspace
-    document: Document
-    name: str
-    line: int | None = None
-    group: str | None = None
-    variation: tuple[Varied, ...] = ()
-    number: int = 1
-    draws: tuple[tuple[Location, str], ...] = ()
+    path: Path  # of its file, as it was named
+    workspace: Workspace  # in which its files are found
+    document: Document  # all of its keys, also inherited ones, and the place of each
+    name: str  # the name in reports
+    line: int | None = None  # its first line in a file with several scenarios; None if the file has one
+    group: str | None = None  # the name of the scenario that a variation belongs to
+    variation: tuple[Varied, ...] = ()  # the values of this variation
+    number: int = 1  # its place among all runs of its file, from 1
+    draws: tuple[tuple[Location, str], ...] = ()  # key paths of randomly drawn values -> advice for an invalid one
+    # the seed of the scenario, if this is one of its samples: each sample has a seed derived from it
     scenario_seed: int | None = None
-    gate: PlannedGate | None = None
-    differs_by_seed: bool = False
-    equal_draws: tuple[str, ...] = ()
+    gate: PlannedGate | None = None  # the gate that judges this run together with others
+    differs_by_seed: bool = False  # True if only the seed differs from the other runs of its gate
+    equal_draws: tuple[str, ...] = ()  # the drawn keys of such a run: all of their values are equal
 
     @property
     def gate_name(self) -> str | None:

@@ -63,18 +63,13 @@ class WorldLibrary:
 
 @dataclass(frozen=True, eq=False)
 class FilledScenario:
-    """A scenario whose world has the bodies of its world file after its own.
-
-    Attributes:
-        parts: name of a body of the file -> its parts, if its shape is in a file.
-        warnings: the parts of the file that are not simulated.
-        places: of the models in the file.
-    """
+    """A scenario whose world has the bodies of its world file after its own."""
 
     scenario: Scenario
+    # name of a body of the file -> its parts, if its shape is in a file
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
-    warnings: tuple[AuditWarning, ...] = ()
-    places: WorldPlaces = field(default_factory=WorldPlaces)
+    warnings: tuple[AuditWarning, ...] = ()  # the parts of the file that are not simulated
+    places: WorldPlaces = field(default_factory=WorldPlaces)  # of the models in the file
 
 
 def with_robot_of_world(data: Mapping[str, Any]) -> dict[str, Any]:

@@ -58,11 +58,8 @@ class Scenario:
     def __init__(self, *, folder: str | os.PathLike[str] = ".", **keys: object) -> None:
         """Build a scenario.
 
-        Args:
-            folder: relative paths in the scenario start here.
-            keys: those of a scenario file.
-
-        Raises InvalidScenario for a value that YAML does not have.
+        Raises InvalidScenario for a value that YAML does not have. `folder`: relative paths in the scenario start here;
+        `keys`: those of a scenario file.
         """
         name = keys.get("name")
         name = name if isinstance(name, str) and is_title(name) else _UNNAMED

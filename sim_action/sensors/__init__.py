@@ -32,16 +32,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sight:
-    """The present state as sensors see it: the robot, and queries to the engine.
+    """The present state as sensors see it: the robot, and queries to the engine."""
 
-    Attributes:
-        time: sim time in s.
-        look: returns the state of the robot; called at most once.
-    """
-
-    time: float
+    time: float  # sim time in s
     probe: EngineQueries
-    look: Callable[[], Observation]
+    look: Callable[[], Observation]  # returns the state of the robot; called at most once
 
     @cached_property
     def robot(self) -> Observation:
@@ -55,22 +50,14 @@ Measure = Callable[[Sight], "Reading"]
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """The mounting of an open sensor, and its source of noise.
-
-    Attributes:
-        link: name of the robot's link.
-        pose: of the sensor, in the frame of the link.
-        rate: readings per second, in Hz.
-        random: its own stream of random numbers.
-        wheels: the wheel kinematics of the robot's drive; only for sensors with `reads_wheels`.
-    """
+    """The mounting of an open sensor, and its source of noise."""
 
     scene: Scene
-    link: str
-    pose: Pose
-    rate: float
-    random: Generator
-    wheels: WheelMotion | None = None
+    link: str  # name of the robot's link
+    pose: Pose  # of the sensor, in the frame of the link
+    rate: float  # readings per second, in Hz
+    random: Generator  # its own stream of random numbers
+    wheels: WheelMotion | None = None  # the wheel kinematics of the robot's drive; only for sensors with `reads_wheels`
 
 
 class Sensor(FrozenModel):

@@ -20,16 +20,11 @@ _SMALL_READING_BYTES: Final = 500
 
 @dataclass(slots=True)
 class ReadingLog:
-    """The readings of one sensor: at most 30 per second, 2 of a camera, and fewer in long runs.
-
-    Attributes:
-        every: one of so many readings is kept.
-        readings: the kept readings, in the order of time.
-    """
+    """The readings of one sensor: at most 30 per second, 2 of a camera, and fewer in long runs."""
 
     mounted: MountedSensor
-    every: int = 1
-    readings: list[Reading] = field(default_factory=list)
+    every: int = 1  # one of so many readings is kept
+    readings: list[Reading] = field(default_factory=list)  # the kept readings, in the order of time
     _seen: int = 0
 
     @classmethod

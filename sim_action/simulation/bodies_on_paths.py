@@ -57,18 +57,12 @@ _TOUCH_M: Final = 1e-7
 
 @dataclass(slots=True)
 class _Pin:
-    """A body on a path that pins the robot.
+    """A body on a path that pins the robot."""
 
-    Attributes:
-        time: the first moment in s.
-        against: the other body or part, as in messages.
-        force: the greatest mean force in N.
-    """
-
-    time: float
+    time: float  # the first moment in s
     link: str
-    against: str
-    force: float
+    against: str  # the other body or part, as in messages
+    force: float  # the greatest mean force in N
 
 
 class Pinning(Guard):

@@ -50,20 +50,14 @@ _DIRECTIONS: Final = np.vstack((np.eye(3), _directions(64)))
 class Piece:
     """A convex piece in the frame of its link or body, in m.
 
-    Attributes:
-        points: (P, 3).
-        radius: the rounding.
-        width: its least extent in any direction.
-        centre: (3,) the middle of the points.
-        reach: the greatest distance of its surface from `centre`.
-        is_ball: True if turning it about `centre` changes nothing.
+    `is_ball`: True if turning it about `centre` changes nothing.
     """
 
-    points: FloatArray
-    radius: float
-    width: float
-    centre: FloatArray
-    reach: float
+    points: FloatArray  # (P, 3)
+    radius: float  # the rounding
+    width: float  # its least extent in any direction
+    centre: FloatArray  # (3,) the middle of the points
+    reach: float  # the greatest distance of its surface from `centre`
 
     @classmethod
     def of(cls, points: FloatArray, pose: Pose, radius: float = 0.0, width: float | None = None) -> Self:
@@ -172,30 +166,19 @@ _TERRAIN_DEPTH_M: Final = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Obstacle:
-    """The N pieces of one or more bodies in one frame.
+    """The N pieces of one or more bodies in one frame."""
 
-    Attributes:
-        names: of the bodies.
-        lower, upper: (N, 3) m, their bounding boxes.
-        thickness, radius: (N,) m.
-        groups: (N,); a contact with a piece is a contact with all of its group.
-        bodies: (N,) the index into `names`.
-        appears, disappears: (N,) the steps between which the piece is there; infinite for ever.
-        blocks: the corners of the pieces in their order, (M, P, 3) of each M pieces.
-        starts: the number of the first piece of each block.
-    """
-
-    names: tuple[str, ...]
-    lower: FloatArray
+    names: tuple[str, ...]  # of the bodies
+    lower: FloatArray  # lower, upper: (N, 3) m, their bounding boxes
     upper: FloatArray
-    thickness: FloatArray
+    thickness: FloatArray  # thickness, radius: (N,) m
     radius: FloatArray
-    groups: NDArray[np.int64]
-    bodies: NDArray[np.int64]
-    appears: FloatArray
+    groups: NDArray[np.int64]  # (N,); a contact with a piece is a contact with all of its group
+    bodies: NDArray[np.int64]  # (N,) the index into `names`
+    appears: FloatArray  # appears, disappears: (N,) the steps between which the piece is there; infinite for ever
     disappears: FloatArray
-    blocks: tuple[FloatArray, ...]
-    starts: NDArray[np.int64]
+    blocks: tuple[FloatArray, ...]  # the corners of the pieces in their order, (M, P, 3) of each M pieces
+    starts: NDArray[np.int64]  # the number of the first piece of each block
 
     @classmethod
     def of(cls, several: Sequence[tuple[str, tuple[float, float], Pose, Sequence[Piece], Sequence[Soup]]]) -> Self:

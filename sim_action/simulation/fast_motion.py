@@ -28,40 +28,25 @@ _HULL_SHARE: Final = 0.1
 
 
 class Miss(NamedTuple):
-    """A piece that passed through another.
+    """A piece that passed through another."""
 
-    Attributes:
-        row: the index of the step in its block.
-        mover, body: the moved piece's link or body, and that of the other piece, as in messages.
-        way: the motion in the step in m, relative to the other piece.
-        extent: of the piece along the way, in m.
-        thickness: of the other piece, in m.
-        is_late: True if the engine saw a contact at the end of the step or before it.
-    """
-
-    row: int
-    mover: str
+    row: int  # the index of the step in its block
+    mover: str  # mover, body: the moved piece's link or body, and that of the other piece, as in messages
     body: str
-    way: float
-    extent: float
-    thickness: float
-    is_late: bool = False
+    way: float  # the motion in the step in m, relative to the other piece
+    extent: float  # of the piece along the way, in m
+    thickness: float  # of the other piece, in m
+    is_late: bool = False  # True if the engine saw a contact at the end of the step or before it
 
 
 class Mover(NamedTuple):
-    """A body that can move: it has a mass or a path.
-
-    Attributes:
-        width: a lower bound in m on the width of its pieces.
-        reach: an upper bound in m on the distance of its surface from its origin.
-        path: its path; None for a body with a mass.
-        fastest, turns: upper bounds in m/s and rad/s on the speed of any of its points and its turn rate on the path.
-    """
+    """A body that can move: it has a mass or a path."""
 
     body: Body
-    width: float
-    reach: float
-    path: PosePath | None = None
+    width: float  # a lower bound in m on the width of its pieces
+    reach: float  # an upper bound in m on the distance of its surface from its origin
+    path: PosePath | None = None  # its path; None for a body with a mass
+    # fastest, turns: upper bounds in m/s and rad/s on the speed of any of its points and its turn rate on the path
     fastest: float = 0.0
     turns: float = 0.0
 

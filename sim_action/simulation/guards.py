@@ -83,21 +83,14 @@ class Guard:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Watch:
-    """A watched quantity over the moments of a trace.
+    """A watched quantity over the moments of a trace."""
 
-    Attributes:
-        where: the part of the robot.
-        values: (T,) magnitudes; NaN where a value in the state of this part is not a number.
-        key: the key of the scenario that sets the bound.
-        most: the largest allowed bound.
-    """
-
-    where: str
-    values: FloatArray
+    where: str  # the part of the robot
+    values: FloatArray  # (T,) magnitudes; NaN where a value in the state of this part is not a number
     bound: float
     unit: str
-    key: str
-    most: float = math.inf
+    key: str  # the key of the scenario that sets the bound
+    most: float = math.inf  # the largest allowed bound
     causes: str = _EXPLODES
 
     @property
@@ -117,19 +110,13 @@ class _Watch:
 
 @dataclass(frozen=True, eq=False)
 class Watchdog(Guard):
-    """The bounds of a physical state.
-
-    Attributes:
-        depth: the allowed depth of the base link's origin below the ground, in m.
-        centre: (14 + 3 J,) a row of `Trace.state`: the start position, and zeros.
-        safe: (14 + 3 J,) a state within this distance of `centre` is physical, if the robot has not sunk.
-    """
+    """The bounds of a physical state."""
 
     physics: Physics
     model: RobotModel
-    depth: float
-    centre: FloatArray
-    safe: FloatArray
+    depth: float  # the allowed depth of the base link's origin below the ground, in m
+    centre: FloatArray  # (14 + 3 J,) a row of `Trace.state`: the start position, and zeros
+    safe: FloatArray  # (14 + 3 J,) a state within this distance of `centre` is physical, if the robot has not sunk
 
     @classmethod
     def of(cls, scene: Scene, start: Observation) -> Self:

@@ -192,17 +192,12 @@ def _shifted(measure: Measure, kind: str, *, grows: bool) -> Measure:
 
 @dataclass(frozen=True, slots=True)
 class _Robot:
-    """The facts about a robot that altered commands need.
+    """The facts about a robot that altered commands need."""
 
-    Attributes:
-        start: joint -> its position at the start, in rad (m if prismatic).
-        limits: joint -> its limits.
-        partners: joint -> the joint on the other side.
-    """
-
+    # joint -> its position at the start, in rad (m if prismatic)
     start: Mapping[str, float] = field(default_factory=dict)
-    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    partners: Mapping[str, str] = field(default_factory=dict)
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # joint -> its limits
+    partners: Mapping[str, str] = field(default_factory=dict)  # joint -> the joint on the other side
 
     @classmethod
     def of(cls, scene: Scene) -> _Robot:

@@ -25,21 +25,14 @@ from sim_action.world.scene import Scene
 
 @dataclass(slots=True)
 class _Running:
-    """A sensor during the run.
-
-    Attributes:
-        period: physics steps between two readings.
-        line: the readings that are on their way; None if all arrive at once.
-        kept: readings that are not yet in the trace.
-        log: the readings for the replay; None if there is none.
-    """
+    """A sensor during the run."""
 
     mounted: MountedSensor
     measure: Measure
-    period: int
-    line: Line[Reading] | None = None
-    kept: list[Reading] = field(default_factory=list)
-    log: ReadingLog | None = None
+    period: int  # physics steps between two readings
+    line: Line[Reading] | None = None  # the readings that are on their way; None if all arrive at once
+    kept: list[Reading] = field(default_factory=list)  # readings that are not yet in the trace
+    log: ReadingLog | None = None  # the readings for the replay; None if there is none
 
 
 class Sensing:

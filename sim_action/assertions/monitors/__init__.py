@@ -125,14 +125,10 @@ class Monitor(Fold):
 
 @dataclass(frozen=True)
 class AdaptedMonitor(Monitor):
-    """A monitor of an installed package that does not derive from Monitor: what it lacks is as in Monitor.
-
-    Attributes:
-        began: its state before the first step.
-    """
+    """A monitor of an installed package that does not derive from Monitor: what it lacks is as in Monitor."""
 
     monitor: Any
-    began: State
+    began: State  # its state before the first step
 
     @classmethod
     def of(cls, monitor: Any) -> Monitor:

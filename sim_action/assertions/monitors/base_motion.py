@@ -36,15 +36,10 @@ _Ways = Callable[["FloatArray", "FloatArray"], "FloatArray"]
 
 @dataclass(frozen=True, slots=True)
 class BaseMotion:
-    """The motion of the base from step to step, across blocks of steps.
+    """The motion of the base from step to step, across blocks of steps."""
 
-    Attributes:
-        max_gap_s: two states further apart in time are not compared.
-        known: the states (14,) at the last two steps, as far as they are known: time, pose and twist as in
-            `Trace.state`.
-    """
-
-    max_gap_s: float
+    max_gap_s: float  # two states further apart in time are not compared
+    # the states (14,) at the last two steps, as far as they are known: time, pose and twist as in `Trace.state`
     known: tuple[tuple[float, ...], ...] = ()
 
     @classmethod

@@ -22,21 +22,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """The fold of one signal against a lower bound, an upper bound or both.
+    """The fold of one signal against a lower bound, an upper bound or both."""
 
-    Attributes:
-        verb: the verb of the message, such as "travelled".
-        unit: SI symbol of the signal.
-        end: sim time of the last step, in s.
-    """
-
-    verb: str
-    unit: str
+    verb: str  # the verb of the message, such as "travelled"
+    unit: str  # SI symbol of the signal
     at_least: float | None
     at_most: float | None
     goal: Goal = Goal()
     invariant: Invariant = Invariant()
-    end: float = 0.0
+    end: float = 0.0  # sim time of the last step, in s
 
     @property
     def state(self) -> State:
@@ -142,19 +136,14 @@ class BoundsMonitor(Monitor):
 
 @dataclass(frozen=True, slots=True)
 class SignalMonitor(BoundsMonitor):
-    """The monitor of a signal that is computed from each step alone.
-
-    Attributes:
-        name: the label of its curve.
-        joint: the joint that it is a reading of, if any.
-    """
+    """The monitor of a signal that is computed from each step alone."""
 
     is_momentary = True
 
-    name: str
+    name: str  # the label of its curve
     signal: Callable[[Trace], FloatArray]
     bounds: Bounds
-    joint: str = ""
+    joint: str = ""  # the joint that it is a reading of, if any
 
     @override
     def verdict(self) -> Verdict:

@@ -44,16 +44,11 @@ def duration_text(seconds: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class MeanForce:
-    """The mean of the contact force over the last `window` s, across blocks of steps.
+    """The mean of the contact force over the last `window` s, across blocks of steps."""
 
-    Attributes:
-        rate: physics steps per second.
-        window: the time in s, at least one step.
-        recent: the index of each step with a contact, and its force in N, as far back as the window reaches.
-    """
-
-    rate: float
-    window: float
+    rate: float  # physics steps per second
+    window: float  # the time in s, at least one step
+    # the index of each step with a contact, and its force in N, as far back as the window reaches
     recent: tuple[tuple[int, float], ...] = ()
 
     @classmethod

@@ -19,14 +19,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class MarginFold:
-    """The fold of a margin: it ends at the first step that decides. Until then it keeps the extreme step.
-
-    Attributes:
-        margin, time: of the step that decides, or of the extreme step; None before the first one. The time is in s.
-    """
+    """The fold of a margin: it ends at the first step that decides. Until then it keeps the extreme step."""
 
     ends_as: ClassVar[State]
 
+    # margin, time: of the step that decides, or of the extreme step; None before the first one. The time is in s.
     margin: float | None = None
     time: float | None = None
     state: State = State.PENDING
@@ -76,27 +73,18 @@ class ClosestApproach:
     """A goal: a distance, and optionally the error of an angle, come within their tolerances.
 
     The margin is that of the quantity that is worse relative to its tolerance.
-
-    Attributes:
-        who: the beginning of the message, such as "elbow came".
-        place: the target, for the message.
-        unit: SI symbol of the distance.
-        angle_tolerance: tolerance of the angle in rad.
-        angle: the name of the angle, "heading" or "orientation".
-        distance, angle_error: the values at the best step.
-        end: sim time of the last step, in s.
     """
 
-    who: str
-    place: str
-    unit: str
+    who: str  # the beginning of the message, such as "elbow came"
+    place: str  # the target, for the message
+    unit: str  # SI symbol of the distance
     tolerance: float
-    angle_tolerance: float = math.inf
-    angle: str = "heading"
+    angle_tolerance: float = math.inf  # tolerance of the angle in rad
+    angle: str = "heading"  # the name of the angle, "heading" or "orientation"
     goal: Goal = Goal()
-    distance: float = math.inf
+    distance: float = math.inf  # distance, angle_error: the values at the best step
     angle_error: float | None = None
-    end: float = 0.0
+    end: float = 0.0  # sim time of the last step, in s
 
     @property
     def state(self) -> State:

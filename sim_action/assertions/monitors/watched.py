@@ -36,17 +36,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Watched:
-    """The frame whose motion is judged.
+    """The frame whose motion is judged."""
 
-    Attributes:
-        name: of the link or the body; empty for the base link.
-        frame: the frame from which it is seen: "world", "base" or the name of a link.
-        motion: the function that returns its motion in `frame` at the moments of a trace; None for the base link in
-            the world frame, whose motion a trace has.
-    """
-
-    name: str = ""
-    frame: str = WORLD
+    name: str = ""  # of the link or the body; empty for the base link
+    frame: str = WORLD  # the frame from which it is seen: "world", "base" or the name of a link
+    # the function that returns its motion in `frame` at the moments of a trace; None for the base link in the world
+    # frame, whose motion a trace has
     motion: Callable[[Trace], LinkMotion] | None = None
 
     @property
@@ -254,16 +249,11 @@ def _held_with(frame: str, scene: Scene) -> Collection[str]:
 
 @dataclass(frozen=True, slots=True)
 class WatchedMonitor(Monitor):
-    """The monitor of a frame other than the base link in the world: it hands on the motion of that frame.
-
-    Attributes:
-        monitor: the monitor of the base of the traces that it gets.
-        subject: the beginning of messages.
-    """
+    """The monitor of a frame other than the base link in the world: it hands on the motion of that frame."""
 
     watched: Watched
-    monitor: Monitor
-    subject: str
+    monitor: Monitor  # the monitor of the base of the traces that it gets
+    subject: str  # the beginning of messages
 
     @property
     @override

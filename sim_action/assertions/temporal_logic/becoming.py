@@ -44,18 +44,12 @@ class Rest:
     """The state at t = 0, to find out when something moved: the base, or a joint, by 1 mm or 0.1 deg.
 
     A wheel, that is a continuous joint of a robot with a free base, counts from 5 deg on.
-
-    Attributes:
-        base_position_xyz: (3,) m.
-        base_orientation_xyzw: (4,) unit quaternion.
-        joint_position: (J,) rad or m, in the order of a trace.
-        joint_limits: (J,) rad or m; a joint that differs by more has moved.
     """
 
-    base_position_xyz: NDArray[Any]
-    base_orientation_xyzw: NDArray[Any]
-    joint_position: NDArray[Any]
-    joint_limits: NDArray[Any]
+    base_position_xyz: NDArray[Any]  # (3,) m
+    base_orientation_xyzw: NDArray[Any]  # (4,) unit quaternion
+    joint_position: NDArray[Any]  # (J,) rad or m, in the order of a trace
+    joint_limits: NDArray[Any]  # (J,) rad or m; a joint that differs by more has moved
 
     @classmethod
     def of(cls, scene: Scene, start: Observation) -> Self:
@@ -101,29 +95,17 @@ def _least_motion(scene: Scene, name: str) -> float:
 
 @dataclass(frozen=True, slots=True)
 class BecomingTrue(Monitor):
-    """The monitor of a goal that must become true. The goal sees the run from the moment on at which it may count.
+    """The monitor of a goal that must become true. The goal sees the run from the moment on at which it may count."""
 
-    Attributes:
-        goal: the goal itself.
-        probe: the goal on all steps so far; it gives the truth before the goal may count.
-        rest: the state at t = 0; None if nothing acts on the robot.
-        disturbed: sim time in s of the first disturbance; infinite if there is none.
-        hold: the fold of the time for which the goal must hold; None if one moment is enough.
-        early: the fold of the time for which it has held since t = 0, if nothing acts on the robot.
-        is_explicit: True if the user gave a time for which the goal must hold.
-        is_open: True if the goal may count.
-        at_start: True if it was true at the first moment; None before the first moment.
-    """
-
-    goal: Monitor
-    probe: Monitor
-    rest: Rest | None
-    hold: HoldTime | None
-    early: HoldTime
-    disturbed: float = math.inf
-    is_explicit: bool = False
-    is_open: bool = False
-    at_start: bool | None = None
+    goal: Monitor  # the goal itself
+    probe: Monitor  # the goal on all steps so far; it gives the truth before the goal may count
+    rest: Rest | None  # the state at t = 0; None if nothing acts on the robot
+    hold: HoldTime | None  # the fold of the time for which the goal must hold; None if one moment is enough
+    early: HoldTime  # the fold of the time for which it has held since t = 0, if nothing acts on the robot
+    disturbed: float = math.inf  # sim time in s of the first disturbance; infinite if there is none
+    is_explicit: bool = False  # True if the user gave a time for which the goal must hold
+    is_open: bool = False  # True if the goal may count
+    at_start: bool | None = None  # True if it was true at the first moment; None before the first moment
 
     @property
     @override

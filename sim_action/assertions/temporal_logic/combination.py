@@ -79,17 +79,13 @@ UNKNOWN: Final = -1
 
 @dataclass(frozen=True)
 class Parts(Monitor):
-    """The monitors of several assertions.
-
-    Attributes:
-        remembers: True if the truth of each at the last step is needed: that of a sensor lasts until the next reading.
-        before: these truths, 1, 0 or UNKNOWN.
-    """
+    """The monitors of several assertions."""
 
     titles: tuple[str, ...]
     monitors: tuple[Monitor, ...]
+    # True if the truth of each at the last step is needed: that of a sensor lasts until the next reading
     remembers: bool
-    before: tuple[int, ...]
+    before: tuple[int, ...]  # these truths, 1, 0 or UNKNOWN
 
     @classmethod
     def of(cls, titles: Iterable[str], monitors: tuple[Monitor, ...], *, remembers: bool, **fields: Any) -> Self:
@@ -130,14 +126,10 @@ class Parts(Monitor):
 
 @dataclass(frozen=True)
 class Combination(Junction, Parts):
-    """The monitor of `any_of` and `all_of`. Its results are cached.
-
-    Attributes:
-        steps: the steps so far.
-    """
+    """The monitor of `any_of` and `all_of`. Its results are cached."""
 
     every: bool = True
-    steps: Judged = Judged()
+    steps: Judged = Judged()  # the steps so far
 
     @property
     @override
@@ -187,19 +179,13 @@ def _decisive(verdicts: Sequence[Verdict], candidates: Sequence[int], *, least: 
 
 @dataclass(frozen=True)
 class AtOnceMonitor(Parts):
-    """The fold of the number of parts that are true at the same moment.
-
-    Attributes:
-        best: the fold of the number of true parts minus the number of parts.
-        missing: the titles of the parts that were not true at the best step.
-        end: sim time of the last step, in s.
-    """
+    """The fold of the number of parts that are true at the same moment."""
 
     is_goal = True
 
-    best: Goal = Goal()
-    missing: tuple[str, ...] = ()
-    end: float = 0.0
+    best: Goal = Goal()  # the fold of the number of true parts minus the number of parts
+    missing: tuple[str, ...] = ()  # the titles of the parts that were not true at the best step
+    end: float = 0.0  # sim time of the last step, in s
 
     @property
     @override
@@ -254,16 +240,11 @@ class AtOnceMonitor(Parts):
 
 @dataclass(frozen=True)
 class NegationMonitor(Monitor):
-    """The monitor of the inner assertion with the opposite result. The state is cached, as in Junction.
-
-    Attributes:
-        began: the state of the inner monitor before the first step.
-        steps: the steps so far.
-    """
+    """The monitor of the inner assertion with the opposite result. The state is cached, as in Junction."""
 
     monitor: Monitor
-    began: State
-    steps: Judged = Judged()
+    began: State  # the state of the inner monitor before the first step
+    steps: Judged = Judged()  # the steps so far
 
     @cached_property
     @override

@@ -15,17 +15,12 @@ from sim_action.core.records import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A constant.
+    """A constant."""
 
-    Attributes:
-        value: the SI value.
-        unit: the SI symbol of the unit that it was written with; empty without one.
-        text: the number as it was written, with its unit; empty if it was not read from a text.
-    """
-
-    value: float
-    unit: str = ""
+    value: float  # the SI value
+    unit: str = ""  # the SI symbol of the unit that it was written with; empty without one
     at: int = field(default=0, compare=False)
+    # the number as it was written, with its unit; empty if it was not read from a text
     text: str = field(default="", compare=False)
 
     def __str__(self) -> str:
@@ -41,19 +36,14 @@ _RAW_JOINT: Final = re.compile(r"[^()<>'\"\s]([^()<>'\"]*[^()<>'\"\s])?")
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A signal with a value at every step.
-
-    Attributes:
-        joint: the joint of a signal of a joint; else empty.
-        source: the kind of the signal.
-        names: the link or object of a "frame"; the sensor and its axis or statistic, if any, of a "sensor"; the links
-            and objects of a "pair".
-    """
+    """A signal with a value at every step."""
 
     name: str
-    joint: str = ""
+    joint: str = ""  # the joint of a signal of a joint; else empty
     at: int = field(default=0, compare=False)
-    source: Source = "robot"
+    source: Source = "robot"  # the kind of the signal
+    # the link or object of a "frame"; the sensor and its axis or statistic, if any, of a "sensor"; the links and
+    # objects of a "pair"
     names: tuple[str, ...] = ()
 
     def __str__(self) -> str:

@@ -70,17 +70,11 @@ def lookahead(*formulas: Formula) -> float:
 
 
 class Outcome(NamedTuple):
-    """The result of a formula at the first step, as if the run ended now.
+    """The result of a formula at the first step, as if the run ended now."""
 
-    Attributes:
-        value: the robustness; infinite if no step counts.
-        cause: the comparison that decides; None if no step counts.
-        judged: the steps at which the inner formula could be judged. Without any, nothing was checked.
-    """
-
-    value: float
-    cause: Cause | None
-    judged: Judged
+    value: float  # the robustness; infinite if no step counts
+    cause: Cause | None  # the comparison that decides; None if no step counts
+    judged: Judged  # the steps at which the inner formula could be judged. Without any, nothing was checked.
 
 
 class Part(Fold):
@@ -116,16 +110,12 @@ class SampleChain:
 
 @dataclass(frozen=True, slots=True)
 class BestMoment:
-    """The deciding robustness so far, its formula, and the samples that it depends on.
-
-    Attributes:
-        contrary, strong: as in `robustness`.
-    """
+    """The deciding robustness so far, its formula, and the samples that it depends on."""
 
     value: float
     formula: Formula
     samples: Samples
-    contrary: bool
+    contrary: bool  # contrary, strong: as in `robustness`
     strong: bool
 
     @property
@@ -154,27 +144,17 @@ def with_judged(judged: Judged, rows: Samples, first: int, margins: FloatArray) 
 
 @dataclass(frozen=True, slots=True)
 class Operator(Part):
-    """The fold of a temporal operator: steps whose future is known are judged, the others are kept.
-
-    Attributes:
-        ahead: the time in s, from the first step on, that it looks ahead at least.
-        reach: lookahead of the inner formulas in s; infinite if they are judged at the end of the run.
-        begin: sim time of the first step, in s.
-        open: samples whose future is not known yet.
-        found: the best step so far, among those whose future is known.
-        judged: the judged steps of the interval among them.
-        closed: True if the future of all steps of the interval is known.
-    """
+    """The fold of a temporal operator: steps whose future is known are judged, the others are kept."""
 
     formula: Formula
     interval: Interval
-    ahead: float
-    reach: float
-    begin: float | None = None
-    open: SampleChain | None = None
-    found: BestMoment | None = None
-    judged: Judged = Judged()
-    closed: bool = False
+    ahead: float  # the time in s, from the first step on, that it looks ahead at least
+    reach: float  # lookahead of the inner formulas in s; infinite if they are judged at the end of the run
+    begin: float | None = None  # sim time of the first step, in s
+    open: SampleChain | None = None  # samples whose future is not known yet
+    found: BestMoment | None = None  # the best step so far, among those whose future is known
+    judged: Judged = Judged()  # the judged steps of the interval among them
+    closed: bool = False  # True if the future of all steps of the interval is known
 
     @abstractmethod
     def folded(self, rows: Samples, end: int) -> Self:
@@ -277,16 +257,11 @@ class Extreme(Operator):
 
 @dataclass(frozen=True, slots=True)
 class UntilFold(Operator):
-    """An `until`: the condition that must hold before, and the best step of the other condition.
-
-    Attributes:
-        contrary: True for the negation, an invariant that breaks when the `until` comes true.
-        held: the least robustness of `before` over all steps whose future is known.
-    """
+    """An `until`: the condition that must hold before, and the best step of the other condition."""
 
     formula: Until
-    contrary: bool = False
-    held: BestMoment | None = None
+    contrary: bool = False  # True for the negation, an invariant that breaks when the `until` comes true
+    held: BestMoment | None = None  # the least robustness of `before` over all steps whose future is known
 
     @classmethod
     def of(cls, formula: Until, *, contrary: bool) -> Self:
@@ -367,20 +342,15 @@ class UntilFold(Operator):
 
 @dataclass(frozen=True, slots=True)
 class StlMonitor(Monitor):
-    """The monitor of a whole formula.
-
-    Attributes:
-        reader: the reader of the signals, after the steps so far.
-        units: the SI symbol of the margin of each comparison.
-        premises: each premise of an implication as text, and the search for a moment at which it holds.
-        first, last: the sim times in s of the first and the last step; None before the first one.
-    """
+    """The monitor of a whole formula."""
 
     formula: Formula
     part: Part
-    reader: SignalReader
-    units: Mapping[Comparison, str]
+    reader: SignalReader  # the reader of the signals, after the steps so far
+    units: Mapping[Comparison, str]  # the SI symbol of the margin of each comparison
+    # each premise of an implication as text, and the search for a moment at which it holds
     premises: tuple[tuple[str, Extreme], ...] = ()
+    # first, last: the sim times in s of the first and the last step; None before the first one
     first: float | None = None
     last: float | None = None
 

@@ -145,26 +145,16 @@ def place(text: str, at: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Token:
-    """A token of the text.
-
-    Attributes:
-        text: the text as written; for a signal of a joint, the name of the reading.
-        at: index in the text at which it begins.
-        value: the SI value of a number.
-        unit: the SI symbol of a number.
-        joint: the joint of a signal.
-        names: the link, object or sensor of a signal, or several of them.
-        path: the words after the name of a link, object or sensor, which a dot separates.
-    """
+    """A token of the text."""
 
     kind: Kind
-    text: str
-    at: int
-    value: float = 0.0
-    unit: str = ""
-    joint: str = ""
-    names: tuple[str, ...] = ()
-    path: tuple[str, ...] = ()
+    text: str  # the text as written; for a signal of a joint, the name of the reading
+    at: int  # index in the text at which it begins
+    value: float = 0.0  # the SI value of a number
+    unit: str = ""  # the SI symbol of a number
+    joint: str = ""  # the joint of a signal
+    names: tuple[str, ...] = ()  # the link, object or sensor of a signal, or several of them
+    path: tuple[str, ...] = ()  # the words after the name of a link, object or sensor, which a dot separates
 
     def __str__(self) -> str:
         return self.text if self.kind == "end" else f"'{self.text}'"

@@ -39,15 +39,10 @@ from sim_action.state.trace import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """The values of signals at T steps, in SI units.
+    """The values of signals at T steps, in SI units."""
 
-    Attributes:
-        signals: the S signals, each once.
-        rows: (T, 1 + S), time and the signals.
-    """
-
-    signals: tuple[Signal, ...]
-    rows: FloatArray
+    signals: tuple[Signal, ...]  # the S signals, each once
+    rows: FloatArray  # (T, 1 + S), time and the signals
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -180,19 +175,13 @@ def _until(before: FloatArray, then: FloatArray, interval: Interval, samples: Sa
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """The comparison and the step whose difference equals the robustness of a whole formula.
-
-    Attributes:
-        time: sim time in s.
-        left, right: both sides in SI units.
-        margin: their difference, positive if the formula holds.
-    """
+    """The comparison and the step whose difference equals the robustness of a whole formula."""
 
     comparison: Comparison
-    time: float
-    left: float
+    time: float  # sim time in s
+    left: float  # left, right: both sides in SI units
     right: float
-    margin: float
+    margin: float  # their difference, positive if the formula holds
 
 
 def cause(

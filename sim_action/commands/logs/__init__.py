@@ -57,18 +57,10 @@ TimedRow = tuple[int, Content]
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """The rows that a log has for one command source.
+    """The rows that a log has for one command source."""
 
-    Attributes:
-        rows: at least one, in the order of time.
-        resolution_s: the last digit of the times.
-        read: the number of messages, or of rows, that the log has for this source.
-        unused: reason -> the number of them that are not in `rows`.
-        notes: remarks for the user.
-    """
-
-    rows: tuple[TimedRow, ...]
-    resolution_s: float = 1e-9
-    read: int = 0
-    unused: Mapping[str, int] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    rows: tuple[TimedRow, ...]  # at least one, in the order of time
+    resolution_s: float = 1e-9  # the last digit of the times
+    read: int = 0  # the number of messages, or of rows, that the log has for this source
+    unused: Mapping[str, int] = field(default_factory=dict)  # reason -> the number of them that are not in `rows`
+    notes: tuple[str, ...] = ()  # remarks for the user

@@ -97,19 +97,12 @@ class HeaderError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column that is used.
+    """A column that is used."""
 
-    Attributes:
-        place: its index in the file.
-        name: as the file has it, without its unit.
-        unit: of its numbers; empty if the file does not state it.
-        meaning: "time", a name of `TWIST`, or a quantity of a joint.
-    """
-
-    place: int
-    name: str
-    unit: str
-    meaning: str | JointColumn
+    place: int  # its index in the file
+    name: str  # as the file has it, without its unit
+    unit: str  # of its numbers; empty if the file does not state it
+    meaning: str | JointColumn  # "time", a name of `TWIST`, or a quantity of a joint
 
     @property
     def kind(self) -> str:
@@ -124,19 +117,12 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """The columns of a file.
+    """The columns of a file."""
 
-    Attributes:
-        count: of all its columns.
-        time: the column of the times.
-        used: the columns of the commands.
-        ignored: names of the others.
-    """
-
-    count: int
-    time: Column
-    used: tuple[Column, ...]
-    ignored: tuple[str, ...] = ()
+    count: int  # of all its columns
+    time: Column  # the column of the times
+    used: tuple[Column, ...]  # the columns of the commands
+    ignored: tuple[str, ...] = ()  # names of the others
 
     @classmethod
     def of(
@@ -148,9 +134,8 @@ class Header:
     ) -> Header:
         """Return the header for the names of columns. Raises HeaderError.
 
-        :param wanted: meaning -> column, as in the key `columns`; None: the columns are recognised by their names.
-        :param topic: the topic whose columns are used.
-        :param first: the cells of the first row, which may have names of joints.
+        `wanted`: meaning -> column, as in the key `columns`; None: the columns are recognised by their names; `topic`:
+        the topic whose columns are used; `first`: the cells of the first row, which may have names of joints.
         """
         if len(names) > MAX_COLUMNS:
             raise HeaderError(f"{len(names):,} columns; at most {MAX_COLUMNS:,} are allowed")
@@ -294,18 +279,13 @@ def _refuse_misspelt(strange: Iterable[str], *, alone: bool) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A CSV file as the scenario names it.
-
-    Attributes:
-        name: of the file in messages.
-        columns: meaning -> column, as in the key `columns`; None: recognised by their names.
-        topic: the topic whose columns are used, for files with several.
-    """
+    """A CSV file as the scenario names it."""
 
     path: Path
-    name: str
+    name: str  # of the file in messages
+    # meaning -> column, as in the key `columns`; None: recognised by their names
     columns: Mapping[str, str] | None = None
-    topic: str | None = None
+    topic: str | None = None  # the topic whose columns are used, for files with several
 
     def header(self) -> Header:
         """Read the header. Raises RecordingError."""

@@ -36,9 +36,7 @@ _Message = tuple[int, int, bytes]
 class ScannedLog(ABC):
     """A reader of one file of a log that needs no index.
 
-    Attributes:
-        connections: of all topics.
-        cut: True if the file ends early, or is damaged.
+    `connections`: of all topics; `cut`: True if the file ends early, or is damaged.
     """
 
     remedy: str = ""

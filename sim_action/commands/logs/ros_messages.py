@@ -38,20 +38,13 @@ ARRAY: Final = "std_msgs/msg/Float64MultiArray"
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """The messages that a command source replays.
-
-    Attributes:
-        type: the required type of the messages; None: any of `TYPES`.
-        stamps: the times that count: of receipt, of `header.stamp`, or of /clock in the log.
-        joints: the joints of the numbers of an array.
-        interface: the quantity of these numbers.
-    """
+    """The messages that a command source replays."""
 
     topic: str
-    type: str | None = None
-    stamps: Stamps = "receipt"
-    joints: tuple[str, ...] = ()
-    interface: Kind = "position"
+    type: str | None = None  # the required type of the messages; None: any of `TYPES`
+    stamps: Stamps = "receipt"  # the times that count: of receipt, of `header.stamp`, or of /clock in the log
+    joints: tuple[str, ...] = ()  # the joints of the numbers of an array
+    interface: Kind = "position"  # the quantity of these numbers
 
 
 class MessageError(ValueError):

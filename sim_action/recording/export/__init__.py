@@ -21,15 +21,10 @@ if TYPE_CHECKING:
 
 
 class Export(Protocol):
-    """The writer of one format.
+    """The writer of one format."""
 
-    Attributes:
-        extra: the extra of sim-action that installs the packages; empty if none are needed.
-        packages: the modules that `write` imports.
-    """
-
-    extra: ClassVar[str]
-    packages: ClassVar[tuple[str, ...]]
+    extra: ClassVar[str]  # the extra of sim-action that installs the packages; empty if none are needed
+    packages: ClassVar[tuple[str, ...]]  # the modules that `write` imports
 
     @staticmethod
     def write(run: RecordedRun, file: BinaryIO) -> None:

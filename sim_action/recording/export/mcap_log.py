@@ -315,17 +315,11 @@ _COVARIANCE: Final = (0.0,) * 36
 
 @dataclass(frozen=True, eq=False)
 class OdometryTrack:
-    """Odometry at N times.
+    """Odometry at N times."""
 
-    Attributes:
-        time: (N,) s.
-        poses: (N, 7) of the base.
-        twists: (N, 6) of the base, in its own frame; linear, then angular.
-    """
-
-    time: FloatArray
-    poses: FloatArray
-    twists: FloatArray
+    time: FloatArray  # (N,) s
+    poses: FloatArray  # (N, 7) of the base
+    twists: FloatArray  # (N, 6) of the base, in its own frame; linear, then angular
 
     def latest(self, time: FloatArray) -> FloatArray:
         """Return (T, 7) the last odometry pose at or before each time."""

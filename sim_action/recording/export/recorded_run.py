@@ -22,23 +22,16 @@ from sim_action.world.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class RecordedRun:
-    """A run with T moments.
-
-    Attributes:
-        trace: T moments, with contacts, bodies that may move or appear, and stored sensor readings.
-        sensors: all sensors of the robot, with and without stored readings.
-        twists: the commanded twists of the base.
-        wrenches: the times in s at which wrenches on links were commanded, and all wrenches from then on.
-        actors: name of each other robot of the world -> its trace at the moments of a replay.
-        links: the links whose motion text formats have, see `trace.links` of a scenario.
-    """
+    """A run with T moments."""
 
     scene: Scene
-    trace: Trace
-    sensors: tuple[MountedSensor, ...] = ()
-    twists: CommandedTwists = field(default_factory=CommandedTwists)
-    links: tuple[str, ...] = ()
+    trace: Trace  # T moments, with contacts, bodies that may move or appear, and stored sensor readings
+    sensors: tuple[MountedSensor, ...] = ()  # all sensors of the robot, with and without stored readings
+    twists: CommandedTwists = field(default_factory=CommandedTwists)  # the commanded twists of the base
+    links: tuple[str, ...] = ()  # the links whose motion text formats have, see `trace.links` of a scenario
+    # the times in s at which wrenches on links were commanded, and all wrenches from then on
     wrenches: Sequence[tuple[float, tuple[LinkWrench, ...]]] = ()
+    # name of each other robot of the world -> its trace at the moments of a replay
     actors: Mapping[str, Trace] = field(default_factory=dict)
 
     @classmethod

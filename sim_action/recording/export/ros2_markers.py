@@ -36,24 +36,17 @@ _TYPES: Final[dict[Kind, int]] = {"cube": 1, "sphere": 2, "cylinder": 3, "sphere
 
 @dataclass(frozen=True, slots=True)
 class Marker:
-    """The fixed fields of a visualization_msgs/Marker; its time stamp and its points are gaps.
-
-    Attributes:
-        group: the namespace, which identifies a marker together with `number`.
-        scale: the size in m: diameters of a sphere; diameters and height of a cylinder.
-        points: the number of points.
-        lifetime: the lifetime in s; 0 means forever.
-    """
+    """The fixed fields of a visualization_msgs/Marker; its time stamp and its points are gaps."""
 
     kind: Kind
     frame: str
-    group: str
+    group: str  # the namespace, which identifies a marker together with `number`
     number: int = 0
     pose: Pose = field(default_factory=Pose)
-    scale: Vector3 = (1.0, 1.0, 1.0)
+    scale: Vector3 = (1.0, 1.0, 1.0)  # the size in m: diameters of a sphere; diameters and height of a cylinder
     colour: Vector3 = (0.8, 0.8, 0.8)
-    points: int = 0
-    lifetime: int = 0
+    points: int = 0  # the number of points
+    lifetime: int = 0  # the lifetime in s; 0 means forever
 
     def add_to(self, form: CdrForm) -> None:
         """Append the marker to a message, with gaps for 2 numbers of the time and for 3 numbers of each point."""

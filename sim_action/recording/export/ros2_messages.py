@@ -179,22 +179,14 @@ _VOLATILE: Final = _offered(10, 2)
 
 @dataclass(frozen=True)
 class Topic:
-    """All messages of one topic.
-
-    Attributes:
-        type: the message type, such as "std_msgs/String".
-        time: the sim time of each message in ns.
-        messages: the encoded messages.
-        about: metadata of the channel, for people.
-        is_latched: True if a subscriber that comes later gets the last message: durability transient_local.
-    """
+    """All messages of one topic."""
 
     name: str
-    type: str
-    time: NDArray[np.int64]
-    messages: list[bytes]
-    about: dict[str, str] = field(default_factory=dict)
-    is_latched: bool = False
+    type: str  # the message type, such as "std_msgs/String"
+    time: NDArray[np.int64]  # the sim time of each message in ns
+    messages: list[bytes]  # the encoded messages
+    about: dict[str, str] = field(default_factory=dict)  # metadata of the channel, for people
+    is_latched: bool = False  # True if a subscriber that comes later gets the last message: durability transient_local
 
     @property
     def metadata(self) -> dict[str, str]:
@@ -214,21 +206,13 @@ def stamps(time: FloatArray) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, slots=True)
 class Frames:
-    """The names of the coordinate frames of a log, all distinct: a name that is also a link gets a suffix.
+    """The names of the coordinate frames of a log, all distinct: a name that is also a link gets a suffix."""
 
-    Attributes:
-        map: the world frame.
-        odom: the origin of the wheel odometry.
-        base: the base link of the robot.
-        bodies: name of a body of the world -> its frame.
-        sensors: name of a sensor -> its frame.
-    """
-
-    map: str
-    odom: str
-    base: str
-    bodies: Mapping[str, str]
-    sensors: Mapping[str, str]
+    map: str  # the world frame
+    odom: str  # the origin of the wheel odometry
+    base: str  # the base link of the robot
+    bodies: Mapping[str, str]  # name of a body of the world -> its frame
+    sensors: Mapping[str, str]  # name of a sensor -> its frame
 
     @classmethod
     def of(cls, run: RecordedRun) -> Frames:

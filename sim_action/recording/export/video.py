@@ -164,17 +164,11 @@ _MIN_DISTANCE_M: Final = 1.2
 
 @dataclass(frozen=True, slots=True)
 class FollowCamera:
-    """A camera that moves with the robot, seen from behind, right and above, but never turns.
+    """A camera that moves with the robot, seen from behind, right and above, but never turns."""
 
-    Attributes:
-        heading: the yaw of the view in rad, world frame.
-        distance: the distance in m to the target point.
-        above: the height in m of the target point above the base link.
-    """
-
-    heading: float
-    distance: float
-    above: float
+    heading: float  # the yaw of the view in rad, world frame
+    distance: float  # the distance in m to the target point
+    above: float  # the height in m of the target point above the base link
 
     @classmethod
     def of(cls, model: RobotModel, start: Pose) -> FollowCamera:

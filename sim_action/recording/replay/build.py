@@ -434,19 +434,13 @@ _MAX_GAP_S: Final = 0.1
 
 @dataclass(slots=True)
 class Touch:
-    """An uninterrupted contact of a link with a body.
+    """An uninterrupted contact of a link with a body."""
 
-    Attributes:
-        points: the contact points in the order of time.
-        until: the time in s of the last contact.
-        steps: the time in s of each step with a contact, and the total force in N.
-        push: the sum of the forces on the link in N, as a vector in the world frame.
-    """
-
-    points: list[Contact]
-    until: float
+    points: list[Contact]  # the contact points in the order of time
+    until: float  # the time in s of the last contact
+    # the time in s of each step with a contact, and the total force in N
     steps: list[tuple[float, float]] = field(default_factory=list)
-    push: Vector3 = ZERO
+    push: Vector3 = ZERO  # the sum of the forces on the link in N, as a vector in the world frame
 
     @property
     def first(self) -> Contact:

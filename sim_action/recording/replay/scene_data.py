@@ -296,17 +296,12 @@ class PolygonMark(_Mark):
 
 
 class PolylineMark(_Mark):
-    """A path; points x, y, z in m.
-
-    Attributes:
-        tolerance: the distance from it that is allowed, in m.
-        is_aside: True if a view need not show all of it.
-    """
+    """A path; points x, y, z in m."""
 
     kind: Literal["polyline"]
     points: Annotated[tuple[Place, ...], Field(min_length=2, max_length=10_000)]
-    tolerance: Length = 0.0
-    is_aside: bool = False
+    tolerance: Length = 0.0  # the distance from it that is allowed, in m
+    is_aside: bool = False  # True if a view need not show all of it
 
 
 class ArrowMark(_Mark):

@@ -63,10 +63,8 @@ if TYPE_CHECKING:
 class LinkPieces:
     """The pieces of a robot's links: their visuals if all can be read, else their collision shapes.
 
-    Pieces from the same mesh file share their surface.
-
-    Attributes:
-        replaced: the number of links so far whose collision shapes are drawn because a mesh cannot be read.
+    Pieces from the same mesh file share their surface. `replaced`: the number of links so far whose collision shapes
+    are drawn because a mesh cannot be read.
     """
 
     def __init__(self, model: RobotModel) -> None:
@@ -388,9 +386,8 @@ def notes_of(
 ) -> tuple[str, ...]:
     """Return the notes of a scene, a sentence each.
 
-    :param links: the pieces of the links, all of which were asked for.
-    :param owners: the pieces of all links and bodies.
-    :param meshes: those that are drawn.
+    `links`: the pieces of the links, all of which were asked for; `owners`: the pieces of all links and bodies;
+    `meshes`: those that are drawn.
     """
     found = (*_of_links(scene, links), *_of_hulls(scene), *_of_triangles(owners, meshes))
     return tuple(escaped_line(note)[:MAX_TEXT_LENGTH] for note in found[:MAX_NOTES])

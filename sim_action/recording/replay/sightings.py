@@ -147,27 +147,16 @@ class _Touches:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rays:
-    """The returns of a lidar in the world.
+    """The returns of a lidar in the world."""
 
-    Attributes:
-        sensor: the name of the lidar.
-        every: one of so many scans is kept.
-        time: (S,) s.
-        ranges: (S, R) m.
-        angles: (R,) rad.
-        starts: (S, 3) m, world frame.
-        points: (S, R, 3) m, world frame; NaN without a return.
-        noise: the standard deviation of the ranges in m.
-    """
-
-    sensor: str
-    every: int
-    time: FloatArray
-    ranges: FloatArray
-    angles: FloatArray
-    starts: FloatArray
-    points: FloatArray
-    noise: float
+    sensor: str  # the name of the lidar
+    every: int  # one of so many scans is kept
+    time: FloatArray  # (S,) s
+    ranges: FloatArray  # (S, R) m
+    angles: FloatArray  # (R,) rad
+    starts: FloatArray  # (S, 3) m, world frame
+    points: FloatArray  # (S, R, 3) m, world frame; NaN without a return
+    noise: float  # the standard deviation of the ranges in m
 
     @classmethod
     def of(cls, scene: Scene, film: Trace, log: ReadingLog, scans: Sequence[LidarScan]) -> _Rays:

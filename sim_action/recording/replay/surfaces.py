@@ -30,15 +30,11 @@ _TRIES: Final = 6
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
-    """A surface: `points_xyz` (P, 3) in m, and `corners` (T, 3), indices of points.
-
-    Attributes:
-        stated: the number of triangles before simplification; 0: these are all.
-    """
+    """A surface: `points_xyz` (P, 3) in m, and `corners` (T, 3), indices of points."""
 
     points_xyz: FloatArray
     corners: IntArray
-    stated: int = 0
+    stated: int = 0  # the number of triangles before simplification; 0: these are all
 
     def __len__(self) -> int:
         return len(self.corners)

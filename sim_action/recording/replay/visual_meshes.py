@@ -28,8 +28,7 @@ _MAX_BYTES: Final = 20_000_000
 class VisualMeshes:
     """The surfaces of a robot's meshes; each file is read once.
 
-    Attributes:
-        unreadable: name of each file that could not be read -> the reason.
+    `unreadable`: name of each file that could not be read -> the reason.
     """
 
     def __init__(self, model: RobotModel, most: int) -> None:

@@ -24,20 +24,15 @@ ScenarioChangeKind = ChangeKind | Literal["less margin", "slower", "weaker", "mo
 
 @dataclass(frozen=True, slots=True)
 class ScenarioChange:
-    """The change of a scenario or gate.
-
-    Attributes:
-        words: what changed, such as "newly fails; before: came true at 5.75 s".
-        limit: the limits now and before of the expectation that failed; empty if it fails with both.
-        world: how the scene of its replay differs, such as "pallet is new"; empty if it is the same or not known.
-        command: the first command that differs before the motions part, with both values and its time; empty if the
-            commands are the same, None if that is not known, or if the motions do not part.
-    """
+    """The change of a scenario or gate."""
 
     kind: ScenarioChangeKind
-    words: str
-    limit: str = ""
+    words: str  # what changed, such as "newly fails; before: came true at 5.75 s"
+    limit: str = ""  # the limits now and before of the expectation that failed; empty if it fails with both
+    # how the scene of its replay differs, such as "pallet is new"; empty if it is the same or not known
     world: str = ""
+    # the first command that differs before the motions part, with both values and its time; empty if the commands are
+    # the same, None if that is not known, or if the motions do not part
     command: str | None = None
 
     @property
@@ -50,19 +45,12 @@ class ScenarioChange:
 
 @dataclass(frozen=True, slots=True)
 class Base:
-    """The earlier run of `--against`, and what changed since.
+    """The earlier run of `--against`, and what changed since."""
 
-    Attributes:
-        run: the earlier run.
-        comparison: the comparison with it.
-        changes: `id()` of an outcome -> its change; empty if no scenario is in both runs.
-        before: `id()` of an outcome -> the outcome of the same scenario in the earlier run.
-    """
-
-    run: EarlierRun
-    comparison: Comparison
-    changes: Mapping[int, ScenarioChange]
-    before: Mapping[int, Outcome]
+    run: EarlierRun  # the earlier run
+    comparison: Comparison  # the comparison with it
+    changes: Mapping[int, ScenarioChange]  # `id()` of an outcome -> its change; empty if no scenario is in both runs
+    before: Mapping[int, Outcome]  # `id()` of an outcome -> the outcome of the same scenario in the earlier run
 
     @classmethod
     def of(cls, run: EarlierRun, results: Results) -> Base:

@@ -81,25 +81,16 @@ _ICON: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """The parts of a page.
-
-    Attributes:
-        body: the encoded parts of the body.
-        index: JSON for the script.
-        blocks: element id -> packed data.
-        has_replays: True if one of the blocks is a replay, which needs the 3D viewer.
-        is_embedded: True if the page shows only the player of its first scenario, for a frame.
-        is_live: True if a server on this machine gives the page, which asks it for news.
-    """
+    """The parts of a page."""
 
     title: str
     failed: bool
-    body: Sequence[bytes]
-    index: str
-    blocks: Mapping[str, str]
-    has_replays: bool
-    is_embedded: bool = False
-    is_live: bool = False
+    body: Sequence[bytes]  # the encoded parts of the body
+    index: str  # JSON for the script
+    blocks: Mapping[str, str]  # element id -> packed data
+    has_replays: bool  # True if one of the blocks is a replay, which needs the 3D viewer
+    is_embedded: bool = False  # True if the page shows only the player of its first scenario, for a frame
+    is_live: bool = False  # True if a server on this machine gives the page, which asks it for news
 
     @property
     def policy(self) -> str:

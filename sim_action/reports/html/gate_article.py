@@ -37,19 +37,12 @@ SHOWN_RUNS: Final = 20
 
 @dataclass(frozen=True, slots=True)
 class GroupPlace:
-    """The place of a group in the page.
+    """The place of a group in the page."""
 
-    Attributes:
-        identity: the element id of its article.
-        ids: `id()` of an outcome -> the element id of its article; only of runs that the page has.
-        replayed: the element ids of the articles with a replay.
-        is_plotted: True if the page has a plot of its parameters.
-    """
-
-    identity: str
-    ids: Mapping[int, str]
-    replayed: frozenset[str]
-    is_plotted: bool
+    identity: str  # the element id of its article
+    ids: Mapping[int, str]  # `id()` of an outcome -> the element id of its article; only of runs that the page has
+    replayed: frozenset[str]  # the element ids of the articles with a replay
+    is_plotted: bool  # True if the page has a plot of its parameters
 
 
 def gate_article(

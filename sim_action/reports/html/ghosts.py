@@ -34,21 +34,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Ghost:
-    """A run that can be drawn in the player of another one.
+    """A run that can be drawn in the player of another one."""
 
-    Attributes:
-        label: its name in the choice and in addresses.
-        block: the element id of its packed replay.
-        parting: the moment at which the two part, or one of them ends; None if their motions are the same to the end.
-        alike: the sentence for a pair that does not part.
-        is_shown: True if it is drawn from the start.
-    """
-
-    label: str
-    block: str
+    label: str  # its name in the choice and in addresses
+    block: str  # the element id of its packed replay
+    # the moment at which the two part, or one of them ends; None if their motions are the same to the end
     parting: Parting | None
-    alike: str
-    is_shown: bool = False
+    alike: str  # the sentence for a pair that does not part
+    is_shown: bool = False  # True if it is drawn from the start
 
     def entry(self, blocks: ReplayBlocks) -> dict[str, object]:
         """Return the data for the script of the page."""
@@ -367,17 +360,11 @@ class Tolerance:
 
 @dataclass(frozen=True, slots=True)
 class Parting:
-    """The first moment at which two motions differ, or at which one of them ends.
+    """The first moment at which two motions differ, or at which one of them ends."""
 
-    Attributes:
-        time: the sim time in s.
-        words: how they differ, or which run ends.
-        is_end: True if the motions are the same up to there.
-    """
-
-    time: float
-    words: str
-    is_end: bool = False
+    time: float  # the sim time in s
+    words: str  # how they differ, or which run ends
+    is_end: bool = False  # True if the motions are the same up to there
 
     @property
     def told(self) -> str:

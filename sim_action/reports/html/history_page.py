@@ -40,20 +40,13 @@ _COMMIT_DIGITS: Final = 7
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """An expectation in one run.
+    """An expectation in one run."""
 
-    Attributes:
-        run: the index of the run.
-        value: the margin, of a goal that was met the time left in s; None: nothing was measured.
-        shown: the value as people read it.
-        message: the sentence of the verdict, or the reason why there is none.
-    """
-
-    run: int
+    run: int  # the index of the run
     status: DisplayStatus
-    value: float | None
-    shown: str
-    message: str
+    value: float | None  # the margin, of a goal that was met the time left in s; None: nothing was measured
+    shown: str  # the value as people read it
+    message: str  # the sentence of the verdict, or the reason why there is none
 
 
 @dataclass(frozen=True, slots=True)

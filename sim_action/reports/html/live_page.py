@@ -180,20 +180,13 @@ def progress_page() -> Page:
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """The part of a call that has finished.
+    """The part of a call that has finished."""
 
-    Attributes:
-        call: the number of the call.
-        finished, total: the numbers of scenarios, or of runs.
-        noun: the word for one of them.
-        is_over: True if the call has ended.
-    """
-
-    call: int
-    finished: int
+    call: int  # the number of the call
+    finished: int  # finished, total: the numbers of scenarios, or of runs
     total: int
-    noun: str
-    is_over: bool
+    noun: str  # the word for one of them
+    is_over: bool  # True if the call has ended
 
     @classmethod
     def of(cls, follower: JournalFollower) -> Self:

@@ -24,42 +24,27 @@ EntryKind = Literal["scenario", "sample", "gate", "variations"]
 
 @dataclass(frozen=True, slots=True)
 class PageEntry:
-    """An article of the page.
+    """An article of the page."""
 
-    Attributes:
-        identity: its element id.
-        name, number: the name in addresses, and the number among the articles of this name, from 1.
-        outcome: the run or the gate; None for the variations of a scenario.
-        group: the runs of a gate or of a scenario; None for a run.
-    """
-
-    identity: str
+    identity: str  # its element id
     kind: EntryKind
-    name: str
+    name: str  # name, number: the name in addresses, and the number among the articles of this name, from 1
     number: int
     status: DisplayStatus
-    outcome: Outcome | None
-    group: ScenarioGroup | None
+    outcome: Outcome | None  # the run or the gate; None for the variations of a scenario
+    group: ScenarioGroup | None  # the runs of a gate or of a scenario; None for a run
 
 
 @dataclass(frozen=True, slots=True)
 class PagePlan:
-    """The articles of a page in their order.
+    """The articles of a page in their order."""
 
-    Attributes:
-        groups: all groups, the worst first.
-        runs: the runs with an article, in the order in which they get a place for their replay.
-        ids: `id()` of an outcome -> the element id of its article.
-        gates: file and name of a gate -> the element id of its article.
-        left: the number of runs without an article.
-    """
-
-    groups: Sequence[ScenarioGroup]
+    groups: Sequence[ScenarioGroup]  # all groups, the worst first
     entries: Sequence[PageEntry]
-    runs: Sequence[Outcome]
-    ids: Mapping[int, str]
-    gates: Mapping[tuple[str, str | None], str]
-    left: int
+    runs: Sequence[Outcome]  # the runs with an article, in the order in which they get a place for their replay
+    ids: Mapping[int, str]  # `id()` of an outcome -> the element id of its article
+    gates: Mapping[tuple[str, str | None], str]  # file and name of a gate -> the element id of its article
+    left: int  # the number of runs without an article
 
     @property
     def has_suite(self) -> bool:

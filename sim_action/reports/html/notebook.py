@@ -53,11 +53,7 @@ _FRAME: Final = (
 
 
 class HtmlConsole(Console):
-    """Lines as HTML.
-
-    Attributes:
-        encoding: the encoding of the text.
-    """
+    """Lines as HTML. `encoding`: the encoding of the text."""
 
     def __init__(self) -> None:
         self.encoding = "utf-8"

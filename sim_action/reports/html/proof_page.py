@@ -57,16 +57,11 @@ MAX_SCENARIOS: Final = 500
 
 @dataclass(frozen=True, slots=True)
 class ShownScenario:
-    """A scenario of a proof with its runs; their replays are named from the folder of the page.
-
-    Attributes:
-        original: the run without a mutant; None if there was none that passed.
-        survivors: the outcomes of `scenario.survivors`.
-    """
+    """A scenario of a proof with its runs; their replays are named from the folder of the page."""
 
     scenario: ProvenScenario
-    original: Outcome | None = None
-    survivors: Sequence[Outcome] = ()
+    original: Outcome | None = None  # the run without a mutant; None if there was none that passed
+    survivors: Sequence[Outcome] = ()  # the outcomes of `scenario.survivors`
 
     @property
     def kind(self) -> DisplayStatus:

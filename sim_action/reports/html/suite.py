@@ -59,10 +59,8 @@ _CHANGES: Final[tuple[ScenarioChangeKind, ...]] = (
 def suite_article(plan: PagePlan, looks: Mapping[int, RunLook], changes: Mapping[int, ScenarioChange]) -> Html:
     """Return the article of all scenarios.
 
-    Args:
-        plan: the articles of the page.
-        looks: `id()` of an outcome -> what its replay shows.
-        changes: `id()` of an outcome -> its change; empty: the table has no column for changes.
+    `plan`: the articles of the page; `looks`: `id()` of an outcome -> what its replay shows; `changes`: `id()` of an
+    outcome -> its change; empty: the table has no column for changes.
     """
     body = joined(
         _status_counts(plan.groups),

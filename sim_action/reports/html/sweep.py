@@ -26,19 +26,13 @@ _DIGITS: Final = 6
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A varied key and its value in each run of a group.
+    """A varied key and its value in each run of a group."""
 
-    Attributes:
-        label: the shortest ending of the key that is unique in the group.
-        unit: the SI unit of numbers.
-        numbers: the values in SI; empty unless every value is a number of one unit. None: the run lacks the key.
-        texts: the values as people read them.
-    """
-
-    label: str
-    unit: str
+    label: str  # the shortest ending of the key that is unique in the group
+    unit: str  # the SI unit of numbers
+    # the values in SI; empty unless every value is a number of one unit. None: the run lacks the key.
     numbers: tuple[float | None, ...]
-    texts: tuple[str, ...]
+    texts: tuple[str, ...]  # the values as people read them
 
     @property
     def varies(self) -> bool:
@@ -114,10 +108,8 @@ def _axes(runs: Sequence[Outcome]) -> list[Parameter]:
 def sweep(runs: Sequence[Outcome], ids: Mapping[int, str], claim: float | None) -> dict[str, JsonValue] | None:
     """Return the data of the plots of a group; None if there is nothing to plot.
 
-    Args:
-        runs: the runs of the group, in the order of the page.
-        ids: `id()` of an outcome -> the element id of its article.
-        claim: the rate that a gate claims, the middle of the colours of a share.
+    `runs`: the runs of the group, in the order of the page; `ids`: `id()` of an outcome -> the element id of its
+    article; `claim`: the rate that a gate claims, the middle of the colours of a share.
     """
     axes = _axes(runs)
     if not axes:

@@ -397,15 +397,10 @@ _LEAST_EXTENT_M: Final = 0.5
 
 @dataclass(frozen=True, slots=True)
 class RunLook:
-    """The parts of a replay that the page of all scenarios shows.
+    """The parts of a replay that the page of all scenarios shows."""
 
-    Attributes:
-        path: the picture of the path.
-        seen: name of a body -> its first sighting, for the bodies that the robot met.
-    """
-
-    path: Html
-    seen: Mapping[str, SightingData]
+    path: Html  # the picture of the path
+    seen: Mapping[str, SightingData]  # name of a body -> its first sighting, for the bodies that the robot met
 
 
 def small_path(replay: Replay, status: DisplayStatus) -> Html:

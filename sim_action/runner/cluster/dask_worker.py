@@ -26,36 +26,22 @@ _LOADING: Final = threading.Lock()
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """The answer of a worker.
+    """The answer of a worker."""
 
-    Attributes:
-        worker: its address.
-        results: what the runs gave; none if there was no run.
-        lacks: digests of copies that must be sent first.
-        refusal: the reason why the runs cannot take place here.
-    """
-
-    worker: str
-    results: tuple[Result, ...] = ()
-    lacks: tuple[str, ...] = ()
-    refusal: str = ""
+    worker: str  # its address
+    results: tuple[Result, ...] = ()  # what the runs gave; none if there was no run
+    lacks: tuple[str, ...] = ()  # digests of copies that must be sent first
+    refusal: str = ""  # the reason why the runs cannot take place here
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """The progress of a task, which is sent as a tuple of its attributes.
+    """The progress of a task, which is sent as a tuple of its attributes."""
 
-    Attributes:
-        task: the key of the task at Dask.
-        index: that of the run among all runs of the call.
-        worker: its address.
-        progress: the sim time and the real time factor of the run; None: the run begins.
-    """
-
-    task: str
-    index: int
-    worker: str
-    progress: tuple[float, float] | None
+    task: str  # the key of the task at Dask
+    index: int  # that of the run among all runs of the call
+    worker: str  # its address
+    progress: tuple[float, float] | None  # the sim time and the real time factor of the run; None: the run begins
 
 
 class CancelledError(Exception):

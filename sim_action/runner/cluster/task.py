@@ -38,19 +38,14 @@ _DIGITS: Final = 12
 
 @dataclass(frozen=True, slots=True)
 class Software:
-    """The versions that must be equal on the caller's machine and on all workers, and those that should be.
-
-    Attributes:
-        source: a digest of sim-action's own files.
-        engines: each engine that is needed, and the version of its package; None: it is not installed.
-        numpy, processor: they change the last digits of numbers.
-    """
+    """The versions that must be equal on the caller's machine and on all workers, and those that should be."""
 
     sim_action: str
-    source: str
+    source: str  # a digest of sim-action's own files
     python: str
+    # each engine that is needed, and the version of its package; None: it is not installed
     engines: tuple[tuple[str, str | None], ...]
-    numpy: str
+    numpy: str  # numpy, processor: they change the last digits of numbers
     processor: str
 
     def differences(self, here: Software) -> Iterator[str]:
@@ -96,22 +91,14 @@ class Output:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One run.
+    """One run."""
 
-    Attributes:
-        index: its index among all runs of the call.
-        source: the scenario as the caller's machine reads it.
-        changed: the keys of the scenario that options have changed, and their values.
-        compared, strict: as in `LoadedScenario`.
-        mutation: as in `LoadedScenario`; a run whose confidence is found has one without a fault.
-    """
-
-    index: int
-    source: Source
-    changed: tuple[tuple[str, Any], ...]
-    compared: bool
+    index: int  # its index among all runs of the call
+    source: Source  # the scenario as the caller's machine reads it
+    changed: tuple[tuple[str, Any], ...]  # the keys of the scenario that options have changed, and their values
+    compared: bool  # compared, strict: as in `LoadedScenario`
     strict: bool
-    mutation: Mutation | None = None
+    mutation: Mutation | None = None  # as in `LoadedScenario`; a run whose confidence is found has one without a fault
 
     @classmethod
     def of(cls, index: int, loaded: LoadedScenario) -> Self:
@@ -127,23 +114,15 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Runs that a worker takes together, one after the other.
+    """Runs that a worker takes together, one after the other."""
 
-    Attributes:
-        runs: the runs; they are of the same workspace.
-        turn: the number of their repetition, counted from 1.
-        here: the current folder of the caller.
-        copied: the workspace, and the folders of packages outside of it.
-        software: that of the caller.
-    """
-
-    runs: tuple[Run, ...]
-    turn: int
+    runs: tuple[Run, ...]  # the runs; they are of the same workspace
+    turn: int  # the number of their repetition, counted from 1
     permissions: Permissions
-    here: Path
-    copied: tuple[Copied, ...]
+    here: Path  # the current folder of the caller
+    copied: tuple[Copied, ...]  # the workspace, and the folders of packages outside of it
     output: Output
-    software: Software
+    software: Software  # that of the caller
 
     def moved(self, path: Path, copies: Path) -> Path:
         """Return the path of a file of the caller on the worker."""

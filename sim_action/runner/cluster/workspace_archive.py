@@ -33,17 +33,11 @@ _HOUR_NS: Final = 3_600 * 10**9
 
 @dataclass(frozen=True, slots=True)
 class Copied:
-    """A folder of the caller that workers have a copy of.
+    """A folder of the caller that workers have a copy of."""
 
-    Attributes:
-        anchor: the folder of the caller that the copy stands for; the workspace lies in it, or is it.
-        root: the workspace; only its files are in the copy.
-        digest: the name of the copy.
-    """
-
-    anchor: Path
-    root: Path
-    digest: str
+    anchor: Path  # the folder of the caller that the copy stands for; the workspace lies in it, or is it
+    root: Path  # the workspace; only its files are in the copy
+    digest: str  # the name of the copy
 
     def holds(self, path: Path) -> bool:
         """Return True if an absolute path is in the workspace."""

@@ -34,30 +34,21 @@ Former = dict[Path, _Identity | None]
 class ChildProcess(ABC):
     """A running child process.
 
-    Attributes:
-        forks: True if child processes may be forks of this process, with its imported modules.
-        limits_memory: True if the scenario's `memory_limit` is enforced.
-        descriptors: the most descriptors of this process that a running child process takes.
-        tasks: the processes and threads that a child process without user code's own takes, at most.
-        progress: readable for `select` if there is progress, or if the child process has ended.
-        sim_time: the last reported sim time, in s.
-        moved: `time.monotonic()` when it first reported that sim time; None: not yet.
-        left: after `close`, the number of processes that it left behind and that were ended, as far as known.
-        peak_memory: after `close`, the largest resident memory of one of its processes in bytes; 0 if not known.
-        silent: True if there will be no more progress.
-        judged: `time.monotonic()` when it reported that its outcome is written; None: not yet.
-        exit_call: the line that called `os._exit`, as the child process says.
-        report: after `close`, the content of its files.
-        started: `time.monotonic()` at its start.
-        begun: True if it has begun to run its job.
-        is_doubtful: after `close`, True if runs before it in the same process may have changed how it ended.
-        refusal: the error of the system if it could not begin, before any code of the scenario has run; else None.
+    `progress`: readable for `select` if there is progress, or if the child process has ended; `sim_time`: the last
+    reported sim time, in s; `moved`: `time.monotonic()` when it first reported that sim time; None: not yet; `left`:
+    after `close`, the number of processes that it left behind and that were ended, as far as known; `peak_memory`:
+    after `close`, the largest resident memory of one of its processes in bytes; 0 if not known; `silent`: True if there
+    will be no more progress; `judged`: `time.monotonic()` when it reported that its outcome is written; None: not yet;
+    `exit_call`: the line that called `os._exit`, as the child process says; `report`: after `close`, the content of its
+    files; `started`: `time.monotonic()` at its start; `begun`: True if it has begun to run its job; `is_doubtful`:
+    after `close`, True if runs before it in the same process may have changed how it ended; `refusal`: the error of the
+    system if it could not begin, before any code of the scenario has run; else None.
     """
 
-    forks: ClassVar[bool]
-    limits_memory: ClassVar[bool]
-    descriptors: ClassVar[int] = 1
-    tasks: ClassVar[int] = 2
+    forks: ClassVar[bool]  # True if child processes may be forks of this process, with its imported modules
+    limits_memory: ClassVar[bool]  # True if the scenario's `memory_limit` is enforced
+    descriptors: ClassVar[int] = 1  # the most descriptors of this process that a running child process takes
+    tasks: ClassVar[int] = 2  # the processes and threads that a child process without user code's own takes, at most
 
     def __init__(self, job: Job, progress: int | socket.socket, former: Former | None = None) -> None:
         """Take the process of a job; `former`: the files that were there before it started, None: it waits for the job.

@@ -67,9 +67,7 @@ _SEALS: Final = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
 class MemoryFiles:
     """The files of one child process in memory.
 
-    Attributes:
-        output: the descriptor for printed output.
-        inherited: the files as the child process knows them.
+    `output`: the descriptor for printed output; `inherited`: the files as the child process knows them.
     """
 
     def __init__(self, scratch: Path) -> None:

@@ -25,16 +25,11 @@ from sim_action.state.trace_storage import TraceError, load_trace
 
 @dataclass(frozen=True, eq=False)
 class JudgedMutant:
-    """A mutant after its run.
-
-    Attributes:
-        outcome: the outcome of its run.
-        result: what its run showed.
-    """
+    """A mutant after its run."""
 
     mutant: Mutant
-    outcome: Outcome
-    result: MutantResult
+    outcome: Outcome  # the outcome of its run
+    result: MutantResult  # what its run showed
 
 
 def stored(outcome: Outcome, folder: Path) -> Trace | None:

@@ -100,22 +100,16 @@ class Original:
 
 @dataclass(frozen=True, slots=True)
 class Mutant:
-    """A scenario with one fault of its system.
+    """A scenario with one fault of its system."""
 
-    Attributes:
-        kind: the name of a row of the table, such as "motor-off".
-        subject: the joint, object or sensor that has the fault, or its strength; or empty.
-        words: the fault in words.
-        milder: the same fault with less strength, in falling order: the least one that is noticed counts.
-        stronger: the same fault with more strength, in rising order. They run as long as one is not noticed, or an
-            expectation has noticed nothing yet.
-    """
-
-    kind: str
-    subject: str
-    words: str
+    kind: str  # the name of a row of the table, such as "motor-off"
+    subject: str  # the joint, object or sensor that has the fault, or its strength; or empty
+    words: str  # the fault in words
     loaded: LoadedScenario
+    # the same fault with less strength, in falling order: the least one that is noticed counts
     milder: tuple[Mutant, ...] = ()
+    # the same fault with more strength, in rising order. They run as long as one is not noticed, or an expectation has
+    # noticed nothing yet.
     stronger: tuple[Mutant, ...] = ()
 
     @property

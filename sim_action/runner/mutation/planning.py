@@ -26,17 +26,11 @@ from sim_action.state.readings import biased_columns
 
 @dataclass(frozen=True, slots=True)
 class PlannedMutants:
-    """The mutants of a run.
+    """The mutants of a run."""
 
-    Attributes:
-        original: the run that passed.
-        every: all its mutants, in the order of the table.
-        chosen: the mutants to run, in the same order.
-    """
-
-    original: Original
-    every: Sequence[Mutant]
-    chosen: Sequence[Mutant]
+    original: Original  # the run that passed
+    every: Sequence[Mutant]  # all its mutants, in the order of the table
+    chosen: Sequence[Mutant]  # the mutants to run, in the same order
 
     @property
     def left_out(self) -> int:
@@ -150,17 +144,11 @@ _LEAST_EFFORT: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A kind of mutant.
+    """A kind of mutant."""
 
-    Attributes:
-        kind: its name.
-        words: what it changes.
-        mutants: yields its mutants of a run; nothing if it does not apply.
-    """
-
-    kind: str
-    words: str
-    mutants: Callable[[Original], Iterable[Mutant]]
+    kind: str  # its name
+    words: str  # what it changes
+    mutants: Callable[[Original], Iterable[Mutant]]  # yields its mutants of a run; nothing if it does not apply
 
 
 def _silenced(original: Original) -> Iterator[Mutant]:

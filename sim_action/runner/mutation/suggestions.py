@@ -48,17 +48,11 @@ Entry = str | Mapping[str, object]
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Expectations that may notice what the scenario does not.
+    """Expectations that may notice what the scenario does not."""
 
-    Attributes:
-        entries: as a scenario has them.
-        loaded: the original scenario with all of them after its own expectations.
-        own: the number of its own expectations.
-    """
-
-    entries: Sequence[Entry]
-    loaded: LoadedScenario
-    own: int
+    entries: Sequence[Entry]  # as a scenario has them
+    loaded: LoadedScenario  # the original scenario with all of them after its own expectations
+    own: int  # the number of its own expectations
 
     def added_to(self, mutant: LoadedScenario) -> LoadedScenario:
         """Return a mutant of the scenario with the candidates."""
@@ -88,17 +82,12 @@ class Candidates:
 
 @dataclass(slots=True)
 class Search:
-    """The search for the suggestion of one survivor.
-
-    Attributes:
-        places: of the candidates that are left, the simplest first.
-        suggestion: as YAML, once a candidate alone has passed the original run and noticed the mutant; or empty.
-    """
+    """The search for the suggestion of one survivor."""
 
     offer: Candidates
     mutant: LoadedScenario
-    places: list[int]
-    suggestion: str = ""
+    places: list[int]  # of the candidates that are left, the simplest first
+    suggestion: str = ""  # as YAML, once a candidate alone has passed the original run and noticed the mutant; or empty
 
     @property
     def pair(self) -> tuple[LoadedScenario, LoadedScenario]:

@@ -144,12 +144,8 @@ class _Key:
 def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[Source, ...]:
     """Return a source for each variation in the order of their values, or the scenario itself if it has none.
 
-    Args:
-        source: of the scenario.
-        seed: for random draws; None takes the scenario's own.
-        most: the largest number of variations.
-
-    Raises InvalidScenario.
+    Raises InvalidScenario. `source`: of the scenario; `seed`: for random draws; None takes the scenario's own; `most`:
+    the largest number of variations.
     """
     data = source.document.data
     gate = stated_gate(source.document)

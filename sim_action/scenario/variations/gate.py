@@ -266,9 +266,7 @@ def refuse_misspelt(document: Document) -> None:
 class UnattainableGate(InvalidScenario):
     """A gate that no result of its runs passes.
 
-    Attributes:
-        stated: the gate, for a plan with more runs.
-        runs: the number of runs that it has.
+    `stated`: the gate, for a plan with more runs; `runs`: the number of runs that it has.
     """
 
     def __init__(self, problems: Iterable[Problem], stated: GateOfScenario, runs: int) -> None:

@@ -47,21 +47,14 @@ DRAWN_SEED_BITS: Final = 53
 
 @dataclass(frozen=True, slots=True)
 class ValueList:
-    """The values of one key.
-
-    Attributes:
-        drawn: True if they are samples, which all drawn keys share.
-        advice: for a sample that the key does not allow; empty if the problem is reported at its own place.
-        rounded: True if names have their numbers rounded.
-        choices: the different values that samples are chosen from, if they are listed.
-        places: of each value: keys below the varied key, or a place in another file; empty if they have none.
-    """
+    """The values of one key."""
 
     values: tuple[Any, ...]
-    drawn: bool = False
-    advice: str = ""
-    rounded: bool = False
-    choices: tuple[Any, ...] = ()
+    drawn: bool = False  # True if they are samples, which all drawn keys share
+    advice: str = ""  # for a sample that the key does not allow; empty if the problem is reported at its own place
+    rounded: bool = False  # True if names have their numbers rounded
+    choices: tuple[Any, ...] = ()  # the different values that samples are chosen from, if they are listed
+    # of each value: keys below the varied key, or a place in another file; empty if they have none
     places: tuple[KeyPath | Location, ...] = ()
 
 

@@ -118,16 +118,11 @@ def _brightness(normals: Components | Vector3, pose: Pose) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A solid of a link or a body.
+    """A solid of a link or a body."""
 
-    Attributes:
-        owner: name of the link or the body.
-        pose: of the solid, in the frame of its owner.
-    """
-
-    owner: str
+    owner: str  # name of the link or the body
     solid: Solid
-    pose: Pose
+    pose: Pose  # of the solid, in the frame of its owner
     colour: Colour
 
 

@@ -22,15 +22,10 @@ Patch = tuple[slice, slice]
 
 @dataclass(frozen=True, slots=True)
 class Rays:
-    """Rays of a patch of a picture, in the frame of a solid.
+    """Rays of a patch of a picture, in the frame of a solid."""
 
-    Attributes:
-        start_xyz: common start in m.
-        ways: directions, in m per metre along the view.
-    """
-
-    start_xyz: Vector3
-    ways: Components
+    start_xyz: Vector3  # common start in m
+    ways: Components  # directions, in m per metre along the view
 
     def points(self, depth: FloatArray) -> Components:
         """Return the points of the rays at a depth in m."""
@@ -40,18 +35,12 @@ class Rays:
 
 @dataclass(frozen=True)
 class Pinhole:
-    """A camera that looks along its x axis, with y to the left and z up; its pixels are square.
+    """A camera that looks along its x axis, with y to the left and z up; its pixels are square."""
 
-    Attributes:
-        width, height: pixels.
-        field_of_view: rad, from the left edge to the right one.
-        near, far: limits of the picture in m along the view.
-    """
-
-    width: int
+    width: int  # width, height: pixels
     height: int
-    field_of_view: float
-    near: float
+    field_of_view: float  # rad, from the left edge to the right one
+    near: float  # near, far: limits of the picture in m along the view
     far: float
 
     @property

@@ -191,16 +191,11 @@ def _unit(vector: Components) -> Components:
 
 @dataclass(frozen=True)
 class Triangle(Solid):
-    """A triangle that is seen from both sides.
-
-    Attributes:
-        normal_xyz: unit normal.
-        edges: (3, 3) vectors in its plane, outwards from each side.
-    """
+    """A triangle that is seen from both sides."""
 
     corners: FloatArray
-    normal_xyz: Vector3
-    edges: FloatArray
+    normal_xyz: Vector3  # unit normal
+    edges: FloatArray  # (3, 3) vectors in its plane, outwards from each side
 
     @classmethod
     def centred(cls, corners: FloatArray) -> tuple[Self, Vector3]:
