@@ -17,6 +17,7 @@ from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import Answer, JointTargets
+from sim_action.state.timeline import TimeMark
 from sim_action.state.transmission import Transmission
 from sim_action.world.claims import Findings, Setting
 from sim_action.world.scene import Scene
@@ -40,12 +41,14 @@ class OpenLoop:
         holding: targets that hold joints before t = 0, while the robot comes to rest; limited joints are held anyway.
         notes: the end of the run, as sim time in s -> notes for the user.
         due: the rising physics steps at which it is called, and no other; None: at every tick.
+        marks: its marks of the timeline, with times like those of `command`.
     """
 
     command: Callable[[float], Answer]
     holding: JointTargets = field(default_factory=JointTargets)
     notes: Callable[[float], Iterable[str]] = lambda _: ()
     due: Sequence[int] | None = None
+    marks: Sequence[TimeMark] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +67,7 @@ class ClosedLoop:
         not_reproducible: reasons why another run may differ, complete during the run.
         logged_errors: errors that programs of the user logged, complete during the run.
         why_silent: returns why it has given no command, called before `close`; empty if that is not known.
+        marks: its marks of the timeline, complete during the run.
     """
 
     command: Callable[[Observation], Answer]
@@ -77,6 +81,7 @@ class ClosedLoop:
     not_reproducible: Sequence[str] = ()
     logged_errors: Sequence[str] = ()
     why_silent: Callable[[], str] = str
+    marks: Sequence[TimeMark] = ()
 
 
 Controller = OpenLoop | ClosedLoop

@@ -31,6 +31,7 @@ from sim_action.robot.model.inverse_kinematics import Chain, Values
 from sim_action.robot.model.kinematics import link_poses, robot_box, why_no_link
 from sim_action.state.command import JointTargets
 from sim_action.state.joint_motion import RAMP_S, JointMotion
+from sim_action.state.timeline import TimeMark, waypoint_mark
 from sim_action.world.claims import Findings, Setting, late_points
 from sim_action.world.scene import Scene
 
@@ -183,9 +184,9 @@ class PoseCommands(LinkCommands):
         follower, start = self._follower(scene)
         motion = _Motion(self, follower, start)
         if self.pose.frame == "world" and not scene.bolted:
-            return ClosedLoop(motion.tracked, senses=False, notes=motion.notes)
+            return ClosedLoop(motion.tracked, senses=False, notes=motion.notes, marks=motion.marks)
         if self.pose.frame == "world" and scene.placement.z is None:
-            return ClosedLoop(motion.from_base, senses=False)
+            return ClosedLoop(motion.from_base, senses=False, marks=motion.marks)
         base = self._expected_base(scene)
         assert base is not None
         try:
@@ -194,7 +195,7 @@ class PoseCommands(LinkCommands):
             raise SourceProblem(str(error), "pose") from None
         names = [joint.name for joint in follower.chain.joints]
         holding = JointTargets(position=dict(zip(names, start, strict=True)))
-        return OpenLoop(lambda time: targets if time <= end else None, holding)
+        return OpenLoop(lambda time: targets if time <= end else None, holding, marks=motion.marks)
 
     @property
     @override
@@ -306,10 +307,12 @@ class _Motion:
 
     Attributes:
         notes: notes for the user.
+        marks: the arrivals at its waypoints, once its path is planned.
     """
 
     def __init__(self, spec: PoseCommands, follower: Follower, start: Values) -> None:
         self.notes: list[str] = []
+        self.marks: list[TimeMark] = []
         self._spec = spec
         self._follower = follower
         self._names = [joint.name for joint in follower.chain.joints]
@@ -320,9 +323,15 @@ class _Motion:
 
     def plan(self, base: Pose) -> tuple[JointTargets, float]:
         """Return the motion for a pose of the base in the frame of the waypoints, and its end in s. Raises Blocked."""
-        path = self._spec.path(geometry.compose(base, self._follower.chain.pose(self._here)))
+        path = self._path_from(base)
         motion = self._follower.plan(path, base, self._here).motion(self._names)
         return JointTargets(motions=(motion,)), path.end + 1 / self._spec.rate
+
+    def _path_from(self, base: Pose) -> LinkPath:
+        link, total = self._follower.chain.link, len(self._spec.pose.waypoints)
+        path = self._spec.path(geometry.compose(base, self._follower.chain.pose(self._here)))
+        self.marks += (waypoint_mark(leg.end, leg.waypoint + 1, total, link) for leg in path.legs)
+        return path
 
     def from_base(self, observation: Observation) -> JointTargets | None:
         """Return the targets of a tick; the first observation shows the height of a fixed base."""
@@ -340,7 +349,7 @@ class _Motion:
         tick = round(observation.time * rate)
         try:
             if self._path is None:
-                self._path = self._spec.path(geometry.compose(base, chain.pose(self._here)))
+                self._path = self._path_from(base)
             # The base moves on until the next tick.
             moved = after(base, observation.twist, 1 / rate)
             there = self._follower.follow(self._path, tick + 1, moved, self._here)

@@ -34,6 +34,7 @@ from sim_action.robot.model.kinematics import beyond_limits
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import Answer, Command, JointTargets
 from sim_action.state.joint_motion import Curve, JointMotion, held, regular, straight
+from sim_action.state.timeline import TimeMark
 from sim_action.world.claims import ClaimFinding, Findings, Setting
 from sim_action.world.scene import Scene
 
@@ -231,7 +232,7 @@ class ReplayCommands(CommandSource):
             raise RecordingError(f"{self.replay}: {message}", key)
         playback = Playback(self, recorded, self._times(recorded, scene.workspace), scene)
         due = None if self.has_rate or not self.is_perfect else playback.due
-        return OpenLoop(playback.command, playback.holding, playback.notes, due)
+        return OpenLoop(playback.command, playback.holding, playback.notes, due, playback.marks)
 
     def _csv_header(self, workspace: Workspace) -> Header | None:
         """Return the header of a CSV log; None for other logs, and if it cannot be read, which `problems` reports."""
@@ -342,6 +343,7 @@ class Playback:
 
     Attributes:
         due: the physics steps at which it has a command; for a source without a rate.
+        marks: its first and its last row.
         holding: the targets before t = 0 of the joints that it moves: initial positions, velocities of 0.
     """
 
@@ -366,6 +368,8 @@ class Playback:
         ]
         self._cut = len(times) - len(kept)
         self._moments = [time for time, _ in kept]
+        ends = ((self._moments[0], "began"), (self._moments[-1], "ended"))
+        self.marks = [TimeMark(time, time, f"replay of {spec.replay} {what}", is_planned=True) for time, what in ends]
         self.holding = JointTargets()
         if isinstance(kept[0][1], Twist | Steering):
             self._add_twists(kept)

@@ -30,6 +30,7 @@ from sim_action.core.records import dataclass
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.kinematics import Mobility
+from sim_action.state.timeline import TimeMark, waypoint_mark
 from sim_action.world import MAX_PHYSICS_RATE_HZ
 from sim_action.world.claims import ClaimFinding, Findings, Setting
 from sim_action.world.scene import Scene
@@ -107,7 +108,8 @@ class WaypointCommands(CommandSource):
     def open(self, scene: Scene) -> Controller:
         pursuit = Pursuit(self.speed, self.lookahead, self.tolerance, self.max_turn_rate)
         points = [(waypoint.x, waypoint.y) for waypoint in self.waypoints]
-        return ClosedLoop(PathFollower(points, pursuit, scene.mobility).command, senses=False)
+        follower = PathFollower(points, pursuit, scene.mobility)
+        return ClosedLoop(follower.command, senses=False, marks=follower.marks)
 
 
 Point = tuple[float, float]
@@ -208,10 +210,15 @@ class Pursuit:
 
 
 class PathFollower:
-    """Follows a path leg by leg; the next leg begins when a waypoint is passed."""
+    """Follows a path leg by leg; the next leg begins when a waypoint is passed.
+
+    Attributes:
+        marks: the waypoints that it has passed.
+    """
 
     def __init__(self, waypoints: Sequence[Point], pursuit: Pursuit, mobility: Mobility) -> None:
         """Create a follower; `waypoints` are one or more points in the world frame."""
+        self.marks: list[TimeMark] = []
         self._waypoints = waypoints
         self._pursuit = pursuit
         self._mobility = mobility
@@ -231,6 +238,8 @@ class PathFollower:
             self._to_stop = self._distances_to_stop(self._legs)
         while self._legs and self._is_passed(self._legs[0].end, place, heading):
             del self._legs[0], self._to_stop[0]
+            passed = len(self._waypoints) - len(self._legs)
+            self.marks.append(waypoint_mark(seen.time, passed, len(self._waypoints)))
         if not self._legs:
             return Twist()
         ahead, left = in_robot_frame(place, heading, self._legs[0].lookahead_point(place, self._pursuit.lookahead))

@@ -257,8 +257,11 @@ _MAX_MARKS: Final = 6
 
 
 def timeline(outcome: Outcome) -> tuple[TimeMark, ...]:
-    """Return the last marks of a run that did not pass; of others none."""
-    return () if outcome.status in ("passed", "skipped") else outcome.marks[-_MAX_MARKS:]
+    """Return the last marks of a run that did not pass, planned commands only where there is room; of others none."""
+    if outcome.status in ("passed", "skipped"):
+        return ()
+    chosen = sorted(outcome.marks, key=lambda mark: (mark.is_planned, -mark.time))[:_MAX_MARKS]
+    return tuple(mark for mark in outcome.marks if mark in chosen)
 
 
 def timeline_text(outcome: Outcome) -> str:

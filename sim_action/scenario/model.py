@@ -440,13 +440,9 @@ class Scenario(FrozenModel):
         return tuple(event.when.assertion for event in self.events if event.when.assertion is not None)
 
     def time_marks(self) -> Iterator[TimeMark]:
-        """Yield the marks of the timeline that the run cannot change, in no order."""
+        """Yield the marks of the timeline that neither the run nor a command changes, in no order."""
         yield from self.world.time_marks()
         yield from (fault.time_mark for fault in self.faults)
-        waiting = {place for event in self.events for place in event.starts}
-        for index, source in enumerate(self.commands):
-            if index not in waiting:
-                yield from source.time_marks(f"commands[{index}]")
         for mounted in self.sensors:
             yield from mounted.transmission.time_marks(f"sensor '{mounted.name}'")
 

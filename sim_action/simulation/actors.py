@@ -252,10 +252,10 @@ class Actors(Guard):
     def notes(self, end: float) -> Iterator[str]:
         return chain.from_iterable(actor.notes(end) for actor in self._actors)
 
-    def time_marks(self) -> Iterator[TimeMark]:
-        """Yield the marks of lost commands and readings."""
+    def time_marks(self, end: float) -> Iterator[TimeMark]:
+        """Yield the marks of commands until a sim time in s, and of lost readings."""
         for actor in self._actors:
-            for mark in (*actor.controls.time_marks(), *actor.sensing.time_marks()):
+            for mark in (*actor.controls.time_marks(end), *actor.sensing.time_marks()):
                 yield replace(mark, words=f"'{actor.name}': {mark.words}")
 
 

@@ -46,6 +46,9 @@ NO_WHEELS: Final = "a controller sent a twist, but the wheels of the robot are u
 # Recordings hold the targets of motions at about this rate.
 _TOLD_HZ: Final = 40.0
 
+# The marks of the commands of one source that a timeline has room for.
+_MAX_PLANNED_MARKS: Final = 12
+
 # A change of a target is a step from this on, in rad or m, or per s: smaller ones are rounding of logs.
 _LEAST_STEP: Final = 1e-3
 
@@ -76,6 +79,10 @@ class _Source:
     due: Sequence[int] | None = None
     origin: int = 0
     kinds: dict[str, str] = field(default_factory=dict)
+
+
+def _later(time: float | None, by: float) -> float | None:
+    return None if time is None else time + by
 
 
 def _until_due(source: _Source, step: int) -> int:
@@ -250,6 +257,7 @@ class Controls:
         # Those that an event has not stopped, or is still to start.
         self._active = [source for source in self._sources if source.index not in waiting]
         self._halt: JointTargets | None = None
+        self._specs, self._past_marks = scenario.commands, list[TimeMark]()
         looking = [source for source in self._sources if isinstance(source.controller, ClosedLoop)]
         self._look_together = len(looking) > 1
 
@@ -287,10 +295,24 @@ class Controls:
         own = (live.notes(end) if isinstance(live, OpenLoop) else live.notes for live in controllers)
         return (*chain.from_iterable(own), *lost)
 
-    def time_marks(self) -> Iterator[TimeMark]:
-        """Yield the marks of the first commands that were lost."""
+    def time_marks(self, end: float) -> Iterator[TimeMark]:
+        """Yield the marks of the sources until a sim time in s, and of the first commands that were lost."""
+        yield from self._past_marks
+        for source in self._active:
+            yield from self._marks(source, end)
         for source, line in self._late:
             yield from line.time_marks(f"commands[{source.index}]")
+
+    def _marks(self, source: _Source, end: float) -> Iterator[TimeMark]:
+        """Yield the marks of a source since it began, until a sim time in s; of many commands only the last ones."""
+        live, begin = source.controller, source.origin / self._rate
+        marks = [*self._specs[source.index].time_marks(f"commands[{source.index}]")]
+        marks += live.marks if isinstance(live, OpenLoop) else ()
+        marks = [replace(mark, time=mark.time + begin, until=_later(mark.until, begin)) for mark in marks]
+        marks += live.marks if isinstance(live, ClosedLoop) else ()
+        past = sorted((mark for mark in marks if begin <= mark.time <= end), key=lambda mark: mark.time)
+        yield from (mark for mark in past if not mark.is_planned)
+        yield from [mark for mark in past if mark.is_planned][-_MAX_PLANNED_MARKS:]
 
     def undelivered(self, end: float) -> dict[int, float]:
         """Return the index of each source whose commands all arrive after a sim time in s -> the first arrival.
@@ -341,16 +363,26 @@ class Controls:
             if place is not None and action.start:
                 self._start(place, step)
             elif place is not None and action.stop:
-                self._stop(place)
+                self._stop(place, step)
 
     def _start(self, index: int, step: int) -> None:
         """Let a source begin at a physics step; one that is at work begins again."""
+        self._keep_marks(index, step)
         others = [source for source in self._active if source.index != index]
         source = replace(self._sources[index], origin=step)
         self._active = sorted((*others, source), key=lambda source: source.index)
 
-    def _stop(self, index: int) -> None:
-        """Let a source end: what it commanded stops, and others may move its joints."""
+    def _keep_marks(self, index: int, step: int) -> None:
+        """Keep the marks of a source that an event ends at a physics step."""
+        end = step / self._rate
+        for source in self._active:
+            for mark in self._marks(source, end) if source.index == index else ():
+                if mark.time < end:
+                    self._past_marks.append(replace(mark, until=min(end, mark.until or end)))
+
+    def _stop(self, index: int, step: int) -> None:
+        """Let a source end at a physics step: what it commanded stops, and others may move its joints."""
+        self._keep_marks(index, step)
         source = next((source for source in self._active if source.index == index), None)
         if source is None:
             return

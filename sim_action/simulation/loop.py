@@ -322,8 +322,8 @@ class _Loop:
 
     def _marks(self, end: float) -> tuple[TimeMark, ...]:
         """Return the marks of the timeline of the run until a sim time in s."""
-        of_actors = self._actors.time_marks() if self._actors else ()
-        own = (*self._scenario.time_marks(), *self._controls.time_marks(), *self._sensing.time_marks(), *of_actors)
+        of_actors = self._actors.time_marks(end) if self._actors else ()
+        own = (*self._scenario.time_marks(), *self._controls.time_marks(end), *self._sensing.time_marks(), *of_actors)
         if self._events is not None:
             own = (*self._events.time_marks(end), *own)
         trace = self._footage.trace() if self._scene.world.patches else None

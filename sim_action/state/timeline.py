@@ -11,6 +11,7 @@ from typing import Final
 
 from sim_action.core.records import dataclass
 from sim_action.core.units import TIME_EPSILON_S, display
+from sim_action.core.wording import counted
 
 MAX_TIME_MARKS: Final = 200
 """The number of marks that the results of a run keep, the first ones."""
@@ -43,6 +44,14 @@ class TimeMark:
         lasts = self.until - self.time
         span = f" for {display(lasts, 's')}" if lasts > TIME_EPSILON_S else ""
         return f"{self.words} at {self.time:.2f} s{span}"
+
+
+def waypoint_mark(time: float, passed: int, total: int, link: str = "") -> TimeMark:
+    """Return the mark of a waypoint, counted from 1, that the robot or one of its links passed at a sim time in s."""
+    what = (
+        f"ended a path of {counted(total, 'waypoint')}" if passed == total else f"passed waypoint {passed} of {total}"
+    )
+    return TimeMark(time, time, f"link '{link}' {what}" if link else what, is_planned=True)
 
 
 def in_order(marks: Iterable[TimeMark], end: float) -> tuple[TimeMark, ...]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,9 +13,12 @@ from sim_action.commands import ClosedLoop
 from sim_action.commands.script import ScriptCommands
 from sim_action.core.errors import ScriptError
 from sim_action.core.geometry import Twist
+from sim_action.core.permissions import Permissions
 from sim_action.drives import recognise
-from sim_action.scenario.loading import build_scene
+from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.controllers import Controls
+from sim_action.simulation.loop import simulate
+from sim_action.simulation.recorder import RunRecorder
 from sim_action.state.command import NO_PUSH, Command, JointTargets, LinkWrench
 from sim_action.state.observation import Observation
 from tests.scenarios import LEAST, load, told
@@ -393,3 +398,56 @@ def test_delays_that_cannot_be_are_told_on_their_line(keys: str, problem: str, t
     (found,) = told(tmp_path, scenario_of(f"{{twist: [{{linear: 1}}], {keys}}}"))
     assert found.startswith("5:"), found
     assert f": commands.0.{problem}" in found
+
+
+BURGER = {"model": "turtlebot3_burger"}
+DRIVES = {"twist": [{"linear": 0.2, "for": "0.4 s"}, {"angular": 0.5}], "name": "drive"}
+
+
+def at(seconds: float, name: str, **action: str) -> dict[str, Any]:
+    return {"name": name, "when": {"at": seconds}, "do": [action]}
+
+
+@pytest.mark.parametrize(
+    ("keys", "marks"),
+    [
+        (
+            {"commands": {"waypoints": [{"x": 0.05 * n, "y": 0} for n in range(1, 15)], "tolerance": "1 cm"}},
+            [*(f"passed waypoint {n} of 14" for n in range(3, 14)), "ended a path of 14 waypoints"],
+        ),
+        (
+            {"commands": {"replay": "log.csv", "offset": "0.5 s"}},
+            ["replay of log.csv began at 0.50 s", "replay of log.csv ended at 1.50 s"],
+        ),
+        (
+            {"commands": {**DRIVES, "latency": "50 ms"}, "events": [at(0.3, "halt", stop="drive")]},
+            [
+                "messages of commands[0] arrived 0.05 s late at 0.00 s for 0.3 s",
+                "event 'halt' happened: stop 'drive' at 0.30 s",
+            ],
+        ),
+        (
+            {"commands": DRIVES, "events": [at(1.0, "go", start="drive"), at(1.2, "halt", stop="drive")]},
+            [
+                "event 'go' happened: start 'drive' at 1.00 s",
+                "commanded 0.2 m/s at 1.00 s",
+                "event 'halt' happened: stop 'drive' at 1.20 s",
+            ],
+        ),
+        (
+            {"world": {"actors": [{"name": "cart", **BURGER, "pose": {"x": 2}, "commands": DRIVES}]}},
+            ["'cart': commanded 28.65 deg/s at 0.40 s"],
+        ),
+    ],
+)
+def test_the_timeline_has_the_commands_that_were_given(keys: dict[str, Any], marks: list[str], tmp_path: Path) -> None:
+    """Of many commands of a source, the last ones: the plot has room for twelve."""
+    (tmp_path / "log.csv").write_text("time,linear\n0,0.1\n1,0\n")
+    scenario = {"name": "runs", "robot": BURGER, **keys, "expect": ["upright"], "allow": ["never-moved"]}
+    (tmp_path / "s.sim.yml").write_text(json.dumps({**scenario, "duration": 6, "time_limit": 6}))
+    loaded = load_scenario(tmp_path / "s.sim.yml", Permissions(outside=True))
+    footage = RunRecorder(loaded.scenario)
+    simulate(loaded.scenario, build_scene(loaded), lambda _: None, footage)
+    titles = [mark.title for mark in footage.marks]
+    assert len(titles) == len(marks)
+    assert all(map(str.startswith, titles, marks)), titles
