@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field
 from typing_extensions import override
 
 from sim_action.core.field_types import Name, PositiveHertz
-from sim_action.core.records import dataclass, field
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.registry import Table
 from sim_action.core.units import rate_divides
 from sim_action.core.workspace import Workspace
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from sim_action.sensors import MountedSensor
     from sim_action.state.observation import Observation
     from sim_action.state.reproducibility import Transcript
+
+
+# The marks of the commands of one source that a timeline has room for.
+_MAX_PLANNED_MARKS: Final = 12
 
 
 def _nothing() -> None:
@@ -200,9 +204,26 @@ class CommandSource(Transmission):
         """Return the joints that are known before the run to be commanded, without the wheels of a drive."""
         return frozenset()
 
+    def marks_between(self, controller: Controller, sender: str, begin: float, end: float) -> Iterator[TimeMark]:
+        """Yield its marks of the timeline between two sim times in s; of its commands the last ones.
+
+        `sender`: this source in words. `begin`: its time 0.
+        """
+        is_timed = isinstance(controller, OpenLoop)
+        stated = [*self.time_marks(sender), *(controller.marks if is_timed else ())]
+        marks = [replace(mark, time=mark.time + begin, until=_later(mark.until, begin)) for mark in stated]
+        marks += () if is_timed else controller.marks
+        past = sorted((mark for mark in marks if begin <= mark.time <= end), key=lambda mark: mark.time)
+        yield from (mark for mark in past if not mark.is_planned)
+        yield from [mark for mark in past if mark.is_planned][-_MAX_PLANNED_MARKS:]
+
     @abstractmethod
     def open(self, scene: Scene) -> Controller:
         """Return the controller. Raises RunError, or SourceProblem for problems that only running can show."""
+
+
+def _later(time: float | None, by: float) -> float | None:
+    return None if time is None else time + by
 
 
 def fitting_rate(rate: float, physics_rate: float) -> float:

@@ -46,9 +46,6 @@ NO_WHEELS: Final = "a controller sent a twist, but the wheels of the robot are u
 # Recordings hold the targets of motions at about this rate.
 _TOLD_HZ: Final = 40.0
 
-# The marks of the commands of one source that a timeline has room for.
-_MAX_PLANNED_MARKS: Final = 12
-
 # A change of a target is a step from this on, in rad or m, or per s: smaller ones are rounding of logs.
 _LEAST_STEP: Final = 1e-3
 
@@ -79,10 +76,6 @@ class _Source:
     due: Sequence[int] | None = None
     origin: int = 0
     kinds: dict[str, str] = field(default_factory=dict)
-
-
-def _later(time: float | None, by: float) -> float | None:
-    return None if time is None else time + by
 
 
 def _until_due(source: _Source, step: int) -> int:
@@ -139,12 +132,7 @@ class _Motions:
             active = [followed.motion for followed in self.active]
             if until == math.inf and command.motions and all(map(active.__contains__, command.motions)):
                 return
-            named = set(command.names())
-            self.active = [
-                followed._replace(motion=motion)
-                for followed in self.active
-                for motion in without_joints((followed.motion,), named)
-            ]
+            self._leave(set(command.names()))
         delay = (step - sent) / self._rate
         self.active += [_Followed(motion, delay, until) for motion in command.motions]
         for motion in command.motions:
@@ -198,12 +186,15 @@ class _Motions:
 
     def left(self, names: Collection[str]) -> dict[str, float]:
         """Let joints leave their motions, and return their last position targets."""
+        self._leave(set(names))
+        return {name: self._last[name][0] for name in names}
+
+    def _leave(self, names: set[str]) -> None:
         self.active = [
             followed._replace(motion=motion)
             for followed in self.active
-            for motion in without_joints((followed.motion,), set(names))
+            for motion in without_joints((followed.motion,), names)
         ]
-        return {name: self._last[name][0] for name in names}
 
     def _note_step(self, name: str, position: float, velocity: float, step: int) -> None:
         """Keep the position target of a joint, and note if it is a step."""
@@ -244,7 +235,8 @@ class Controls:
         self._reached: tuple[float, ...] = ()
         self._owners: dict[str, _Source] = {}
         self._driver: _Source | None = None
-        scenes = _seen_by(scenario.commands, scene)
+        codes = [source.code for source in scenario.commands]
+        scenes = [replace(scene, namesake=codes[:index].count(code)) for index, code in enumerate(codes)]
         with ExitStack() as closing:
             self._sources = [
                 _source(index, source, seams.controller(_opened(index, source, seen, closing)), scenario, scene)
@@ -258,20 +250,21 @@ class Controls:
         self._active = [source for source in self._sources if source.index not in waiting]
         self._halt: JointTargets | None = None
         self._specs, self._past_marks = scenario.commands, list[TimeMark]()
-        looking = [source for source in self._sources if isinstance(source.controller, ClosedLoop)]
-        self._look_together = len(looking) > 1
+        self._look_together = len(self._closed) > 1
 
     @property
     def are_watching(self) -> bool:
         """True if any controller reads sensors."""
-        controllers = [source.controller for source in self._sources]
-        return any(isinstance(controller, ClosedLoop) and controller.senses for controller in controllers)
+        return any(live.senses for live in self._closed)
+
+    @property
+    def _closed(self) -> list[ClosedLoop]:
+        return [source.controller for source in self._sources if isinstance(source.controller, ClosedLoop)]
 
     @property
     def sensors(self) -> tuple[MountedSensor, ...]:
         """The sensors of the controllers besides those of the scenario."""
-        controllers = [source.controller for source in self._sources]
-        return tuple(each for live in controllers if isinstance(live, ClosedLoop) for each in live.sensors)
+        return tuple(mounted for live in self._closed for mounted in live.sensors)
 
     @property
     def steps(self) -> Mapping[str, Sequence[TargetStep]]:
@@ -304,15 +297,8 @@ class Controls:
             yield from line.time_marks(f"commands[{source.index}]")
 
     def _marks(self, source: _Source, end: float) -> Iterator[TimeMark]:
-        """Yield the marks of a source since it began, until a sim time in s; of many commands only the last ones."""
-        live, begin = source.controller, source.origin / self._rate
-        marks = [*self._specs[source.index].time_marks(f"commands[{source.index}]")]
-        marks += live.marks if isinstance(live, OpenLoop) else ()
-        marks = [replace(mark, time=mark.time + begin, until=_later(mark.until, begin)) for mark in marks]
-        marks += live.marks if isinstance(live, ClosedLoop) else ()
-        past = sorted((mark for mark in marks if begin <= mark.time <= end), key=lambda mark: mark.time)
-        yield from (mark for mark in past if not mark.is_planned)
-        yield from [mark for mark in past if mark.is_planned][-_MAX_PLANNED_MARKS:]
+        spec, name = self._specs[source.index], f"commands[{source.index}]"
+        return spec.marks_between(source.controller, name, source.origin / self._rate, end)
 
     def undelivered(self, end: float) -> dict[int, float]:
         """Return the index of each source whose commands all arrive after a sim time in s -> the first arrival.
@@ -326,32 +312,26 @@ class Controls:
     @property
     def losses(self) -> tuple[str, ...]:
         """The parts of files that controllers did not run, as the scenario allows."""
-        controllers = [source.controller for source in self._sources]
-        return tuple(loss for live in controllers if isinstance(live, ClosedLoop) for loss in live.losses)
+        return tuple(loss for live in self._closed for loss in live.losses)
 
     @property
     def transcripts(self) -> tuple[Transcript, ...]:
         """The messages that controllers received from programs of the user."""
-        controllers = (source.controller for source in self._sources)
-        found = (live.transcript for live in controllers if isinstance(live, ClosedLoop))
-        return tuple(transcript for transcript in found if transcript is not None)
+        return tuple(live.transcript for live in self._closed if live.transcript is not None)
 
     @property
     def logged_errors(self) -> tuple[str, ...]:
         """The errors that programs of the user logged."""
-        controllers = [source.controller for source in self._sources]
-        return tuple(each for live in controllers if isinstance(live, ClosedLoop) for each in live.logged_errors)
+        return tuple(error for live in self._closed for error in live.logged_errors)
 
     def why_silent(self) -> str:
         """Return why controllers have given no command, as far as they know."""
-        controllers = [source.controller for source in self._sources]
-        return "; ".join(why for live in controllers if isinstance(live, ClosedLoop) if (why := live.why_silent()))
+        return "; ".join(why for live in self._closed if (why := live.why_silent()))
 
     @property
     def not_reproducible(self) -> tuple[str, ...]:
         """The reasons why another run may differ."""
-        controllers = [source.controller for source in self._sources]
-        return tuple(why for live in controllers if isinstance(live, ClosedLoop) for why in live.not_reproducible)
+        return tuple(why for live in self._closed for why in live.not_reproducible)
 
     def close(self) -> None:
         """Close the sources after the run, and end the programs that they started."""
@@ -360,14 +340,16 @@ class Controls:
     def switch(self, event: Event, step: int) -> None:
         """Let the sources that an event starts or stops do so at a physics step."""
         for action, place in zip(event.actions, event.places, strict=True):
-            if place is not None and action.start:
+            if place is None or not (action.start or action.stop):
+                continue
+            self._keep_marks(place, step)
+            if action.start:
                 self._start(place, step)
-            elif place is not None and action.stop:
-                self._stop(place, step)
+            else:
+                self._stop(place)
 
     def _start(self, index: int, step: int) -> None:
         """Let a source begin at a physics step; one that is at work begins again."""
-        self._keep_marks(index, step)
         others = [source for source in self._active if source.index != index]
         source = replace(self._sources[index], origin=step)
         self._active = sorted((*others, source), key=lambda source: source.index)
@@ -380,9 +362,8 @@ class Controls:
                 if mark.time < end:
                     self._past_marks.append(replace(mark, until=min(end, mark.until or end)))
 
-    def _stop(self, index: int, step: int) -> None:
-        """Let a source end at a physics step: what it commanded stops, and others may move its joints."""
-        self._keep_marks(index, step)
+    def _stop(self, index: int) -> None:
+        """Let a source end: what it commanded stops, and others may move its joints."""
         source = next((source for source in self._active if source.index == index), None)
         if source is None:
             return
@@ -475,7 +456,7 @@ class Controls:
             return targets
         self._claim(source, set(command.names()))
         if self._has_events:
-            source.kinds.update(_kinds(command))
+            source.kinds.update(command.kinds)
         # What arrives late, or not at all, is known until the next tick only.
         is_sampled = source.line is not None and isinstance(source.controller, OpenLoop)
         until = (step + source.period) / self._rate if is_sampled else math.inf
@@ -533,10 +514,7 @@ class Controls:
             raise ScriptError(NO_WHEELS)
         driver = self._driver = self._driver or source
         if driver.index != source.index:
-            first, second = sorted((driver.index, source.index))
-            raise ScriptError(
-                f"commands.{first} and commands.{second} both drive the base; only one command source can do so"
-            )
+            raise _both(driver, source, "drive the base; only one command source can do so")
         self._claim(source, self._motion.joints)
 
     def _claim(self, source: _Source, joints: set[str] | frozenset[str]) -> None:
@@ -546,19 +524,13 @@ class Controls:
         for joint in sorted(joints):
             owner = self._owners.setdefault(joint, source)
             if owner.index != source.index:
-                first, second = sorted((owner.index, source.index))
-                raise ScriptError(
-                    f"commands.{first} and commands.{second} both move joint '{joint}'; "
-                    "command sources must move different joints"
-                )
+                raise _both(owner, source, f"move joint '{joint}'; command sources must move different joints")
         source.moved.update(joints)
 
 
-def _kinds(command: JointTargets) -> dict[str, str]:
-    """Return joint -> what a command states for it."""
-    moving = (name for motion in command.motions for name in motion.names)
-    groups = {"velocity": command.velocity, "effort": command.effort, "position": (*command.position, *moving)}
-    return {name: kind for kind, names in groups.items() for name in names}
+def _both(one: _Source, other: _Source, what: str) -> ScriptError:
+    first, second = sorted((one.index, other.index))
+    return ScriptError(f"commands.{first} and commands.{second} both {what}")
 
 
 def _with_wrenches_together(commands: tuple[Command, ...]) -> tuple[Twist | JointTargets, ...]:
@@ -569,11 +541,6 @@ def _with_wrenches_together(commands: tuple[Command, ...]) -> tuple[Twist | Join
         return others
     wrenches = tuple(command for command in commands if isinstance(command, LinkWrench))
     return (*others, JointTargets(wrenches=wrenches))
-
-
-def _seen_by(sources: Sequence[CommandSource], scene: Scene) -> list[Scene]:
-    codes = [source.code for source in sources]
-    return [replace(scene, namesake=codes[:index].count(code)) for index, code in enumerate(codes)]
 
 
 def _source(index: int, spec: CommandSource, controller: Controller, scenario: Scenario, scene: Scene) -> _Source:

@@ -96,6 +96,13 @@ class JointTargets:
         for motion in self.motions:
             yield from motion.names
 
+    @property
+    def kinds(self) -> dict[str, str]:
+        """Joint -> "position", "velocity" or "effort": what is commanded of it."""
+        moving = (name for motion in self.motions for name in motion.names)
+        groups = {"velocity": self.velocity, "effort": self.effort, "position": (*self.position, *moving)}
+        return {name: kind for kind, names in groups.items() for name in names}
+
     def updated_by(self, later: JointTargets) -> JointTargets:
         """Return these targets, replaced by those of `later` for the joints that it names."""
         if not any(self.names()) and self.base is None and self.wrenches is None:
