@@ -119,7 +119,7 @@ class _Call:
             raise UsageError(f"no scenario that passes has the factor {names}; name another one")
         self._announce([search for several in searches.values() for search in several])
         self._search(originals, searches)
-        if self._taken:
+        if self._request.resume:
             note(f"--resume: {counted(self._taken, 'run')} of {sum(self._turns.values())} taken over")
         scenarios = []
         for place, outcome in enumerate(outcomes):

@@ -14,7 +14,9 @@ import re
 import stat
 import subprocess
 import sys
+import time
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path, PurePosixPath
 from typing import Final
@@ -30,7 +32,7 @@ MISSING: Final = "missing"
 _MAX_READ_BYTES: Final = 256 << 20
 _PART_BYTES: Final = 1 << 20
 # Linux stamps files with a clock that may be one tick late.
-CLOCK_TICK_NS: Final = 20_000_000
+_CLOCK_TICK_NS: Final = 20_000_000
 
 
 class FileDigests:
@@ -41,7 +43,7 @@ class FileDigests:
     """
 
     def __init__(self, began_ns: int) -> None:
-        self._oldest_change_ns = began_ns - CLOCK_TICK_NS
+        self._oldest_change_ns = began_ns - _CLOCK_TICK_NS
         self._left = _MAX_READ_BYTES
         self._known: dict[Path, str | None] = {}
 
@@ -82,6 +84,18 @@ class FileDigests:
                 return git_content(mode, _named(parts, size, algorithm), size)
         except OSError:
             return None
+
+
+def beginning_ns(paths: Iterable[Path]) -> int:
+    """Return the present time for `FileDigests`; wait a tick if a file, or its folder, has just been changed."""
+    now_ns, changes_ns = time.time_ns(), [0]
+    for path in {place for file in paths for place in (file, file.parent)}:
+        with suppress(OSError, ValueError):  # a NUL in a name
+            changes_ns.append(_changed_ns(path.lstat()))
+    if not 0 <= now_ns - max(changes_ns) <= _CLOCK_TICK_NS:
+        return now_ns
+    time.sleep(1e-9 * _CLOCK_TICK_NS)
+    return time.time_ns()
 
 
 def git_content(mode: str, name: str, size: int) -> str:

@@ -12,7 +12,6 @@ import json
 import os
 import platform
 import sys
-import time
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
@@ -21,7 +20,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import UsageError
-from sim_action.core.git_tree import FileDigests, GitError, GitListing, GitTree
+from sim_action.core.git_tree import FileDigests, GitError, GitListing, GitTree, beginning_ns
 from sim_action.core.permissions import Permissions
 from sim_action.core.provenance import cpu_model
 from sim_action.core.records import dataclass, field, replace
@@ -92,7 +91,8 @@ class RunKeys:
             options: those of the call.
             outputs: the output folder, and files that reports are written to; they do not count.
         """
-        self._digests = FileDigests(time.time_ns())
+        files = list(scenario_files)
+        self._digests = FileDigests(beginning_ns(files))
         self._options = options
         self._outputs = list(filter(None, map(_real, outputs)))
         self._named = NamedFiles()
@@ -100,7 +100,7 @@ class RunKeys:
         self._builds: dict[str, str | None] = {}
         # Variations name the same files.
         self._contents: dict[tuple[Path, frozenset[Path]], list[tuple[str, str]] | None] = {}
-        roots = _roots(scenario_files, outside=options.permissions.outside)
+        roots = _roots(files, outside=options.permissions.outside)
         self._listings = {} if options.permissions.updates_golden else {root: GitListing(root) for root in roots}
 
     def close(self) -> None:

@@ -76,6 +76,14 @@ def test_a_file_that_changed_after_the_beginning_is_not_known(tmp_path: Path) ->
     assert before.of(tmp_path / "a") is None
 
 
+@pytest.mark.parametrize("written", ["a", "b"])
+def test_a_call_that_begins_right_after_a_change_knows_the_file(tmp_path: Path, written: str) -> None:
+    (tmp_path / written).write_bytes(b"")
+    # A file of a name with a NUL does not exist; a new file next to a named one changes its folder.
+    found = FileDigests(module.beginning_ns([tmp_path / "a", Path("\0")]))
+    assert found.of(tmp_path / written) is not None
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="the time of the last change is that of the content")
 def test_an_old_time_stamp_hides_no_change(tmp_path: Path) -> None:
     before = FileDigests(time.time_ns())

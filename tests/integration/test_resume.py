@@ -16,7 +16,6 @@ from typing import Any
 
 import pytest
 
-from sim_action.core.git_tree import CLOCK_TICK_NS
 from sim_action.results.journal_seal import Seal
 from tests.integration.conftest import outside_of_github, sim_action
 from tests.soak import soaked
@@ -64,8 +63,7 @@ def command(folder: Path, *arguments: str, **variables: str) -> tuple[list[str],
 
 
 def run(folder: Path, *arguments: str, **variables: str) -> str:
-    """A whole call: what it prints. It trusts no file that changed right before it."""
-    time.sleep(2e-9 * CLOCK_TICK_NS)
+    """A whole call: what it prints."""
     # As a killed call has it: a verdict is taken over only if the variables of Python are the same.
     found = sim_action(folder, "run", *arguments, **{"PYTHONDONTWRITEBYTECODE": "1", **variables})
     assert found.returncode in (0, 1), found.stdout + found.stderr
