@@ -197,22 +197,11 @@ def lost_models(spawned: Sequence[tuple[str, bool]]) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True)
 class LaunchRequest:
-    """The request of one call of rostest, roslaunch or launchtest.
+    """A call of rostest, roslaunch or launchtest; `more`: package and name of each further launch file.
 
-    Attributes:
-        package: package of the launch file or test.
-        file: its name in the package, or its path.
-        arguments: `NAME:=VALUE`.
-        more: package and name of each further launch file.
-        workspace: packages are in its `src`, or below it.
-        sim_time_limit: s of a simulation; None: the limits of the tests, or the default of the command.
-        real_time_factor: limit of the speed; None: as fast as the nodes can follow.
-        wall_limit: s of wall time for the whole call; None: enough for all tests, and time in which sim time moves on
-            does not count.
-        replays: True if replays are stored.
-        allows_losses: True if parts that are not simulated are warnings instead of errors.
-        pass_env: names of environment variables that nodes may see, in addition to the harmless ones.
-        strict: True if each warning fails the test or the launch.
+    `sim_time_limit` is in s; None: the limits of the tests, or the default of the command. `real_time_factor` None: as
+    fast as the nodes can follow. `wall_limit` is in s for the whole call; None: enough for all tests, and time in which
+    sim time moves on does not count. `pass_env` names variables that nodes may see, in addition to the harmless ones.
     """
 
     program: Program

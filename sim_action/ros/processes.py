@@ -21,7 +21,6 @@ _READ_BYTES: Final = 65536
 _MAX_HEADER_BYTES: Final = 64
 _RESULT: Final = b"--gtest_output=xml:"
 
-
 _STAT_BYTES: Final = 1024
 _ENDED: Final = (FileNotFoundError, ProcessLookupError)
 # A process that has ended, and that its parent has not waited for, has no work left either.
@@ -114,10 +113,7 @@ def process_name(pid: int) -> str:
 
 
 class WatchedThread:
-    """A thread, with its files. They stay open, because opening takes as long as ten reads.
-
-    Raises OSError when the thread has ended.
-    """
+    """A thread, with its files, which stay open: opening takes ten reads. Raises OSError when the thread has ended."""
 
     def __init__(self, pid: int, tid: int) -> None:
         self.pid, self.tid = pid, tid
@@ -159,8 +155,7 @@ class WatchedThread:
 class WatchedProcesses:
     """The processes to wait for; `spared`: id of the thread of this process that waits, and so may run.
 
-    Attributes:
-        at_rest: the threads when all processes waited last -> how long and how often each has run.
+    `at_rest`: the threads when all processes waited last -> how long and how often each has run.
     """
 
     def __init__(self, spared: int) -> None:

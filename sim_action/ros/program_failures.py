@@ -19,7 +19,6 @@ from sim_action.robot.documents.xml_document import shown_file
 _MAX_DETAILS_CHARS: Final = 4_000
 _FRAME: Final = re.compile(r'^ *File "([^"]+)", line ([0-9]{1,9})(?:, in .*)?\n(?: {4,}(\S.*))?', re.MULTILINE)
 
-
 # The exception is the first line without indentation, and it may have more lines. A prompt of input() may come before
 # the first line.
 _TRACEBACK: Final = re.compile(
@@ -87,12 +86,7 @@ def exception_line(kind: str, text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """The last words of a node that ended.
-
-    Attributes:
-        said: continues a sentence about the end, such as ": ValueError: no plan"; empty if nothing is known.
-        location: in the user's code.
-    """
+    """The last words of a node: `said` continues a sentence about its end, such as ": ValueError: no plan"."""
 
     said: str = ""
     location: Location | None = None

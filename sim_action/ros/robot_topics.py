@@ -37,9 +37,7 @@ _SENSOR_TOPICS: Final = {
     "contact": "contact",
 }
 
-
 _EPSILON = 1e-9
-
 
 _BILLION: Final = 1_000_000_000
 
@@ -58,10 +56,7 @@ def topics_of(
 
 
 def topic_problems(stated: Mapping[str, str], topics: Mapping[str, str]) -> SpecProblems:
-    """Yield problems of stated topics, by their keys: unknown names, and topics that are used twice.
-
-    `topics`: those of the robot, with the stated ones.
-    """
+    """Yield problems of stated topics, by their keys: names that the robot lacks, and topics that are used twice."""
     for name in stated:
         if name not in topics:
             yield (name,), f"the robot has no '{name}'{did_you_mean(name, topics)}"
@@ -89,12 +84,7 @@ def _topic(sensor: Fitting, sensors: Sequence[Fitting]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """The ticks at which something is due.
-
-    Attributes:
-        rate: times per second, in Hz; at most `ticks`.
-        ticks: ticks per second, in Hz.
-    """
+    """The ticks at which something is due: `rate` times per second, at most `ticks`, the ticks per second."""
 
     rate: float
     ticks: float
@@ -129,12 +119,7 @@ PlacedFrame = tuple[str, str, geometry.Pose]
 
 @dataclass(frozen=True, slots=True)
 class LinkFrames:
-    """The frames of the links of a robot, as a robot_state_publisher publishes them.
-
-    Attributes:
-        fixed: links that do not move on their parents.
-        moving: parent link, child link, and the joints in series between them.
-    """
+    """The frames of links, as robot_state_publisher has them; `moving`: parent, child, and the joints in series."""
 
     fixed: tuple[PlacedFrame, ...]
     moving: tuple[tuple[str, str, tuple[Joint, ...]], ...]

@@ -13,7 +13,6 @@ pytestmark = needs_ros2
 
 RULE = "not-reproducible"
 
-
 FAILING = """\
 import rclpy
 from rclpy.node import Node
@@ -76,7 +75,6 @@ THREADS = THREADS.replace("import Node", "import Node\nfrom rclpy.executors impo
 BUSY = WALL_TIME.replace("rclpy.spin(node)", "while True:\n    rclpy.spin_once(node, timeout_sec=0)")
 DEAF = MOVER.replace("rclpy.init()", "rclpy.init(args=[])")
 
-
 LOOP = """\
 import random
 import rclpy
@@ -92,7 +90,6 @@ while rclpy.ok():
     twist.linear.x = gain * random.uniform(0.1, 0.3)
     publisher.publish(twist)
 """
-
 
 # What it sends depends on the order of its loop, its callbacks and its timer; the rate and the sleep end at one tick.
 RATES = """\

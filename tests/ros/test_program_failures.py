@@ -18,7 +18,6 @@ WAY = """\
     raise Gone
 """
 
-
 RCLPY = "/opt/ros/jazzy/lib/python3.12/site-packages/rclpy/executors.py"
 
 TRACEBACK = """\

@@ -78,10 +78,7 @@ class LaunchCall:
     def launched(
         self, files: Sequence[Path], interruption: Interruption, meanwhile: Callable[[], object] = lambda: None
     ) -> Findings:
-        """Launch the files, and return the findings once all processes have ended. Raises UsageError.
-
-        `meanwhile`: called after the start, while this process only waits.
-        """
+        """Launch the files, call `meanwhile`, and return the findings once all have ended. Raises UsageError."""
         tags = test_tags(files[0])
         asked = self._asked(tags)
         (self.folder / REQUEST_FILE).write_text(asked.model_dump_json(), encoding="utf-8")

@@ -49,7 +49,6 @@ DRIVE_PLUGINS: Final = frozenset(
 )
 """The plugins that move a robot. A model of a world with one of them is a robot, not a body."""
 
-
 MAX_RATE_HZ: Final = 100.0
 """Messages per second that a topic can have: one for each tick of the clock."""
 
@@ -90,14 +89,10 @@ class Tags:
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
-    """A plugin of a model or of a sensor.
+    """A plugin of a model or of a sensor on a link; `own`: its tags; `sensor`: the tags of its sensor, or none.
 
-    Attributes:
-        name: its file, without "lib" and ".so".
-        own: its own tags.
-        sensor: the tags of its sensor; empty for a plugin of the model.
-        link: the link that carries the sensor.
-        given_space: the namespace from the spawn request; used if the plugin states none.
+    `name`: its file, without "lib" and ".so". `given_space`: the namespace of the spawn request, if the plugin states
+    none.
     """
 
     name: str
@@ -148,7 +143,6 @@ LOST_FINDINGS: Final[Mapping[str, str]] = {
     "two-frictions": "one coefficient of friction is used for all directions",
 }
 """Rule of the audit of models -> the reason why its findings are losses of a launch."""
-
 
 _APART: Final = frozenset({"plugin", "ros"})
 

@@ -46,13 +46,7 @@ class MissingWorld(BadWorld):
 
 @dataclass(frozen=True, slots=True)
 class WorldRobot:
-    """The robot of a world: a model with supported plugins.
-
-    Attributes:
-        description: SDF.
-        pose: pose of the model.
-        file: file of the description; None if it is in the world file itself.
-    """
+    """The robot of a world, in SDF; `file`: of its description; None if it is in the world file itself."""
 
     name: str
     description: str
@@ -83,13 +77,7 @@ def find_world(stated: str) -> Path | None:
 
 
 def read_world(path: Path, folders: tuple[Path, ...], known: Container[str]) -> GazeboWorld:
-    """Read a .world file. Raises BadWorld.
-
-    Args:
-        path: the file.
-        folders: where `model://` is searched.
-        known: plugins that make a model a robot.
-    """
+    """Read a .world file; `folders`: for `model://`; `known`: plugins that make a model a robot. Raises BadWorld."""
     if not path.is_file():
         raise MissingWorld(path)
     document = _read(path, path.resolve())

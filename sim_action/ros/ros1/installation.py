@@ -40,12 +40,7 @@ print(found["rospy"].submodule_search_locations[0] if found["rospy"] else "")
 
 @dataclass(frozen=True, slots=True)
 class Ros:
-    """An installation of ROS 1.
-
-    Attributes:
-        python: an interpreter that has its modules.
-        modules: the folder of its Python modules.
-    """
+    """An installation of ROS 1: an interpreter that has its modules, and the folder of these."""
 
     python: Path
     modules: Path

@@ -38,7 +38,6 @@ TITLE: Final = "not simulated"
 
 _MAX_REPORTED: Final = 20
 
-
 FOLDER_VARIABLE: Final = "SIM_ACTION_ROS_RUN"
 """The environment variable that holds the folder of the call."""
 
@@ -80,17 +79,11 @@ def _first(losses: Iterable[Loss]) -> Iterator[Loss]:
 
 
 class SimulationRequest(FrozenModel):
-    """The request of the command to the node `gazebo`.
+    """The request of the command to the node `gazebo`; `modules`: the folder that has rospy.
 
-    Attributes:
-        modules: the folder that has rospy.
-        backend: the engine, or "auto".
-        physics_rate: steps per second, in Hz; 10 ms are a whole number of steps.
-        sim_time_limit: s after which the run ends, if no test states its own; None: as long as there are nodes.
-        limits_tests: True if the limit holds for tests too, whatever they state.
-        real_time_factor: limit of the speed; None: as fast as the nodes can follow.
-        replay: True if a replay is written.
-        allows_losses: True if the run goes on without the parts that are not simulated.
+    `physics_rate` is in Hz; 10 ms are a whole number of steps. `sim_time_limit`: s after which the run ends, if no test
+    states its own; None: as long as there are nodes. `limits_tests`: True if it holds for tests too. `real_time_factor`
+    None: as fast as the nodes can follow.
     """
 
     modules: str
@@ -105,22 +98,12 @@ class SimulationRequest(FrozenModel):
 
 
 class SimulationResult(FrozenModel):
-    """The result of a simulation, as the node writes it.
+    """The result of a simulation, as the node writes it. Times are s of sim time, except `starting`, before the clock.
 
-    Attributes:
-        end: why the run ended.
-        failure: the failure that ended the run, if any.
-        sim_time: s at the end of the run.
-        sim_time_limit: s after which the run would have ended; None: without a limit.
-        first_command: s of sim time of the first command to the robot; None: there was none.
-        travelled: m between the first and last place of the robot on the ground plane.
-        real_time_factor: sim time over wall time, since the start of the clock.
-        starting: s of wall time until the clock started.
-        messages: topic -> number of messages published or received.
-        in_step: True if nodes and clock were in lock-step from beginning to end.
-        losses: parts of the world and of the robot that were not simulated.
-        missing_world: the world file that does not exist, if that is the failure.
-        claims: the findings of the audit of claims after the run: rule -> message.
+    `first_command` None: there was none. `travelled`: m between the first and last place on the ground plane.
+    `messages`: topic -> their number. `in_step`: True if nodes and clock were in lock-step throughout. `missing_world`:
+    the world file that does not exist, if that is the failure. `claims`: rule -> finding of the audit of claims after
+    the run.
     """
 
     end: End

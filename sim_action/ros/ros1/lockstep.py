@@ -47,18 +47,11 @@ def _ignore_ended(_: frozenset[int]) -> None:
 
 
 class Lockstep:
-    """The lock-step: holds the clock until all nodes wait.
+    """The lock-step: holds the clock until all nodes wait; `node`: our own name among them.
 
-    Args:
-        node: our own name among them.
-        launcher: the process that starts nodes.
-        is_shutdown: returns True once our own node was asked to leave.
-        gone: called with the ids of processes of the launcher that have ended.
-        newcomers_within: s of wall time that processes may take to become nodes.
-
-    Attributes:
-        notes: notes for the user.
-        not_reproducible: reasons why another run may differ, each with the name of a node.
+    `launcher`: the process that starts nodes. `gone`: called with the ids of its processes that have ended.
+    `newcomers_within`: s of wall time that processes may take to become nodes. `not_reproducible`: reasons why another
+    run may differ, each with the name of a node.
     """
 
     def __init__(
@@ -94,12 +87,7 @@ class Lockstep:
         return self._patience == MAX_SETTLE_S
 
     def begin(self, commands: Callable[[], frozenset[str]], is_wanted: Callable[[], bool]) -> None:
-        """Wait until all nodes are up and connected, before the clock starts.
-
-        Args:
-            commands: returns the topics that drive the robot at present.
-            is_wanted: returns True if the wait must end at once.
-        """
+        """Wait until all nodes are up and connected, or `is_wanted`; `commands`: topics that drive the robot."""
         self._wait_for_newcomers(is_wanted)
         calm_since = time.monotonic()
         before: Graph | None = None

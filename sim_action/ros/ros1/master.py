@@ -21,14 +21,7 @@ _TIMEOUT_S: Final = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Graph:
-    """The nodes that are up.
-
-    Attributes:
-        publishers: topic -> names of the nodes that publish it.
-        subscribers: topic -> names of the nodes that subscribe to it.
-        pids: node name -> process id.
-        master: process id of the master.
-    """
+    """The nodes that are up: topic -> nodes that publish and subscribe, node -> process, and that of the master."""
 
     publishers: Mapping[str, frozenset[str]]
     subscribers: Mapping[str, frozenset[str]]

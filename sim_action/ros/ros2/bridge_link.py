@@ -40,11 +40,9 @@ _MAX_ANSWER_S: Final = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """A topic that the bridge publishes or subscribes to.
+    """A topic that the bridge publishes or subscribes to; `type`: such as "nav_msgs/msg/Odometry".
 
-    Attributes:
-        type: such as "nav_msgs/msg/Odometry".
-        least: a field, and the least value that it has in messages that are taken; None: all are.
+    `least`: a field, and the least value that it has in messages that are taken; None: all are.
     """
 
     topic: str
@@ -58,11 +56,7 @@ class BridgeEnded(Exception):
 
 
 class Bridge:
-    """The bridge as the simulation sees it.
-
-    Attributes:
-        published, heard: its publishers and subscriptions, in the order of their numbers.
-    """
+    """The bridge; `published`, `heard`: its publishers and subscriptions, in the order of their numbers."""
 
     def __init__(self, python: Path, folder: ProcessFolder) -> None:
         """Start the bridge, and return at once."""

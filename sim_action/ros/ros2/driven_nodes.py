@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from sim_action.ros.ros2.packages import Packages
     from sim_action.world.scene import Scene
 
-
 ROSOUT: Final = "/rosout"
 _LOG_TYPE: Final = "rcl_interfaces/msg/Log"
 # As publishers of logs have it: late subscribers get what was logged before.
@@ -48,7 +47,6 @@ _ERROR: Final = 40
 _FATAL: Final = 50
 _MAX_CHARS: Final = 300
 _MAX_ERRORS: Final = 10
-
 
 _KEY: Final = "ros2"
 # Ticks at the same time differ by less.
@@ -80,11 +78,7 @@ class _Source:
 
 
 class LoggedErrors:
-    """The errors of a run, those of one line of code together.
-
-    Attributes:
-        messages: one for each such line, in the order of their first errors.
-    """
+    """The errors of a run: one message for each line of code that logs them, in the order of their first errors."""
 
     def __init__(self, directory: Path) -> None:
         """Begin without errors; `directory`: that of the user's code."""
@@ -120,10 +114,7 @@ class LoggedErrors:
 
 
 def open_nodes(spec: Ros2Nodes, rate: float, scene: Scene) -> ClosedLoop:
-    """Start the nodes of a scenario, and return their controller. Raise SourceProblem, ScriptError.
-
-    `rate`: ticks per second.
-    """
+    """Start nodes, and return their controller; `rate`: ticks per second. Raise SourceProblem, ScriptError."""
     try:
         ros = find_ros()
     except UsageError as error:
@@ -177,12 +168,7 @@ def robot_topics(spec: Ros2Nodes, rate: float, scene: Scene) -> RobotTopics:
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """The folder of the processes of a run, its packages, and its bridge.
-
-    Attributes:
-        robots: those whose nodes share the bridge and the lock-step, in the order of their start.
-        graph_notes: notes on topics of all nodes.
-    """
+    """The folder of the processes of a run, its packages, its bridge, and the robots whose nodes share them."""
 
     folder: ProcessFolder
     packages: Packages
@@ -212,21 +198,9 @@ class DrivenNodes:
     """The nodes that drive a robot, and the bridge to them.
 
     If several robots have nodes, all have published a moment before sim time advances. Those that come first in a tick
-    obey at the next one what nodes then send.
-
-    Attributes:
-        closing: what ends the nodes.
-        space: the namespace of the robot, such as "/robot2"; or empty.
-        topics: the topics of this robot alone.
-        seconds: the sim time of its last tick, in s.
-        lockstep: that of the nodes of all robots.
-        listeners: the number of subscriptions of each of its clocks; of the first robot.
-        transcript: all messages of nodes that command the robot.
-        has_heard: True after the first of these messages.
-        not_reproducible: reasons why another run may differ.
-        logged_errors: errors that nodes logged.
-        notes: notes for the user, complete after `close`.
-        losses: parts of a launch file that are not simulated, if they are allowed.
+    obey at the next one what nodes then send. `seconds`: sim time of the last tick. `lockstep`: that of the nodes of
+    all robots. `listeners`: the number of subscriptions of each of its clocks; of the first robot. `transcript`: all
+    messages that command the robot; `has_heard`: there was one. `notes` are complete after `close`.
     """
 
     def __init__(self, spec: Ros2Nodes, rate: float, scene: Scene, session: Session, group: NodeGroup) -> None:

@@ -39,7 +39,6 @@ LATCHED: Final = Qos(durability="transient_local", depth=1)
 TRANSFORMS: Final = Qos(depth=100)
 """The quality that listeners of tf2 ask for."""
 
-
 _RECEIVE_BUFFER: Final = Path("/proc/sys/net/core/rmem_max")
 # As in fast_dds.xml.
 _ASKED_BYTES: Final = 4_194_304
@@ -72,13 +71,7 @@ class TopicEnd:
 
 @dataclass(frozen=True, slots=True)
 class Graph:
-    """The nodes that are up, as the bridge knows them.
-
-    Attributes:
-        nodes: full names, without the bridge.
-        types: topic -> its types.
-        publishers, subscriptions: topic -> its ends, without the bridge; only topics that were asked for.
-    """
+    """The nodes that are up, without the bridge, by full names; the ends only of topics that were asked for."""
 
     nodes: tuple[str, ...]
     types: Mapping[str, Sequence[str]]
@@ -109,10 +102,7 @@ def subscriber_problems(topic: str, kind: str, offered: Qos, subscribers: Sequen
 
 
 def order_notes(graph: Graph) -> Iterator[str]:
-    """Yield a note for each topic that several nodes hear at once, if what they then send meets in one node.
-
-    :param graph: the nodes, with the ends of all topics.
-    """
+    """Yield a note for each topic that several nodes hear at once, if what they then send meets in one node."""
     hearers = {topic: _nodes(ends) for topic, ends in graph.subscriptions.items() if topic not in OF_ALL_NODES}
     senders = {topic: _nodes(ends) for topic, ends in graph.publishers.items() if topic not in OF_ALL_NODES}
     heard_from = _heard_from(senders, hearers)
@@ -144,10 +134,7 @@ def _heard_from(
 
 
 def unheard(graph: Graph, published: frozenset[str]) -> Iterator[str]:
-    """Yield a sentence for each topic that nodes subscribe to and nothing publishes.
-
-    :param published: the topics that the robot publishes.
-    """
+    """Yield a sentence for each topic that nodes subscribe to and neither a node nor the robot publishes."""
     for topic, ends in sorted(graph.subscriptions.items()):
         if ends and not graph.publishers[topic] and topic not in published:
             nodes = sorted({end.node for end in ends})

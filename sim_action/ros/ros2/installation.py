@@ -29,7 +29,6 @@ _INDEXES: Final = (_INDEX / "packages", _INDEX / "package_run_dependencies", Pat
 _MAX_FILE_BYTES: Final = 100_000
 _MAX_DEPTH: Final = 5
 
-
 PYTHON_VARIABLE: Final = "SIM_ACTION_ROS2_PYTHON"
 """The environment variable that names the Python of ROS 2, such as one with the wheels."""
 
@@ -73,12 +72,7 @@ _IS_BOOTSTRAPPED: Final = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1"}
 
 @dataclass(frozen=True, slots=True)
 class SetUp:
-    """The environment of sourced prefixes.
-
-    Attributes:
-        variables: the variables that the prefixes set or extend.
-        unread: scripts that would have to be run by a shell.
-    """
+    """The variables that sourced prefixes set or extend; `unread`: scripts that would have to be run by a shell."""
 
     variables: Mapping[str, str]
     unread: tuple[str, ...] = ()
@@ -98,10 +92,7 @@ def packages_of_prefix(prefix: Path) -> list[str]:
 
 
 def set_up(prefixes: Iterable[Path], environment: Mapping[str, str]) -> SetUp:
-    """Return the environment after the setup.bash of each prefix, the last one of the list first.
-
-    :param environment: the variables before.
-    """
+    """Return the environment after the setup.bash of each prefix, the last one of the list first."""
     changes = _Changes(environment)
     for prefix in reversed(list(prefixes)):
         for package in packages_of_prefix(prefix):
@@ -197,16 +188,10 @@ class NotInstalled(UsageError):
 
 @dataclass(frozen=True, slots=True)
 class Ros2:
-    """An installation of ROS 2.
+    """An installation of ROS 2: the prefixes, those of the user first, and the interpreter that has rclpy.
 
-    Attributes:
-        prefixes: the install prefixes, the ones of the user first.
-        python: the interpreter that has rclpy.
-        distribution: its name, such as "jazzy".
-        rmw: the middleware, as in RMW_IMPLEMENTATION.
-        source: where it was found, in words.
-        variables: environment variables of all processes of ROS 2.
-        unread: scripts of its setup.bash that only a shell can run, and that were not run.
+    `rmw`: as in RMW_IMPLEMENTATION. `source`: where it was found, in words. `variables`: of all processes. `unread`:
+    scripts of its setup.bash that only a shell can run, and that were not run.
     """
 
     prefixes: tuple[Path, ...]
@@ -245,11 +230,7 @@ class _Place:
 
 
 def find_ros(environment: Mapping[str, str] | None = None, root: Path = _ROOT) -> Ros2:
-    """Return the ROS 2 to run nodes with. Raise NotInstalled, or UsageError if the one that was found cannot be used.
-
-    :param environment: environment variables; default: those of this process.
-    :param root: the folder of the distributions that are installed for the whole system.
-    """
+    """Return the ROS 2 to run nodes with. Raise NotInstalled, or UsageError if it cannot be used."""
     variables = os.environ if environment is None else environment
     stated = variables.get("RMW_IMPLEMENTATION") or RMW
     if stated != RMW:

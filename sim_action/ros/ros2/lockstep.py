@@ -36,7 +36,6 @@ _BUSY_S: Final = 0.1
 _HOLD_S: Final = 0.01
 _HOLDS: Final = 10
 
-
 # The beginning of the names of threads of Fast DDS.
 _OF_DDS: Final = "dds."
 # Threads without a name also handle changes of the graph, which are rare during a run.
@@ -44,7 +43,6 @@ _MIN_WAKES: Final = 3
 _MIN_SHARED: Final = 10
 # In s of wall time: less than the period of spdlog.
 _MAX_GAP_S: Final = 4.0
-
 
 _USE_SIM_TIME: Final = "use_sim_time"
 _READY_POLL_S: Final = 0.01
@@ -60,19 +58,13 @@ def clock_of(number: int | str) -> str:
 
 
 class Lockstep:
-    """The clocks of all nodes.
+    """The clocks of all nodes, in the order in which they hear of the time; `clocks`: the numbers of their publishers.
 
-    Attributes:
-        nodes: the nodes with a clock, in the order in which they hear of the time.
-        clocks: the numbers of their publishers.
-        losses: reasons why another run may differ.
+    `losses`: reasons why another run may differ.
     """
 
     def __init__(self, bridge: Bridge, roots: Sequence[int]) -> None:
-        """Open the clock of all tools. Raise BridgeEnded.
-
-        :param roots: ids of the processes from which all nodes descend.
-        """
+        """Open the clock of all tools; `roots`: processes from which all nodes descend. Raise BridgeEnded."""
         self._bridge, self._roots = bridge, tuple(roots)
         self._watched = WatchedProcesses(spared=threading.get_native_id())
         self._children: dict[int, ChildProcesses] = {}
@@ -170,21 +162,14 @@ class Lockstep:
 
 
 class UnorderedNodes:
-    """Notices nodes of one run.
-
-    Attributes:
-        labels: id of a process -> the name of its node.
-    """
+    """Notices nodes of one run; `labels`: id of a process -> the name of its node."""
 
     def __init__(self) -> None:
         self.labels: dict[int, str] = {}
         self._wakes, self._shared = _Repetitions(), _Repetitions()
 
     def notice_wakes(self, threads: Iterable[WatchedThread], now: float) -> Iterator[str]:
-        """Take the threads that ran although nothing was sent to nodes; yield reasons why another run may differ.
-
-        `now`: wall time in s.
-        """
+        """Take the threads that ran although nothing was sent; yield reasons why another run may differ; `now` in s."""
         woken = [thread for thread in threads if self._is_of_node(thread)]
         with_main = {thread.pid for thread in woken if thread.tid == thread.pid}
         for pid in {thread.pid for thread in woken}:
@@ -197,10 +182,7 @@ class UnorderedNodes:
     def notice_work(
         self, before: Mapping[WatchedThread, bytes], after: Mapping[WatchedThread, bytes], now: float
     ) -> Iterator[str]:
-        """Take how long threads had run before and after a wait; yield reasons why another run may differ.
-
-        `now`: wall time in s.
-        """
+        """Take how long threads had run before and after a wait; yield reasons why another run may differ."""
         ran = [thread for thread, spent in after.items() if before.get(thread, spent) != spent]
         ran = [thread for thread in ran if self._is_of_node(thread)]
         counts = Counter(thread.pid for thread in ran)
@@ -234,20 +216,12 @@ class _Repetitions:
 
 
 class Readiness:
-    """The wait for all nodes.
-
-    Attributes:
-        losses: reasons why another run may differ.
-    """
+    """The wait for all nodes; `losses`: reasons why another run may differ."""
 
     def __init__(
         self, bridge: Bridge, nodes: Sequence[Node], refuse_ended: Callable[[], None], start_within: float
     ) -> None:
-        """Prepare the wait.
-
-        :param refuse_ended: raises the error of a node that has failed.
-        :param start_within: s of wall time that nodes may take.
-        """
+        """Prepare the wait of `start_within` s; `refuse_ended` raises the error of a node that has failed."""
         self._bridge, self._nodes, self._refuse_ended = bridge, nodes, refuse_ended
         self._start_within = start_within
         self._deadline = time.monotonic() + start_within

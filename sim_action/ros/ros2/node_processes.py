@@ -97,12 +97,7 @@ class ProcessFolder:
     def start(
         self, label: str, words: Sequence[str], *, kept: Sequence[int] = (), forwards: bool = True, stdin: str = ""
     ) -> NodeProcess:
-        """Start a program. Raise ScriptError.
-
-        :param kept: descriptors that it inherits.
-        :param forwards: True if its output is for the user.
-        :param stdin: the text on its standard input.
-        """
+        """Start a program; `kept`: descriptors for it; `forwards`: its output is for the user. Raise ScriptError."""
         output = self.path / f"output-{len(self._started)}.txt"
         given = self.path / f"input-{len(self._started)}.txt"
         given.write_text(stdin, encoding="utf-8")
@@ -152,11 +147,7 @@ class ProcessFolder:
 
 
 class LaunchedProcess:
-    """A process of a launch with a clock of its own.
-
-    Attributes:
-        label: how messages name it: "mover-1", or the name of a node in a container.
-    """
+    """A process of a launch with a clock; `label`: such as "mover-1", or the name of a node in a container."""
 
     def __init__(self, label: str, pid: int, look: Callable[[], object]) -> None:
         self.label, self.pid = label, pid
@@ -184,13 +175,7 @@ class Node:
 
 
 class NodeGroup:
-    """All nodes of a scenario; a base class.
-
-    Attributes:
-        notes: notes for the user.
-        losses: parts of a launch file that are not simulated, if they are allowed.
-        roots: the ids of the processes from which all others descend.
-    """
+    """All nodes of a scenario; a base class. `roots`: ids of the processes from which all others descend."""
 
     def __init__(self, roots: Sequence[int]) -> None:
         self.roots = roots

@@ -32,7 +32,6 @@ _MAX_NAME_CHARS: Final = 247
 _MIN_INTEGER: Final = -(2**63)
 _MAX_INTEGER: Final = 2**63 - 1
 
-
 Names = Annotated[tuple[str, ...], Field(min_length=1)]
 
 

@@ -45,7 +45,6 @@ _INSTALLED: Final = re.compile(
 _NAME: Final = re.compile(r"[\w.-]+")
 _ENTRY: Final = re.compile(r"[^\W\d]\w*(?:\.[^\W\d]\w*)*(?::[^\W\d]\w*(?:\.[^\W\d]\w*)*)?")
 
-
 INSTALL: Final = "install"
 BUILD: Final = "run colcon build"
 _LAYOUT_FILE: Final = ".colcon_install_layout"
@@ -59,13 +58,9 @@ _OVERLAY: Final = "overlay"
 class PythonPackage:
     """A package in source. All but name, folder and build type are empty unless it is in Python.
 
-    Attributes:
-        build_type: as in package.xml, such as "ament_python" or "ament_cmake".
-        entry_points: name of a console script -> its function, such as "my_robot.mover:main".
-        scripts: programs that are installed as they are.
-        modules: the folder of its Python modules.
-        unread: the file whose entry points are computed by code, and could not be read; empty: all were read.
-        has_only_scripts: True if its build only installs programs in Python.
+    `entry_points`: name -> function, such as "my_robot.mover:main". `scripts`: programs that are installed as they are.
+    `unread`: the file whose entry points are computed by code, and could not be read. `has_only_scripts`: True if its
+    build only installs programs in Python.
     """
 
     name: str
@@ -267,15 +262,10 @@ def workspace_of(stated: str | None, workspace: Workspace) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class Packages:
-    """The packages of a workspace and of ROS 2.
+    """The packages of a workspace and of ROS 2; `ros` None: ROS 2 is not installed, and may have other packages.
 
-    Attributes:
-        workspace: the folder that was searched.
-        installed: name -> install prefix of the packages that are built.
-        sources: name -> the other packages.
-        outdated: Python files of packages that are built, and whose installed copies differ.
-        ros: the installation; None: ROS 2 is not installed, and may have other packages.
-        distributed: name -> prefix of the packages of the installation.
+    `installed`, `distributed`: name -> prefix of packages that are built, and of those of ROS 2. `sources`: the others.
+    `outdated`: Python files of packages that are built, and whose installed copies differ.
     """
 
     workspace: Path
@@ -315,10 +305,7 @@ class Packages:
         return self.installed.get(name) or self.distributed.get(name)
 
     def executables(self, name: str) -> dict[str, Path | None]:
-        """Return the programs of a package by their names; None: the program is an entry point of a package in source.
-
-        Files that cannot be run are included.
-        """
+        """Return all programs of a package; None: it is an entry point of a package in source."""
         source = self.sources.get(name)
         if source is not None:
             return {**dict.fromkeys(source.entry_points), **{path.name: path for path in source.scripts}}
@@ -335,10 +322,7 @@ class Packages:
         return {path.name: path for path in files if "launch" in path.name or path.parent.name == "launch"}
 
     def set_up(self, folder: Path) -> dict[str, str]:
-        """Return the environment variables of all processes, and write the overlay into an empty folder.
-
-        Needs an installation.
-        """
+        """Return the variables of all processes, and write the overlay into an empty folder. Needs an installation."""
         assert self.ros is not None
         overlay = folder / _OVERLAY
         python = [package for package in self.sources.values() if package.is_python]

@@ -66,14 +66,7 @@ _FIELD: Final = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A package in source.
-
-    Attributes:
-        needs: the packages that its package.xml names.
-        build_needs: those of them that its CMakeLists.txt names; the others are for running it.
-        has_messages: True if it has messages, services or actions.
-        is_built: True if it must be built to be used.
-    """
+    """A package in source; `needs`: those in its package.xml; `build_needs`: of them, those in CMakeLists.txt."""
 
     name: str
     folder: Path
@@ -84,10 +77,7 @@ class Source:
 
 
 def sources_in(workspace: Path) -> dict[str, Source]:
-    """Return the packages of a workspace and of its .repos files, each after the packages that it needs.
-
-    Raise UsageError.
-    """
+    """Return the packages of a workspace and of its .repos files, each after those that it needs. Raise UsageError."""
     below = workspace / "src" if (workspace / "src").is_dir() else workspace
     places = {folder.resolve(): None for folder in (below, *(path for path, _ in _imports(workspace)))}
     outer = [place for place in places if not any(other in place.parents for other in places)]
@@ -346,10 +336,7 @@ def _prefix_of_builds(ros: Ros2, cache: Path) -> Path:
 def _build(
     source: Source, others: list[Path], wheels: Path, install: Path, *, ros: Ros2, environment: Mapping[str, str]
 ) -> None:
-    """Build a package into its own prefix. Raise UsageError with the last lines of what the build says.
-
-    :param wheels: the prefix of `_prefix_of_builds`; the files of the build are beside it.
-    """
+    """Build a package into its own prefix, beside `wheels`. Raise UsageError with the last lines of the build."""
     paths = os.pathsep.join(map(str, (*others, wheels)))
     folder = wheels.with_name(f"{wheels.name}-{source.name}")
     shutil.rmtree(folder, ignore_errors=True)

@@ -36,7 +36,6 @@ from sim_action.state.observation import Observation
 TWIST: Final = "geometry_msgs/msg/Twist"
 STAMPED_TWIST: Final = "geometry_msgs/msg/TwistStamped"
 
-
 _READINGS: Final[Mapping[str, Reading]] = {"position": "position", "velocity": "velocity", "effort": "effort"}
 
 TRAJECTORY: Final = "trajectory_msgs/msg/JointTrajectory"
@@ -62,14 +61,7 @@ class Receiver(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Subscription:
-    """A subscription to commands.
-
-    Attributes:
-        key: its key in `topics:`.
-        type: the type of its messages; see `matched`.
-        alternatives: other types that it can have.
-        open: returns a receiver for a run.
-    """
+    """A subscription to commands; `key`: in `topics:`; `open`: returns a receiver for a run."""
 
     key: str
     topic: str

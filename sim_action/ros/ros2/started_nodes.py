@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from sim_action.core.workspace import Workspace
     from sim_action.ros.ros2.node_spec import Ros2Nodes, Ros2NodeSpec
 
-
 DOMAINS: Final = range(1, 102)
 """The domains whose ports are below those that Linux gives to any program. 0 is the default of all ROS systems."""
 
@@ -42,28 +41,19 @@ _FIRST_PORT: Final = 7400
 _PORTS: Final = 250
 _SOCKETS: Final = ("/proc/net/udp", "/proc/net/udp6")
 
-
 _PROFILE: Final = Path(__file__).with_name("fast_dds.xml")
 
 
 @dataclass(frozen=True, slots=True)
 class Domain:
-    """A domain that this process holds until it is closed, or until this process ends.
-
-    Attributes:
-        number: the ROS_DOMAIN_ID.
-        lock: a socket whose name nothing else on this machine can have.
-    """
+    """A domain, by its ROS_DOMAIN_ID, that this process holds until its lock is closed, or until this process ends."""
 
     number: int
     lock: socket.socket
 
     @classmethod
     def free(cls, name: str = _LOCK) -> Self:
-        """Return a domain without participants, locked for all processes of this machine. Raise SourceProblem.
-
-        :param name: the beginning of the names of the locks.
-        """
+        """Return a domain without participants, locked for this machine by `name` and number. Raise SourceProblem."""
         used = frozenset(_used())
         # Processes that start at the same time begin their search at different places.
         start = os.getpid() % len(DOMAINS)

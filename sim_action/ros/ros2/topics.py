@@ -53,7 +53,6 @@ _ODOM: Final = "odom"
 # Kinds of sensors whose messages have no frame of their own: odometry is that of the base.
 _WITHOUT_FRAME: Final = frozenset({"odometry", "contact"})
 
-
 STATES_RATE_HZ: Final = 50.0
 """The rate of odometry, transforms and joint states; Gazebo's differential drive has it by default."""
 
@@ -73,15 +72,7 @@ _Read = TypeVar("_Read")
 
 @dataclass(frozen=True, slots=True)
 class RobotFrames:
-    """The frames of a robot.
-
-    Attributes:
-        odom: the frame in which odometry is.
-        base: the base link.
-        sensors: name of a sensor -> the frame of its messages.
-        mounted: frames of sensors on their links.
-        links: the frames of its links.
-    """
+    """The frames of a robot; `sensors`: name -> frame of its messages; `mounted`: frames of sensors on their links."""
 
     odom: str
     base: str
@@ -127,12 +118,9 @@ def _mounted(sensors: tuple[Fitting, ...], frames: Mapping[str, str]) -> Iterato
 
 @dataclass(frozen=True, slots=True)
 class Publisher:
-    """A topic that the robot publishes.
+    """A topic that the robot publishes; `type`: such as "nav_msgs/msg/Odometry".
 
-    Attributes:
-        type: such as "nav_msgs/msg/Odometry".
-        message: tick and observation -> the message of this moment; None if nothing is due. The ticks of a run must be
-            given in their order, each once.
+    `message`: tick and observation -> the message; None if nothing is due. Ticks must be given in order, each once.
     """
 
     topic: str

@@ -46,7 +46,6 @@ SDF = """
 </model></sdf>
 """
 
-
 PACKAGES = Path(PACKAGE_ROOT) / "sim_action/ros/ros1/launch/packages"
 BURGER = PACKAGES / "turtlebot3_description/urdf/turtlebot3_burger.urdf.xacro"
 NOISE = "<imu><angular_velocity><x><noise><mean>0</mean><stddev>{}</stddev></noise></x></angular_velocity></imu>"

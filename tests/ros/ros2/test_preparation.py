@@ -33,7 +33,6 @@ rosidl_generate_interfaces(${{PROJECT_NAME}} "msg/Speed.msg" DEPENDENCIES {needs
 ament_package()
 """
 
-
 LIBRARY: Final = """\
 project({name})
 {packages}

@@ -16,7 +16,6 @@ from tests.ros.ros2.scenes import ARM, SENSORS, first_message, moment, publisher
 
 RATE = 100.0
 
-
 ROBOT = """
 <robot name="r">
   <link name="odom">

@@ -32,10 +32,7 @@ def _variables(nodes: LaunchedNodes, port: int) -> Mapping[str, str]:
 
 
 def open_nodes(spec: RosNodes, rate: float, scene: Scene) -> ClosedLoop:
-    """Launch the nodes of a scenario and return their controller. Raises SourceProblem, ScriptError.
-
-    `rate`: ticks per second.
-    """
+    """Launch nodes, and return their controller; `rate`: ticks per second. Raises SourceProblem, ScriptError."""
     if why := why_no_ros():
         raise SourceProblem(why, KEY)
     ros, port = find_ros(), free_port()

@@ -54,7 +54,6 @@ _MAX_SHUTDOWN_S: Final = 5.0
 
 KEY: Final = "ros1"
 
-
 _EMPTY_WORLD: Final = "empty.world"
 _OTHER_MODEL: Final = frozenset({"-file", "-database", "-sdf"})
 _WITH_VALUES: Final = frozenset({"--namespace", "--timeout", "--shutdown-timeout"})
@@ -66,24 +65,13 @@ REPLACED_CONTROLLERS: Final[Mapping[str, str]] = {
 }
 """Type of a controller -> the reason why its absence is not a loss."""
 
-
 # The exception of roslaunch for a missing package.
 _NOT_FOUND: Final = "ResourceNotFound"
 
 
 @dataclass(frozen=True, slots=True)
 class LaunchSpec:
-    """The input of a launch.
-
-    Attributes:
-        workspace: the catkin workspace.
-        file: from the overlay and a scratch folder to the launch file.
-        arguments: NAME:=VALUE.
-        port: of the master.
-        description: the robot's URDF.
-        allows_losses: True if parts of the launch file that are not simulated are warnings instead of errors.
-        seed: of the run.
-    """
+    """The input of a launch; `file`: from the overlay and a scratch folder to the file; `port`: of the master."""
 
     ros: Ros
     workspace: Path
@@ -224,13 +212,7 @@ class ReplacedNode(FrozenModel):
 
 
 def lost_nodes(nodes: Sequence[ReplacedNode], world: str, types: Mapping[str, str]) -> Iterator[str]:
-    """Yield a message for each part of a launch file that the scenario does not replace.
-
-    Args:
-        nodes: the nodes that are not launched.
-        world: the name of the world; empty if there is none.
-        types: name of a controller -> its type.
-    """
+    """Yield a message for each part of a launch file that the scenario lacks; `types`: of controllers, by name."""
     worlds = [world, *(word for node in nodes for word in _words(node) if word.endswith(".world"))]
     yield from lost_worlds(worlds, lambda path: path.name == _EMPTY_WORLD)
     words = [_words(node) for node in nodes if node.program == "gazebo_ros/spawn_model"]
@@ -266,16 +248,10 @@ def _after(words: Sequence[str], option: str) -> str:
 class Event(FrozenModel):
     """One event of a launch.
 
-    Attributes:
-        left_out: nodes of Gazebo as package/type, once the launch file is read.
-        left_out_args: their arguments.
-        world: the world that the launch file names; empty if it names none.
-        types: NAME=TYPE of each controller that has parameters.
-        pid: of the launcher, when all nodes are started; of a node that has ended.
-        core: ids of the processes of ROS itself, which hold no results.
-        exit_code: negative for a signal; None: unknown.
-        required: True if the launch ends with this node.
-        kind, message: of the exception by which roslaunch refused the launch file.
+    `left_out`: nodes of Gazebo as package/type, once the file is read. `types`: NAME=TYPE of each controller that has
+    parameters. `pid`: of the launcher, when all nodes are started; of a node that has ended. `core`: ids of the
+    processes of ROS itself. `exit_code`: negative for a signal. `kind`, `message`: of the exception by which roslaunch
+    refused the file.
     """
 
     event: Literal["read", "started", "refused", "died"]
@@ -312,11 +288,7 @@ class Event(FrozenModel):
 
 
 class LaunchErrors:
-    """Makes errors from the ends of launches and nodes, with the last output.
-
-    Args:
-        workspace: the folder of the user's own code.
-    """
+    """Makes errors from the ends of launches and nodes, with the last output; `workspace`: of the user's code."""
 
     def __init__(self, workspace: Path, overlay: Overlay, words: StderrTail) -> None:
         self._workspace, self._overlay, self._words = workspace, overlay, words

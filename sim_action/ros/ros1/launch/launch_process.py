@@ -51,9 +51,7 @@ def free_port() -> int:
 class Launch:
     """One launcher below a supervisor (`runner.isolation.command_supervisor`).
 
-    Attributes:
-        output: file of the output of all processes.
-        folder: folder of the call. The environment of every process names it, which marks them.
+    `output`: file of the output of all processes. `folder`: of the call; the environment of every process names it.
     """
 
     def __init__(self, process: subprocess.Popen[bytes], folder: Path, output: Path) -> None:
@@ -71,10 +69,7 @@ class Launch:
         *,
         captures_output: bool = False,
     ) -> Self:
-        """Start a command line that sees the overlay, with additional variables. Raises OSError.
-
-        `captures_output`: True if the output is read from `output_stream` instead of written to the file.
-        """
+        """Start a command line that sees the overlay; its output goes to a file, or to `output_stream`."""
         output = folder / "output.txt"
         # The supervisor runs on this Python, its processes on that of the distribution.
         supervisor = [sys.executable, "-P", "-m", "sim_action.runner.isolation.command_supervisor"]
@@ -156,13 +151,9 @@ def _has_ended(pid: int) -> bool:
 
 
 class Watch:
-    """Waits for the end of one launch.
+    """Waits for the end of one launch, until `deadline` in `time.monotonic`.
 
-    Args:
-        launch: the launch.
-        deadline: when it must have ended, in `time.monotonic`.
-        waits_for_progress: True if the time in which the sim time moves on does not count.
-        has_tests: True if it is a launch of rostest.
+    `waits_for_progress`: True if the time in which the sim time moves on does not count. `has_tests`: True for rostest.
     """
 
     def __init__(self, launch: Launch, deadline: float, *, waits_for_progress: bool, has_tests: bool) -> None:

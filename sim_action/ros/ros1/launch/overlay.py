@@ -117,13 +117,7 @@ _SPLIT_CHARACTERS: Final = re.compile(r"[\s'\"\\$]")
 
 @dataclass(frozen=True, slots=True)
 class Overlay:
-    """An overlay that is ready.
-
-    Attributes:
-        variables: environment variables of its processes, without PYTHONPATH.
-        python_path: PYTHONPATH of the distribution's Python.
-        packages: name -> folder of all packages.
-    """
+    """An overlay that is ready: the variables of its processes, and name -> folder of all packages."""
 
     variables: Mapping[str, str]
     python_path: str
@@ -131,10 +125,7 @@ class Overlay:
 
 
 def build_overlay(folder: Path, ros: Ros, workspace: Path, environment: Mapping[str, str]) -> Overlay:
-    """Write the overlay into a new or empty folder. Raises UsageError.
-
-    `environment`: the variables for code of the user.
-    """
+    """Write the overlay into a new or empty folder; `environment`: for code of the user. Raises UsageError."""
     share, programs, modules = (folder / name for name in ("share", "bin", "modules"))
     for made in (share, programs, modules):
         made.mkdir(parents=True)
@@ -207,14 +198,7 @@ def _write_program(path: Path, line: str) -> None:
 
 
 def generate_messages(packages: Mapping[str, Path], known: Mapping[str, Path], modules: Path, ros: Ros) -> None:
-    """Generate the Python modules of messages and services. Raises UsageError.
-
-    Args:
-        packages: name -> folder of the packages to generate.
-        known: name -> folder of all packages that their messages can use.
-        modules: the folder to write to.
-        ros: the installation that has genpy.
-    """
+    """Generate the modules of messages and services of packages, which may use all `known` ones. Raises UsageError."""
     definitions = {name: _definitions(folder) for name, folder in packages.items()}
     written = {name: kinds for name, kinds in definitions.items() if any(kinds.values())}
     for name in written:

@@ -83,7 +83,6 @@ PROGRAMS: Final[Mapping[str, Callable[[], int]]] = {
 }
 """Program name -> function that runs it and returns the exit code."""
 
-
 if __name__ == "__main__":
     # The arguments of the program follow its name.
     sys.exit(PROGRAMS[sys.argv.pop(1)]())

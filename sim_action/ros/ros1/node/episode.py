@@ -187,11 +187,7 @@ class Bridge:
 
 @dataclass(eq=False)
 class Episode:
-    """A scenario made of spawned models.
-
-    Attributes:
-        footage: the recorded part, also if the episode was cut short.
-    """
+    """A scenario made of spawned models; `footage`: the recorded part, also if the episode was cut short."""
 
     scenario: Scenario
     scene: Scene

@@ -17,7 +17,6 @@ from sim_action.state.trace_storage import save_trace
 if TYPE_CHECKING:
     from sim_action.ros.ros1.node.episode import Episode
 
-
 # A test of sensors needs no command, so a robot without any is not a finding.
 _SILENT: Final = "silent-controller"
 _ZEROS: Final = (

@@ -31,7 +31,6 @@ from sim_action.world.scene import Scene
 
 _NAME: Final = "states"
 
-
 PLUGIN: Final = "gazebo_ros_planar_move"
 
 # Gazebo sets the velocity at every step, whatever is in the way. With this force, 1 m/s takes 10 ms.
@@ -41,11 +40,7 @@ _LEVER_ARM_M: Final = 1.0
 
 @dataclass(frozen=True, slots=True)
 class WorldStates:
-    """A reading: name -> pose and twist in the world frame, of links and of bodies.
-
-    Attributes:
-        time: sim time in s.
-    """
+    """A reading at a sim time in s: name -> pose and twist in the world frame, of links and of bodies."""
 
     time: float
     links: Mapping[str, tuple[Pose, Twist]]
@@ -125,12 +120,9 @@ class OnDemandSensor(Sensor):
 
     @classmethod
     def of(cls, inner: Sensor, is_wanted: Callable[[float], bool], *, keeps_first: bool = False) -> OnDemandSensor:
-        """Return the sensor.
+        """Return the sensor; `is_wanted`: called at each of its ticks, with the sim time in s.
 
-        Args:
-            inner: the sensor that measures.
-            is_wanted: called at each of its ticks, with the sim time in s.
-            keeps_first: True if a reading does not depend on the one before.
+        `keeps_first`: True if a reading does not depend on the one before.
         """
         sensor = cls()
         sensor._inner, sensor._is_wanted, sensor._keeps_first = inner, is_wanted, keeps_first

@@ -26,13 +26,7 @@ Mover = Callable[[float, Observation], Answer]
 
 @dataclass(slots=True)
 class RobotCommands:
-    """The commands of nodes to the robot.
-
-    Attributes:
-        subscriptions: one for each command topic.
-        movers: functions that turn the last messages into commands.
-        wheels: joints that a twist turns.
-    """
+    """The commands of nodes to the robot; `wheels`: joints that a twist turns."""
 
     subscriptions: tuple[Subscription, ...] = ()
     movers: tuple[Mover, ...] = ()
@@ -61,18 +55,11 @@ class RobotCommands:
 
 @dataclass(frozen=True, slots=True)
 class Wiring:
-    """The input of a plugin when it is opened.
+    """The input of a plugin when it is opened; `description`: of the robot, as it was spawned.
 
-    Attributes:
-        model: model of the robot.
-        description: description of the robot, as it was spawned.
-        frame: frame of the robot's model, for odometry.
-        commands: receives the subscriptions and movers of the plugin.
-        traffic: delivers messages, and notes what is heard.
-        is_clock_held: returns True before the clock starts; the subscribers are not known then.
-        warn: takes notes for the user.
-        lose: takes messages on parts of a plugin that are not simulated.
-        closing: closes the topics when the robot is deleted.
+    `commands` receives subscriptions and movers. `is_clock_held`: True before the clock starts; subscribers are not
+    known then. `warn` takes notes, and `lose` parts that are not simulated. `closing` closes topics when the robot is
+    deleted.
     """
 
     model: RobotModel
@@ -110,10 +97,7 @@ class Wiring:
         return OnDemandSensor.of(sensor, lambda _: publisher.has_subscribers or self.is_clock_held())
 
     def on_schedule(self, sensor: Sensor, schedule: Schedule, *publishers: Publisher) -> Sensor:
-        """Return a sensor that measures only for subscribers, and at each tick only if it is due.
-
-        A reading must not depend on the one before.
-        """
+        """Return a sensor without memory that measures only for subscribers, and at each tick only if it is due."""
 
         def has_subscribers() -> bool:
             return any(publisher.has_subscribers for publisher in publishers) or self.is_clock_held()
@@ -131,15 +115,7 @@ class Wiring:
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """A plugin, or a part of it, that publishes.
-
-    Attributes:
-        schedule: the ticks at which `publish` is called.
-        publishers: its topics.
-        publish: publishes a moment, at a sim time in s; called if a node subscribes.
-        sensor: its sensor; the observation has the readings.
-        reads_links: True if it reads the states of links.
-    """
+    """A plugin, or a part of it, that publishes by a schedule; `reads_links`: it reads the states of links."""
 
     schedule: Schedule
     publishers: tuple[Publisher, ...]

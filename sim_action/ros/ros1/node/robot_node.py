@@ -63,12 +63,7 @@ _MESSAGES: Final[Mapping[str, tuple[type[Any], Callable[[Any, Header, Fitting], 
 
 @dataclass(frozen=True, slots=True)
 class RobotSpec:
-    """The data of the robot that the node needs.
-
-    Attributes:
-        rate: ticks per second of sim time.
-        topics: key of a topic -> its name.
-    """
+    """The data of the robot that the node needs; `rate`: ticks per second; `topics`: key -> name."""
 
     model: RobotModel
     rate: float
@@ -100,10 +95,7 @@ class RobotNode:
         self.sensors = (states_sensor(robot.rate, lambda: not self._has_begun or self._states.has_link_subscribers),)
 
     def tick(self, seen: Observation) -> Answer:
-        """Publish a moment, wait until the nodes have handled it, and return the last command.
-
-        Raises ScriptError if a node has failed.
-        """
+        """Publish a moment, let the nodes handle it, and return the last command. Raises ScriptError."""
         try:
             if not self._has_begun:
                 self._begin()
@@ -141,10 +133,7 @@ class RobotNode:
         self._has_begun = True
 
     def _await_leaving_nodes(self) -> None:
-        """Hold sim time while a node ends: it disconnects first and then ends by the wall clock.
-
-        Raises ScriptError if a node has failed.
-        """
+        """Hold sim time while a node ends: it disconnects first and then ends by the wall clock. Raises ScriptError."""
         subscriber_count, exit_count = self._states.subscriber_count, self._nodes.exit_count
         # A node's disconnection and its exit become known in any order.
         leaving = (self._listeners - subscriber_count) - (exit_count - self._exit_count)

@@ -66,7 +66,6 @@ _INERTIA_KEYS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 # The name of the one link of every body.
 _BODY_LINK: Final = "link"
 
-
 _FOREVER_S: Final = 1e5
 
 

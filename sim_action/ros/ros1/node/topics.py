@@ -37,7 +37,6 @@ from sim_action.state.reproducibility import Transcript
 if TYPE_CHECKING:
     from sim_action.ros.ros1.lockstep import Lockstep
 
-
 GROUND: Final = "ground_plane"
 """Gazebo's name of the ground."""
 
@@ -48,11 +47,9 @@ _LOG_NODE: Final = "/rosout"
 
 
 class Traffic:
-    """The messages between the simulation and the nodes.
+    """The messages between the simulation and the nodes; `counts`: topic -> their number since the clock started.
 
-    Attributes:
-        counts: topic -> number of messages sent or received since the clock started.
-        deliveries: number of deliveries so far. What nodes send between two of them may arrive in any order.
+    `deliveries`: number of deliveries so far. What nodes send between two of them may arrive in any order.
     """
 
     def __init__(self) -> None:
@@ -167,12 +164,7 @@ def _publisher(topic: str, kind: type[Any]) -> rospy.Publisher:
 
 
 class OdometryPublisher:
-    """Publishes odometry as a message, and as a frame unless that is not wanted.
-
-    Args:
-        frames: the frame of the pose, and the base, in which the twist is.
-        covariances: of pose and twist, row by row.
-    """
+    """Publishes odometry as a message, and as a frame if wanted; `frames`: of the pose, and of the twist."""
 
     def __init__(
         self,
@@ -203,14 +195,9 @@ class OdometryPublisher:
 
 
 class Subscription:
-    """A subscription to a topic, which keeps the last message.
+    """A subscription to a topic; `value`: of the last message, None: there was none; `count`: of messages so far.
 
     Of messages from several nodes between two deliveries, that of the node whose name sorts last counts as the last.
-
-    Attributes:
-        topic: its name.
-        value: value of the last message; None: there was none.
-        count: number of messages so far.
     """
 
     def __init__(self, topic: str, kind: type[Any], read: Callable[[Any], Any], traffic: Traffic) -> None:

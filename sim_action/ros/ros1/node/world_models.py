@@ -25,23 +25,16 @@ from sim_action.world import Body, Disturbance, World
 
 _MAX_ANSWER_S: Final = 30.0
 
-
 States = Mapping[str, tuple[Pose, Twist]]
 """Name of a model or a link -> pose and twist, world frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class SpawnedRobot:
-    """The robot, as it was spawned.
+    """The robot, as it was spawned, in URDF or SDF; `pose`: of its base link, raised until the robot is on the ground.
 
-    Attributes:
-        name: name of its model among nodes.
-        description: URDF or SDF.
-        pose: pose of its base link; a height that is too low is raised until the robot stands on the ground.
-        joints: joint positions in rad or m; the others are at home.
-        space: namespace of plugins that state none.
-        file: file of the description, if relative paths start from there.
-        number: number of its spawn; another spawn of the same description is another robot.
+    `joints`: positions in rad or m; the others are at home. `space`: namespace of plugins that state none. `file`: of
+    the description, if relative paths start from there. `number`: of its spawn; another spawn is another robot.
     """
 
     name: str
@@ -59,12 +52,7 @@ class SpawnedRobot:
 
 @dataclass(frozen=True, slots=True)
 class WorldModels:
-    """All models of the world.
-
-    Attributes:
-        robot: None: not spawned yet.
-        spawn_poses: name of a model -> its first pose; models that have not moved are left out.
-    """
+    """All models of the world; `robot` None: not spawned yet; `spawn_poses`: first poses of models that have moved."""
 
     world: World
     robot: SpawnedRobot | None = None
@@ -164,12 +152,7 @@ class WorldChanged(ControllersFinished):
 
 @dataclass()
 class Change:
-    """One requested change, until it is answered.
-
-    Attributes:
-        restarts_time: True if sim time restarts at 0.
-        refusal: the reason why it was not made.
-    """
+    """One requested change, until it is answered; `refusal`: the reason why it was not made."""
 
     alter: Alter
     restarts_time: bool = False
@@ -261,18 +244,11 @@ class JointEfforts:
 
 @dataclass()
 class CurrentState:
-    """The current state. Only the loop changes it, while all nodes wait.
+    """The current state. Only the loop changes it, while all nodes wait. Poses and twists are in the world frame.
 
-    Attributes:
-        world_models: the models that are simulated.
-        time: s of sim time.
-        began: s of sim time at the start of the current episode.
-        started: s of wall time at the start of the clock; None: not started yet.
-        model_states: name of a model, without the ground -> pose and twist, world frame.
-        link_states: `model::link` -> pose and twist, world frame; empty if no node subscribes to them.
-        model: model of the robot, once there is one.
-        base: pose and twist of its base link, world frame.
-        joints: states of its joints, by name.
+    `time`, `began`: s of sim time now, and at the start of the episode. `started`: s of wall time at the start of the
+    clock; None: not yet. `model_states`: without the ground. `link_states`: by `model::link`; empty if no node
+    subscribes to them.
     """
 
     world_models: WorldModels

@@ -25,12 +25,7 @@ _MAX_OUTPUT_BYTES: Final = 110_000_000
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One start of the simulation's node.
-
-    Attributes:
-        folder: the folder of its files.
-        result: its result; None: it ended before it wrote one.
-    """
+    """One start of the simulation's node; `result` None: it ended before it wrote one."""
 
     folder: Path
     result: SimulationResult | None
@@ -38,14 +33,9 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class TestFindings:
-    """The findings of one test.
+    """The findings of one test; `tag` None: it is in an included file; `methods` None: the test wrote no results.
 
-    Attributes:
-        tag: its tag in the launch file; None: the tag is in an included file.
-        methods: the results of its methods; None: it wrote none.
-        launched: the result that rostest reports; None: none.
-        run: its last simulation.
-        callbacks: callbacks that raised during the test.
+    `launched`: the result that rostest reports. `callbacks`: callbacks that raised during the test.
     """
 
     name: str
@@ -58,12 +48,7 @@ class TestFindings:
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """The findings of a launch.
-
-    Attributes:
-        text: the whole output, without colours.
-        callbacks: callbacks that raised during any test.
-    """
+    """The findings of a launch; `text`: the whole output, without colours."""
 
     ending: Ending
     exit_code: int | None
@@ -75,13 +60,7 @@ class Findings:
 
 @dataclass(frozen=True, slots=True)
 class LaunchFolders:
-    """The folders of a launch.
-
-    Attributes:
-        folder: the folder of the call.
-        share: the folder in which its processes see packages.
-        workspace: the folder of the user's packages.
-    """
+    """The folders of a call; `share`: where its processes see packages; `workspace`: of the user's packages."""
 
     folder: Path
     share: str

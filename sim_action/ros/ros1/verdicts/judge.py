@@ -47,7 +47,6 @@ _MAX_NODES: Final = 20
 
 _RESULT_FIELDS: Final = ("end", "sim_time", "real_time_factor", "travelled", "digest", "engine", "notes")
 
-
 LAUNCH_ERROR: Final = "launch error"
 """The title of a failure of roslaunch itself."""
 
@@ -55,7 +54,6 @@ _SIMULATION_NODE: Final = "gazebo"
 _TIME_OUT: Final = re.compile(r"max time \[([\d.]+)s\] allotted for test")
 _NO_NODE: Final = re.compile(r"Test node \[(\S+)/(\S+)\] does not exist or is not executable")
 _NO_PACKAGE: Final = re.compile(r"Package \[(\S+)\] for test node")
-
 
 _FALSE: Final = frozenset({"", "false", "0"})
 
@@ -96,10 +94,7 @@ class Judge:
         return [(self._with_losses(outcome, test.run, absent), test.run) for outcome, test in judged]
 
     def _with_losses(self, outcome: Outcome, run: Run | None, absent: AbsentNodes) -> Outcome:
-        """Return an outcome with everything that was not launched or simulated: errors, or warnings if allowed.
-
-        The findings of the audit of claims are warnings too.
-        """
+        """Return an outcome with all that was not launched or simulated: errors, or warnings if allowed."""
         result = run.result if run else None
         losses = (*absent.losses, *map(_with_shown_place, result.losses if result else ()))
         refused = (*absent.failures, *(() if self.request.allows_losses else loss_failures(losses)))
@@ -406,12 +401,7 @@ def _failure(kind: str, title: str, message: str, where: Location | None, found:
 
 @dataclass(frozen=True, slots=True)
 class AbsentNodes:
-    """The nodes that were not started.
-
-    Attributes:
-        failures: of required nodes; they are errors in any case.
-        losses: of other nodes.
-    """
+    """The nodes that were not started: failures for required ones, which are errors in any case, and losses."""
 
     failures: tuple[Failure, ...] = ()
     losses: tuple[Loss, ...] = ()

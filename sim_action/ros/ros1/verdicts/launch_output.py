@@ -129,12 +129,7 @@ def output_tail(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class CallbackError:
-    """A callback that raised, and how many times it raised the same exception.
-
-    Attributes:
-        exception: as Python prints it.
-        location: in the user's code.
-    """
+    """A callback that raised, and how many times it raised the same exception; `location`: in the user's code."""
 
     node: str
     exception: str
@@ -157,13 +152,7 @@ class CallbackError:
 
 
 def callback_errors(logs: Path, process: str | None, workspace: Path) -> tuple[CallbackError, ...]:
-    """Return the failed callbacks, the most frequent first.
-
-    Args:
-        logs: the folder of logs.
-        process: id of the simulation of the launch; None: all launches.
-        workspace: the folder of the user's code.
-    """
+    """Return failed callbacks, the most frequent first; `process`: id of the simulation of the launch; None: of all."""
     counts = Counter(
         (_NUMBER_SUFFIX.sub("", log.stem), exception.strip(), traceback_location(trace, workspace))
         for log in _logs(logs, process)

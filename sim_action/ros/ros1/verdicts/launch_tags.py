@@ -23,7 +23,6 @@ _MAX_FILES: Final = 100
 _FIND: Final = re.compile(r"\$\(find\s+([^)\s]+)\)")
 _WORLD: Final = frozenset({"world_name", "world", "world_file", "/gazebo/world_name"})
 
-
 _SUBSTITUTION: Final = re.compile(r"\$\([^)]*\)")
 
 DEFAULT_TIME_LIMIT_S: Final = 60.0

@@ -185,7 +185,6 @@ row("launch.conditions.LaunchConfigurationNotEquals")(
 
 # Actions.
 
-
 row("launch.LaunchDescription", "launch.launch_description.LaunchDescription")(
     lambda context, initial_entities=None, *, deprecated_reason=None: list(initial_entities or ())
 )

@@ -150,12 +150,7 @@ class Context:
 
 
 class Kind:
-    """A row of the table. A call makes a part, as a class of `launch` would.
-
-    Attributes:
-        name: of the module and class of `launch`.
-        words: the names of its arguments, without the context.
-    """
+    """A row of the table, named by module and class of `launch`. A call makes a part, as that class would."""
 
     def __init__(self, name: str, function: Callable[..., Any]) -> None:
         self.name, self.function = name, function

@@ -74,7 +74,6 @@ _PARAMETER_FILES: Final = frozenset({"-p", "--param-file"})
 _MAX_PARAMETER_BYTES: Final = 1_000_000
 _JOINT_STATES: Final = "joint_state_broadcaster"
 
-
 _INDEX: Final = "share/ament_index/resource_index/packages"
 
 # Package -> launch file -> command; {NAME} is the value of an argument of the launch file.
@@ -121,10 +120,7 @@ class LeftOutProgram:
 
 
 def lost_parts(programs: Sequence[LeftOutProgram], command_topics: Collection[str]) -> Iterator[str]:
-    """Yield a message for each part of a launch file that the scenario does not replace.
-
-    `command_topics`: the topics on which the robot of the scenario takes commands.
-    """
+    """Yield a message for each part of a launch file that a scenario with these command topics does not replace."""
     worlds = (world for program in programs for world in _worlds(program))
     yield from lost_worlds(worlds, lambda path: path.stem in _EMPTY_WORLDS)
     spawned = [program for program in programs if program.program in _SPAWNERS]

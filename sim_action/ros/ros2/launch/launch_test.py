@@ -56,13 +56,11 @@ if TYPE_CHECKING:
     from sim_action.ros.ros2.bridge_link import Bridge
     from sim_action.ros.ros2.launch.gazebo_programs import LeftOutProgram
 
-
 SPAWNERS: Final = frozenset({"ros_gz_sim/create", "ros_ign_gazebo/create"})
 _SOURCES: Final = ("-topic", "-string", "-file")
 _TEXT: Final = "std_msgs/msg/String"
 _MAX_WAIT_S: Final = 20.0
 _POLL_S: Final = 0.01
-
 
 _PHYSICS_RATE_HZ: Final = 200.0
 _MAX_SIM_TIME_S: Final = 60.0

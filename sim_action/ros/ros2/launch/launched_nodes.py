@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from sim_action.ros.ros2.node_spec import Ros2Nodes
     from sim_action.ros.ros2.packages import Packages
 
-
 _LAUNCHER: Final = Path(__file__).with_name("declared_launch.py")
 # Wall time for reading a launch file and starting its processes, and for a timer that is due.
 _MAX_START_S: Final = 60.0
@@ -52,7 +51,6 @@ _MAX_SHUTDOWN_S: Final = 3.0
 _MAX_RESULTS_S: Final = 30.0
 _POLL_S: Final = 0.005
 _KEY: Final = "ros2"
-
 
 _NO_MODULE: Final = re.compile(r"^ModuleNotFoundError: No module named '(launch\w*|ament_index_python)", re.MULTILINE)
 
@@ -67,15 +65,9 @@ class RobotTopics:
 
 @dataclass(frozen=True, slots=True)
 class LaunchSpec:
-    """The input of a launch.
+    """The input of a launch; `workspace`: the folder of the user's own code.
 
-    Attributes:
-        python: of ROS 2.
-        arguments: NAME:=VALUE.
-        workspace: the folder of the user's own code.
-        allows_losses: True if parts of the launch file that are not simulated are warnings instead of errors.
-        results: the file for the results of a launch test; None: it is a launch file.
-        package: the package, which the results name.
+    `results`: the file for the results of a launch test; None: it is a launch file. `package`: which the results name.
     """
 
     file: Path
@@ -100,11 +92,7 @@ class LaunchSpec:
 
 
 class LaunchedNodes(NodeGroup):
-    """All processes of a launch.
-
-    Attributes:
-        topics: those of the robot, which a launch test spawns after the start.
-    """
+    """All processes of a launch; `topics`: those of the robot, which a launch test spawns after the start."""
 
     def __init__(self, spec: LaunchSpec, folder: ProcessFolder) -> None:
         """Start the launcher, and return at once. Raise ScriptError."""
@@ -163,10 +151,7 @@ class LaunchedNodes(NodeGroup):
         self.notes += unheard_bridges(self._left_out, self.topics.published)
 
     def await_programs(self) -> list[LeftOutProgram]:
-        """Wait until the file is read and its processes are started; return the programs that are left out.
-
-        Raise ScriptError.
-        """
+        """Wait until all processes are started; return the programs that are left out. Raise ScriptError."""
         self._await_calm(0.0)
         return list(self._left_out)
 
@@ -265,20 +250,11 @@ class LaunchedNodes(NodeGroup):
 class Event(FrozenModel):
     """One event of a launch.
 
-    Attributes:
-        time: sim time in s for which the launch is calm, or at which a timer is due.
-        pid: of the launcher for "calm", else of the process.
-        process: name of the process, such as "mover-1".
-        program: its path, or PACKAGE/PROGRAM if it is left out; the class of a node in a container.
-        node: full name of the node, if the launch file states it.
-        clock: number of the clock of the node; None: it has no clock of its own.
-        args: arguments of a program that is left out.
-        exit_code: negative for a signal.
-        kind: of a refusal: "package", "program", "argument", "start", or the class of an exception.
-        name: the package, program or argument that is not known; `names`: those that are.
-        package: the package that lacks a program.
-        message: the exception; the reason of a shutdown.
-        places: (file, line) of each call that led to the exception, the last one last.
+    `time`: s for which the launch is calm, or at which a timer is due. `pid`: of the launcher for "calm". `program`:
+    its path, or PACKAGE/PROGRAM if it is left out; the class of a node in a container. `node`: full name, if the file
+    states it. `clock` None: the process has no clock of its own. `exit_code`: negative for a signal. `kind`: of a
+    refusal: "package", "program", "argument", "start", "unsupported", or the class of an exception. `names`: near the
+    unknown `name`. `places`: (file, line) of each call that led to the exception, the last one last.
     """
 
     event: Literal["calm", "timer", "process", "composed", "left out", "died", "refused", "shutdown"]

@@ -23,7 +23,6 @@ _PACKAGES: Final = (
     "tf2_msgs",
 )
 
-
 # roslaunch kills a node 15 s after the signal SIGINT.
 PATIENCE_OF_ROSLAUNCH_S = 15
 

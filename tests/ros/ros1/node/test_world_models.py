@@ -30,7 +30,6 @@ from sim_action.world import Body, Disturbance, World
 HERE, THERE, AWAY = Pose((1.0, 2.0, 0.5)), Pose((3.0, 0.0, 0.5)), Pose((-4.0, 0.0, 0.1))
 ROBOT = SpawnedRobot("rover", "<robot/>", Pose())
 
-
 HINGE = Joint("hinge", "continuous", "base", "arm", Pose((0.0, 0.0, 1.0)), (0.0, 0.0, 1.0))
 TIP = Joint("tip", "fixed", "arm", "hand", Pose((2.0, 0.0, 0.0)), (0.0, 0.0, 1.0))
 MODEL = RobotModel("m", "", (Link("base", 1.0), Link("arm", 1.0), Link("hand", 1.0)), (HINGE, TIP), "")

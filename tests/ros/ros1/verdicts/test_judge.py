@@ -26,7 +26,6 @@ WORLD = LaunchTag("arg", {"name": "world_name", "value": "$(find p)/no.world"}, 
 LOSS = Loss(message="<actor> is not simulated", location=Location("a.world", 5))
 ABSENT = "ERROR: cannot launch node of type [nowhere/no.py]: nowhere\n"
 
-
 ERROR = "ERROR: cannot launch node of type [{}]: {}\n"
 PLACE = Location("a.launch", 3)
 

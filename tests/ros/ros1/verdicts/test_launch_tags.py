@@ -29,7 +29,6 @@ INNER = """\
 </launch>
 """
 
-
 TEXT = """\
 <launch>
   <node pkg="a" type="b" name="c"/>

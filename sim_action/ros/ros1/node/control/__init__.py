@@ -53,12 +53,7 @@ class Parameters:
 
 @dataclass(frozen=True, slots=True)
 class ControllerSetup:
-    """The input of a controller when it is opened.
-
-    Attributes:
-        space: namespace of the robot, "" or a name that begins with a slash.
-        transmissions: the interfaces of joints.
-    """
+    """The input of a controller when it is opened; `space`: namespace of the robot, "" or with a slash in front."""
 
     parameters: Parameters
     space: str
@@ -85,15 +80,9 @@ def _nothing() -> None:
 
 @dataclass(frozen=True, slots=True)
 class Controller:
-    """A loaded controller.
+    """A loaded controller, and the joints that it alone may move while it runs.
 
-    Attributes:
-        interface: its hardware interface, as ros_control names it.
-        joints: the joints that it alone may move while it runs.
-        mover: called at every tick while it runs.
-        device: publishes while it runs.
-        subscriptions: its command topics.
-        begin: called before each start.
+    While it runs, `mover` is called at every tick, and `device` publishes. `begin` is called before each start.
     """
 
     interface: str

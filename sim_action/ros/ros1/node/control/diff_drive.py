@@ -59,11 +59,7 @@ def open_diff_drive(setup: ControllerSetup) -> Controller:
 
 
 class DiffDriveWheels:
-    """The mover of a diff drive: speed and turn rate of the base, within their limits.
-
-    Attributes:
-        start: pose of the robot when the controller started; None: not started yet.
-    """
+    """The mover of a diff drive, with limits; `start`: pose of the robot when the controller started; None: not yet."""
 
     def __init__(
         self, setup: ControllerSetup, left: tuple[str, ...], right: tuple[str, ...], subscription: Subscription
@@ -104,10 +100,7 @@ class DiffDriveWheels:
 
 
 def _measures(setup: ControllerSetup, left: str, right: str) -> tuple[float, float, float]:
-    """Return half the wheel separation and both wheel radii in m, by parameters, else by the model.
-
-    Raises BadController.
-    """
+    """Return half the wheel separation and both radii in m, by parameters, else by the model. Raises BadController."""
     parameters, model = setup.parameters, setup.wiring.model
     first, second = wheel(model, left), wheel(model, right)
     separation = parameters.number("wheel_separation", math.dist(first.position_xyz, second.position_xyz))

@@ -148,7 +148,6 @@ def _spawner_parser() -> argparse.ArgumentParser:
 
 _Action = Callable[[_Manager, Sequence[str]], bool]
 
-
 PROGRAMS: Final[Mapping[str, Callable[[], int]]] = {
     "spawner": spawner,
     "unspawner": unspawner,
