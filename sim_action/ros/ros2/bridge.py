@@ -1,21 +1,21 @@
 """The bridge: one participant in ROS 2, which publishes and takes messages that its parent describes as plain data.
 
-It imports nothing of this package, and runs on the Python of ROS, which may be an old one. `bridge_link` has the other
-end of its socket, and describes the requests.
+It runs on the Python of ROS, which may be an old one, and imports only `bridge_frames`. `bridge_link` has the other end
+of its socket, and describes the requests.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import socket
-import struct
 import sys
 import time
 from array import array
 from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import rclpy
@@ -23,8 +23,14 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.utilities import get_rmw_implementation_identifier
 
+if __name__ == "__main__":
+    # Only one module is imported, not the whole package with its dependencies.
+    sys.modules["sim_action"] = ModuleType("sim_action")
+    sys.modules["sim_action"].__path__ = [str(Path(__file__).resolve().parents[2])]
+
+from sim_action.ros.ros2.bridge_frames import Frames, array_in, part_of
+
 Json = dict[str, Any]
-_LENGTH = struct.Struct("!I")
 _POLL_S = 0.002
 _INFINITE_NS = 2**63 - 1
 # Message packages write the types of their fields like this: sequence<double>, double[36], geometry_msgs/Point.
@@ -35,50 +41,10 @@ _NUMBERS = {
 _INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
 
 
-class _Frames:
-    """Frames on a socket: the length of the JSON text, the text, the length of the blob, the blob."""
-
-    def __init__(self, descriptor: int) -> None:
-        self._socket = socket.socket(fileno=descriptor)
-
-    def receive(self) -> tuple[Json, memoryview]:
-        """Return the next request and its blob. Raises EOFError when the parent has closed its end."""
-        text = self._part()
-        return json.loads(text), memoryview(self._part())
-
-    def send(self, answer: Json, blob: bytes = b"") -> None:
-        """Send an answer."""
-        text = json.dumps(answer).encode()
-        self._socket.sendall(_LENGTH.pack(len(text)) + text + _LENGTH.pack(len(blob)) + blob)
-
-    def _part(self) -> bytes:
-        (length,) = _LENGTH.unpack(self._exactly(_LENGTH.size))
-        return self._exactly(length)
-
-    def _exactly(self, count: int) -> bytes:
-        parts, left = [], count
-        while left:
-            part = self._socket.recv(left)
-            if not part:
-                raise EOFError
-            parts.append(part)
-            left -= len(part)
-        return b"".join(parts)
-
-
 def _message_class(name: str) -> Any:
     """Return the class of a type such as "nav_msgs/msg/Odometry". Raises ImportError, AttributeError."""
     package, _, kind = name.partition("/")
     return getattr(import_module(f"{package}.msg"), kind.rpartition("/")[2])
-
-
-def _array(value: Any, blob: memoryview) -> Any:
-    """Return a value with the numbers of a part of the blob in place of its description."""
-    if isinstance(value, dict) and "$array" in value:
-        numbers = array(value["$array"])
-        numbers.frombytes(blob[value["at"] : value["at"] + value["count"] * numbers.itemsize])
-        return numbers
-    return value
 
 
 _fillers: dict[str, list[tuple[str, Callable[[Any, memoryview], Any]]]] = {}
@@ -141,7 +107,7 @@ def _single(element: str) -> Callable[[Any, memoryview], Any]:
 
 def _numbers(code: str, value: Any, blob: memoryview) -> Any:
     """Return an array of numbers; the setters of messages take one of the right type without a look at each."""
-    given = _array(value, blob)
+    given = array_in(value, blob)
     return given if isinstance(given, array) and given.typecode == code else array(code, given)
 
 
@@ -164,19 +130,14 @@ class _Plain:
         if isinstance(value, (bool, int, float, str)):
             return value
         if isinstance(value, array):
-            return self._part(value.typecode, len(value), value.tobytes())
+            return part_of(self.blob, value.typecode, len(value), value.tobytes())
         if hasattr(value, "get_fields_and_field_types"):
             return self.of(value)
         if isinstance(value, bytes):
             return value[0] if len(value) == 1 else list(value)
         if hasattr(value, "dtype"):
-            return self._part(value.dtype.char, value.size, value.tobytes())
+            return part_of(self.blob, value.dtype.char, value.size, value.tobytes())
         return [self._value(each) for each in value]
-
-    def _part(self, code: str, count: int, content: bytes) -> Json:
-        at = len(self.blob)
-        self.blob += content
-        return {"$array": code, "at": at, "count": count}
 
 
 class _Bridge:
@@ -333,7 +294,7 @@ def _known_types(names: list[str]) -> list[str]:
 
 def main(descriptor: int) -> None:
     """Answer requests until the parent closes its end."""
-    frames = _Frames(descriptor)
+    frames = Frames(socket.socket(fileno=descriptor))
     request, blob = frames.receive()
     bridge = _Bridge(request)
     about = {"rmw": get_rmw_implementation_identifier(), "distribution": os.environ.get("ROS_DISTRO", "")}

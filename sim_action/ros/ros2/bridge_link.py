@@ -1,7 +1,6 @@
-"""The link to the bridge: frames of JSON and of arrays on a socket, and the process at its other end.
+"""The link to the bridge, and the process at its other end.
 
-A frame has the length of a JSON text, the text, the length of a blob, and the blob. An array of numbers is a part of
-the blob, and `{"$array": "f", "at": 0, "count": 360}` in the text. The requests, by their key `op`:
+The requests, by their key `op`:
 
 - the first one: the name of its `node`; the answer has the RMW;
 - `types`: the answer has those of the `names` whose packages are installed;
@@ -17,23 +16,20 @@ the blob, and `{"$array": "f", "at": 0, "count": 360}` in the text. The requests
 
 from __future__ import annotations
 
-import json
 import socket
-import struct
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
 from sim_action.core.records import dataclass
+from sim_action.ros.ros2.bridge_frames import Frames, array_in, part_of
 from sim_action.ros.ros2.graph import OF_ALL_NODES, USUAL, Graph, Qos, TopicEnd
 from sim_action.ros.ros2.messages import Message
 from sim_action.ros.ros2.node_processes import NodeProcess, ProcessFolder
 
 _BRIDGE: Final = Path(__file__).with_name("bridge.py")
 _NAME: Final = "sim_action"
-_LENGTH: Final = struct.Struct("!I")
 # Wall time for an answer: a loaded machine starts Python slowly.
 _MAX_ANSWER_S: Final = 60.0
 
@@ -60,8 +56,9 @@ class Bridge:
 
     def __init__(self, python: Path, folder: ProcessFolder) -> None:
         """Start the bridge, and return at once."""
-        self._socket, theirs = socket.socketpair()
-        self._socket.settimeout(_MAX_ANSWER_S)
+        own, theirs = socket.socketpair()
+        own.settimeout(_MAX_ANSWER_S)
+        self._frames = Frames(own)
         with theirs:
             # With -O, the setters of messages do not check each element of a list.
             words = [str(python), "-O", str(_BRIDGE), str(theirs.fileno())]
@@ -133,40 +130,25 @@ class Bridge:
 
     def close(self) -> None:
         """Close the socket, at which the bridge ends."""
-        self._socket.close()
+        self._frames.socket.close()
 
-    def _ask(self, **request: Any) -> tuple[Any, bytes]:
+    def _ask(self, **request: Any) -> tuple[Any, memoryview]:
         self._send(request)
         return self._receive()
 
     def _send(self, request: Mapping[str, Any], blob: bytes = b"") -> None:
-        text = json.dumps(request).encode()
         try:
-            self._socket.sendall(_LENGTH.pack(len(text)) + text + _LENGTH.pack(len(blob)) + blob)
+            self._frames.send(request, blob)
         except OSError as error:
             raise BridgeEnded(str(error)) from None
 
-    def _receive(self) -> tuple[Any, bytes]:
-        return json.loads(self._part()), self._part()
-
-    def _part(self) -> bytes:
-        (length,) = _LENGTH.unpack(self._exactly(_LENGTH.size))
-        return self._exactly(length)
-
-    def _exactly(self, count: int) -> bytes:
-        parts, left = [], count
-        while left:
-            part = b""
-            with suppress(ConnectionError):
-                try:
-                    part = self._socket.recv(left)
-                except TimeoutError:
-                    raise BridgeEnded(f"no answer within {_MAX_ANSWER_S:g} s of wall time") from None
-            if not part:
-                raise BridgeEnded("it ended")
-            parts.append(part)
-            left -= len(part)
-        return b"".join(parts)
+    def _receive(self) -> tuple[Any, memoryview]:
+        try:
+            return self._frames.receive()
+        except TimeoutError:
+            raise BridgeEnded(f"no answer within {_MAX_ANSWER_S:g} s of wall time") from None
+        except EOFError:
+            raise BridgeEnded("it ended") from None
 
 
 def _plain(endpoint: Endpoint) -> dict[str, Any]:
@@ -180,24 +162,14 @@ def _packed(value: Any, blob: bytearray) -> Any:
     if isinstance(value, (list, tuple)):
         return [_packed(each, blob) for each in value]
     if isinstance(value, array):
-        return _part(value.typecode, len(value), value.tobytes(), blob)
+        return part_of(blob, value.typecode, len(value), value.tobytes())
     if isinstance(value, bytes):
-        return _part("B", len(value), value, blob)
+        return part_of(blob, "B", len(value), value)
     return value
 
 
-def _part(code: str, count: int, content: bytes, blob: bytearray) -> dict[str, Any]:
-    at = len(blob)
-    blob += content
-    return {"$array": code, "at": at, "count": count}
-
-
-def _unpacked(value: Any, blob: bytes) -> Any:
+def _unpacked(value: Any, blob: memoryview) -> Any:
     """Return plain data with the arrays of a blob."""
-    if isinstance(value, dict):
-        if "$array" in value:
-            numbers = array(value["$array"])
-            numbers.frombytes(blob[value["at"] : value["at"] + value["count"] * numbers.itemsize])
-            return numbers
+    if isinstance(value, dict) and "$array" not in value:
         return {key: _unpacked(each, blob) for key, each in value.items()}
-    return [_unpacked(each, blob) for each in value] if isinstance(value, list) else value
+    return [_unpacked(each, blob) for each in value] if isinstance(value, list) else array_in(value, blob)

@@ -19,4 +19,4 @@ def test_arrays_travel_in_the_blob() -> None:
     blob = bytearray()
     text = json.dumps(_packed(message, blob))
     assert len(blob) == 2 * 4 + 2 + 36 * 8
-    assert _unpacked(json.loads(text), bytes(blob)) == {**message, "data": array("B", [0, 255])}
+    assert _unpacked(json.loads(text), memoryview(blob)) == {**message, "data": array("B", [0, 255])}
