@@ -8,7 +8,7 @@ import pytest
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
-from sim_action.ros.ros2.messages import Message
+from sim_action.ros.messages import Message
 from sim_action.ros.ros2.topics import Channels, channels
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation

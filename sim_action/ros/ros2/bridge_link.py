@@ -23,9 +23,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from sim_action.core.records import dataclass
+from sim_action.ros.messages import Message
 from sim_action.ros.ros2.bridge_frames import Frames, array_in, part_of
 from sim_action.ros.ros2.graph import OF_ALL_NODES, USUAL, Graph, Qos, TopicEnd
-from sim_action.ros.ros2.messages import Message
 from sim_action.ros.ros2.node_processes import NodeProcess, ProcessFolder
 
 _BRIDGE: Final = Path(__file__).with_name("bridge.py")

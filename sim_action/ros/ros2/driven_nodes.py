@@ -17,13 +17,13 @@ from sim_action.core.records import dataclass, field
 from sim_action.core.wording import escaped_line, shortened
 from sim_action.robot.documents.xml_document import shown_file
 from sim_action.ros import node_start
+from sim_action.ros.messages import Message
 from sim_action.ros.program_failures import ending_of, exit_text
 from sim_action.ros.ros2.bridge_link import Bridge, BridgeEnded, Endpoint
 from sim_action.ros.ros2.graph import Qos, TopicEnd, large_message_problem, order_notes, subscriber_problems, unheard
 from sim_action.ros.ros2.installation import RMW, Ros2, find_ros
 from sim_action.ros.ros2.launch.launched_nodes import LaunchedNodes, LaunchSpec, RobotTopics
 from sim_action.ros.ros2.lockstep import CLOCK, Lockstep, Readiness
-from sim_action.ros.ros2.messages import Message
 from sim_action.ros.ros2.node_processes import Node, NodeGroup
 from sim_action.ros.ros2.received_commands import ReceivedCommands, unsent
 from sim_action.ros.ros2.started_nodes import Domain, ListedNodes, scratch_of, set_up_packages

@@ -18,11 +18,11 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
+from sim_action.ros.messages import clock_message
 from sim_action.ros.node_start import ORDERED
 from sim_action.ros.processes import ChildProcesses, WatchedProcesses, WatchedThread, descendants
 from sim_action.ros.ros2.bridge_link import Bridge, Endpoint
 from sim_action.ros.ros2.graph import Graph, TopicEnd, subscriber_problems
-from sim_action.ros.ros2.messages import clock_message
 from sim_action.ros.ros2.node_processes import Node
 from sim_action.ros.ros2.topics import CLOCK_QOS, CLOCK_TYPE
 

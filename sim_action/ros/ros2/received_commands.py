@@ -27,8 +27,8 @@ from sim_action.ros.joint_commands import (
     targets,
     within_limits,
 )
+from sim_action.ros.messages import Message, seconds_of, twist_of
 from sim_action.ros.ros2.graph import USUAL, Graph, Qos, TopicEnd
-from sim_action.ros.ros2.messages import Message, seconds_of, twist_of
 from sim_action.ros.ros2.node_spec import JointController
 from sim_action.state.command import Answer, JointTargets
 from sim_action.state.observation import Observation

@@ -8,9 +8,9 @@ because its messages are in an optical frame.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Final, TypeVar
+from typing import Any, Final, cast
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
@@ -21,6 +21,17 @@ from sim_action.drives import Drive, recognise
 from sim_action.recording.export.ros2_markers import urdf_of
 from sim_action.robot.model.robot_model import Joint
 from sim_action.ros import robot_topics
+from sim_action.ros.messages import (
+    OPTICAL,
+    Message,
+    camera_info_message,
+    image_message,
+    imu_message,
+    joint_states_message,
+    odometry_message,
+    scan_message,
+    transforms_message,
+)
 from sim_action.ros.robot_topics import (
     COMMANDS,
     JOINTS,
@@ -31,9 +42,7 @@ from sim_action.ros.robot_topics import (
     in_frame_of,
     plain_name,
 )
-from sim_action.ros.ros2 import messages
 from sim_action.ros.ros2.graph import LATCHED, TRANSFORMS, USUAL, Qos
-from sim_action.ros.ros2.messages import OPTICAL, Message
 from sim_action.ros.ros2.node_spec import JointController, joint_problems
 from sim_action.ros.ros2.received_commands import (
     Subscription,
@@ -42,10 +51,7 @@ from sim_action.ros.ros2.received_commands import (
     twist_subscription,
 )
 from sim_action.scenario.model import DrivenRobot
-from sim_action.sensors.camera import Camera
-from sim_action.sensors.imu import Imu
 from sim_action.state.observation import Observation
-from sim_action.state.readings import CameraImage, ContactReading, ImuReading, LidarScan, OdometryReading
 from sim_action.world.scene import Fitting, Scene
 
 _ODOM: Final = "odom"
@@ -66,8 +72,6 @@ _OF_ALL_ROBOTS: Final = frozenset({"/clock", "/parameter_events", "/robot_descri
 
 _Controllers = Mapping[str, JointController]
 _NO_CONTROLLERS: Final[_Controllers] = MappingProxyType({})
-
-_Read = TypeVar("_Read")
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,61 +257,56 @@ def _states(
     """Yield the states of a robot; `description`: the topic of its URDF, None if another node publishes it."""
     schedule, described = states_schedule(rate), description is None
     if JOINTS in topics:
-        yield Publisher(topics[JOINTS], "sensor_msgs/msg/JointState", _joint_states(scene, schedule))
+        names = [joint.name for joint in scene.model.moving_joints]
+
+        def joint_states(seen: Observation) -> Message:
+            return joint_states_message(seen.time, {name: seen.joints[name] for name in names})
+
+        yield Publisher(topics[JOINTS], "sensor_msgs/msg/JointState", _when_due(schedule, joint_states))
     if ODOMETRY in topics:
-        yield Publisher(topics[ODOMETRY], "nav_msgs/msg/Odometry", _truth(frames, schedule))
+
+        def truth(seen: Observation) -> Message:
+            twist = in_frame_of(seen.pose, seen.twist)
+            return odometry_message(seen.time, (frames.odom, frames.base), seen.pose, twist)
+
+        yield Publisher(topics[ODOMETRY], "nav_msgs/msg/Odometry", _when_due(schedule, truth))
     links = () if described else frames.links.fixed
     fixed = [*links, *frames.mounted]
     yield Publisher(
         "/tf", "tf2_msgs/msg/TFMessage", _transforms(scene, frames, schedule, links=not described), TRANSFORMS
     )
     if fixed:
-        static = messages.transforms_message(0.0, fixed)
+        static = transforms_message(0.0, fixed)
         yield Publisher("/tf_static", "tf2_msgs/msg/TFMessage", _once(static), LATCHED)
     if description is not None:
         text = scene.model.urdf or urdf_of(scene.model)
         yield Publisher(description, "std_msgs/msg/String", _once({"data": text}), LATCHED)
 
 
-def _once(message: Message) -> Callable[[int, Observation], Message | None]:
+_Messages = Callable[[int, Observation], Message | None]
+
+
+def _once(message: Message) -> _Messages:
     return lambda tick, _: message if tick == 0 else None
 
 
-def _joint_states(scene: Scene, schedule: Schedule) -> Callable[[int, Observation], Message | None]:
-    names = [joint.name for joint in scene.model.moving_joints]
-
-    def message(tick: int, seen: Observation) -> Message | None:
-        if not schedule.is_due(tick):
-            return None
-        return messages.joint_states_message(seen.time, {name: seen.joints[name] for name in names})
-
-    return message
+def _when_due(schedule: Schedule, made: Callable[[Observation], Message]) -> _Messages:
+    return lambda tick, seen: made(seen) if schedule.is_due(tick) else None
 
 
-def _truth(frames: RobotFrames, schedule: Schedule) -> Callable[[int, Observation], Message | None]:
-    def message(tick: int, seen: Observation) -> Message | None:
-        if not schedule.is_due(tick):
-            return None
-        twist = in_frame_of(seen.pose, seen.twist)
-        return messages.odometry_message(seen.time, (frames.odom, frames.base), seen.pose, twist)
-
-    return message
-
-
-def _transforms(
-    scene: Scene, frames: RobotFrames, schedule: Schedule, *, links: bool
-) -> Callable[[int, Observation], Message | None]:
+def _transforms(scene: Scene, frames: RobotFrames, schedule: Schedule, *, links: bool) -> _Messages:
     """Return the messages of /tf: odom to base at each state or reading of odometry, and links at each state."""
     odometry = next((sensor.name for sensor in scene.sensors if sensor.kind == "odometry"), None)
-    new_reading = None if odometry is None else _readings(odometry, OdometryReading)
+    measured = None
+    if odometry is not None:
+        frame = frames.odom, frames.base
+        measured = _readings(odometry, lambda each: transforms_message(each.time, [(*frame, each.pose)]))
 
     def message(tick: int, seen: Observation) -> Message | None:
         found: list[Message] = []
         is_due = schedule.is_due(tick)
-        if new_reading is not None:
-            reading = new_reading(seen)
-            if reading is not None:
-                found += _placed(reading.time, [(frames.odom, frames.base, reading.pose)])
+        if measured is not None:
+            found += (measured(tick, seen) or {"transforms": []})["transforms"]
         elif is_due and not scene.bolted:
             found += _placed(seen.time, [(frames.odom, frames.base, seen.pose)])
         if is_due and links:
@@ -318,68 +317,23 @@ def _transforms(
 
 
 def _placed(time: float, frames: Iterable[PlacedFrame]) -> list[Message]:
-    found: list[Message] = messages.transforms_message(time, frames)["transforms"]
+    found: list[Message] = transforms_message(time, frames)["transforms"]
     return found
 
 
-def _readings(name: str, kind: type[_Read]) -> Callable[[Observation], _Read | None]:
-    """Return a function that returns each reading of a sensor once."""
+def _readings(name: str, made: Callable[[Any], Message]) -> _Messages:
+    """Return a function that makes a message of each reading of a sensor once."""
     last: float | None = None
 
-    def new(seen: Observation) -> _Read | None:
+    def message(_: int, seen: Observation) -> Message | None:
         nonlocal last
         reading = seen.sensors[name]
-        if reading.time == last or not isinstance(reading, kind):
+        if reading.time == last:
             return None
         last = reading.time
-        return reading
-
-    return new
-
-
-def _sensors(scene: Scene, topics: Mapping[str, str], frames: RobotFrames) -> Iterator[Publisher]:
-    for sensor in scene.sensors:
-        if sensor.name in topics:
-            yield from _SENSORS[sensor.kind](sensor, topics[sensor.name], frames)
-
-
-def _each(
-    sensor: Fitting, kind: type[_Read], made: Callable[[_Read], Message]
-) -> Callable[[int, Observation], Message | None]:
-    """Return the messages of the readings of a sensor."""
-    new = _readings(sensor.name, kind)
-
-    def message(_: int, seen: Observation) -> Message | None:
-        reading = new(seen)
-        return None if reading is None else made(reading)
+        return made(reading)
 
     return message
-
-
-def _lidar(sensor: Fitting, topic: str, frames: RobotFrames) -> Iterator[Publisher]:
-    frame, period = frames.sensors[sensor.name], 1 / sensor.rate
-    made = _each(sensor, LidarScan, lambda reading: messages.scan_message(reading, frame, period))
-    yield Publisher(topic, "sensor_msgs/msg/LaserScan", made)
-
-
-def _imu(sensor: Fitting, topic: str, frames: RobotFrames) -> Iterator[Publisher]:
-    frame, imu = frames.sensors[sensor.name], sensor.keys
-    assert isinstance(imu, Imu)
-    noise = imu.gyro_noise, imu.accelerometer_noise
-    made = _each(sensor, ImuReading, lambda reading: messages.imu_message(reading, frame, *noise))
-    yield Publisher(topic, "sensor_msgs/msg/Imu", made)
-
-
-def _odometry(sensor: Fitting, topic: str, frames: RobotFrames) -> Iterator[Publisher]:
-    def made(reading: OdometryReading) -> Message:
-        return messages.odometry_message(reading.time, (frames.odom, frames.base), reading.pose, reading.twist)
-
-    yield Publisher(topic, "nav_msgs/msg/Odometry", _each(sensor, OdometryReading, made))
-
-
-def _contact(sensor: Fitting, topic: str, _: RobotFrames) -> Iterator[Publisher]:
-    made = _each(sensor, ContactReading, lambda reading: {"data": reading.touching})
-    yield Publisher(topic, "std_msgs/msg/Bool", made)
 
 
 def _beside_images(topic: str) -> tuple[str, str, str]:
@@ -387,33 +341,34 @@ def _beside_images(topic: str) -> tuple[str, str, str]:
     return f"{space}/camera_info", f"{space}/depth/image_raw", f"{space}/depth/camera_info"
 
 
-def _camera(sensor: Fitting, topic: str, frames: RobotFrames) -> Iterator[Publisher]:
-    """Yield the image, the depth and their camera_info, which has the namespace of each image."""
-    frame, camera = frames.sensors[sensor.name], sensor.keys
-    info_topic, depth_topic, depth_info_topic = _beside_images(topic)
-    assert isinstance(camera, Camera)
+def _sensors(scene: Scene, topics: Mapping[str, str], frames: RobotFrames) -> Iterator[Publisher]:
+    for sensor in (sensor for sensor in scene.sensors if sensor.name in topics):
+        all_topics = (topics[sensor.name], *_beside_images(topics[sensor.name]))
+        for topic, (kind, made) in zip(all_topics, _messages_of(sensor, frames), strict=False):
+            yield Publisher(topic, kind, _readings(sensor.name, made))
+
+
+def _messages_of(sensor: Fitting, frames: RobotFrames) -> Sequence[tuple[str, Callable[[Any], Message]]]:
+    """Return type and message of the topic of a sensor, and of those beside the images of a camera."""
+    frame, keys, odometry = frames.sensors[sensor.name], cast(Any, sensor.keys), (frames.odom, frames.base)
     image, info = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
-
-    def info_of(reading: CameraImage) -> Message:
-        return messages.camera_info_message(reading.time, frame, camera)
-
-    def image_of(reading: CameraImage) -> Message:
-        return messages.image_message(reading, frame)
-
-    def depth_of(reading: CameraImage) -> Message:
-        return messages.depth_message(reading, frame)
-
-    yield Publisher(topic, image, _each(sensor, CameraImage, image_of))
-    yield Publisher(info_topic, info, _each(sensor, CameraImage, info_of))
-    yield Publisher(depth_topic, image, _each(sensor, CameraImage, depth_of))
-    yield Publisher(depth_info_topic, info, _each(sensor, CameraImage, info_of))
-
-
-_SENSORS: Final[Mapping[str, Callable[[Fitting, str, RobotFrames], Iterator[Publisher]]]] = {
-    "lidar": _lidar,
-    "imu": _imu,
-    "odometry": _odometry,
-    "contact": _contact,
-    "camera": _camera,
-}
-"""Kind of a sensor -> its publishers."""
+    rows: Mapping[str, Sequence[tuple[str, Callable[[Any], Message]]]] = {
+        "lidar": [("sensor_msgs/msg/LaserScan", lambda each: scan_message(each.time, frame, each, 1 / sensor.rate))],
+        "imu": [
+            (
+                "sensor_msgs/msg/Imu",
+                lambda each: imu_message(each.time, frame, each, (keys.gyro_noise, keys.accelerometer_noise)),
+            )
+        ],
+        "odometry": [
+            ("nav_msgs/msg/Odometry", lambda each: odometry_message(each.time, odometry, each.pose, each.twist))
+        ],
+        "contact": [("std_msgs/msg/Bool", lambda each: {"data": each.touching})],
+        "camera": [
+            (image, lambda each: image_message(each.time, frame, each.rgb)),
+            (info, lambda each: camera_info_message(each.time, frame, keys)),
+            (image, lambda each: image_message(each.time, frame, each.depth.astype("<f4", copy=False), "32FC1")),
+            (info, lambda each: camera_info_message(each.time, frame, keys)),
+        ],
+    }
+    return rows[sensor.kind]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sim_action.core.geometry import Pose, Twist
-from sim_action.ros.ros2.messages import Message
+from sim_action.ros.messages import Message
 from sim_action.ros.ros2.topics import Channels, Publisher
 from sim_action.scenario.loading import build_scene
 from sim_action.state.observation import ByName, JointState, Observation

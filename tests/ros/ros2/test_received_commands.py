@@ -18,6 +18,7 @@ from sim_action.core.errors import ScriptError
 from sim_action.core.geometry import Pose, Twist
 from sim_action.robot.model.robot_model import Joint
 from sim_action.ros.joint_commands import TrajectoryPoint, Waypoint, joint_curves
+from sim_action.ros.messages import Message, vector
 from sim_action.ros.ros2.graph import (
     LATCHED,
     TRANSFORMS,
@@ -27,7 +28,6 @@ from sim_action.ros.ros2.graph import (
     large_message_problem,
     subscriber_problems,
 )
-from sim_action.ros.ros2.messages import Message, vector
 from sim_action.ros.ros2.node_spec import JointController
 from sim_action.ros.ros2.received_commands import (
     BadMessage,

@@ -9,7 +9,7 @@ import pytest
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
-from sim_action.ros.ros2.messages import OPTICAL
+from sim_action.ros.messages import OPTICAL
 from sim_action.ros.ros2.topics import RobotFrames, channels, states_schedule, topic_problems, topics_of
 from sim_action.state.readings import LidarScan
 from tests.ros.ros2.scenes import ARM, SENSORS, first_message, moment, publisher, resting, scene

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 from geometry_msgs.msg import Twist as TwistMessage
@@ -13,20 +13,18 @@ from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan, PointCloud
 from sensor_msgs.msg import Imu as ImuMessage
 
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
-from sim_action.ros.robot_topics import diagonal, in_frame_of
-from sim_action.ros.ros1.gazebo_plugins import Plugin
-from sim_action.ros.ros1.node.internal_parts import states_in
-from sim_action.ros.ros1.node.messages import (
+from sim_action.ros.messages import (
     camera_info_message,
-    depth_message,
     header,
     image_message,
     imu_message,
     joint_states_message,
-    points_message,
     scan_message,
-    twist_of,
 )
+from sim_action.ros.robot_topics import diagonal, in_frame_of
+from sim_action.ros.ros1.gazebo_plugins import Plugin
+from sim_action.ros.ros1.node.internal_parts import states_in
+from sim_action.ros.ros1.node.message_classes import points_message, twist_of
 from sim_action.ros.ros1.node.plugins import TICKS, Device, Wiring, schedule_of
 from sim_action.ros.ros1.node.topics import OdometryPublisher, Publisher, Subscription
 from sim_action.sensors import MountedSensor
@@ -58,7 +56,7 @@ def _wheel_states(plugin: Plugin, wiring: Wiring) -> Device:
 
     def publish(seconds: float, seen: Observation) -> None:
         positions = [seen.joints[name].position for name in names]
-        publisher.send(JointState(header=header(seconds, ""), name=names, position=positions))
+        publisher.send({"header": header(seconds, ""), "name": names, "position": positions})
 
     return Device(schedule_of(plugin.own.number("updateRate", default=0.0)), (publisher,), publish)
 
@@ -126,9 +124,8 @@ def open_laser(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
 
     def publish(seconds: float, seen: Observation) -> None:
         scan = seen.sensors[name]
-        if not isinstance(scan, LidarScan):
-            return
-        publisher.send(scan_message(scan, header(seconds, frame), 1 / schedule.rate))
+        if isinstance(scan, LidarScan):
+            publisher.send(scan_message(seconds, frame, scan, 1 / schedule.rate))
 
     lidar = wiring.on_schedule(_lidar(plugin), schedule, publisher)
     rate = schedule.rate if schedule.is_even else TICKS
@@ -174,20 +171,20 @@ def open_camera(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     schedule = schedule_of(own.number("updateRate", default=0.0) or sensor.number("update_rate", default=0.0))
     baseline = own.number("hackBaseline", default=0.0)
     nearest, farthest = own.number("pointCloudCutoff", default=0.4), own.number("pointCloudCutoffMax", default=5.0)
-    encoding: Literal["rgb8", "bgr8"] = "bgr8" if sensor.text("camera/image/format") in _BGR_FORMATS else "rgb8"
+    encoding = "bgr8" if sensor.text("camera/image/format") in _BGR_FORMATS else "rgb8"
 
     def publish(seconds: float, seen: Observation) -> None:
-        picture, head = seen.sensors[name], header(seconds, frame)
+        picture = seen.sensors[name]
         if isinstance(picture, CameraImage):
-            images.send(image_message(picture, head, encoding))
+            images.send(image_message(seconds, frame, picture.rgb[:, :, :: 1 if encoding == "rgb8" else -1], encoding))
             within = (picture.depth > nearest) & (picture.depth < farthest)
             depth = np.where(within, picture.depth, np.float32(np.nan))
             for each in (each for each in depths if each.has_subscribers):
-                each.send(depth_message(depth, head))
+                each.send(image_message(seconds, frame, depth, "32FC1"))
             for each in (each for each in clouds if each.has_subscribers):
-                each.send(points_message(depth, picture.rgb, camera, head))
+                each.send(points_message(seconds, frame, camera, depth, picture.rgb))
         for each in infos:
-            each.send(camera_info_message(camera, head, baseline))
+            each.send(camera_info_message(seconds, frame, camera, baseline))
 
     pictures = (images, *depths, *clouds)
     on_schedule = wiring.on_schedule(camera, schedule, *pictures)
@@ -234,9 +231,8 @@ def open_imu(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
 
     def publish(seconds: float, seen: Observation) -> None:
         reading = seen.sensors[sensor.name]
-        if not isinstance(reading, ImuReading):
-            return
-        publisher.send(imu_message(reading, header(seconds, frame), noise))
+        if isinstance(reading, ImuReading):
+            publisher.send(imu_message(seconds, frame, reading, (noise, noise), noise))
 
     yield Device(schedule, (publisher,), publish, sensor)
 
@@ -261,6 +257,6 @@ def open_joint_states(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     names = [name for name in plugin.own.texts("jointName") if name in moving] or moving
 
     def publish(seconds: float, seen: Observation) -> None:
-        publisher.send(joint_states_message(seen, seconds, names))
+        publisher.send(joint_states_message(seconds, {name: seen.joints[name] for name in names}))
 
     yield Device(schedule_of(plugin.own.number("updateRate", default=0.0)), (publisher,), publish)

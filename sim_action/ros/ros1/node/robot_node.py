@@ -4,31 +4,26 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, Final
 
 import rospy
 from geometry_msgs.msg import Twist as TwistMessage
 from sensor_msgs.msg import Image, Imu, JointState, LaserScan
-from std_msgs.msg import Bool, Header
+from std_msgs.msg import Bool
 
 from sim_action.commands.controller_answers import twist_problem
 from sim_action.core import geometry
 from sim_action.core.errors import ScriptError
 from sim_action.core.records import dataclass
 from sim_action.robot.model.robot_model import RobotModel
+from sim_action.ros.messages import Message, image_message, imu_message, joint_states_message, scan_message
 from sim_action.ros.robot_topics import COMMANDS, JOINTS, ODOMETRY, Schedule, in_frame_of
 from sim_action.ros.ros1.command_source.launched_nodes import LaunchedNodes
 from sim_action.ros.ros1.lockstep import Lockstep
 from sim_action.ros.ros1.master import Master
 from sim_action.ros.ros1.node.internal_parts import states_in, states_sensor
-from sim_action.ros.ros1.node.messages import (
-    header,
-    image_message,
-    imu_message,
-    joint_states_message,
-    scan_message,
-    twist_of,
-)
+from sim_action.ros.ros1.node.message_classes import twist_of
 from sim_action.ros.ros1.node.topics import (
     GazeboTopics,
     OdometryPublisher,
@@ -52,11 +47,11 @@ _TWIST: Final = "geometry_msgs/Twist"
 _STATES_RATE_HZ: Final = 30.0
 _ODOMETRY_FRAME: Final = "odom"
 
-_MESSAGES: Final[Mapping[str, tuple[type[Any], Callable[[Any, Header, Fitting], Any]]]] = {
-    "lidar": (LaserScan, lambda reading, head, sensor: scan_message(reading, head, 1 / sensor.rate)),
-    "imu": (Imu, lambda reading, head, _: imu_message(reading, head)),
-    "camera": (Image, lambda reading, head, _: image_message(reading, head)),
-    "contact": (Bool, lambda reading, _, __: Bool(reading.touching)),
+_MESSAGES: Final[Mapping[str, tuple[type[Any], Callable[[Any, Fitting], Message]]]] = {
+    "lidar": (LaserScan, lambda each, sensor: scan_message(each.time, sensor.link, each, 1 / sensor.rate)),
+    "imu": (Imu, lambda each, sensor: imu_message(each.time, sensor.link, each, (0.0, 0.0))),
+    "camera": (Image, lambda each, sensor: image_message(each.time, sensor.link, each.rgb)),
+    "contact": (Bool, lambda each, _: {"data": each.touching}),
 }
 """Kind of a sensor -> message type and conversion."""
 
@@ -188,10 +183,10 @@ def _sensors(sensors: Sequence[Fitting], topics: Mapping[str, str], base: str, t
             frames = (_ODOMETRY_FRAME, base)
             odometry = OdometryPublisher(topics[sensor.name], frames, traffic, publishes_tf=is_first)
             is_first = False
-            yield _once(sensor.name, _sending_odometry(odometry))
+            yield _once(sensor.name, partial(_send_odometry, odometry))
         elif sensor.kind in _MESSAGES:
             kind, made = _MESSAGES[sensor.kind]
-            yield _once(sensor.name, _sending(Publisher(topics[sensor.name], kind, traffic), made, sensor))
+            yield _once(sensor.name, partial(_send, Publisher(topics[sensor.name], kind, traffic), made, sensor))
 
 
 def _joint_states(publisher: Publisher, model: RobotModel, schedule: Schedule) -> Publish:
@@ -199,7 +194,7 @@ def _joint_states(publisher: Publisher, model: RobotModel, schedule: Schedule) -
 
     def publish(tick: int, seen: Observation) -> None:
         if names and schedule.is_due(tick) and publisher.has_subscribers:
-            publisher.send(joint_states_message(seen, seen.time, names))
+            publisher.send(joint_states_message(seen.time, {name: seen.joints[name] for name in names}))
 
     return publish
 
@@ -226,15 +221,10 @@ def _once(name: str, send: Callable[[Any], None]) -> Publish:
     return publish
 
 
-def _sending_odometry(odometry: OdometryPublisher) -> Callable[[OdometryReading], None]:
-    return lambda reading: odometry.send(reading.time, reading.pose, reading.twist)
+def _send_odometry(odometry: OdometryPublisher, reading: OdometryReading) -> None:
+    odometry.send(reading.time, reading.pose, reading.twist)
 
 
-def _sending(
-    publisher: Publisher, made: Callable[[Any, Header, Fitting], Any], sensor: Fitting
-) -> Callable[[Any], None]:
-    def send(reading: Any) -> None:
-        if publisher.has_subscribers:
-            publisher.send(made(reading, header(reading.time, sensor.link), sensor))
-
-    return send
+def _send(publisher: Publisher, made: Callable[[Any, Fitting], Message], sensor: Fitting, reading: Any) -> None:
+    if publisher.has_subscribers:
+        publisher.send(made(reading, sensor))

@@ -39,7 +39,7 @@ from sim_action.core.records import replace
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.model.robot_model import JointType, Link, RobotModel
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, body_of
-from sim_action.ros.ros1.node.messages import header, pose_message, pose_of, twist_message, twist_of
+from sim_action.ros.ros1.node.message_classes import header, pose_message, pose_of, twist_message, twist_of
 from sim_action.ros.ros1.node.world_models import (
     Alter,
     ChangeQueue,

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
 import roslib.message
 import rospy
-from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from sim_action.core.geometry import quaternion_from_rpy
+from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.core.workspace import Workspace
 from sim_action.robot.model.robot_model import Joint, RobotModel
 from sim_action.robot.reading.loading import load_model
+from sim_action.ros.messages import transforms_message
 from sim_action.ros.robot_topics import LinkFrames, PlacedFrame
-from sim_action.ros.ros1.node.messages import header, pose_message
+from sim_action.ros.ros1.node.message_classes import filled, header
 from sim_action.scenario.model import DrivenRobot
 
 _DESCRIPTION: Final = "robot_description"
@@ -34,10 +34,8 @@ def _model() -> RobotModel:
         return load_model(DrivenRobot(model="robot.urdf"), Workspace(Path(folder), Path(folder), allow_outside=True))
 
 
-def _transform(seconds: float, placed: PlacedFrame) -> TransformStamped:
-    parent, child, pose = placed
-    turned = pose_message(pose).orientation
-    return TransformStamped(header(seconds, parent), child, Transform(Vector3(*pose.position_xyz), turned))
+def _transforms(seconds: float, placed: Iterable[PlacedFrame]) -> TFMessage:
+    return filled(TFMessage, transforms_message(seconds, placed))
 
 
 def robot_state_publisher() -> int:
@@ -47,7 +45,7 @@ def robot_state_publisher() -> int:
     interval = 1 / float(rospy.get_param("~publish_frequency", 50.0))
     static = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
     moving = rospy.Publisher("/tf", TFMessage, queue_size=None)
-    static.publish(TFMessage([_transform(0.0, placed) for placed in frames.fixed]))
+    static.publish(_transforms(0.0, frames.fixed))
     last = -interval
 
     def publish(message: Any) -> None:
@@ -57,7 +55,7 @@ def robot_state_publisher() -> int:
         # A time that goes back is that of a simulation that starts again.
         if found and (seconds >= last + interval or seconds < last):
             last = seconds
-            moving.publish(TFMessage([_transform(seconds, placed) for placed in found]))
+            moving.publish(_transforms(seconds, found))
 
     rospy.Subscriber("joint_states", JointState, publish)
     rospy.spin()
@@ -115,18 +113,22 @@ def static_transform_publisher() -> int:
     try:
         *numbers, parent, child = words
         x, y, z, *turned = map(float, numbers)
-        rotation = turned if len(turned) == len("xyzw") else quaternion_from_rpy(*reversed(turned))
+        rotation = (
+            (turned[0], turned[1], turned[2], turned[3])
+            if len(turned) == len("xyzw")
+            else quaternion_from_rpy(*reversed(turned))
+        )
     except (TypeError, ValueError):
         sys.exit("usage: static_transform_publisher X Y Z (YAW PITCH ROLL | QX QY QZ QW) PARENT CHILD [PERIOD_MS]")
-    frame = Transform(Vector3(x, y, z), Quaternion(*rotation))
+    frame = parent, child, Pose((x, y, z), rotation)
     publisher = rospy.Publisher("/tf_static" if period is None else "/tf", TFMessage, queue_size=1, latch=True)
     if period is None:
-        publisher.publish(TFMessage([TransformStamped(header(0.0, parent), child, frame)]))
+        publisher.publish(_transforms(0.0, [frame]))
         rospy.spin()
     else:
         for seconds in _times(1 / period):
             # It holds until the next one.
-            publisher.publish(TFMessage([TransformStamped(header(seconds + period, parent), child, frame)]))
+            publisher.publish(_transforms(seconds + period, [frame]))
     return 0
 
 

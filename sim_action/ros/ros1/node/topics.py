@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import rospy
 from gazebo_msgs.msg import LinkStates, ModelStates
-from geometry_msgs.msg import Transform, TransformStamped, Vector3
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from rospy.msg import serialize_message
@@ -29,8 +28,9 @@ from tf2_msgs.msg import TFMessage
 
 from sim_action.core.geometry import Pose, Twist
 from sim_action.robot.documents.xml_document import shown_file
+from sim_action.ros.messages import clock_message, odometry_message, transforms_message
 from sim_action.ros.ros1.launch.ros_patches import SLEEPERS
-from sim_action.ros.ros1.node.messages import header, pose_message, time_of, twist_message
+from sim_action.ros.ros1.node.message_classes import filled, pose_message, twist_message
 from sim_action.ros.ros1.node.world_models import States
 from sim_action.state.reproducibility import Transcript
 
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
 GROUND: Final = "ground_plane"
 """Gazebo's name of the ground."""
 
-_NO_COVARIANCE: Final = (0.0,) * 36
 _AT_REST: Final = Pose(), Twist()
 # It reads the clock to stamp the log, and no node gets anything from it because of the clock.
 _LOG_NODE: Final = "/rosout"
@@ -126,8 +125,10 @@ class Publisher:
     """Publishes one type of message on one topic; without a subscriber, nothing is sent or counted."""
 
     def __init__(self, topic: str, kind: type[Any], traffic: Traffic) -> None:
-        self.topic, self._traffic = topic, traffic
-        self._publisher = _publisher(topic, kind)
+        self.topic, self._traffic, self._kind = topic, traffic, kind
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SyntaxWarning)
+            self._publisher = rospy.Publisher(topic, kind, queue_size=None, tcp_nodelay=True)
 
     @property
     def subscriber_count(self) -> int:
@@ -140,11 +141,12 @@ class Publisher:
         return bool(self._publisher.get_num_connections())
 
     def send(self, message: Any) -> None:
-        """Have a message delivered."""
-        if not self.has_subscribers:
-            return
-        self._traffic.counts[self.topic] += 1
-        self._traffic.post(self._publisher.impl, message)
+        """Have a message delivered, which may be plain data."""
+        if self.has_subscribers:
+            self._traffic.counts[self.topic] += 1
+            self._traffic.post(
+                self._publisher.impl, filled(self._kind, message) if isinstance(message, dict) else message
+            )
 
 
 def _is_there(connection: Any) -> bool:
@@ -157,12 +159,6 @@ def _is_there(connection: Any) -> bool:
     return not looking.poll(0)
 
 
-def _publisher(topic: str, kind: type[Any]) -> rospy.Publisher:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SyntaxWarning)
-        return rospy.Publisher(topic, kind, queue_size=None, tcp_nodelay=True)
-
-
 class OdometryPublisher:
     """Publishes odometry as a message, and as a frame if wanted; `frames`: of the pose, and of the twist."""
 
@@ -172,7 +168,7 @@ class OdometryPublisher:
         frames: tuple[str, str],
         traffic: Traffic,
         *,
-        covariances: Sequence[Sequence[float]] = (_NO_COVARIANCE, _NO_COVARIANCE),
+        covariances: Sequence[Sequence[float]] = (),
         publishes_tf: bool = True,
     ) -> None:
         self._frames, self._covariances = frames, covariances
@@ -182,16 +178,10 @@ class OdometryPublisher:
 
     def send(self, seconds: float, pose: Pose, twist: Twist) -> None:
         """Have a pose and a twist delivered, if a node subscribes."""
-        if not any(publisher.has_subscribers for publisher in self.publishers):
-            return
-        frame, base = self._frames
-        message = Odometry(header=header(seconds, frame), child_frame_id=base)
-        message.pose.pose, message.twist.twist = pose_message(pose), twist_message(twist)
-        message.pose.covariance, message.twist.covariance = self._covariances
-        self._messages.send(message)
-        if self._tf is not None:
-            moved = Transform(Vector3(*pose.position_xyz), message.pose.pose.orientation)
-            self._tf.send(TFMessage([TransformStamped(message.header, base, moved)]))
+        if any(publisher.has_subscribers for publisher in self.publishers):
+            self._messages.send(odometry_message(seconds, self._frames, pose, twist, self._covariances))
+            if self._tf is not None:
+                self._tf.send(transforms_message(seconds, [(*self._frames, pose)]))
 
 
 class Subscription:
@@ -255,7 +245,7 @@ class GazeboTopics:
 
     def publish_time(self, seconds: float) -> None:
         """Publish the clock."""
-        self._clock.send(Clock(time_of(seconds)))
+        self._clock.send(clock_message(seconds))
 
     def publish_models(self, models: States) -> None:
         """Publish the states of models, if a node subscribes."""

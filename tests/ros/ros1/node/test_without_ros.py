@@ -29,7 +29,13 @@ PATIENCE_OF_ROSLAUNCH_S = 15
 
 def imported(name: str, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Return a module of the node; the next import finds the real modules again."""
-    for stub in ("rospy", "rospy.msg", *(f"{package}{part}" for package in _PACKAGES for part in ("", ".msg", ".srv"))):
+    for stub in (
+        "rospy",
+        "rospy.msg",
+        "roslib",
+        "roslib.message",
+        *(f"{package}{part}" for package in _PACKAGES for part in ("", ".msg", ".srv")),
+    ):
         monkeypatch.setitem(sys.modules, stub, MagicMock())
     before = {each: module for each, module in sys.modules.items() if each.startswith(f"{_NODE}.")}
     for each in before:

@@ -24,8 +24,8 @@ from sim_action.ros.joint_commands import (
     targets,
     within_limits,
 )
+from sim_action.ros.messages import joint_states_message
 from sim_action.ros.ros1.node.control import Controller, ControllerSetup
-from sim_action.ros.ros1.node.messages import joint_states_message
 from sim_action.ros.ros1.node.plugins import Device
 from sim_action.ros.ros1.node.topics import Subscription
 from sim_action.ros.ros1.ros_control import INTERFACES
@@ -113,7 +113,7 @@ def open_joint_states(setup: ControllerSetup) -> Controller:
 
     def publish(seconds: float, seen: Observation) -> None:
         if names:
-            publisher.send(joint_states_message(seen, seconds, names))
+            publisher.send(joint_states_message(seconds, {name: seen.joints[name] for name in names}))
 
     schedule = setup.wiring.controller_schedule(setup.parameters.space, setup.parameters.number("publish_rate", 50.0))
     return Controller("hardware_interface/JointStateInterface", device=Device(schedule, (publisher,), publish))

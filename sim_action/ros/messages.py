@@ -1,6 +1,6 @@
-"""Messages of ROS 2 as plain data: field -> value, with `array.array` for arrays of numbers.
+"""Messages of ROS 1 and 2 as plain data: field -> value, with `array.array` for arrays of numbers.
 
-The functions need no ROS. Fields that are left out keep the defaults of the message.
+The functions need no ROS. Fields that are left out keep the defaults of the message. All times are sim times in s.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
 from sim_action.ros.robot_topics import PlacedFrame, diagonal, pinhole_of, seconds_and_nanoseconds
 from sim_action.sensors.camera import Camera
 from sim_action.state.observation import JointState
-from sim_action.state.readings import CameraImage, ImuReading, LidarScan
+from sim_action.state.readings import ImuReading, LidarScan
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,9 +23,6 @@ Message = dict[str, Any]
 
 OPTICAL: Final = Pose(orientation_xyzw=(-0.5, 0.5, -0.5, 0.5))
 """The optical frame of a camera in the frame of its sensor: x to the right, y down, z ahead (REP 103)."""
-
-_NO_DISTORTION: Final = (0.0,) * 5
-_NO_ROTATION: Final = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def stamp(time: float) -> Message:
@@ -68,15 +65,20 @@ def transforms_message(time: float, frames: Iterable[PlacedFrame]) -> Message:
     }
 
 
-def odometry_message(time: float, frames: tuple[str, str], pose: Pose, twist: Twist) -> Message:
-    """Return nav_msgs/Odometry; `frames`: that of the pose, and the base, in which the twist is."""
+def odometry_message(
+    time: float,
+    frames: tuple[str, str],
+    pose: Pose,
+    twist: Twist,
+    covariances: Sequence[Sequence[float]] = (),
+) -> Message:
+    """Return nav_msgs/Odometry; `frames`: of the pose, and the base, in which the twist is; `covariances`: of both."""
     frame, base = frames
-    return {
-        "header": header(time, frame),
-        "child_frame_id": base,
-        "pose": {"pose": {"position": vector(pose.position_xyz), "orientation": quaternion(pose.orientation_xyzw)}},
-        "twist": {"twist": {"linear": vector(twist.linear_xyz), "angular": vector(twist.angular_xyz)}},
-    }
+    placed = {"position": vector(pose.position_xyz), "orientation": quaternion(pose.orientation_xyzw)}
+    moving = {"linear": vector(twist.linear_xyz), "angular": vector(twist.angular_xyz)}
+    known = [{"covariance": array("d", values)} for values in covariances] or [{}, {}]
+    pair = {"pose": {"pose": placed, **known[0]}, "twist": {"twist": moving, **known[1]}}
+    return {"header": header(time, frame), "child_frame_id": base, **pair}
 
 
 def joint_states_message(time: float, joints: Mapping[str, JointState]) -> Message:
@@ -90,10 +92,10 @@ def joint_states_message(time: float, joints: Mapping[str, JointState]) -> Messa
     }
 
 
-def scan_message(reading: LidarScan, frame: str, period: float) -> Message:
+def scan_message(time: float, frame: str, reading: LidarScan, period: float) -> Message:
     """Return sensor_msgs/LaserScan; all rays are measured at once. `period`: s between two scans."""
     return {
-        "header": header(reading.time, frame),
+        "header": header(time, frame),
         "angle_min": reading.angle_min,
         "angle_max": reading.angle_min + reading.angle_increment * (len(reading.ranges) - 1),
         "angle_increment": reading.angle_increment,
@@ -105,39 +107,30 @@ def scan_message(reading: LidarScan, frame: str, period: float) -> Message:
     }
 
 
-def imu_message(reading: ImuReading, frame: str, gyro_noise: float, accelerometer_noise: float) -> Message:
-    """Return sensor_msgs/Imu; the noise is a standard deviation in rad/s and m/s^2.
+def imu_message(
+    time: float, frame: str, reading: ImuReading, noise: Sequence[float], orientation: float = 0
+) -> Message:
+    """Return sensor_msgs/Imu; `noise`: standard deviations in rad/s and m/s^2, and in rad of the orientation.
 
-    The orientation has no noise: its covariance of zeros means "unknown", as with Gazebo.
+    A covariance of zeros means "unknown", as with Gazebo.
     """
+    gyro, accelerometer = noise
     return {
-        "header": header(reading.time, frame),
+        "header": header(time, frame),
         "orientation": quaternion(reading.orientation_xyzw),
+        "orientation_covariance": array("d", diagonal((orientation**2,) * 3)),
         "angular_velocity": vector(reading.angular_velocity_xyz),
-        "angular_velocity_covariance": _variances((gyro_noise**2,) * 3),
+        "angular_velocity_covariance": array("d", diagonal((gyro**2,) * 3)),
         "linear_acceleration": vector(reading.linear_acceleration_xyz),
-        "linear_acceleration_covariance": _variances((accelerometer_noise**2,) * 3),
+        "linear_acceleration_covariance": array("d", diagonal((accelerometer**2,) * 3)),
     }
 
 
-def _variances(values: Sequence[float]) -> array[float]:
-    return array("d", diagonal(values))
-
-
-def image_message(reading: CameraImage, frame: str) -> Message:
-    """Return sensor_msgs/Image of the colours, "rgb8"."""
-    return _image(header(reading.time, frame), "rgb8", reading.rgb)
-
-
-def depth_message(reading: CameraImage, frame: str) -> Message:
-    """Return sensor_msgs/Image of the depth in m, "32FC1"; inf where nothing is seen (REP 118)."""
-    return _image(header(reading.time, frame), "32FC1", reading.depth.astype("<f4", copy=False))
-
-
-def _image(head: Message, encoding: str, pixels: NDArray[Any]) -> Message:
+def image_message(time: float, frame: str, pixels: NDArray[Any], encoding: str = "rgb8") -> Message:
+    """Return sensor_msgs/Image of colours, or of depths in m as "32FC1": inf where nothing is seen (REP 118)."""
     height, width = pixels.shape[:2]
     return {
-        "header": head,
+        "header": header(time, frame),
         "height": height,
         "width": width,
         "encoding": encoding,
@@ -147,18 +140,18 @@ def _image(head: Message, encoding: str, pixels: NDArray[Any]) -> Message:
     }
 
 
-def camera_info_message(time: float, frame: str, camera: Camera) -> Message:
-    """Return sensor_msgs/CameraInfo of a camera without distortion."""
+def camera_info_message(time: float, frame: str, camera: Camera, baseline: float = 0.0) -> Message:
+    """Return sensor_msgs/CameraInfo without distortion; `baseline`: m from the first camera of a pair."""
     focal, cx, cy = pinhole_of(camera.width, camera.height, camera.field_of_view)
     return {
         "header": header(time, frame),
         "height": camera.height,
         "width": camera.width,
         "distortion_model": "plumb_bob",
-        "d": array("d", _NO_DISTORTION),
+        "d": array("d", (0.0,) * 5),
         "k": array("d", (focal, 0.0, cx, 0.0, focal, cy, 0.0, 0.0, 1.0)),
-        "r": array("d", _NO_ROTATION),
-        "p": array("d", (focal, 0.0, cx, 0.0, 0.0, focal, cy, 0.0, 0.0, 0.0, 1.0, 0.0)),
+        "r": array("d", (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
+        "p": array("d", (focal, 0.0, cx, 0.0 - focal * baseline, 0.0, focal, cy, 0.0, 0.0, 0.0, 1.0, 0.0)),
     }
 
 
