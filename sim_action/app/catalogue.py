@@ -34,10 +34,7 @@ from sim_action.world import World
 
 
 def package_parts(table: Table[Any]) -> Iterator[tuple[InstalledPart, type[BaseModel] | PackageProblem]]:
-    """Yield the parts that installed packages add to a table, each with its class or the reason why there is none.
-
-    Nothing is imported where code of the repository is refused.
-    """
+    """Yield the parts of installed packages, each with its class, or the reason why it is not imported."""
     refused = scripts_refused("auto", os.environ, (Path.cwd(),)) if table.installed() else None
     for name, part in table.installed().items():
         try:
@@ -129,10 +126,7 @@ def fields(model: type[BaseModel]) -> tuple[FieldEntry, ...]:
 def key_rows(
     model: type[BaseModel], above: str = "", shown: set[type[BaseModel]] | None = None
 ) -> Iterator[FieldEntry]:
-    """Yield each key, followed by the keys below it, with the steps to them in their names.
-
-    Keys of an assertion, and of a model that came before (`shown`), are not repeated.
-    """
+    """Yield each key and the keys below it, but not those of an assertion, and of a model in `shown`."""
     shown = set() if shown is None else shown
     for entry in fields(model):
         annotation = next(f.annotation for n, f in model.model_fields.items() if (f.alias or n) == entry.name)

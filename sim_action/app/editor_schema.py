@@ -176,10 +176,7 @@ def chosen_by_key(kinds: Mapping[str, Schema], shared: Mapping[str, Schema]) -> 
 
 
 def _one_kind(kinds: Sequence[str], options: Collection[str]) -> Schema:
-    """Return the keywords that demand exactly one of some keys.
-
-    A second one is reported at its place, as a key that is not allowed.
-    """
+    """Return the keywords that demand exactly one of some keys, and report a second one at its place."""
     alone = {
         kind: {"properties": {key: {} for key in (kind, *options)}, "additionalProperties": False} for kind in kinds
     }

@@ -338,10 +338,7 @@ class Inspection(FrozenModel):
 
 
 def inspect_model(robot: Robot, workspace: Workspace) -> Inspection:
-    """Inspect a model as if the scenario allowed every rule that can be allowed.
-
-    Raises ModelError if no engine accepts the model.
-    """
+    """Inspect a model as if every rule were allowed. Raises ModelError if no engine accepts it."""
     model = load_model(robot.model_copy(update={"allow": ALLOWABLE}), workspace)
     if robot.srdf is None and model.source and (beside := Path(model.source).with_suffix(".srdf")).is_file():
         try:

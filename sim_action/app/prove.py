@@ -96,10 +96,7 @@ class ProveRequest:
 
 
 def prove_scenarios(request: ProveRequest, interruption: Interruption) -> ExitCode:
-    """Prove all scenarios, write the findings and return the exit code. Raise UsageError.
-
-    After an interruption, the findings are those of the runs that have ended.
-    """
+    """Prove all scenarios, write the findings, even if interrupted, and return the exit code. Raise UsageError."""
     refuse_unknown(request.only)
     if request.json is not None:
         _refuse_foreign(request.json)
@@ -143,10 +140,7 @@ def _opened(request: ReportRequest) -> Iterator[ReportOptions]:
 def _write(
     proof: Proof, shown: Sequence[ShownScenario], request: ProveRequest, options: ReportOptions, replays: Path
 ) -> None:
-    """Write all files: the proof, the page, and those of GitHub. Raise UsageError if one cannot be written.
-
-    `replays`: the folder from which outcomes name their replays.
-    """
+    """Write the proof, the page and files of GitHub; replays are in `replays`. Raise UsageError."""
     if request.json is not None:
         with _told(f"--json {request.json}"):
             proof.write(request.json)

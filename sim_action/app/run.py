@@ -71,10 +71,7 @@ class FinishedRun:
 
 
 def run_scenarios(request: RunRequest, interruption: Interruption, listener: Listener | None = None) -> FinishedRun:
-    """Run all scenarios and write every report. Raises UsageError, and InvalidScenario if `request.valid_only`.
-
-    `listener` receives all events.
-    """
+    """Run all scenarios and write every report. Raises UsageError; InvalidScenario if `request.valid_only`."""
     started = time.monotonic()
     with closing(_keys(request)) as keys:
         found = plan_runs(request.plan)

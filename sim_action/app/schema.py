@@ -78,10 +78,7 @@ def _added(table: Table[Any]) -> Kinds:
 
 
 def scenario_schema(added: Added = MappingProxyType({})) -> Schema:
-    """The schema of a scenario file, for editors: one scenario, or several, or one that other keys complete.
-
-    `added`: classes of installed packages.
-    """
+    """The schema of a scenario file for editors, with classes of packages: one, several, or one to complete."""
     scenario, schemas = _for_editors(added)
     root = {
         "type": "object",
@@ -93,10 +90,7 @@ def scenario_schema(added: Added = MappingProxyType({})) -> Schema:
 
 
 def base_schema(added: Added = MappingProxyType({})) -> Schema:
-    """The schema of a base file, for editors: keys that scenarios share with `extends`, none of which is required.
-
-    `added`: classes of installed packages.
-    """
+    """The schema of a base file for editors, with classes of packages: keys that scenarios share, none required."""
     scenario, schemas = _for_editors(added)
     head = _head(
         "base", "base of simulation scenarios", "Keys that scenarios share: they name this file with `extends`."

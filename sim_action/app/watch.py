@@ -97,10 +97,7 @@ def _look(watched: _Watched, request: RunRequest, files: Iterable[Path], pattern
 
 
 def _without_written(watched: _Watched, before: set[Path]) -> set[Path]:
-    """Return the files that changed during a run; ignore those that also changed during the run before.
-
-    Otherwise a log file that a scenario names would restart it for ever. Scenario files are never ignored.
-    """
+    """Return the files that changed during a run, without those that runs write: they changed twice."""
     now = {path for path in watched.changed() - watched.folders if path.suffix not in (".yml", ".yaml")}
     for path in sorted(now & before):
         note(f"{os.path.relpath(path)} changes in every run and is no longer watched")

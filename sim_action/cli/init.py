@@ -176,10 +176,7 @@ def files(schema: str, robot: str = _ROBOT) -> dict[str, str]:
 
 
 def write_scaffold(folder: Path, schema: str, *, force: bool, robot: str = _ROBOT) -> list[Path]:
-    """Writes the files; returns their paths. Raises UsageError, and writes nothing, if one is there already.
-
-    :param robot: the built-in robot of the scenario.
-    """
+    """Write the files for a built-in robot; return their paths. Raise UsageError if one is there already."""
     targets = {folder / name: text for name, text in files(schema, robot).items()}
     existing = [str(path) for path in targets if os.path.exists(path)]  # noqa: PTH110 - a name may be too long
     if existing and not force:

@@ -54,10 +54,7 @@ def _open_closed_streams() -> None:
 
 
 def call(arguments: Sequence[str], inputs: Mapping[str, str] | None = None) -> int:
-    """Run a command line and return its exit code. All errors are caught here.
-
-    `inputs`: option -> the name of the action's input for it. Errors then name inputs instead of options.
-    """
+    """Run a command line and return its exit code; errors name `inputs` of the action for their options."""
     os.environ.update(BEFORE_IMPORTS)
     leave_out_plugins()
     try:

@@ -115,10 +115,7 @@ def _of_lost(path: Path, reason: str) -> Outcome:
 
 
 def _read(request: MergeRequest, invalid: dict[Path, str]) -> list[ResultsFile]:
-    """Return the files to join; `invalid` receives the reasons of those that are not valid.
-
-    The list may be empty if a listing names the scenarios without a result.
-    """
+    """Return the files to join, if any; `invalid` receives the reasons of those that are not valid."""
     found = find_all(request.results)
     files = [file for file in read_all(found, lost=invalid) if not _is_earlier_output(file, request)]
     empty = [pattern for pattern, paths in found.items() if not paths or not files]

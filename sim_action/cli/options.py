@@ -31,10 +31,7 @@ _MAX_MISNAMED: Final = 5
 
 
 class Bounded(click.ParamType):  # type: ignore[type-arg] # generic in new versions of click only
-    """A number within bounds; its errors are plain words.
-
-    click lists bounds in `--help` and in errors as `[0<=x<=9223372036854775807]`. This type hides them in `--help`.
-    """
+    """A number within bounds; unlike click's, its errors are plain words, and `--help` does not list them."""
 
     def __init__(self, number: click.IntRange | click.FloatRange) -> None:
         """Take the type that checks the bounds."""
@@ -423,10 +420,7 @@ model_flags: Final = with_options(
 
 
 def asked_model(model: str, flags: dict[str, Any]) -> tuple[Robot, Workspace]:
-    """Return the robot that the command line names, and the workspace of its files.
-
-    Raises UsageError, also for a model whose code may not run.
-    """
+    """Return the robot on the command line and its workspace. Raises UsageError, also for code that may not run."""
     from sim_action.core.workspace import Workspace
     from sim_action.robot.model.robot_spec import Robot
 

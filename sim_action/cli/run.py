@@ -343,10 +343,7 @@ def _complained(
 
 
 def _meant(request: PlanRequest) -> tuple[Sequence[Source | Refused], Sequence[str], Sequence[Unmatched]]:
-    """Return the selected scenarios, and the paths and the options without any.
-
-    Scenarios are only checked for a shard.
-    """
+    """Return the selected scenarios, checked for a shard only, and the paths and options without any."""
     from sim_action.runner.run_plan import plan_runs, source_of
 
     if request.shard is None:

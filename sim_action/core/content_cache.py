@@ -23,10 +23,7 @@ _MARK: Final = b"# sim-action cache entry 1"
 
 
 def cache_folder(name: str) -> Path | None:
-    """Return a cache folder that all runs of this user share (XDG Base Directory Specification); None without a home.
-
-    As the specification demands, a relative path in `XDG_CACHE_HOME` is ignored.
-    """
+    """Return the cache folder of this user by the XDG specification, from absolute paths only; None without a home."""
     stated = os.environ.get("XDG_CACHE_HOME", "")
     if os.path.isabs(stated):  # noqa: PTH117 - a text with a NUL is no Path
         return Path(stated, "sim-action", name)

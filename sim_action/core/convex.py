@@ -21,10 +21,7 @@ _MIN_WEIGHT: Final = 1e-12
 
 
 def hull_distance(one: _FloatArray, other: _FloatArray, enough: float = math.inf) -> float:
-    """Return the distance in m between two convex hulls, given by points (P, 3) and (Q, 3); 0 if they overlap.
-
-    A distance above `enough` may be returned too small, but never below `enough`.
-    """
+    """Return the distance in m of the hulls of points (P, 3) and (Q, 3), 0 if they overlap; exact up to `enough`."""
     corners = (one[0] - other[0])[None]
     weights = np.ones(1)
     scale = max(float(np.ptp(one, axis=0).max()), float(np.ptp(other, axis=0).max()), float(np.abs(corners).max()))

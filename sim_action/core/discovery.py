@@ -47,20 +47,14 @@ def file_name(path: PurePath) -> str:
 
 
 def name_beside(file: str, reference: str, path: Path) -> str:
-    """Return the name of a file in messages, relative like that of the file which refers to it.
-
-    `path`: the real path of the file that `reference` leads to.
-    """
+    """Return the name of a file in messages, in the style of the file that refers to its real `path`."""
     as_written = Path(file).parent / reference
     plain = Path(os.path.normpath(as_written))
     return file_name(plain if plain.resolve() == path else as_written)
 
 
 def compared_name(name: str) -> str:
-    """Return one spelling for all names of a file: its real path, relative names taken from the current folder.
-
-    The file need not exist; existing links are followed.
-    """
+    """Return one spelling for all names of a file, which need not exist: its real, absolute path."""
     try:
         return os.path.realpath(name)
     except ValueError:  # a NUL or invalid text, which no file name contains

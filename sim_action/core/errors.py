@@ -112,10 +112,7 @@ def _unpickled(kind: type[SimActionError], arguments: tuple[object, ...], state:
 
 
 class InternalError(SimActionError):
-    """An internal error of sim-action while it handled one scenario; `details`: the traceback.
-
-    `kind` and `title` are those of the failure in reports.
-    """
+    """An internal error while sim-action handled one scenario; `kind`, `title`: in reports; `details`: traceback."""
 
     kind: ClassVar[Literal["internal", "crash", "script"]] = "internal"
     title: ClassVar[str] = "internal error"
@@ -126,10 +123,7 @@ class InternalError(SimActionError):
 
     @classmethod
     def of(cls, error: Exception) -> InternalError:
-        """Return the error that reports an unexpected exception.
-
-        It is a `SystemRefusal` if the system is the cause, and a `PackageFault` if an installed package is.
-        """
+        """Return the error that reports an unexpected exception, by its cause: the system, a package, or us."""
         if is_refusal(error):
             return SystemRefusal(error)
         from traceback import format_exception  # a usual run does without it
@@ -246,10 +240,7 @@ class RecordingError(SourceProblem):
 
 
 class RunError(SimActionError):
-    """A valid scenario that failed in a way that leaves it without a verdict.
-
-    `location`: the place in user code; `keys`: the keys of the scenario that lead to the cause; None: unknown.
-    """
+    """A valid scenario without a verdict, with the place in user code, and the keys that lead to the cause."""
 
     exit_code = ExitCode.FAILED
 
@@ -266,10 +257,7 @@ class EngineError(RunError):
 
 
 class BadStart(RunError):
-    """The scenario cannot start; each problem comes with the keys that lead to its cause.
-
-    `by_keys`: the keys of each cause in the scenario, and its message; `elsewhere`: problems in other files.
-    """
+    """The scenario cannot start; `by_keys`: the keys and message of each cause; `elsewhere`: in other files."""
 
     exit_code = ExitCode.INVALID
 

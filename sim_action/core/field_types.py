@@ -411,10 +411,7 @@ def spec_errors(
 def _of_likely_members(
     data: object, listed: Sequence[ErrorDetails]
 ) -> Iterator[tuple[tuple[str | int, ...], ErrorDetails]]:
-    """Yield the findings with their paths in the file; of a value that fits no member of a union, the likely ones.
-
-    pydantic lists the findings of each member, with a step for the member, which the file does not have.
-    """
+    """Yield the findings with paths of the file: pydantic lists all members of a union, with a step for each."""
     placed = [(*_place(data, details["loc"]), details) for details in listed]
     # The member of each union that goes deepest into the value has its shape.
     likely: dict[tuple[str | int, ...], tuple[int, bool]] = {}

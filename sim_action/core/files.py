@@ -75,10 +75,7 @@ def _put_in_place(unfinished: Path, path: Path) -> None:
 
 
 def append_whole(path: Path, data: bytes) -> None:
-    """Append to a file, which is made if it is missing; after an error it has its former size. Raise OSError.
-
-    A pipe that nothing reads from is an error.
-    """
+    """Append to a file, or make it; after an error it has its former size. Raise OSError, also for a pipe."""
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
     with os.fdopen(os.open(path, flags, 0o666), "ab", buffering=0) as file:
         if sys.platform != "win32":
@@ -102,10 +99,7 @@ def write_all(descriptor: int, data: bytes) -> None:
 
 
 def similar_path(path: Path, endings: tuple[str, ...] = ()) -> str:
-    """Return a hint at an existing name similar to the first part of `path` that is missing; empty if there is none.
-
-    The name is that of a folder, or of a file with one of `endings`. Hidden ones are left out.
-    """
+    """Return a hint at a folder, or a file with one of `endings`, similar to the first missing part of `path`."""
     missing = path
     while missing.parent != missing and not os.path.exists(missing.parent):  # noqa: PTH110 - a folder that may not be entered counts as missing
         missing = missing.parent

@@ -63,10 +63,7 @@ class FileDigests:
         return self.of_found(path, found)
 
     def of_found(self, path: Path, found: os.stat_result, algorithm: str = "sha256") -> str | None:
-        """Return the digest of a file or link with this status, with the object name that git gives it; or None.
-
-        `algorithm`: that of git's object names.
-        """
+        """Return the digest of a file or link; `name`: that of git, by `algorithm`; None if it cannot be read."""
         if _changed_ns(found) >= self._oldest_change_ns:
             return None
         try:
@@ -99,10 +96,7 @@ def beginning_ns(paths: Iterable[Path]) -> int:
 
 
 def git_content(mode: str, name: str, size: int) -> str:
-    """Return the digest of a file with this mode, object name and size in bytes.
-
-    Filters and line ends may give one object of git different contents, which differ in size.
-    """
+    """Return the digest of git's object, with mode and size: filters and line ends may give one other contents."""
     return f"{mode} {name} {size}"
 
 
@@ -237,10 +231,7 @@ def repositories_around(path: Path) -> list[Path]:
 
 
 def is_tracked(root: Path, path: Path) -> bool:
-    """Return True if the index of a repository names a file, under any spelling of its path. Raise GitError.
-
-    A file in a submodule that is no repository of its own is not known.
-    """
+    """Return True if the index names a file, under any spelling. Raise GitError."""
     listing = GitListing(root, words=("ls-files", "-z", "--stage"))
     found, name = _status(path), path.name.casefold()
     inside = {folder for folder in Path(os.path.realpath(path)).parents if not (folder / ".git").exists()}

@@ -159,11 +159,7 @@ _GC_THRESHOLD: Final = 500_000
 
 
 def collect_garbage_rarely() -> None:
-    """Let the garbage collector run less often in this process and its forks.
-
-    Imported modules stay alive: collecting them again and again takes a tenth of a short call. Not for processes that
-    run user code.
-    """
+    """Let the garbage collector run less often here and in forks without user code: imports stay alive."""
     gc.set_threshold(_GC_THRESHOLD)
 
 

@@ -69,10 +69,7 @@ def cpu_model() -> str:
 
 
 def platform_name() -> str:
-    """Return the name and version of the system, such as Linux-6.8.0-x86_64-with-glibc2.39.
-
-    Unlike `platform.platform`, start no program of PATH.
-    """
+    """Return the name and version of the system, such as Linux-6.8.0-x86_64-with-glibc2.39; start no program."""
     if sys.platform == "win32":
         return platform.platform()
     if sys.platform == "darwin":

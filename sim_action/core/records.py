@@ -101,10 +101,7 @@ _ABSENT: Final = _Absent()
 
 
 class _LaterInit:
-    """The method `__init__` of a class, compiled when it is first called.
-
-    Each class has its own: `super().__init__` of a derived class must not find that of the derived class.
-    """
+    """The method `__init__` of a class, compiled at its first call; `super().__init__` finds another one."""
 
     def __init__(self, cls: type) -> None:
         self._cls = cls

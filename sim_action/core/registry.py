@@ -122,10 +122,7 @@ def _entries(group: str) -> Iterator[tuple[EntryPoint, str]]:
 
 @dataclass(frozen=True)
 class Table(Generic[T]):
-    """The names of one kind ("assertion", "command", ...), in the order of their lists.
-
-    Iteration gives the names of sim-action itself, `all_names` also those of installed packages.
-    """
+    """The names of one kind ("assertion", ...); iteration gives our own, `all_names` those of packages, too."""
 
     kind: str  # the noun for messages
     paths: Mapping[str, str]  # name -> "module:attribute"

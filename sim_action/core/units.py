@@ -71,10 +71,7 @@ class UnitError(ValueError):
 
 
 def parse(value: object, *dimensions: Dimension) -> float:
-    """Return the SI value of a number, or of a text with a unit of one of `dimensions`.
-
-    Raise UnitError for anything else, and for numbers that are not finite.
-    """
+    """Return the SI value of a number, or of a text with a unit of `dimensions`. Raise UnitError."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise UnitError(f"{_expected(dimensions)}, found {shown(value)}")
     try:
@@ -95,10 +92,7 @@ def is_bare(value: object) -> bool:
 
 
 def beyond_a_turn(value: object, unit: str = "rad", most: float = MAX_BARE_RAD) -> str | None:
-    """Return the problem of an angle, or of an angular speed (`unit`), without a unit that is more than `most`.
-
-    Return None if it is not more, or has a unit.
-    """
+    """Return the problem of an angle or angular speed without a unit that is more than `most`, else None."""
     if not is_bare(value) or abs(number := float(str(value))) <= most:
         return None
     degrees = unit.replace("rad", "deg")
@@ -108,10 +102,7 @@ def beyond_a_turn(value: object, unit: str = "rad", most: float = MAX_BARE_RAD) 
 
 
 def with_si_unit(value: object) -> tuple[float, str]:
-    """Return the SI value of a number or a text with any unit, and the SI unit; "" for a number without one.
-
-    Raise UnitError.
-    """
+    """Return the SI value of a number or text, and the SI unit, "" without one. Raise UnitError."""
     number = parse(value, *_DIMENSIONS)
     match = _QUANTITY.fullmatch(value.strip()) if isinstance(value, str) else None
     unit = match[2] if match is not None else None

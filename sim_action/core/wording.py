@@ -108,10 +108,7 @@ def did_you_mean(found: str, allowed: Iterable[str]) -> str:
 
 
 def nearest(found: str, names: Iterable[str]) -> str | None:
-    """Return the most similar name, else the only one that begins with `found`, else None.
-
-    Long names are skipped, and only the first 1,000 are compared.
-    """
+    """Return the most similar of the first names, else the only one that begins with `found`, else None."""
     short = list(islice((name for name in names if len(name) <= _MAX_NAME_CHARS), _MAX_NAMES_COMPARED))
     if near := difflib.get_close_matches(found[:_MAX_NAME_CHARS], short, n=1):
         return near[0]

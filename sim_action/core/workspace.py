@@ -87,10 +87,7 @@ class Workspace:
         pass_env: tuple[str, ...] = (),
         packages: tuple[tuple[str, str], ...] = (),
     ) -> Workspace:
-        """Return the workspace of a scenario: its repository, else the current directory, else its own folder.
-
-        A link does not move a scenario into another workspace. Raise PathError if it leads out of this one.
-        """
+        """Return the workspace of a scenario: its repository, else the current, else its folder. Raise PathError."""
         named = Path(os.path.abspath(scenario_file)).parent  # noqa: PTH100 - links are not followed
         here = Path.cwd()
         repository = next((folder for folder in (named, *named.parents) if (folder / ".git").exists()), None)
@@ -116,10 +113,7 @@ class Workspace:
         return self._found(path)[0]
 
     def refusal(self, found: Path) -> str | None:
-        """Return the reason why a file may not be read, which continues a sentence with its name; None: it may.
-
-        :param found: an absolute path whose links are resolved.
-        """
+        """Return why a file, whose links are resolved, may not be read, to continue its name; None: it may."""
         if not found.is_relative_to(self.root):
             for _, folder in self.packages:
                 if found.is_relative_to(folder) and not is_of_git(found.relative_to(folder)):

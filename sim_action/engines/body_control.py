@@ -31,16 +31,10 @@ class BodyControl(Protocol):
         """Return the pose of a body's centre, world frame."""
 
     def set_pose(self, body: str, pose: Pose, twist: Twist) -> None:
-        """Set the pose and the twist of a body of the world.
-
-        The twist of a body without a mass acts only on what touches it in the next step.
-        """
+        """Set pose and twist of a body; without a mass, the twist acts only on what touches it in the next step."""
 
     def apply_force(self, target: Target, force_xyz: Vector3, torque_xyz: Vector3, point_xyz: Vector3 | None) -> None:
-        """Add a force in N and a torque in N m, world frame, for the next step.
-
-        `point_xyz`: where the force acts, in m, in the frame of the target; None: its centre of mass.
-        """
+        """Add a force in N and a torque in N m, world frame, for the next step; `point_xyz`: of the target, in m."""
 
     def attract(self, target: Target, force: float) -> None:
         """Pull a target and each thing that touches it together for the next step, with a force in N per pair."""
@@ -97,10 +91,7 @@ class Wrench:
 
 
 def base_wrench(push: BasePush, robot: RobotInertia, pose: Pose, twist: Twist, time_step: float) -> Wrench:
-    """Return the wrench that brings the base to its target velocity in the next step, within the limits of the push.
-
-    `pose`, `twist`: of the base link's origin, world frame.
-    """
+    """Return the wrench that brings the base, at `pose` with `twist`, to its target velocity, within its limits."""
     yaw = pose.yaw
     (ahead, left), (has_x, has_y, _) = push.linear_xy, twist.linear_xyz
     x, y = math.cos(yaw) * ahead - math.sin(yaw) * left, math.sin(yaw) * ahead + math.cos(yaw) * left

@@ -192,10 +192,7 @@ class ClearanceRecorder:
         return not self._moving
 
     def record(self, step: int, pose: Sequence[float], joints: Sequence[float]) -> None:
-        """Record a step that ends with the base at `pose` (7,) and the joints at `joints` (J,).
-
-        Steps before t = 0 are ignored.
-        """
+        """Record a step from t = 0 on that ends with the base at `pose` (7,) and the joints at `joints` (J,)."""
         if step <= 0:
             return
         self._open(step)

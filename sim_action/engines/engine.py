@@ -46,10 +46,7 @@ def link_of(name: str, robots: Mapping[str, RobotQueries]) -> Pose | None:
 
 
 class Engine(RobotQueries, Protocol):
-    """A physics engine that holds one scene. Engines are subclasses.
-
-    Until it gets a command, a joint is held at its initial position or moves freely, see `held_joints`.
-    """
+    """A physics engine that holds one scene; joints without a command are held, or free: see `held_joints`."""
 
     version: str
     """Name and version of the engine, such as "pybullet 3.2.7"."""
@@ -93,10 +90,7 @@ class Engine(RobotQueries, Protocol):
         """Return the present contacts of the requested links, as those of step `step`."""
 
     def collect_bodies(self) -> FloatArray:
-        """Return the poses (T, M, 7) of the bodies with a mass after each step since the last call.
-
-        They have the order of the world: position, and unit quaternion x, y, z, w.
-        """
+        """Return the poses (T, M, 7) of the bodies with a mass, in their order, after each step since the last call."""
 
     def touching(self) -> tuple[Overlap | Clash, ...]:
         """Return the contacts of the last step, some pairs several times; a negative depth is a gap."""

@@ -24,10 +24,7 @@ Placed = tuple[int, float, float]
 
 
 class JointStops:
-    """The stops of all joints that have limits; a joint and those that follow it stop together.
-
-    The limits of MJCF models are as soft as the models state, and have no stops.
-    """
+    """The stops of all joints with hard limits; a joint and its followers stop together. MJCF has soft limits."""
 
     def __init__(self, ranges: Sequence[Placed], followers: dict[int, list[Placed]]) -> None:
         """Take the stops by place, as the engine orders joints.

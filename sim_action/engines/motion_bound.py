@@ -47,10 +47,7 @@ class BodyMotionBound:
 
 
 class RobotMotionBound:
-    """An upper bound in m on how far any point of a robot has moved.
-
-    It adds to the motion of the base, for each joint, its angle times the greatest distance of the links beyond it.
-    """
+    """An upper bound in m on the motion of any point of a robot: of the base, plus each joint's angle times reach."""
 
     def __init__(self, model: RobotModel, radii: Mapping[str, float]) -> None:
         """`radii`: link -> greatest distance of its shapes from its origin in m; inf if unknown."""

@@ -48,10 +48,7 @@ NearestPoints = Callable[[str, Collection[str]], dict[str, Nearest]]
 
 
 def path_contacts(scene: Scene, shaped: Collection[str], nearest: NearestPoints) -> PathContacts | None:
-    """Return the contacts of bodies on paths with links that cannot move; None if the scene has no such pair.
-
-    `shaped`: the links with collision shapes.
-    """
+    """Return the contacts of bodies on paths with links that cannot move, if `shaped` and any; else None."""
     if not any(body.path for body in scene.world.objects):
         return None
     links = sorted(scene.bolted_links.intersection(shaped))
@@ -165,10 +162,7 @@ class Recorders:
 
 
 class LazyContacts:
-    """The contacts of the latest observation, which are read when somebody accesses them or before the next step.
-
-    Most controllers never access them and drop an observation before the next one: then they are never read.
-    """
+    """The contacts of the latest observation, read when accessed, or before the next step while it is kept."""
 
     def __init__(self) -> None:
         self._last: ref[PresentContacts] | None = None

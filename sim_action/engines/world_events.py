@@ -43,10 +43,7 @@ class WorldEvents:
 
     @classmethod
     def of(cls, scene: Scene, control: BodyControl, *, drives_surfaces: bool = False) -> Self | None:
-        """Return the events of a scene, or None if it has none. All bodies must be at their initial poses.
-
-        `drives_surfaces`: True for an engine without surface velocities of its own.
-        """
+        """Return the events of a scene at its start, or None; `drives_surfaces`: the engine moves no belts itself."""
         rate, objects = scene.physics.rate, scene.world.objects
         travels = [_Travel(control, body, rate) for body in objects if body.path]
         absent = [body for body in objects if body.appears is not None or body.disappears is not None]

@@ -161,10 +161,7 @@ def _corners(data: bytes, count: int, step: int) -> NDArray[np.float32]:
 
 
 def sampled_triangles(data: bytes, most: int) -> tuple[int, NDArray[np.float32]] | None:
-    """Return the number of triangles of a binary STL file, and the corners (N, 3, 3) of about `most` of them.
-
-    None: it is no such file.
-    """
+    """Return the number of triangles of a binary STL file, and corners (N, 3, 3) of about `most`; else None."""
     count = int.from_bytes(data[_HEADER_BYTES - 4 : _HEADER_BYTES], "little")
     if len(data) != _HEADER_BYTES + count * _TRIANGLE_BYTES or not count:
         return None

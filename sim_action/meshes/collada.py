@@ -210,10 +210,7 @@ _MAX_NODES: Final = 20_000
 
 
 def shown_geometries(document: Document) -> Iterator[tuple[Element, NDArray[np.float64]]]:
-    """Yield each <geometry> instance of the scene, with its transformation (4, 4) to the mesh's frame in m.
-
-    A file without a scene yields each geometry once. Raises MeshError.
-    """
+    """Yield each <geometry> of the scene, with its transformation (4, 4) to the mesh's frame. Raises MeshError."""
     unit = document.root.find("asset/unit")
     meter = 1.0 if unit is None else document.positive(unit, "meter")
     in_metres = np.diag([meter, meter, meter, 1.0])

@@ -78,10 +78,7 @@ def _shape(mesh: Mesh, parts: tuple[NDArray[np.int64], ...]) -> Literal["convex"
 
 
 def _outermost(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the most distant points in many directions; all points if they are few enough.
-
-    The hull changes by at most 0.3 % of the extent; a box keeps its size.
-    """
+    """Return the most distant points in many directions: the hull changes by at most 0.3 % of the extent."""
     from sim_action.meshes.convex_hull import furthest, spread_directions  # it imports this module
 
     if len(points) <= MAX_HULL_POINTS:
@@ -137,10 +134,7 @@ def is_flat(points: NDArray[np.float64]) -> bool:
 
 
 def is_convex(points_xyz: NDArray[np.float64], triangles: NDArray[np.int64], sharers: int = 1) -> bool:
-    """Return True if the triangles are exactly the surface of their convex hull.
-
-    Only a sample of many triangles is tested; `sharers`: number of parts that share the time limit.
-    """
+    """Return True if the triangles, or a sample of many, are the surface of their hull; `sharers` of the time limit."""
     used, rows = compacted(points_xyz, triangles)
     points = used - used.mean(axis=0)
     points /= np.abs(points).max()

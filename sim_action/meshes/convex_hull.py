@@ -120,10 +120,7 @@ def along(points: FloatArray, direction: FloatArray) -> FloatArray:
 
 
 def furthest(points: FloatArray, directions: Iterable[Vector3]) -> FloatArray:
-    """Return the most distant of points (N, 3) in the given directions, in their order.
-
-    Extents are normalized first, so that long bodies do not keep only the points at their ends.
-    """
+    """Return the most distant of points (N, 3) in each direction, with extents normalized first."""
     columns = np.ascontiguousarray(points.T)
     extents = np.ptp(columns, axis=1, keepdims=True)
     columns /= np.where(extents > 0, extents, 1.0)

@@ -22,10 +22,7 @@ _FACTORS: Final = (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
 
 
 def welded(points_xyz: Coordinates) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the distinct points (P, 3), sorted by z, y and x, and the index of each row among them.
-
-    Zeros of either sign are equal; the first row of equal ones is kept. `points_xyz`: (N, 3) finite coordinates.
-    """
+    """Return the distinct points (P, 3), the first of equal ones, by z, y and x, and the index of each row."""
     # One row for each axis: a selection of whole points takes ten times as long.
     columns = np.ascontiguousarray(points_xyz.T)
     first = _first_equal(columns)

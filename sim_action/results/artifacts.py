@@ -98,10 +98,7 @@ def recording_path(trace: Path, ending: str) -> Path:
 
 
 def stored_file(folder: Path, trace: str) -> Path | None:
-    """Return the path of a file named in the results of `folder`.
-
-    None if it is no regular file, lies outside the folder or is reached through a link.
-    """
+    """Return the path of a regular file in `folder` that its results name, reached without a link; else None."""
     try:
         # Reports look for thousands of files, for which pathlib takes several times as long.
         root = os.path.realpath(folder)
@@ -133,10 +130,7 @@ _NONE: Final[Mapping[str, str]] = MappingProxyType({})
 
 
 def with_existing_files(outcome: Outcome, folder: Path, removed: Mapping[str, str] = _NONE) -> Outcome:
-    """Return the outcome without names of files that do not exist in `folder`; each one is a note instead.
-
-    User code may remove or replace files of earlier runs; those in `removed` made room on a full disk.
-    """
+    """Return the outcome without names of files that were removed; each is a note. `removed`: made room."""
     named = [("trace", outcome.trace), ("replay", outcome.replay)]
     named += [(f"{_file_format(name)} recording", name) for name in outcome.recordings]
     lost = {

@@ -408,10 +408,7 @@ def over_variations(
 
 
 def _audited_over_variations(outcomes: Sequence[Outcome]) -> list[Outcome]:
-    """Return the outcomes without the warnings that count only if all variations of a scenario have them.
-
-    A variation without a verdict, or one that a broken expectation ended early, says nothing about the others.
-    """
+    """Return the outcomes without the warnings that count only if all variations with a verdict have them."""
     counted: dict[tuple[str, str | None], list[AuditWarning]] = {}
     for outcome in outcomes:
         if outcome.group is not None and outcome.has_verdict and outcome.end != "expectation failed":

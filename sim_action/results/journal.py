@@ -413,10 +413,7 @@ def read_journal(folder: Path, *, sealed: bool = False) -> Recorded:
 
 
 def manifest(folder: Path) -> tuple[str, ...]:
-    """Return the names of the files that the earlier call in a folder may have written; empty without a valid journal.
-
-    The names may come from anywhere.
-    """
+    """Return the names of files that the earlier call may have written; they may come from anywhere."""
     try:
         with open_regular(folder / JOURNAL_FILE, follow_link=False) as file:
             return Header.model_validate_json(file.readline(_MAX_HEADER_BYTES)).files

@@ -68,10 +68,7 @@ def _read(path: Path) -> bytes:
 
 
 def distrusted(path: Path) -> str | None:
-    """Return the reason why a stranger may have brought a file, which continues its name; None: no checkout has it.
-
-    All repositories around the file count, also those around the target of a link to its folder.
-    """
+    """Return why a stranger may have brought a file, or its link's target, to continue its name; else None."""
     around = repositories_around(path)
     try:
         tracking = [root for root in around if is_tracked(root, path)]

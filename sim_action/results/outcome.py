@@ -518,10 +518,7 @@ class Outcome(FrozenModel):
 
     @property
     def exit_code(self) -> ExitCode:
-        """The exit code of a process that has only this outcome.
-
-        A sample that did not pass counts for its gate only, unless it could not run.
-        """
+        """The exit code of a process with only this outcome; a sample counts by itself only if it could not run."""
         kinds = {failure.kind for failure in self.failures}
         if "interrupted" in kinds:
             return ExitCode.INTERRUPTED

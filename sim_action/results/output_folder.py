@@ -58,10 +58,7 @@ _locked: Final[set[str]] = set()
 
 
 def create_folder(folder: Path) -> None:
-    """Make the folder if it is missing, and let git ignore it then. Raise OSError.
-
-    A folder that exists belongs to the user, and may be the repository itself.
-    """
+    """Make the folder if it is missing, and let git ignore it then: others are the user's. Raise OSError."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     try:
         folder.mkdir()
@@ -151,10 +148,7 @@ def write_zeros(descriptor: int, size: int) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[Room]:
-    """Lock an existing folder for this call. Raises UsageError if another call has locked it.
-
-    Where the disk is full or the file system has no locks, the call goes on without a lock, with a warning.
-    """
+    """Lock a folder for this call, if the system can. Raises UsageError if another call has locked it."""
     place = os.path.realpath(folder)
     if place in _locked:
         raise _in_use(folder, str(os.getpid()))

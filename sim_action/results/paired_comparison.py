@@ -214,10 +214,7 @@ def _weaker(pairs: Iterable[tuple[Outcome, Outcome]], *, same_draws: bool) -> It
 
 
 def _margin_losses(pairs: Iterable[tuple[Outcome, Outcome]], threshold: float) -> Iterator[MarginLoss]:
-    """Yield the losses beyond the threshold whose interval excludes 0.
-
-    The threshold comes first: in simulations that repeat exactly, the smallest loss is significant.
-    """
+    """Yield the losses beyond the threshold that are significant: in exact repetitions, the smallest is."""
     by_place: dict[tuple[int, str, str], list[Pair]] = {}
     for old, new in pairs:
         places = {id(expected): place for place, expected in enumerate(new.expectations)}
@@ -239,10 +236,7 @@ def _margin_losses(pairs: Iterable[tuple[Outcome, Outcome]], threshold: float) -
 
 
 def _is_same_quantity(old: ExpectationOutcome, new: ExpectationOutcome) -> bool:
-    """Return True if both margins are known and comparable.
-
-    The margin of a goal belongs to the moment at which it is reached; an undecided one (cut off) is not known.
-    """
+    """Return True if both margins are known, of one moment if of goals, and comparable."""
     before, now = old.verdict, new.verdict
     if before.margin is None or now.margin is None or not math.isfinite(now.margin - before.margin):
         return False

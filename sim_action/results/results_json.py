@@ -330,10 +330,7 @@ class ResultsFile:
 
 
 def find_all(patterns: Iterable[str]) -> dict[str, list[Path]]:
-    """Return the results files for each pattern: a file, a folder (searched recursively), or a glob of these.
-
-    Raises UsageError if a folder cannot be read.
-    """
+    """Return the results files for each pattern: file, folder (recursively), or glob. Raises UsageError."""
     return {pattern: list(_matches(pattern)) for pattern in patterns}
 
 

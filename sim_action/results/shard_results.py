@@ -60,10 +60,7 @@ def merge_shards(files: Sequence[ResultsFile], listing: Listing | None) -> list[
 
 
 def gates_of(files: Iterable[ResultsFile], listing: Listing | None = None) -> tuple[PlannedGate, ...]:
-    """Return the gates of all files, and of the listed scenarios.
-
-    Raises UsageError if two files, or a file and its scenario, state one gate differently.
-    """
+    """Return the gates of all files and scenarios. Raises UsageError if two state one gate differently."""
     found: dict[tuple[str, str], tuple[PlannedGate, Path]] = {}
     for path, gate in ((file.path, gate) for file in files for gate in file.results.gates):
         known, where = found.setdefault((compared_name(gate.file), gate.name), (gate, path))
@@ -79,10 +76,7 @@ def gates_of(files: Iterable[ResultsFile], listing: Listing | None = None) -> tu
 
 
 def _check_files(files: Iterable[ResultsFile]) -> None:
-    """Raise UsageError for duplicates.
-
-    A scenario that ran on several engines has one outcome for each, with distinct names, in the same results file.
-    """
+    """Raise UsageError for duplicates; outcomes of several engines have distinct names in one file."""
     seen: dict[Unit, Path] = {}
     told = set[tuple[Unit, str]]()
     for path, outcome in ((file.path, outcome) for file in files for outcome in file.results.runs if outcome.file):

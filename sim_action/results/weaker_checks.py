@@ -289,10 +289,7 @@ def _weaker(old: Gate, new: Gate) -> Iterator[ClaimChange]:
 
 
 def _weaker_rate(old: Passes | StopEarly, new: Passes | StopEarly | None) -> Iterator[ClaimChange]:
-    """Yield the changes of the claim about the rate.
-
-    `passes` and `stop_early` are comparable: a robot of the rate `at_least`, or `reject`, passes equally seldom.
-    """
+    """Yield the changes of the claim about the rate; `at_least` of `passes` compares with `reject` of `stop_early`."""
     key = _key(old)
     if new is None:
         yield ClaimChange("removed", key, _rate_text(old))

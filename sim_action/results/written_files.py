@@ -70,10 +70,7 @@ _KINDS: Final[dict[str, Callable[[bytes], bool]]] = {
 
 
 def is_foreign(path: Path, is_ours: Callable[[bytes], bool]) -> bool:
-    """Return True if a file exists, is not empty and is not recognised.
-
-    Raise OSError if it cannot be read, and UsageError for a link: its target is not read.
-    """
+    """Return True if a file has content that is not ours. Raise OSError, and UsageError for a link."""
     if path.is_symlink():
         raise UsageError(escaped_line(f"'{path}' is a link, and results are not written through links; remove it"))
     try:

@@ -96,10 +96,7 @@ class LinkRange:
 
 
 def range_of(scene: Scene, link: str | None, frame: str) -> LinkRange | None:
-    """Return the places that a link, or the base link, may come to in a frame in a stable run.
-
-    Return None if they are unlimited, or not known before a run.
-    """
+    """Return the places that a link, or the base, may come to in a stable run; None if unlimited or unknown."""
     who, link = link or "the base", link or scene.model.root
     model, base, has_height = scene.model, Pose(), True
     if frame == WORLD:
@@ -154,10 +151,7 @@ def least_distance(scene: Scene, link: str, other: str) -> float:
 
 
 def joint_range(scene: Scene, name: str, reading: str) -> tuple[float, float]:
-    """Return the least and the greatest reading that a joint can have in a run; infinite if there is no limit.
-
-    A stop gives way a little. The effort of a motor that no fault holds, and the speed of a stable run, are limited.
-    """
+    """Return the least and greatest reading that a joint can have in a run; a stop gives way a little."""
     joint, most = scene.model.joints_by_name.get(name), math.inf
     if joint is None:
         return -math.inf, math.inf

@@ -138,10 +138,7 @@ class Scene:
 
     @property
     def placement(self) -> Placement:
-        """The initial placement of the base link; z is None if the robot stands on the ground.
-
-        A keyframe states the height and the orientation, unless `robot.pose` states them.
-        """
+        """The initial placement of the base link, if stated by pose or keyframe; z is None on the ground."""
         pose = self.robot.pose
         at = None if self.keyframe is None else self.keyframe.base
         if at is not None:
@@ -169,10 +166,7 @@ class Scene:
 
     @property
     def controls(self) -> dict[str, tuple[float, ...]]:
-        """The initial controls of the model's motors that the keyframe states, in the units of each actuator.
-
-        Motors of joints whose positions `robot.joints` states begin there.
-        """
+        """The initial controls that the keyframe states, without motors of joints in `robot.joints`."""
         if self.keyframe is None:
             return {}
         stated = self._stated_positions().keys()

@@ -276,10 +276,7 @@ def rate_change(worse: int, better: int, pairs: int, confidence: float) -> Inter
 
 
 def paired_bootstrap(differences: Sequence[float], confidence: float, seed: int = 0) -> Interval:
-    """Return the interval of the mean of at least two finite differences; it has no width if all are equal.
-
-    The seed of the resamples is fixed: the same differences in the same order have the same interval.
-    """
+    """Return the interval of the mean of two or more differences; the seed of the resamples is fixed."""
     stated = list(map(float, differences))
     if len(stated) < 2 or not all(map(math.isfinite, stated)):
         raise ValueError(f"an interval needs at least two differences, and finite ones: {len(stated)} are given")

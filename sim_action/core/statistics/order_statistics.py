@@ -66,10 +66,7 @@ def quantile_bounds(values: Iterable[float], q: float, confidence: float, missin
 
 
 def runs_needed_for_quantile(q: float, confidence: float, claim: Claim) -> int:
-    """Return the least number of runs with the bound of the q-quantile that the claim needs.
-
-    With so many runs, the worst one is the bound: the smallest value for "at_least", the greatest for "at_most".
-    """
+    """Return the least number of runs at which the bound of the q-quantile exists: it is then the worst run."""
     _check(q)
     return runs_needed(1.0 - q if claim == "at_least" else q, confidence)
 

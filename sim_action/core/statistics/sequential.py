@@ -40,10 +40,7 @@ class Expected:
 
 @dataclass(frozen=True, slots=True)
 class SequentialTest:
-    """A test of the pass rate `accept` against the lower rate `reject`, of at most so many runs.
-
-    It raises ValueError unless 0 < reject < accept < 1, 0.5 < confidence < 1 and there is a run.
-    """
+    """A test of the pass rate `accept` against `reject`, of at most so many runs. Raises ValueError."""
 
     reject: float
     accept: float
@@ -59,10 +56,7 @@ class SequentialTest:
             raise ValueError(f"a test needs at least one run, not {self.most}")
 
     def boundaries(self, runs: int) -> tuple[int | None, int | None]:
-        """Return the greatest number of passes that rejects after so many runs, and the least one that accepts.
-
-        None: so few runs cannot reject, or cannot accept.
-        """
+        """Return the most passes that reject after so many runs, and the least that accept; None: none can."""
         # The logarithm of the likelihood ratio grows by `gain` with a pass and falls by `loss` with another result.
         gain = math.log(self.accept / self.reject)
         loss = math.log((1.0 - self.reject) / (1.0 - self.accept))
@@ -84,10 +78,7 @@ class SequentialTest:
         return Decision(seen.verdict, seen.runs)
 
     def exact(self, true_rate: float) -> Expected:
-        """Return the probabilities of the verdicts by dynamic programming over runs and passes.
-
-        It raises ValueError for a rate outside 0 to 1.
-        """
+        """Return the exact probabilities of the verdicts, over runs and passes. Raise ValueError for a bad rate."""
         if not 0.0 <= true_rate <= 1.0:
             raise ValueError(f"a rate lies between 0 and 1: {true_rate}")
         accepted = rejected = mean_runs = 0.0

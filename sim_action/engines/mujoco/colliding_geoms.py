@@ -30,10 +30,7 @@ GeomPairs = Mapping[LinkPair, Sequence[tuple[Collider, Collider]]]
 
 
 def geom_pairs(scene: Scene, robot: Iterable[Collider]) -> GeomPairs:
-    """Return the geoms that may touch; MJCF rules out geoms by contype and conaffinity, and adds them by <pair>.
-
-    Raises EngineError if they are too many.
-    """
+    """Return the geoms that may touch, by contype, conaffinity and <pair>. Raises EngineError if too many."""
     geoms: dict[str, list[Collider]] = {}
     for collider in robot:
         geoms.setdefault(collider.part, []).append(collider)
@@ -119,10 +116,7 @@ class SelfCollision(LinkContacts):
             refuse_start_inside(self._counted, self.nearest)
 
     def recorder(self, rate: float, joints: Sequence[str], positions: Callable[[], Sequence[float]]) -> Recorder:
-        """Return a function that records the contacts of the present step.
-
-        :param joints: the order of what `positions` returns: the positions of the joints after the last step.
-        """
+        """Return a function that records the present contacts; `joints`: the order of what `positions` returns."""
         if self._collides:
             return lambda step: self._found.extend(self._present(step / rate))
         watch = self._watch = SelfWatch(self._scene.model, self._counted, joints, rate, self.nearest)

@@ -465,10 +465,7 @@ class StateRecorder:
         self._fixed_pose = self._pose_of_fixed() if compiled.fixed else None
 
     def opened(self) -> tuple[list[int], bytearray, memoryview, memoryview]:
-        """Return where to add each step and its bytes, and live views of the first two parts of these.
-
-        The bytes are those of qpos, of qvel, and of the efforts: (P + V + J,) numbers.
-        """
+        """Return where to add each step and its bytes (of qpos, qvel, efforts), and live views of the first two."""
         return self._steps, self._kept, self._qpos_bytes, self._qvel_bytes
 
     def keep(self, step: int) -> None:
@@ -517,10 +514,7 @@ class StateRecorder:
         return Trace(tuple(joint.name for joint in self.robot.moving_joints), self.trace_rows(self.take()))
 
     def now(self, step: int, contacts: Sequence[Contact]) -> Observation:
-        """Return the present state as that of a step, bit by bit equal to `trace_rows`.
-
-        It computes with single numbers, because arrays of one row would take five times as long.
-        """
+        """Return the present state, bit by bit as `trace_rows`, with single numbers: five times as fast."""
         row = self._row(step)
         if self._balls:
             row = self._with_angles(row)

@@ -40,10 +40,7 @@ def wxyz(orientation: Quaternion) -> list[float]:
 def add_collision(
     spec: Any, body: Any, name: str, shape: Element, pose: Pose, *, hull_files: Mapping[str, bytes]
 ) -> Iterator[str]:
-    """Add a URDF shape to a body; yield the names of its geoms, one per hull of a mesh.
-
-    :param hull_files: file name -> text of each clean mesh.
-    """
+    """Add a URDF shape to a body; yield the names of its geoms, one per hull of a mesh in `hull_files`."""
     if shape.tag != "mesh":
         yield add_geom(body, name, pose, **_primitive(shape))
         return

@@ -301,10 +301,7 @@ class Contacts:
         self._harmless: set[bytes] = set()
 
     def may_matter(self, touching: bytes) -> bool:
-        """Return True if something other than the ground may be touched now; called at every step.
-
-        `touching`: see `SlidingContacts`.
-        """
+        """Return True if something but the ground may be touched; `touching`: see `SlidingContacts`. For every step."""
         # At most steps only wheels touch the ground, so the set of geoms is seldom new.
         if not touching or touching in self._harmless:
             return False

@@ -234,11 +234,7 @@ class _Mechanism:
 
     @classmethod
     def of(cls, parents: Mapping[int, int], fixed: Collection[int], masses: Mapping[int, _Mass], *, held: bool) -> Self:
-        """Return the groups of links.
-
-        :param parents: link -> its parent link, in the order of the robot; without the base.
-        :param fixed: the links that a fixed joint holds.
-        """
+        """Return the groups of links; `parents`: in order, without the base; `fixed`: held by a fixed joint."""
         groups = {BASE: BASE}
         for link, parent in parents.items():
             groups[link] = groups[parent] if link in fixed else link
@@ -254,10 +250,7 @@ class _Mechanism:
 
 
 def calm(client: int, robot: int, rate: float, *, bolted: bool) -> tuple[str, ...]:
-    """Change the robot so that no damping adds energy; return a note for each joint that is damped less.
-
-    :param rate: physics steps per second.
-    """
+    """Change the robot so that no damping adds energy, at `rate` steps a second; return notes on what is reduced."""
     infos = [pybullet.getJointInfo(robot, number, client) for number in range(pybullet.getNumJoints(robot, client))]
     stated = [info for info in infos if info[2] != pybullet.JOINT_FIXED and info[6] > 0]
     damped = [joint for info in stated for joint in _read(client, robot, info)]

@@ -206,10 +206,7 @@ def hide_from_rays(client: int, robot: int, number: int, *, fixed: bool) -> int:
 
 
 def cast_rays(client: int, start_xyz: Vector3, ends_xyz: NDArray[np.float64], seen: int) -> NDArray[np.float64]:
-    """Return the fraction of each ray at which it hits a surface, as `EngineQueries.cast_rays` does.
-
-    `seen`: the collision groups that rays hit.
-    """
+    """Return the fraction at which each ray hits `seen` groups, as `EngineQueries.cast_rays` does."""
     shares: NDArray[np.float64] = np.empty(len(ends_xyz))
     for first in range(0, len(ends_xyz), _MAX_RAYS_PER_CALL):
         # PyBullet reads lists faster than arrays.
@@ -232,10 +229,7 @@ class Contacts:
         self._immovable, self._on_paths = frozenset[int](), frozenset[int]()
 
     def leave_out(self, links: Iterable[int], bodies: Iterable[int]) -> None:
-        """Leave out the contacts of links that cannot move with bodies on paths.
-
-        PyBullet reports some of these pairs, without a force.
-        """
+        """Leave out links that cannot move with bodies on paths: PyBullet reports some, without a force."""
         self._immovable, self._on_paths = frozenset(links), frozenset(bodies)
 
     def of_step(self, time: float, *, ground: bool) -> Iterator[Contact]:

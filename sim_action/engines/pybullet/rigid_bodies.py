@@ -29,10 +29,7 @@ _MARGIN_M: Final = 0.001
 
 
 def add_rigid_body(client: int, body: Body, parts: Sequence[Part]) -> tuple[int, Pose]:
-    """Add a body at the origin; return its number, and the pose of its inertial frame in its own frame.
-
-    Raise OSError or pybullet.error.
-    """
+    """Add a body at the origin; return number and pose of its inertial frame. Raise OSError, pybullet.error."""
     with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as folder:
         path = Path(folder, "body.urdf")
         path.write_bytes(ET.tostring(_urdf(body, parts, Path(folder))))

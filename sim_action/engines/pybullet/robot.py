@@ -55,10 +55,7 @@ class LoadedRobot(RobotQueries):
     def __init__(
         self, client: int, ground: int, scene: Scene, channels: Channels = NO_CHANNELS, *, number: int = 0
     ) -> None:
-        """Load the robot of a scene. Raises pybullet.error, OSError.
-
-        `number`: of the robot among all of the world; that under test is 0.
-        """
+        """Load the robot of a scene; `number`: in the world, 0 for the tested one. Raises pybullet.error, OSError."""
         self._client, self._ground, self._rate, self._model = client, ground, scene.physics.rate, scene.model
         self._robot, self._lazy_contacts = load_robot(client, scene), LazyContacts()
         base = scene.model.links_by_name[scene.model.root]
@@ -378,10 +375,7 @@ class StateRecorder:
         """Places of a leader and of the joint on which its motor acts, and the speed of the second over the first."""
 
     def keep(self, step: int) -> None:
-        """Read the present state, and keep it as that of a step; it is called at every step.
-
-        Joints that have passed their stops are moved back.
-        """
+        """Read the present state and keep it, at every step; move back joints that have passed their stops."""
         row = self._read(step)
         if self.stops is not None and (passed := self.stops.passed(row[_BASE_COLUMNS::3])):
             for place, stop, rests in passed:

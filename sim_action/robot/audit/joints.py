@@ -52,10 +52,7 @@ def axes(document: ModelDocument) -> Iterator[Finding]:
 
 
 def limits(document: ModelDocument) -> Iterator[Finding]:
-    """Yield revolute and prismatic joints with missing, reversed or equal limits; URDF requires <limit> for both.
-
-    Yield continuous joints with limits, which some programs apply: URDF and this one do not.
-    """
+    """Yield joints with missing, reversed or equal limits, and continuous joints with limits, which do not count."""
     for joint in document.elements("joint"):
         kind, name, limit = joint.attrib["type"], joint.attrib["name"], joint.find("limit")
         lower, upper = number(limit, "lower"), number(limit, "upper")
@@ -181,10 +178,7 @@ def _range(joint: Element) -> tuple[float, float]:
 
 
 def still_position(joint: Element, joints: Mapping[str, Element]) -> float | None:
-    """Return the position in rad (m if prismatic) at which a <mimic> holds a joint for good; None if it may move it.
-
-    It does so if the joint is fixed, if the joint that it follows is fixed, or by a multiplier of 0.
-    """
+    """Return the position in rad (m) at which a <mimic> holds a joint for good; None if it may move it."""
     mimic = joint.find("mimic")
     leader = None if mimic is None else joints.get(mimic.attrib["joint"])
     if mimic is None or (leader is None and joint.attrib["type"] != "fixed"):

@@ -271,10 +271,7 @@ def principal_moments(inertia: Element) -> tuple[float, float, float]:
 
 
 def proportions(document: ModelDocument, links: Sequence[Link]) -> Iterator[Finding]:
-    """Yield inertias and masses that do not fit the size of their links.
-
-    :param links: the links of the document, with the sizes of their meshes.
-    """
+    """Yield inertias and masses that do not fit the size of their links, which know the sizes of their meshes."""
     shaped = {link.name: link for link in links if link.collisions and link.mass}
     total = sum(link.mass or 0.0 for link in links)
     for element in document.elements("link"):

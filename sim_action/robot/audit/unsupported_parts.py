@@ -39,10 +39,7 @@ _APART: Final = frozenset({"model", "include", "link", "joint", "collision"})
 
 
 def note_parts(notes: Notes, holder: Element, owner: str, apart: frozenset[str] = frozenset()) -> None:
-    """Note each part of an element of SDF that is not read, without the links, joints, collisions and models in it.
-
-    :param owner: the name of the element in messages. apart: more elements that are left out.
-    """
+    """Note each unread part of an element of SDF, without `apart`, links, joints, collisions and models in it."""
     table = part_table("sdf")
     for part in table.unread(holder, table.place("", holder.tag), _APART | apart):
         _note_unread(notes, part, owner, table)

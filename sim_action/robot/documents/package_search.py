@@ -52,10 +52,7 @@ class PackageFolders:
 
 
 def folders_below(root: Path, *, inside_packages: bool, follows_links: bool = False) -> PackageFolders:
-    """Return the packages and models in a folder and below it.
-
-    `inside_packages`: also search below a package; `follows_links`: also read files outside of `root`.
-    """
+    """Return the packages and models in and below a folder; `follows_links`: also read files outside of `root`."""
     packages, models, named = (defaultdict[str, list[Path]](list) for _ in range(3))
     walk, names, own = _Walk(root, inside_packages), PackageNames(), root.resolve()
     for folder, files in walk.folders():

@@ -113,10 +113,7 @@ _MAX_SAME: Final = 100
 
 
 class PackageError(Exception):
-    """A reference that names no usable file.
-
-    `rule` is missing-package, missing-file, outside-workspace or bad-reference.
-    """
+    """A reference to no usable file; `rule`: missing-package, missing-file, outside-workspace, bad-reference."""
 
     def __init__(self, rule: str, message: str) -> None:
         self.rule = rule
@@ -325,10 +322,7 @@ class Packages:
             return False
 
     def included(self, path: Path, reference: str) -> Found:
-        """Return the file at an absolute path, or where it is in the source of its package. Raises PackageError.
-
-        :param reference: the text in the referring file.
-        """
+        """Return the file at an absolute path, or where it is in its package's source. Raises PackageError."""
         try:
             return Found(self.file(path, reference))
         except PackageError as error:
@@ -357,10 +351,7 @@ class Packages:
         return found
 
     def place(self, path: Path, reference: str) -> Path:
-        """Return the absolute path of a file that may be read, with its links resolved; it may be missing.
-
-        Raises PackageError.
-        """
+        """Return a path that may be read, with its links resolved; it may be missing. Raises PackageError."""
         try:
             found = path.resolve()
             # %20 means a space, as in a URL, if no file has the literal name.
@@ -485,10 +476,7 @@ _MODEL: Final = "model.sdf"
 def find_model_file(
     reference: str, referrer: Path, packages: Packages, read: Callable[[Path], ModelDocument] = read_document
 ) -> Found:
-    """Return the file of a model that an address, a path, or a folder of a Gazebo model names. Raises PackageError.
-
-    :param read: reads a model.config.
-    """
+    """Return the file that an address, path or model folder names; `read`: for model.config. Raises PackageError."""
     scheme, separator, rest = reference.partition("://")
     notes: tuple[Note, ...] = ()
     name, _, path = rest.partition("/")
@@ -522,10 +510,7 @@ def is_folder(path: Path) -> bool:
 
 
 def model_files_in(folder: Path) -> tuple[str, ...]:
-    """Return the first files in a folder that may be models, the likeliest one first.
-
-    The folders below it are read if it has none. Files with the suffix .xml count if there are no others.
-    """
+    """Return the likeliest model files in a folder, or else below it; those with the suffix .xml come last."""
     for suffixes in ((".urdf", ".xacro", ".sdf"), (".xml",)):
         for pattern in ("*", "*/*", "*/*/*"):
             files = [path for path in islice(folder.glob(pattern), _MAX_FILES_READ) if path.suffix in suffixes]

@@ -101,10 +101,7 @@ class PartTable:
                 yield Unread(element, place, f"@{name}", row)
 
     def unread(self, element: Element, place: str, apart: Container[str] = ()) -> Iterator[Unread]:
-        """Yield each part of an element, and of all below it, that is not read; nothing below such a part.
-
-        :param apart: tags of elements that are read but not looked into.
-        """
+        """Yield each part that is not read, and nothing below it; `apart`: tags that are not looked into."""
         yield from self.attributes(element, place)
         for child in element:
             row = self.row(place, child.tag)

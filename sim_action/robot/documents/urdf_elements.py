@@ -124,10 +124,7 @@ def axis(joint: Element, tag: str = "axis") -> Vector3:
 
 
 def limits(joint: Element) -> tuple[float | None, float | None]:
-    """Return the lower and upper limit of a joint, in rad (m if prismatic); None means "no limit".
-
-    If one of the two is missing, it is 0, as in URDF. If both are missing, the audit allowed it, and there is no limit.
-    """
+    """Return the limits of a joint in rad (m), None for "no limit"; as in URDF, one that is missing is 0."""
     limit = joint.find("limit")
     lower, upper = number(limit, "lower"), number(limit, "upper")
     if joint.get("type") == "continuous" or (lower, upper) == (None, None):
@@ -169,10 +166,7 @@ def surface_of(document: ModelDocument, link: Element) -> Surface:
 
 
 def spring_of(document: ModelDocument, joint: Element) -> tuple[float, float]:
-    """Return stiffness and rest position of the spring of a joint; 0 and 0 without a spring.
-
-    They are attributes of <dynamics>, as `sim_action.robot.reading.sdf` writes them, or Gazebo's tags for URDF.
-    """
+    """Return stiffness and rest position of a joint's spring, from <dynamics> or Gazebo's tags; or 0 and 0."""
     dynamics = joint.find("dynamics")
     stiffness, reference = (number(dynamics, name) for name in ("spring_stiffness", "spring_reference"))
     for tag in tags_of(document, joint.attrib["name"]):

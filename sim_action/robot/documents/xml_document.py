@@ -120,10 +120,7 @@ def _bytes(path: Path, where: Location) -> bytes:
 
 
 def _parsed(data: bytes, file: str) -> ModelDocument:
-    """Parse the content of a file. A declaration may follow white space and comments, as in ROS and Gazebo.
-
-    `--` in a comment and a bare `&` are read, too, as TinyXML does in ROS and Gazebo.
-    """
+    """Parse a file; as in ROS and Gazebo, a declaration may be late, and `--` in a comment or a bare `&` is read."""
     try:
         return _parsed_strictly(data, file)
     except ModelError:

@@ -295,10 +295,7 @@ class Places:
 
 
 def grouped_notes(findings: Iterable[Finding]) -> tuple[str, ...]:
-    """Return the findings as text, one for each rule and file: the first one, and the lines of the others.
-
-    Those of `_COUNTED` are not grouped.
-    """
+    """Return the findings as text, one for each rule and file, with the lines of the others; but all of `_COUNTED`."""
     groups: dict[tuple[str, str, str], list[Finding]] = {}
     for note in findings:
         kind = note.message if note.rule in _COUNTED else ""

@@ -98,10 +98,7 @@ class Chain:
 
     @classmethod
     def of(cls, model: RobotModel, link: str, positions: Mapping[str, float]) -> Self:
-        """Return the chain of a link.
-
-        :param positions: joint name -> position in rad (m if prismatic), of the joints that cannot be commanded.
-        """
+        """Return the chain of a link; `positions`: rad or m, of the joints that cannot be commanded."""
         joints: dict[str, Joint] = {}
         sections: list[_Section] = []
         mount = Pose()
@@ -227,10 +224,7 @@ def _from_z(axis: Vector3) -> Quaternion:
 
 
 def reach(chain: Chain, target: Pose, start: Sequence[float], *, turns: bool = True) -> Solution:
-    """Return the joint positions nearest to a target that are found from `start`.
-
-    `target`: the wanted pose of the link, base frame; `turns`: False if any orientation will do.
-    """
+    """Return the joint positions nearest to a target that are found from `start`; not `turns`: any orientation."""
     return _Search(chain, target, turns=turns).from_start(chain.inside(start))
 
 
@@ -365,10 +359,7 @@ _LEAST_SHARE: Final = 1e-12
 
 
 def damped_least_squares(columns: Sequence[Sequence[float]], error: Sequence[float], damping: float) -> list[float]:
-    """Return x with the least |J x - e|^2 + damping |x|^2; `columns` are those of J.
-
-    It is J' (J J' + damping)^-1 e, by the Cholesky decomposition of the matrix in brackets.
-    """
+    """Return J' (J J' + damping)^-1 e, by the Cholesky decomposition; `columns` are those of J, and e the error."""
     rows = list(zip(*columns, strict=True)) if columns else [()] * len(error)
     factor: list[list[float]] = []
     solved: list[float] = []

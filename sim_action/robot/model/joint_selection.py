@@ -71,10 +71,7 @@ def selects(model: RobotModel, name: str) -> bool:
 
 
 def joints_set_by(model: RobotModel, names: Collection[str]) -> dict[str, tuple[str, ...]]:
-    """Return name -> the joints that it sets, for the names in a map of joints.
-
-    The name of a joint wins over patterns and groups. These set only joints with a motor of their own.
-    """
+    """Return name -> the joints that it sets; the name of a joint wins over patterns and groups."""
     own = {name for name in names if not selects(model, name)}
     return {
         name: (name,) if name in own else tuple(each for each in _led(model, name) if each not in own) for name in names

@@ -31,10 +31,7 @@ BASE_FRAME: Final = "base"
 
 
 def link_poses(model: RobotModel, positions: Mapping[str, float]) -> dict[str, Pose]:
-    """Return the pose of each link in the base frame.
-
-    :param positions: joint name -> position in rad (m if prismatic); a joint that is left out is at 0.
-    """
+    """Return the pose of each link in the base frame; `positions`: in rad (m), 0 for joints that are left out."""
     hanging: dict[str, list[Joint]] = {}
     for joint in model.joints:
         hanging.setdefault(joint.parent, []).append(joint)
@@ -70,10 +67,7 @@ def why_no_frame(model: RobotModel, name: str) -> str | None:
 
 
 def robot_box(model: RobotModel, poses: Mapping[str, Pose]) -> Box | None:
-    """Return the box around all collision shapes, in the base frame; None if there are no shapes.
-
-    The box is tight, except around rotated meshes whose points are not known.
-    """
+    """Return the box around all collision shapes in the base frame, if any; tight unless points are unknown."""
     placed = [(poses[link.name], shape) for link in model.links for shape in link.collisions]
     boxes = [(shape_box(geometry.compose(frame, shape.pose), shape), frame, shape) for frame, shape in placed]
     found = [box for box, frame, shape in boxes if not _is_loose(frame, shape)]

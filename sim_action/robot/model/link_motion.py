@@ -51,10 +51,7 @@ class LinkMotion:
         return len(self.position_xyz)
 
     def seen_from(self, frame: LinkMotion) -> LinkMotion:
-        """Return the motion relative to a frame that moves too; both are given in the same frame.
-
-        All vectors of the result are in the axes of `frame`; velocities are those that an observer in it sees.
-        """
+        """Return the motion as an observer in a frame that moves too sees it, in the axes of that frame."""
         back = geometry.conjugate(_columns(frame.orientation_xyzw))
         away = _columns(self.position_xyz - frame.position_xyz)
         carried = geometry.cross(_columns(frame.angular_xyz), away)
@@ -73,12 +70,7 @@ _STATES: Final[WeakKeyDictionary[Trace, LinkStates]] = WeakKeyDictionary()
 
 
 def link_motion(model: RobotModel, trace: Trace, link: str) -> LinkMotion:
-    """Return the motion of a link at the moments of a trace, in the world frame.
-
-    A joint that the trace leaves out follows the joint that it mimics, or stays at home.
-
-    :raises KeyError: the robot has no such link; the message has the nearest names.
-    """
+    """Return the motion of a link at the moments of a trace, world frame. Raise KeyError for an unknown link."""
     states = _STATES.get(trace)
     if states is None or states.model is not model:
         states = _STATES[trace] = _states_of(model, trace)
@@ -96,11 +88,7 @@ def frames_of(positions_xyz: FloatArray, orientations_xyzw: FloatArray) -> Frame
 
 
 def link_frames(model: RobotModel, base: Pose, positions: FloatArray) -> dict[str, Pose]:
-    """Return the poses of all links at T moments, each as one pose of columns (T,).
-
-    :param base: the poses of the base link, as columns.
-    :param positions: (T, J) rad or m, of the moving joints of the model.
-    """
+    """Return the poses of all links, and `base`, as columns (T,); `positions`: (T, J) of moving joints."""
     columns = zip(model.moving_joints, positions.T, strict=True)
     joints: Any = {joint.name: JointState(column, 0.0, 0.0) for joint, column in columns}
     states = LinkStates(model, base, Twist(), joints, np)
@@ -108,12 +96,7 @@ def link_frames(model: RobotModel, base: Pose, positions: FloatArray) -> dict[st
 
 
 def motion_in(model: RobotModel, trace: Trace, link: str, frame: str = WORLD) -> LinkMotion:
-    """Return the motion of a link at the moments of a trace, in a frame: "world", "base" or the name of a link.
-
-    A link that is named "base" is meant before the base link; "world" is always the world frame.
-
-    :raises KeyError: the robot has no such link.
-    """
+    """Return the motion of a link in a frame: "world", a link, else "base". Raise KeyError for an unknown link."""
     motion = link_motion(model, trace, link)
     if frame == WORLD:
         return motion
@@ -139,10 +122,7 @@ class LinkMotions(Mapping[str, LinkMotion]):
 
 
 class LinkStates(Mapping[str, LinkState]):
-    """Link name -> pose and twist in the world frame. Each is computed when it is read first.
-
-    The numbers are floats of one moment, or columns (T,) of T moments.
-    """
+    """Link name -> pose and twist, world frame, computed when it is read: floats, or columns of T moments."""
 
     __slots__ = ("_base", "_functions", "_joints", "_known", "model")
 
@@ -294,12 +274,7 @@ def _rows(columns: Any) -> FloatArray:
 
 
 def centre_of_mass(model: RobotModel, trace: Trace, loads: Mapping[str, FloatArray] | None = None) -> FloatArray:
-    """Return the positions (T, 3) in m of the robot's centre of mass at the moments of a trace, world frame.
-
-    It is that of the links with a mass; the robot must have at least one.
-
-    :param loads: link -> the masses (T,) in kg that are added to it, at its own centre of mass.
-    """
+    """Return the positions (T, 3) in m of the centre of mass; `loads`: link -> masses (T,) in kg that it carries."""
     moments, total = np.zeros((len(trace), 3)), np.zeros((len(trace), 1))
     for link in (link for link in model.links if link.mass):
         motion = link_motion(model, trace, link.name)

@@ -420,10 +420,7 @@ class RobotModel:
         return self.mjcf.adhesion.get(name, (name,))[0] if self.mjcf else name
 
     def why_not_driven(self, name: str, reading: Reading | None = None) -> str | None:
-        """Return a message if no motor can move a joint, or if there is no such joint; None if a motor can.
-
-        :param reading: the quantity that is commanded; None if that is not known.
-        """
+        """Return why no motor can move a joint, by a quantity (None: unknown); None if one can."""
         joint = self.joints_by_name.get(name)
         ball = name if name in self.balls else joint.ball if joint else ""
         if ball:
@@ -456,10 +453,7 @@ class RobotModel:
         return Mimic(joint.name, multiplier, offset)
 
     def reach(self, name: str) -> tuple[float, float]:
-        """Return the lowest and highest position of a joint in rad (m): joints that are coupled to it stop it too.
-
-        The first is above the second if their limits exclude each other.
-        """
+        """Return the lowest and highest position in rad (m) that coupled joints allow; reversed if they allow none."""
         own, lower, upper = self.gear(name), -math.inf, math.inf
         for joint in self.motor_joints:
             gear = self.gear(joint.name)

@@ -51,10 +51,7 @@ def commanded_joints(document: ModelDocument) -> tuple[CommandedJoint, ...]:
 
 
 def interfaces_of(transmission: Element, joint: Element) -> Iterator[str]:
-    """Yield the interfaces of a joint of a transmission, with the package that old descriptions leave out.
-
-    The interface is named at the joint, in older descriptions at the actuator.
-    """
+    """Yield the interfaces of a joint, stated there or at its actuator, with the package that old files leave out."""
     at_joint = joint.findall("hardwareInterface")
     for tag in at_joint or transmission.findall("actuator/hardwareInterface"):
         name = (tag.text or "").strip()
@@ -68,10 +65,7 @@ def _kind(interface: str) -> str:
 
 
 def with_controllers(plugins: tuple[Plugin, ...], path: Path, packages: Packages) -> tuple[Plugin, ...]:
-    """Return the plugins, and the controllers in the parameter files that they name; each file is read once.
-
-    :param path: the file of the model.
-    """
+    """Return the plugins of a model, and the controllers in their parameter files, each of which is read once."""
     found, read = list[Plugin](), dict[Path, tuple[Plugin, ...] | str]()
     for plugin in plugins:
         unread = []
@@ -166,10 +160,7 @@ def _tree(yaml: Any, text: str, lines: dict[str, int]) -> object:
 
 
 def _checked(yaml: Any, text: str) -> Iterator[Any]:
-    """Yield the events of one YAML document that begin and end values. Raises ValueError.
-
-    The values are bounded: tags construct nothing, and an alias may be many more values than its bytes.
-    """
+    """Yield the bounded events of one YAML document without tags and aliases. Raises ValueError."""
     count = depth = documents = 0
     for event in yaml.parse(text, Loader=yaml.SafeLoader):
         count += isinstance(event, yaml.NodeEvent)

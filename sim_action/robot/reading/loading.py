@@ -66,10 +66,7 @@ def _read_or_error(robot: Robot, workspace: Workspace) -> RobotModel | ModelErro
 
 
 def _place(robot: Robot, workspace: Workspace) -> tuple[Hashable, ...]:
-    """The part of the key that names the file.
-
-    Scenarios in different folders may mean the same file. A package name may mean another package in each folder.
-    """
+    """Return the part of the key that names the file; a package name means another one in each folder."""
     if robot.model in BUILT_IN and robot.srdf is None:
         return (robot.model,)
     if not robot.packages and "://" not in robot.model and robot.srdf is None:
@@ -85,10 +82,7 @@ def _options(robot: Robot) -> str:
 
 
 def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
-    """Read the model that a robot names. Raises ModelError.
-
-    A xacro file is evaluated, which runs the expressions in it.
-    """
+    """Read the model that a robot names; this runs the expressions of a xacro file. Raises ModelError."""
     model = _read_model(robot, workspace)
     if robot.keyframe is not None:
         _check_keyframe(robot.keyframe, model)
@@ -144,10 +138,7 @@ def _read_model(robot: Robot, workspace: Workspace) -> RobotModel:
 
 
 def _model(document: ModelDocument, path: Path, packages: Packages, allow: Iterable[str], name: str = "") -> RobotModel:
-    """Return the model of a document. Its root element decides the format; MJCF also needs the file suffix .xml.
-
-    :param name: name of the model in a world file; empty for other files.
-    """
+    """Return the model of a document, whose root element decides the format; `name`: of a model in a world file."""
     if document.root.tag == "mujoco" and path.suffix == ".xml":
         # MuJoCo takes 0.1 s to import.
         from sim_action.robot.reading.mjcf.mjcf_reader import read_mjcf

@@ -116,11 +116,7 @@ _LENGTHS: Final = {"size": 3}
 
 
 def read_urdf(path: Path, packages: Packages | None = None, allow: Iterable[str] = ()) -> RobotModel:
-    """Read a URDF file. Raises ModelError with all problems.
-
-    :param packages: finds the meshes; left out: only in the folder of the model and below.
-    :param allow: rules whose errors are accepted.
-    """
+    """Read a URDF file, by default with meshes of its folder; `allow`: accepted rules. Raises ModelError."""
     return model_of(read_document(path), path, packages or _of_folder(path.resolve().parent), allow)
 
 
@@ -386,10 +382,7 @@ def drop_empty_root(document: ModelDocument) -> None:
 
 
 def drop_invalid_mimics(document: ModelDocument) -> None:
-    """Remove each <mimic> that cannot work, if the audit allowed it: the joint moves independently.
-
-    A joint that its <mimic> never moves becomes fixed, at the position of the <mimic>.
-    """
+    """Remove each <mimic> that cannot work; a joint that its <mimic> never moves becomes fixed, where it is held."""
     joints = {joint.attrib["name"]: joint for joint in document.elements("joint")}
     for joint in joints.values():
         if (position := still_position(joint, joints)) is not None:

@@ -34,10 +34,7 @@ _KEY: Final = "place"
 
 
 class XacroError(Exception):
-    """A problem in a xacro file, with its place.
-
-    `rule` is bad-xml, bad-xacro, unknown-argument, missing-include, or a rule of PackageError.
-    """
+    """A problem in a xacro file, with its place; `rule`: one of the audit."""
 
     def __init__(self, rule: str, message: str, location: Location) -> None:
         self.rule = rule

@@ -57,10 +57,7 @@ class Expansion:
 def read_xacro(
     path: Path, arguments: Mapping[str, Argument], packages: Packages
 ) -> tuple[ModelDocument, list[Finding]]:
-    """Evaluate a xacro file, which runs the expressions in it. Return the URDF and xacro's warnings. Raises ModelError.
-
-    The elements of the document know their places in the .xacro files.
-    """
+    """Evaluate a xacro file. Return the URDF, with places in the .xacro files, and warnings. Raises ModelError."""
     try:
         expansion = expand(path, arguments, packages)
     except XacroError as error:

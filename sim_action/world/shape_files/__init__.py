@@ -51,10 +51,7 @@ def read_surroundings(
     shapes: ShapeLibrary | None = None,
     known: Mapping[str, tuple[Part, ...]] = MappingProxyType({}),
 ) -> Surroundings:
-    """Read the bodies of a world whose shapes are in files or arrays.
-
-    `shapes`: the cache; `known`: name of a body -> its parts, for bodies whose files were read already.
-    """
+    """Read the shapes of a world's bodies from files or arrays; `known`: name of a body -> its parts, already read."""
     shapes = shapes or ShapeLibrary()
     parts = dict(known)
     problems: list[SpecProblem] = []

@@ -9,11 +9,7 @@ from sim_action.core.workspace import PathError, Workspace
 
 
 class ShapeError(ValueError):
-    """An unusable shape.
-
-    `key`: the key below the shape that causes it; `number`: index of the shape in `shapes`; None if the body has one
-    shape.
-    """
+    """An unusable shape: the key below it that causes it; `number`: its index in `shapes`, if any."""
 
     def __init__(self, message: str, key: str = "file") -> None:
         self.key = key

@@ -32,10 +32,7 @@ class Loss(FrozenModel):
 
 
 class LossList:
-    """The losses of one world file, in the order in which they were found.
-
-    `places`: the file and line of each element.
-    """
+    """The losses of one world file in the order of the search; `places`: file and line of each element."""
 
     def __init__(self, places: Mapping[Element, Location]) -> None:
         self.places = places
@@ -72,10 +69,7 @@ _APART: Final = frozenset({"model", "include", "link"})
 
 
 def lost_parts(holder: Element, place: str = "", *, moves: bool = False) -> Iterator[tuple[Element, str]]:
-    """Yield each lost part of an element and of all below it, with the message about it.
-
-    :param place: of the element in the table, if not its tag. moves: True if its model moves.
-    """
+    """Yield each lost part of an element and of all below it, with its message; `moves`: its model moves."""
     table = part_table("world")
     for part in table.unread(holder, place or holder.tag, _APART):
         is_nothing = part.place == "state" and not (len(part.element) or part.value)

@@ -386,10 +386,7 @@ def _corners(model: Any, geom: int) -> bytes:
 
 
 def _mimics(model: Any, motors: Mapping[str, Motor]) -> dict[str, Mimic]:
-    """Return joints that an equality couples to another; only its linear part, the engine applies the rest.
-
-    The leader is the one with a motor of its own.
-    """
+    """Return joints that an equality couples to another, with its linear part; the leader has a motor of its own."""
     import mujoco
 
     tied: dict[str, Mimic] = {}

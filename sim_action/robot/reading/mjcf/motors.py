@@ -39,10 +39,7 @@ _DIRECT: Final = frozenset({mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_FILTER
 
 
 def motors_of(built: Built, moving: Iterable[str]) -> dict[str, Motor]:
-    """Return joint name -> its motor, and note the actuators that no command can name.
-
-    :param moving: names of the joints with one degree of freedom.
-    """
+    """Return joint name -> its motor, of the joints `moving`, and note the actuators that no command can name."""
     spec, joints = built.spec, set(moving)
     tendons = {tendon.name: _joints_of(tendon) for tendon in spec.tendons}
     candidates = [(actuator, kind) for actuator in spec.actuators if (kind := _kind(actuator)) is not None]
@@ -68,10 +65,7 @@ def motors_of(built: Built, moving: Iterable[str]) -> dict[str, Motor]:
 
 
 def _why_not_commanded(actuator: Any, joints: set[str], tendons: Mapping[str, tuple[str, ...]]) -> str:
-    """Return the reason why no command can name an actuator, to follow "it".
-
-    :param joints: names of those with one degree of freedom. tendons: name -> joints, for fixed ones.
-    """
+    """Return why no command can name an actuator, to follow "it"; `tendons`: name -> joints, of fixed ones."""
     on_joint, on_tendon = actuator.trntype in _ON_JOINT, actuator.trntype == _TRN.mjTRN_TENDON
     through = tendons.get(actuator.target, ())
     reasons = (
@@ -166,10 +160,7 @@ def adhesion_of(model: Any) -> dict[str, tuple[str, float]]:
 
 
 def keyframes_of(built: Built, joints: Iterable[Joint], free: str | None) -> dict[str, Keyframe]:
-    """Return name -> keyframe; one that does not fit the model has a flaw.
-
-    :param joints: of the robot. free: name of its free joint, if it has one.
-    """
+    """Return name -> keyframe, with a flaw if it does not fit the model; `free`: name of its free joint."""
     count = sum(numbers for _, numbers in built.positions.values())
     moving = [joint for joint in joints if joint.moves]
     found = dict[str, Keyframe]()

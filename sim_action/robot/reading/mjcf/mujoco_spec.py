@@ -40,10 +40,7 @@ _NUMBERS: Final = {_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
 
 
 class StatedKeyframe(NamedTuple):
-    """A keyframe as the file states it: `qpos` and `ctrl` are empty if it does not state them.
-
-    A keyframe without a name has its number in MuJoCo as its name.
-    """
+    """A keyframe as stated, with empty `qpos` or `ctrl` if it states none; the default name is its number."""
 
     name: str
     qpos: tuple[float, ...]
@@ -144,10 +141,7 @@ def _state_masses(spec: Any) -> None:
 
 
 def surfaces_of(mjcf: Mjcf) -> dict[str, tuple[NDArray[np.float64], NDArray[np.int64]]]:
-    """Return the points (P, 3) in m, in the engine's mesh frame, and the triangles (T, 3) of each mesh in the model.
-
-    A mesh that is only looked at and has a file of its own is a small body here.
-    """
+    """Return points (P, 3) in m, mesh frame, and triangles (T, 3) of each mesh; small ones if only drawn."""
     spec = _spec(mjcf)
     _fill_meshes(spec, mjcf)
     model = compiled(spec)
@@ -432,10 +426,7 @@ def _has_joints(body: Any) -> bool:
 
 
 def _driven(spec: Any, names: dict[str, set[str]], free: set[str]) -> set[str]:
-    """Return the bodies with actuators, and those fixed to the world that an equality couples to them.
-
-    :param names: body -> the names of its parts. free: bodies that move freely.
-    """
+    """Return the bodies with actuators and those coupled to them; `names`: of their parts; `free`: they move freely."""
     tendons = {tendon.name: _wrapped(tendon) for tendon in spec.tendons}
     targets = set[str]()
     for actuator in spec.actuators:
@@ -457,10 +448,7 @@ def _wrapped(tendon: Any) -> set[str]:
 
 
 def floor_height(spec: Any) -> tuple[float, Any, int]:
-    """Return the height of the highest level plane of the world that collides, its geom, and the count of such planes.
-
-    The height is in m; without such a plane, the result is 0, None and 0.
-    """
+    """Return the height in m and geom of the highest level plane that collides, and their count; or 0, None, 0."""
     found = list(_floors(spec))
     highest = max(found, key=lambda floor: floor[0], default=(0.0, None))
     return (*highest, len(found))

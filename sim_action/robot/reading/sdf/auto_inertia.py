@@ -31,10 +31,7 @@ class Inertia:
 
 
 def auto_inertia(inertial: Element, collisions: Iterable[tuple[Element, Pose]]) -> Inertia:
-    """Return the inertia of a link. Raises SdfProblem.
-
-    :param collisions: each <collision> with its pose in the frame of the link.
-    """
+    """Return the inertia of a link from its collisions, placed in the frame of the link. Raises SdfProblem."""
     density = number_of(inertial, "density", _DENSITY)
     solids = [(number_of(holder, "density", density), _solid(inertial, holder), pose) for holder, pose in collisions]
     masses = [density * solid.volume for density, solid, _ in solids]

@@ -109,10 +109,7 @@ def urdf_of_sdf(
 
 
 def convert(scope: Scope, notes: Notes, *, places_base: bool = False) -> ModelDocument:
-    """Return the URDF, as complete as possible. Problems become findings in `notes`.
-
-    :param places_base: True if the base starts where the file has it.
-    """
+    """Return the URDF as far as possible; problems are noted. `places_base`: the base starts where the file has it."""
     frames = Frames(scope)
     kinematics = kinematics_of(scope, frames, notes)
     writer = UrdfWriter(scope.element.get("name") or scope.file.path.stem, scope.element, notes.places)

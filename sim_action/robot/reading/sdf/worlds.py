@@ -78,10 +78,7 @@ def world_of(document: ModelDocument) -> Element | None:
 
 
 def read_sdf_world(path: Path, document: ModelDocument, packages: Packages, notes: Notes) -> SdfWorld:
-    """Compose the models of a world; problems become findings in `notes`. Raises ModelError.
-
-    :param path: the file of the document, with its links resolved.
-    """
+    """Compose the models of a world in a resolved file; problems are noted. Raises ModelError."""
     element = world_of(document)
     if element is None:
         message = "this file has no <world>; name a .world or .sdf file with one"
@@ -104,10 +101,7 @@ def read_sdf_world(path: Path, document: ModelDocument, packages: Packages, note
 def robot_scope(
     path: Path, document: ModelDocument, name: str, packages: Packages, notes: Notes
 ) -> tuple[Scope, Version]:
-    """Return one model of a world as an outermost model, and the version of its file. Raises ModelError.
-
-    Problems of other models are not reported here.
-    """
+    """Return one model of a world as an outermost model, and its file's version. Raises ModelError."""
     others = Notes()
     world = read_sdf_world(path, document, packages, others)
     notes.places.update(others.places)
@@ -130,10 +124,7 @@ def robot_scope(
 
 
 def base_pose(world: SdfWorld, name: str) -> Pose | None:
-    """Return the pose of a model's root link in the world; None if the model is fixed to the world.
-
-    Raises SdfProblem.
-    """
+    """Return the pose of a model's root link in the world; None if it is fixed to it. Raises SdfProblem."""
     entry = world.models[name]
     scope = entry.scope
     assert scope is not None
