@@ -11,7 +11,7 @@ from typing import Final
 
 import click
 
-from sim_action.cli.options import Bounded, not_empty, output_dir, refuse_typed
+from sim_action.cli.options import Bounded, output_dir, refuse_typed, switch, text_option
 from sim_action.core.discovery import compared_name
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.files import whole_file
@@ -46,24 +46,14 @@ from sim_action.results.written_files import is_comparison, is_foreign
     help="Warn if the real-time factor, sim time divided by real time, drops below this share (0 to 1) of its old "
     "value.",
 )
-@click.option("--strict/--no-strict", default=False, help="Treat warnings as failures.  [default: no]")
-@click.option(
-    "--allow-removed/--no-allow-removed",
-    default=False,
-    help="Accept a new run that has no scenario of the old run.  [default: no]",
-)
-@click.option(
+@switch("strict", "Treat warnings as failures.")
+@switch("allow-removed", "Accept a new run that has no scenario of the old run.")
+@text_option(
     "--markdown",
-    callback=not_empty,
     metavar="FILE",
-    help="Write the comparison as Markdown, such as for a comment on a pull request; - is standard output.",
+    text="Write the comparison as Markdown, such as for a comment on a pull request; - is standard output.",
 )
-@click.option(
-    "--summary/--no-summary",
-    envvar="SIM_ACTION_SUMMARY",
-    default=True,
-    help="On GitHub, add the comparison to the job summary.  [default: yes]",
-)
+@switch("summary", "On GitHub, add the comparison to the job summary.", env=True, default=True)
 def compare(
     old: str,
     new: str | None,

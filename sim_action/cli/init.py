@@ -9,6 +9,7 @@ from typing import Final
 import click
 
 from sim_action.app.schema import schema_here, schema_text
+from sim_action.cli.options import flag
 from sim_action.core.errors import UsageError
 from sim_action.core.version import __version__
 from sim_action.core.wording import did_you_mean
@@ -24,7 +25,7 @@ from sim_action.robot.built_in import BUILT_IN
     show_default=True,
     help="Built-in robot of the scenario; sim-action models lists them.",
 )
-@click.option("--force", is_flag=True, help="Overwrite existing files.")
+@flag("--force", text="Overwrite existing files.")
 def init(folder: str, robot: str, force: bool) -> None:
     """Create an example scenario with explanations, which passes, and a GitHub workflow that runs it.
 

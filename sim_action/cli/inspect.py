@@ -8,28 +8,26 @@ from typing import Any
 import click
 
 from sim_action.app.inspect import inspect_apart, inspection_json, inspection_text, losses_text
-from sim_action.cli.options import asked_model, code_flags, model_flags
+from sim_action.cli.options import asked_model, code_flags, flag, model_flags
 from sim_action.core.errors import ExitCode
 from sim_action.results.masking import Mask
 
 
 @click.command()
 @click.argument("model")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-@click.option(
+@flag("--json", "as_json", text="Print JSON.")
+@flag(
     "--losses",
-    is_flag=True,
-    help="List the parts of the model that are not simulated as its files state them, with file, line and consequence.",
+    text="List the parts of the model that are not simulated as its files state them, with file, line and consequence.",
 )
 @click.option(
     "--srdf", metavar="FILE", help="The SRDF of the model, as robot.srdf; default: MODEL with the suffix .srdf."
 )
 @model_flags
 @code_flags
-@click.option(
+@flag(
     "--allow-outside",
-    is_flag=True,
-    help="Allow a model outside the workspace. The workspace is the git repository, else the current folder.",
+    text="Allow a model outside the workspace. The workspace is the git repository, else the current folder.",
 )
 def inspect(model: str, as_json: bool, losses: bool, **flags: Any) -> ExitCode:
     """Show the links, joints and masses of a robot model, and the problems in it.

@@ -6,23 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sim_action.cli.options import (
-    ALLOW_OUTSIDE,
-    ENGINE_OPTION,
-    PACKAGES,
-    PATHS,
-    SEED_OPTION,
-    Bounded,
-    code_flags,
-    code_permissions,
-    discovered,
-    jobs_option,
-    named_packages,
-    not_empty,
-    report_flags,
-    report_request,
-    selection_flags,
-)
+from sim_action.cli import options
 from sim_action.core.errors import ExitCode
 from sim_action.core.records import replace
 
@@ -31,28 +15,26 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@PATHS
-@selection_flags
-@click.option(
+@options.PATHS
+@options.selection_flags
+@options.text_option(
     "--factor",
     "factors",
-    multiple=True,
-    callback=not_empty,
     metavar="KEY[=FROM:TO]",
-    help="Vary only these factors, such as friction, latency=0 s:2 s or world.objects.box.mass=1 kg:9 kg; repeatable.  "
+    text="Vary only these factors, such as friction, latency=0 s:2 s or world.objects.box.mass=1 kg:9 kg; repeatable.  "
     "[default: those of --at-least, else all]",
+    multiple=True,
 )
-@click.option(
+@options.text_option(
     "--at-least",
     "at_least",
-    multiple=True,
-    callback=not_empty,
     metavar="FACTOR=AMOUNT",
-    help="Fail if a scenario fails so near to the nominal value, such as friction=20% or latency=50 ms; repeatable.",
+    text="Fail if a scenario fails so near to the nominal value, such as friction=20% or latency=50 ms; repeatable.",
+    multiple=True,
 )
 @click.option(
     "--runs",
-    type=Bounded(click.IntRange(2, 1000)),
+    type=options.Bounded(click.IntRange(2, 1000)),
     default=20,
     show_default=True,
     metavar="N",
@@ -60,24 +42,21 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--budget",
-    type=Bounded(click.IntRange(1)),
+    type=options.Bounded(click.IntRange(1)),
     metavar="N",
     help="Vary nothing if there may be more than N runs.  [default: any number]",
 )
-@click.option(
-    "--resume/--no-resume",
-    default=False,
-    help="Continue the earlier search in the output folder: take over each run that nothing has changed for.  "
-    "[default: no]",
+@options.switch(
+    "resume", "Continue the earlier search in the output folder: take over each run that nothing has changed for."
 )
-@click.option("--shard", callback=not_empty, metavar="I/N", help="Only part I of N of the scenarios, such as 1/4.")
-@ENGINE_OPTION
-@SEED_OPTION
-@jobs_option("runs")
-@report_flags
-@code_flags
-@PACKAGES
-@ALLOW_OUTSIDE
+@options.text_option("--shard", metavar="I/N", text="Only part I of N of the scenarios, such as 1/4.")
+@options.ENGINE_OPTION
+@options.SEED_OPTION
+@options.jobs_option("runs")
+@options.report_flags
+@options.code_flags
+@options.PACKAGES
+@options.ALLOW_OUTSIDE
 def margins(
     paths: Sequence[str],
     *,
@@ -109,10 +88,10 @@ def margins(
         from sim_action.runner.run_plan import PlanRequest
 
         requests = FactorRequest.parsed(factors, at_least)
-        suite = discovered(paths, flags, outside=allow_outside)
-        allowed = code_permissions(flags, {path.parent: None for path in suite.files})
-        permissions = replace(allowed, outside=allow_outside, packages=named_packages(packages))
-        reports = report_request(flags)
+        suite = options.discovered(paths, flags, outside=allow_outside)
+        allowed = options.code_permissions(flags, {path.parent: None for path in suite.files})
+        permissions = replace(allowed, outside=allow_outside, packages=options.named_packages(packages))
+        reports = options.report_request(flags)
         request = MarginsRequest(
             PlanRequest(suite, permissions, shard, backend, seed),
             replace(reports, folder=reports.folder / MARGINS_FOLDER),

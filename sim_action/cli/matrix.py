@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from sim_action.cli.options import PATHS, Bounded, discovered, not_empty, selection_flags
+from sim_action.cli.options import PATHS, Bounded, discovered, selection_flags, text_option
 from sim_action.core.discovery import compared_name, file_name
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.permissions import Permissions
@@ -38,11 +38,10 @@ if TYPE_CHECKING:
     required=True,
     help="Number of shards, 1 to 256. If there are fewer scenarios, there are fewer shards.",
 )
-@click.option(
+@text_option(
     "--durations",
-    callback=not_empty,
     metavar="FILE",
-    help="The results.json of an earlier run: shards get about the same total duration. Without it, all scenarios "
+    text="The results.json of an earlier run: shards get about the same total duration. Without it, all scenarios "
     "count the same.",
 )
 def matrix(paths: Sequence[str], shards: int, durations: str | None, **flags: Any) -> ExitCode:

@@ -11,11 +11,11 @@ import click
 
 from sim_action.cli.options import (
     discovered,
-    not_empty,
     report_flags,
     report_request,
     selection_flags,
     taken_selection,
+    text_option,
     typed,
 )
 from sim_action.core.discovery import compared_name
@@ -40,12 +40,11 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("results", nargs=-1, required=True, metavar="RESULTS...")
-@click.option(
+@text_option(
     "--scenarios",
-    multiple=True,
-    callback=not_empty,
     metavar="PATH",
-    help="A scenario file, folder or glob: the results must cover these scenarios; repeatable.",
+    text="A scenario file, folder or glob: the results must cover these scenarios; repeatable.",
+    multiple=True,
 )
 @selection_flags
 @report_flags

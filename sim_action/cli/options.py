@@ -58,14 +58,42 @@ class Bounded(click.ParamType):  # type: ignore[type-arg] # generic in new versi
 
 
 Command = Callable[..., ExitCode]
+Option = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+
+def not_empty(_: click.Context, param: click.Parameter, value: Any) -> Any:
+    """Return the value of an option, or raise BadParameter for an empty text: a shell variable may be unset."""
+    if value == "" or (isinstance(value, tuple) and "" in value):
+        raise click.BadParameter("it is empty; leave the option out, or give it a value", param=param)
+    return value
+
+
+def text_option(*names: str, text: str, env: bool = False, **settings: Any) -> Option:
+    """Return an option that takes a text, but not an empty one; `env`: also by the variable SIM_ACTION_NAME."""
+    return click.option(*names, callback=not_empty, envvar=_variable(names[0], env), help=text, **settings)
+
+
+def flag(*names: str, text: str, env: bool = False) -> Option:
+    """Return an option without a value."""
+    return click.option(*names, is_flag=True, envvar=_variable(names[0], env), help=text)
+
+
+def switch(name: str, purpose: str, *, env: bool = False, default: bool = False) -> Option:
+    """Return the options --NAME and --no-NAME."""
+    text = f"{purpose}  [default: {'yes' if default else 'no'}]"
+    return click.option(f"--{name}/--no-{name}", envvar=_variable(name, env), default=default, help=text)
+
+
+def _variable(name: str, env: bool) -> str | None:
+    return f"SIM_ACTION_{name.lstrip('-').upper().replace('-', '_')}" if env else None
+
 
 DEFAULT_OUTPUT_DIR: Final = "sim-results"
 
 PATHS: Final = click.argument("paths", nargs=-1, metavar="[PATHS]...")
-ALLOW_OUTSIDE: Final = click.option(
+ALLOW_OUTSIDE: Final = flag(
     "--allow-outside",
-    is_flag=True,
-    help="Allow files outside the workspace. The workspace is the git repository of the scenario, else the current "
+    text="Allow files outside the workspace. The workspace is the git repository of the scenario, else the current "
     "folder.",
 )
 
@@ -118,13 +146,6 @@ def code_permissions(flags: dict[str, Any], folders: Iterable[Path] = ()) -> Per
     return Permissions(scripts_refused=refused, pass_env=names)
 
 
-def not_empty(_: click.Context, param: click.Parameter, value: Any) -> Any:
-    """Return the value of an option, or raise BadParameter for an empty text: a shell variable may be unset."""
-    if value == "" or (isinstance(value, tuple) and "" in value):
-        raise click.BadParameter("it is empty; leave the option out, or give it a value", param=param)
-    return value
-
-
 def typed(*names: str) -> list[str]:
     """Return the options on the command line among the given parameters; defaults and variables do not count."""
     context = click.get_current_context()
@@ -170,11 +191,8 @@ SEED_OPTION: Final = click.option(
 )
 
 
-strict_option: Final = click.option(
-    "--strict/--no-strict",
-    envvar="SIM_ACTION_STRICT",
-    default=False,
-    help="Fail on each warning of the audit of claims, such as a check that saw nothing.  [default: no]",
+strict_option: Final = switch(
+    "strict", "Fail on each warning of the audit of claims, such as a check that saw nothing.", env=True
 )
 
 
@@ -239,35 +257,15 @@ def complain(message: str) -> None:
 
 
 selection_flags: Final = with_options(
-    click.option(
-        "--only",
-        multiple=True,
-        callback=not_empty,
-        metavar="PATTERN",
-        help="Select scenarios by name; * and ? are wildcards; repeatable.",
+    text_option(
+        "--only", metavar="PATTERN", text="Select scenarios by name; * and ? are wildcards; repeatable.", multiple=True
     ),
-    click.option(
-        "--exclude",
-        multiple=True,
-        callback=not_empty,
-        metavar="PATTERN",
-        help="Skip scenarios by name; * and ? are wildcards; repeatable.",
+    text_option(
+        "--exclude", metavar="PATTERN", text="Skip scenarios by name; * and ? are wildcards; repeatable.", multiple=True
     ),
-    click.option(
-        "--tag",
-        "tags",
-        multiple=True,
-        callback=not_empty,
-        metavar="TAG",
-        help="Select scenarios with this tag; repeatable.",
-    ),
-    click.option(
-        "--exclude-tag",
-        "exclude_tags",
-        multiple=True,
-        callback=not_empty,
-        metavar="TAG",
-        help="Skip scenarios with this tag; repeatable.",
+    text_option("--tag", "tags", metavar="TAG", text="Select scenarios with this tag; repeatable.", multiple=True),
+    text_option(
+        "--exclude-tag", "exclude_tags", metavar="TAG", text="Skip scenarios with this tag; repeatable.", multiple=True
     ),
 )
 """The options that select scenarios."""
@@ -280,82 +278,45 @@ def taken_selection(flags: dict[str, Any]) -> Selection:
     return Selection(**{name: tuple(flags.pop(name)) for name in ("only", "exclude", "tags", "exclude_tags")})
 
 
-def output_dir(purpose: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def output_dir(purpose: str) -> Option:
     """Return the option for the output folder; `purpose` is its help."""
-    return click.option(
-        "--output-dir",
-        envvar="SIM_ACTION_OUTPUT_DIR",
-        default=DEFAULT_OUTPUT_DIR,
-        callback=not_empty,
-        show_default=True,
-        metavar="FOLDER",
-        help=purpose,
+    return text_option(
+        "--output-dir", metavar="FOLDER", text=purpose, env=True, default=DEFAULT_OUTPUT_DIR, show_default=True
     )
 
 
 def switches(report: str, annotations: str) -> Callable[[Command], Command]:
     """Return a decorator that adds the options to switch reports off; its arguments say what two of them do."""
     return with_options(
-        click.option(
-            "--report/--no-report", envvar="SIM_ACTION_REPORT", default=True, help=f"{report}  [default: yes]"
-        ),
-        click.option(
-            "--summary/--no-summary",
-            envvar="SIM_ACTION_SUMMARY",
-            default=True,
-            help="On GitHub, write the job summary.  [default: yes]",
-        ),
-        click.option(
-            "--annotations/--no-annotations",
-            envvar="SIM_ACTION_ANNOTATIONS",
-            default=True,
-            help=f"{annotations}  [default: yes]",
-        ),
+        switch("report", report, env=True, default=True),
+        switch("summary", "On GitHub, write the job summary.", env=True, default=True),
+        switch("annotations", annotations, env=True, default=True),
     )
 
 
 report_flags: Final = with_options(
     output_dir("Folder for results, JUnit XML, traces and reports."),
-    click.option(
-        "--junit",
-        envvar="SIM_ACTION_JUNIT",
-        callback=not_empty,
-        metavar="FILE",
-        help="File for the JUnit XML.  [default: junit.xml in the output folder]",
+    text_option(
+        "--junit", metavar="FILE", text="File for the JUnit XML.  [default: junit.xml in the output folder]", env=True
     ),
-    click.option(
-        "--junit-strict/--no-junit-strict",
-        envvar="SIM_ACTION_JUNIT_STRICT",
-        default=False,
-        help="Write JUnit XML for strict readers: only what the schema junit-10.xsd of Jenkins allows.  [default: no]",
+    switch(
+        "junit-strict",
+        "Write JUnit XML for strict readers: only what the schema junit-10.xsd of Jenkins allows.",
+        env=True,
     ),
-    click.option(
+    text_option(
         "--against",
-        callback=not_empty,
         metavar="OLD",
-        help="Compare with an earlier run in report.html: what changed, and the earlier motion as a ghost in each "
+        text="Compare with an earlier run in report.html: what changed, and the earlier motion as a ghost in each "
         "replay. OLD is its results.json, or a folder with one, or with those of all shards.",
     ),
     switches("Write report.html with a replay of each run.", "On GitHub, mark the line of each failed expectation."),
-    click.option(
-        "--verbose",
-        "-v",
-        envvar="SIM_ACTION_VERBOSE",
-        is_flag=True,
-        help="Show also notes, messages of the engine, and the output of controllers.",
-    ),
-    click.option(
-        "--quiet",
-        "-q",
-        envvar="SIM_ACTION_QUIET",
-        is_flag=True,
-        help="Show only failures and one line with the totals.",
-    ),
-    click.option(
+    flag("--verbose", "-v", text="Show also notes, messages of the engine, and the output of controllers.", env=True),
+    flag("--quiet", "-q", text="Show only failures and one line with the totals.", env=True),
+    flag(
         "--json",
         "as_json",
-        is_flag=True,
-        help="Print results.json on standard output instead of the report for people, and no annotations.",
+        text="Print results.json on standard output instead of the report for people, and no annotations.",
     ),
 )
 """The options for output and reports."""

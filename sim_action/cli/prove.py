@@ -7,21 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sim_action.cli.options import (
-    ALLOW_OUTSIDE,
-    ENGINE_OPTION,
-    PACKAGES,
-    PATHS,
-    SEED_OPTION,
-    code_flags,
-    code_permissions,
-    discovered,
-    jobs_option,
-    named_packages,
-    not_empty,
-    output_dir,
-    switches,
-)
+from sim_action.cli import options
 from sim_action.core.errors import ExitCode
 from sim_action.core.records import replace
 
@@ -30,38 +16,32 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@PATHS
-@click.option(
+@options.PATHS
+@options.text_option(
     "--only",
-    multiple=True,
-    callback=not_empty,
     metavar="MUTANT,...",
-    help="Run only these mutants, such as silenced or motor-off:wheel_left_joint; repeatable.",
+    text="Run only these mutants, such as silenced or motor-off:wheel_left_joint; repeatable.",
+    multiple=True,
 )
-@click.option(
+@options.text_option(
     "--budget",
-    callback=not_empty,
     metavar="TIME",
-    help='Run only the most telling mutants, as many as fit into this time, such as "2 min".  [default: all mutants]',
+    text='Run only the most telling mutants, as many as fit into this time, such as "2 min".  [default: all mutants]',
 )
-@click.option("--json", "json_file", callback=not_empty, metavar="FILE", help="Write the findings as JSON.")
-@click.option(
-    "--strict/--no-strict",
-    default=False,
-    help="Fail if an expectation has noticed nothing, or if a scenario does not pass.  [default: no]",
-)
-@ENGINE_OPTION
-@SEED_OPTION
-@jobs_option("runs")
-@output_dir("Folder with the report, in its subfolder proof.")
-@switches(
+@options.text_option("--json", "json_file", metavar="FILE", text="Write the findings as JSON.")
+@options.switch("strict", "Fail if an expectation has noticed nothing, or if a scenario does not pass.")
+@options.ENGINE_OPTION
+@options.SEED_OPTION
+@options.jobs_option("runs")
+@options.output_dir("Folder with the report, in its subfolder proof.")
+@options.switches(
     "Write report.html with a replay of each mutant that moved the robot another way, and that nothing noticed.",
     "On GitHub, mark the line of each expectation that checks nothing, and of each invalid scenario.",
 )
-@click.option("--quiet", "-q", envvar="SIM_ACTION_QUIET", is_flag=True, help="Show no progress.")
-@code_flags
-@PACKAGES
-@ALLOW_OUTSIDE
+@options.flag("--quiet", "-q", text="Show no progress.", env=True)
+@options.code_flags
+@options.PACKAGES
+@options.ALLOW_OUTSIDE
 def prove(
     paths: Sequence[str],
     *,
@@ -98,9 +78,9 @@ def prove(
         from sim_action.runner.run_plan import PlanRequest
 
         seconds = None if budget is None else _seconds(budget)
-        suite = discovered(paths, outside=allow_outside)
-        allowed = code_permissions(flags, {path.parent: None for path in suite.files})
-        permissions = replace(allowed, outside=allow_outside, packages=named_packages(packages))
+        suite = options.discovered(paths, outside=allow_outside)
+        allowed = options.code_permissions(flags, {path.parent: None for path in suite.files})
+        permissions = replace(allowed, outside=allow_outside, packages=options.named_packages(packages))
         written = {"report": report, "summary": summary, "annotations": annotations}
         silenced = frozenset(name for name, is_on in written.items() if not is_on)
         request = ProveRequest(

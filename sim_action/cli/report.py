@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from sim_action.cli.options import refuse_typed, report_flags, report_request
+from sim_action.cli.options import flag, refuse_typed, report_flags, report_request
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.wording import counted, escaped_line, log_line, shown, system_reason
 from sim_action.reports import ReportRequest
@@ -21,10 +21,9 @@ from sim_action.results.output_folder import create_folder
 
 @click.command()
 @click.argument("folders", nargs=-1, metavar="[FOLDER]...")
-@click.option(
+@flag(
     "--history",
-    is_flag=True,
-    help="Write history.html instead: the margin of each expectation over all runs, and the first commit that broke "
+    text="Write history.html instead: the margin of each expectation over all runs, and the first commit that broke "
     "it. Each FOLDER has a results.json, or a folder for each run.",
 )
 @report_flags

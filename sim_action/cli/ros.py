@@ -10,16 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from sim_action.cli.options import (
-    SEED,
-    Bounded,
-    code_flags,
-    code_permissions,
-    report_flags,
-    report_request,
-    strict_option,
-    with_options,
-)
+from sim_action.cli import options
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.wording import log_line
 from sim_action.engines import ENGINES
@@ -31,7 +22,7 @@ if TYPE_CHECKING:
 
 Command = Callable[..., ExitCode]
 
-_POSITIVE: Final = Bounded(click.FloatRange(min=0, min_open=True, max=1e9))
+_POSITIVE: Final = options.Bounded(click.FloatRange(min=0, min_open=True, max=1e9))
 
 _BACKEND: Final = click.option(
     "--backend",
@@ -40,7 +31,13 @@ _BACKEND: Final = click.option(
     help=f"Physics engine.  [default: {' if it is installed, else '.join(ENGINES)}]",
 )
 _SEED: Final = click.option(
-    "--seed", envvar="SIM_ACTION_SEED", type=SEED, default=0, show_default=True, metavar="N", help="Random seed."
+    "--seed",
+    envvar="SIM_ACTION_SEED",
+    type=options.SEED,
+    default=0,
+    show_default=True,
+    metavar="N",
+    help="Random seed.",
 )
 _ALLOW_LOSSES: Final = click.option(
     "--allow-losses/--no-allow-losses",
@@ -75,20 +72,22 @@ _OPTIONS: Final = (
         help="Stop after S seconds of real time.  [default: enough for all time limits]",
     ),
     _ALLOW_LOSSES,
-    strict_option,
+    options.strict_option,
 )
 
 
 def _ros_options(sim_time_limit: str, arguments: str) -> Callable[[Command], Command]:
     """Add the options of both commands; `sim_time_limit`: help of that option; `arguments`: how they are shown."""
     limit = click.option("--sim-time-limit", type=_POSITIVE, metavar="S", help=sim_time_limit)
-    return with_options(*_OPTIONS[:2], click.argument("arguments", nargs=-1, metavar=arguments), *_OPTIONS[2:], limit)
+    return options.with_options(
+        *_OPTIONS[:2], click.argument("arguments", nargs=-1, metavar=arguments), *_OPTIONS[2:], limit
+    )
 
 
 @click.command()
 @_ros_options("End the simulation after this sim time in s.  [default: the time-limit of each test]", "[ARG:=VALUE]...")
-@report_flags
-@code_flags
+@options.report_flags
+@options.code_flags
 def rostest(**flags: Any) -> ExitCode:
     """Run a rostest of a ROS 1 package, with sim-action as simulator instead of Gazebo.
 
@@ -101,8 +100,8 @@ def rostest(**flags: Any) -> ExitCode:
 
 @click.command()
 @_ros_options("End the launch after this sim time in s.  [default: 30]", "[PACKAGE FILE]... [ARG:=VALUE]...")
-@report_flags
-@code_flags
+@options.report_flags
+@options.code_flags
 def roslaunch(**flags: Any) -> ExitCode:
     """Run launch files of ROS 1 as one launch, with sim-action as simulator instead of Gazebo.
 
@@ -132,9 +131,9 @@ def roslaunch(**flags: Any) -> ExitCode:
     "--sim-time-limit", type=_POSITIVE, metavar="S", help="End the simulation after this sim time in s.  [default: 60]"
 )
 @_ALLOW_LOSSES
-@strict_option
-@report_flags
-@code_flags
+@options.strict_option
+@options.report_flags
+@options.code_flags
 def launchtest(**flags: Any) -> ExitCode:
     """Run a launch test of a ROS 2 package, with sim-action as simulator instead of Gazebo. Experimental.
 
@@ -156,7 +155,7 @@ def launchtest(**flags: Any) -> ExitCode:
     metavar="PATH",
     help="Build what these scenarios need, in their workspaces instead of WORKSPACE; repeatable.",
 )
-@code_flags
+@options.code_flags
 def ros2(**flags: Any) -> ExitCode:
     """Build the packages of a ROS 2 workspace that have messages of their own, into its install folder.
 
@@ -176,7 +175,7 @@ def ros2(**flags: Any) -> ExitCode:
     wanted: dict[Path, set[str] | None] = {Path(flags["workspace"]).resolve(): None}
     if flags["scenarios"]:
         wanted = {**needed_by(path for paths in discover(flags["scenarios"]).values() for path in paths)}
-    permissions = code_permissions(flags, wanted)
+    permissions = options.code_permissions(flags, wanted)
     if not wanted:
         return ExitCode.PASSED
     permissions.require_scripts("ros2 prepare runs the build files of packages")
@@ -198,7 +197,7 @@ def _called(program: Program, flags: dict[str, Any]) -> ExitCode:
     from sim_action.core.process import Interruption
     from sim_action.ros.launches import LaunchRequest, argument_problem
 
-    permissions = code_permissions(flags, [Path(flags["workspace"])])
+    permissions = options.code_permissions(flags, [Path(flags["workspace"])])
     permissions.require_scripts(f"{program} runs nodes and launch files")
     if sys.platform != "linux":
         if program == "launchtest":
@@ -228,10 +227,10 @@ def _called(program: Program, flags: dict[str, Any]) -> ExitCode:
         if program == "launchtest":
             from sim_action.ros.ros2.launch import launch_test
 
-            return launch_test.run(request, report_request(flags), interruption)
+            return launch_test.run(request, options.report_request(flags), interruption)
         from sim_action.ros.ros1 import command
 
-        return command.run(request, report_request(flags), interruption)
+        return command.run(request, options.report_request(flags), interruption)
 
 
 def _split(words: Sequence[str]) -> tuple[tuple[tuple[str, str], ...], Sequence[str]]:

@@ -6,27 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from sim_action.cli.options import (
-    ALLOW_OUTSIDE,
-    PACKAGES,
-    PATHS,
-    PORT,
-    SEED_OPTION,
-    Bounded,
-    code_flags,
-    code_permissions,
-    discovered,
-    jobs_option,
-    live_port,
-    named_packages,
-    named_paths,
-    not_empty,
-    refuse_typed,
-    report_flags,
-    report_request,
-    selection_flags,
-    strict_option,
-)
+from sim_action.cli import options
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.records import replace
 from sim_action.engines import ENGINES
@@ -39,93 +19,54 @@ if TYPE_CHECKING:
     from sim_action.scenario.selection import Unmatched
     from sim_action.scenario.source import Refused, Source
 
-_OF_RUNS: Final = (
-    *(
-        "fail_fast",
-        "resume",
-        "watch",
-        "live",
-        "port",
-        "output_dir",
-        "junit",
-        "junit_strict",
-        "report",
-        "against",
-        "summary",
-        "annotations",
-    ),
-    *(
-        "as_json",
-        "verbose",
-        "quiet",
-        "repeat",
-        "unexercised",
-        "confidence",
-        "budget",
-        "strict",
-        "update_golden",
-        "force",
-        "jobs",
-        "cluster",
-        "record",
-        "pass_env",
-    ),
+_ON_LISTS: Final = (
+    *("paths", "only", "exclude", "tags", "exclude_tags", "list_only", "plan_gate", "shard", "backend", "seed"),
+    *("allow_scripts", "packages", "allow_outside"),
 )
-"""The options without any effect on --list."""
-
-_OF_PLANNED_RUNS: Final = (
-    "list_only",
-    "shard",
-    "backend",
-    *(name for name in _OF_RUNS if name not in ("output_dir", "jobs")),
+"""The options with an effect on --list. Those on --plan-gate, which looks for the times of an earlier run:"""
+_ON_PLANS: Final = (
+    *(name for name in _ON_LISTS if name not in ("list_only", "shard", "backend")),
+    "output_dir",
+    "jobs",
 )
-"""The options without any effect on --plan-gate, which looks for the times of an earlier run."""
 
 _WISHED_RATE: Final = "97%"
 
 
 @click.command()
-@PATHS
-@selection_flags
-@click.option(
-    "--fail-fast/--no-fail-fast",
-    envvar="SIM_ACTION_FAIL_FAST",
-    default=False,
-    help="Start no more scenarios after one did not pass. Scenarios that are running finish.  [default: no]",
+@options.PATHS
+@options.selection_flags
+@options.switch(
+    "fail-fast", "Start no more scenarios after one did not pass. Scenarios that are running finish.", env=True
 )
-@click.option(
-    "--resume/--no-resume",
-    envvar="SIM_ACTION_RESUME",
-    default=False,
-    help="Continue the earlier run in the output folder: take over each verdict that nothing has changed for, and run "
-    "the other scenarios.  [default: no]",
+@options.switch(
+    "resume",
+    "Continue the earlier run in the output folder: take over each verdict that nothing has changed for, and run "
+    "the other scenarios.",
+    env=True,
 )
-@click.option(
-    "--list", "list_only", is_flag=True, help="Print name, file, line and tags of each scenario, and run nothing."
-)
+@options.flag("--list", "list_only", text="Print name, file, line and tags of each scenario, and run nothing.")
 @click.option(
     "--plan-gate",
     is_flag=False,
     flag_value=_WISHED_RATE,
-    callback=not_empty,
+    callback=options.not_empty,
     metavar="[RATE]",
     help="Print the number of runs that a robot with the true pass rate RATE needs to pass each gate, and its chances "
     f"with other numbers. Run nothing.  [default: {_WISHED_RATE}]",
 )
-@click.option("--watch", is_flag=True, help="Run scenarios again when their files change, until Ctrl-C.")
-@click.option(
+@options.flag("--watch", text="Run scenarios again when their files change, until Ctrl-C.")
+@options.flag(
     "--live",
-    is_flag=True,
-    help="With --watch: print a URL that shows progress and results in the browser. Only this machine can open it.",
+    text="With --watch: print a URL that shows progress and results in the browser. Only this machine can open it.",
 )
-@PORT
-@report_flags
-@click.option(
+@options.PORT
+@options.report_flags
+@options.text_option(
     "--shard",
-    callback=not_empty,
     metavar="I/N",
-    help="Run shard I of N: every N-th scenario or variation, starting with the I-th. "
-    'To balance shards by duration, use "sim-action matrix".',
+    text="Run shard I of N: every N-th scenario or variation, starting with the I-th. To balance shards by duration, "
+    'use "sim-action matrix".',
 )
 @click.option(
     "--backend",
@@ -134,11 +75,11 @@ _WISHED_RATE: Final = "97%"
     help="Physics engine for all scenarios; all: run each scenario on both engines and compare the runs.  "
     '[default: "backend:" in the file of each scenario]',
 )
-@SEED_OPTION
+@options.SEED_OPTION
 @click.option(
     "--repeat",
     envvar="SIM_ACTION_REPEAT",
-    type=Bounded(click.IntRange(1, 1000)),
+    type=options.Bounded(click.IntRange(1, 1000)),
     default=1,
     metavar="N",
     help="Run each scenario N times, 1 to 1000. A scenario is flaky, and fails, if its runs are not equal bit for bit.",
@@ -161,42 +102,37 @@ _WISHED_RATE: Final = "97%"
 )
 @click.option(
     "--budget",
-    type=Bounded(click.IntRange(1)),
+    type=options.Bounded(click.IntRange(1)),
     metavar="N",
     help="Run nothing if there are more than N runs, with the repetitions of --confidence.",
 )
-@strict_option
-@click.option(
+@options.strict_option
+@options.flag(
     "--update-golden",
-    is_flag=True,
-    help='Save this run as the golden trajectory of each "matches", instead of comparing with it. Nothing is saved if '
+    text='Save this run as the golden trajectory of each "matches", instead of comparing with it. Nothing is saved if '
     "another expectation failed or was not exercised.",
 )
-@click.option(
-    "--force",
-    is_flag=True,
-    help="With --update-golden: save also a run that did not pass. The first line of the file says so.",
+@options.flag(
+    "--force", text="With --update-golden: save also a run that did not pass. The first line of the file says so."
 )
-@jobs_option("scenarios to run")
-@click.option(
+@options.jobs_option("scenarios to run")
+@options.text_option(
     "--cluster",
-    callback=not_empty,
     metavar="ADDRESS",
-    help="Run the scenarios on a cluster of Dask: tcp://HOST:PORT is its scheduler; local:N starts N workers on this "
+    text="Run the scenarios on a cluster of Dask: tcp://HOST:PORT is its scheduler; local:N starts N workers on this "
     "machine. --jobs does not count then. It needs pip install 'sim-action[dask]'.",
 )
-@click.option(
+@options.text_option(
     "--record",
-    envvar="SIM_ACTION_RECORD",
-    multiple=True,
-    callback=not_empty,
     metavar="FORMAT",
-    help="Record each run as mcap, csv, tum, gif or mp4; repeatable. mcap needs pip install 'sim-action[mcap]'; gif "
+    text="Record each run as mcap, csv, tum, gif or mp4; repeatable. mcap needs pip install 'sim-action[mcap]'; gif "
     "and mp4 need 'sim-action[video]'.",
+    env=True,
+    multiple=True,
 )
-@code_flags
-@PACKAGES
-@ALLOW_OUTSIDE
+@options.code_flags
+@options.PACKAGES
+@options.ALLOW_OUTSIDE
 def run(
     paths: Sequence[str],
     *,
@@ -244,9 +180,9 @@ def run(
         from sim_action.runner.run_plan import PlanRequest
 
         if plan_gate is not None:
-            refuse_typed("--plan-gate runs nothing, and", *_OF_PLANNED_RUNS)
+            _refuse_others("--plan-gate", _ON_PLANS)
         if list_only:
-            refuse_typed("--list runs nothing, and", *_OF_RUNS)
+            _refuse_others("--list", _ON_LISTS)
         _check_golden(updates=update_golden, force=force, repeat=repeat)
         if confidence is not None and (update_golden or repeat > 1):
             raise UsageError("--confidence cannot be combined with --repeat or --update-golden")
@@ -255,34 +191,40 @@ def run(
         if cluster is not None and watch:
             raise UsageError("--cluster cannot be combined with --watch")
         recordings = wanted_formats(record)
-        suite = discovered(paths, flags, outside=allow_outside)
-        allowed = code_permissions(flags, {path.parent: None for path in suite.files})
+        suite = options.discovered(paths, flags, outside=allow_outside)
+        allowed = options.code_permissions(flags, {path.parent: None for path in suite.files})
         permissions = replace(
             allowed,
             outside=allow_outside,
             updates_golden=update_golden,
             forces_golden=force,
-            packages=named_packages(packages),
+            packages=options.named_packages(packages),
         )
         plan = PlanRequest(suite, permissions, shard, backend, seed, unexercised, strict, confidence)
         if plan_gate is not None:
             return _planned(plan, plan_gate, flags["output_dir"], jobs or usable_cores())
         if list_only:
             return _listed(plan)
-        reports = report_request(flags)
+        reports = options.report_request(flags)
         request = RunRequest(
             *(plan, reports, jobs or usable_cores(), fail_fast, recordings, repeat, resume),
             cluster=cluster,
             budget=budget,
         )
-        served = live_port(live=live, port=port, watch=watch)
+        served = options.live_port(live=live, port=port, watch=watch)
         if not watch:
             return run_scenarios(request, interruption).exit_code
         if shard is not None or update_golden:
             raise UsageError("--watch cannot be combined with --shard or --update-golden")
         from sim_action.app.watch import watch_scenarios
 
-        return watch_scenarios(request, named_paths(paths), interruption, live_port=served)
+        return watch_scenarios(request, options.named_paths(paths), interruption, live_port=served)
+
+
+def _refuse_others(option: str, names: Sequence[str]) -> None:
+    """Raise UsageError for an option on the command line without an effect on an option that runs nothing."""
+    others = (param.name or "" for param in click.get_current_context().command.params if param.name not in names)
+    options.refuse_typed(f"{option} runs nothing, and", *others)
 
 
 def _check_golden(*, updates: bool, force: bool, repeat: int) -> None:

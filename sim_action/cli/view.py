@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from sim_action.app.view import ViewRequest, view_report
-from sim_action.cli.options import PORT, Bounded, live_port, output_dir, refuse_typed
+from sim_action.cli.options import PORT, Bounded, flag, live_port, output_dir, refuse_typed
 from sim_action.core.errors import ExitCode
 
 
@@ -21,11 +21,10 @@ from sim_action.core.errors import ExitCode
     metavar="T",
     help="Open the report at this sim time in s; needs --only.",
 )
-@click.option("--print", "print_only", is_flag=True, help="Print the URL of the report instead of opening it.")
-@click.option(
+@flag("--print", "print_only", text="Print the URL of the report instead of opening it.")
+@flag(
     "--live",
-    is_flag=True,
-    help="Show the progress of the run in the folder while it goes on, and a report of finished scenarios, until "
+    text="Show the progress of the run in the folder while it goes on, and a report of finished scenarios, until "
     "Ctrl-C. Only this machine can open the URL.",
 )
 @PORT
