@@ -49,7 +49,13 @@ ELSEWHERE: Final = (
     *(f"sim_action.runner.cluster.dask_{name}" for name in ("executor", "worker")),
     *(
         f"sim_action.runner.isolation.{name}"
-        for name in ("command_supervisor", "linux_child", "process_control", "scenario_supervisor")
+        for name in (
+            "command_supervisor",
+            "linux_child",
+            "preloaded_interpreter",
+            "process_control",
+            "scenario_supervisor",
+        )
     ),
 )
 # The command that needs it is refused there, and before any of it is imported.

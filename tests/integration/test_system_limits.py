@@ -35,15 +35,17 @@ REFUSING: Final = """
 import errno, os, sys
 from pathlib import Path
 
-marker = Path(__file__).with_name("refused")
+marker, real = Path(__file__).with_name("refused"), os.fork
 
 
 def fork():
+    if marker.exists():
+        return real()
+    marker.touch()
     raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
 
 
-if any("scenario_supervisor" in word for word in sys.orig_argv) and not marker.exists():
-    marker.touch()
+if any("sim_action.runner.isolation" in word for word in sys.orig_argv):
     os.fork = fork
 """
 

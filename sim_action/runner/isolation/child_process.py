@@ -152,8 +152,8 @@ class Starter:
         """
         return self._child_type.start(job)
 
-    def end_waiting(self, most: int = 0) -> None:
-        """End the child processes that wait for a next job, except `most` of them."""
+    def end_waiting(self) -> None:
+        """End the processes that wait for a next job."""
 
 
 _PROBE_BYTES: Final = 4096

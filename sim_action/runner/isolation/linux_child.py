@@ -30,10 +30,11 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import Final, NoReturn, Self
+from typing import TYPE_CHECKING, Final, NoReturn, Self
 
 from typing_extensions import override
 
+from sim_action.engines import chosen
 from sim_action.runner.child_files import (
     LENGTH,
     MAX_OUTCOME_BYTES,
@@ -57,6 +58,9 @@ from sim_action.runner.isolation.child_process import (
 )
 from sim_action.runner.job import ENDED, ENDED_LAST, Job
 from sim_action.runner.process_output import flush_output, muted
+
+if TYPE_CHECKING:
+    from sim_action.runner.isolation.preloaded_interpreter import PreloadedInterpreter
 
 assert sys.platform == "linux"
 
@@ -175,6 +179,10 @@ MAX_RUNS: Final = 100
 _MAX_ORDER_BYTES: Final = 32
 
 
+Spawn = Callable[[Job, MemoryFiles, int], int]
+"""Starts a supervisor for a job, its files and the descriptor for its progress; returns its number."""
+
+
 class LinuxChild(ChildProcess):
     """A running child process, the leader of its own session and group."""
 
@@ -202,10 +210,11 @@ class LinuxChild(ChildProcess):
         self._supervised = supervised
 
     @classmethod
-    def start(cls, job: Job) -> Self:
+    @override
+    def start(cls, job: Job, spawn: Spawn | None = None) -> Self:
         """Fork this process, or start a fresh interpreter for user code, for repeats, or if this process has threads.
 
-        Raises OSError.
+        `spawn`: starts the supervisor in another way. Raises OSError.
         """
         former = former_files(job)
         with files_of_child() as (scratch, files), ExitStack() as undone:
@@ -217,7 +226,8 @@ class LinuxChild(ChildProcess):
                 os.set_blocking(writer, False)
                 of_others = job.loaded.scenario.runs_user_code or job.hash_seed is not None
                 alone = of_others or threading.active_count() > 1
-                pid = _spawn(job, files, writer) if alone else fork(partial(run_in_fork, job), job, files, writer)
+                spawn = spawn or _spawn
+                pid = spawn(job, files, writer) if alone else fork(partial(run_in_fork, job), job, files, writer)
             finally:
                 os.close(writer)
             # From here on `close` cleans up.
@@ -475,25 +485,56 @@ class SharingStarter(Starter):
         super().__init__(LinuxChild)
         self._job_of = job_of
         self._waiting: list[SharedChild] = []
+        self._interpreter: PreloadedInterpreter | None = None
+        self._preloads = True
 
     @override
     def start(self, index: int, job: Job, *, alone: bool, most_waiting: int) -> ChildProcess:
         if alone or not _may_share(job) or threading.active_count() > 1:
-            self.end_waiting(most_waiting)
-            return super().start(index, job, alone=alone, most_waiting=most_waiting)
+            self._end_children(most_waiting)
+            is_preloaded = self._preloads and not alone and job.hash_seed is None
+            return LinuxChild.start(job, self._preloaded if is_preloaded else None)
         while (child := self._take_waiting(_kind(job))) is not None:
             try:
                 return child.next(index, job)
             except (OSError, MemoryError):
                 # It has died while it was waiting, or this process lacks memory for a moment.
                 child.end()
-        self.end_waiting(most_waiting)
+        self._end_children(most_waiting)
         return SharedChild.start_first(self._job_of, index, job, self._waiting.append)
 
     @override
-    def end_waiting(self, most: int = 0) -> None:
+    def end_waiting(self) -> None:
+        self._end_children()
+        self._end_interpreter()
+
+    def _end_children(self, most: int = 0) -> None:
         while len(self._waiting) > most:
             self._waiting.pop(0).end()
+
+    def _end_interpreter(self) -> None:
+        interpreter, self._interpreter = self._interpreter, None
+        if interpreter is not None:
+            interpreter.close()
+
+    def _preloaded(self, job: Job, files: MemoryFiles, writer: int) -> int:
+        """Start a supervisor as a fork of an interpreter that serves all scenarios with this environment and engine."""
+        # Few calls have scenarios with user code.
+        from sim_action.runner.isolation.preloaded_interpreter import PreloadedInterpreter
+
+        environment, engine = job_environment(job), chosen(job.loaded.scenario.backend)
+        former = self._interpreter
+        if former is not None and (former.environment, former.engine) != (environment, engine):
+            self._end_interpreter()
+        try:
+            self._interpreter = self._interpreter or PreloadedInterpreter(environment, engine)
+            with pickled((job, files.inherited)) as pickle_file:
+                return self._interpreter.fork(pickle_file, writer, files.inherited.descriptors)
+        except OSError:
+            # A script may have killed it, or it has threads.
+            self._preloads = False
+            self._end_interpreter()
+            return _spawn(job, files, writer)
 
     def _take_waiting(self, kind: object) -> SharedChild | None:
         for position, child in enumerate(self._waiting):

@@ -3,8 +3,9 @@
 It adopts all its descendants (see `process_control`). A script that signals its parent, or the group of its parent,
 ends only its own scenario: the scenario's process and this one have groups of their own.
 
-It ends with the same exit code or signal as the scenario's process. SIGTERM makes it end all descendants. It stays
-small, because it imports `sim_action.runner.child_main`, with engine and numpy, only after the fork.
+It ends with the same exit code or signal as the scenario's process. SIGTERM makes it end all descendants. It starts in
+an interpreter of its own, or as a fork of a `preloaded_interpreter`. In the first case it stays small, because it
+imports `sim_action.runner.child_main`, with engine and numpy, only after its own fork.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import resource
 import signal
 import sys
 import traceback
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import NoReturn
 
@@ -28,6 +30,14 @@ def main() -> NoReturn:
     The arguments are the progress descriptor and the number of the parent process.
     """
     progress, parent = map(int, sys.argv[1:])
+    supervise(progress, parent)
+
+
+def supervise(progress: int, parent: int, descriptors: Sequence[int] = ()) -> NoReturn:
+    """Be the supervisor of the job on standard input.
+
+    `descriptors`: those of the files of the child process here; nothing: they are as in the caller.
+    """
     process_control.become_subreaper(parent)
     supervisor = os.getpid()
     try:
@@ -37,13 +47,13 @@ def main() -> NoReturn:
         os.write(progress, b"refused %d\n" % (error.errno or 0))
         os._exit(1)
     if worker == 0:
-        _work(progress, supervisor)
+        _work(progress, supervisor, descriptors)
     status = process_control.wait_for_child(worker)
     _report(progress, left=process_control.end_descendants(worker))
     process_control.exit_as(status)
 
 
-def _work(progress: int, supervisor: int) -> NoReturn:
+def _work(progress: int, supervisor: int, descriptors: Sequence[int]) -> NoReturn:
     """Become the scenario's process; never return."""
     try:
         process_control.end_with_parent(supervisor, signal.SIGKILL)
@@ -53,6 +63,8 @@ def _work(progress: int, supervisor: int) -> NoReturn:
         from sim_action.runner.child_main import become_child, exit_child, received_job, run_job
 
         job, files = received_job()
+        if descriptors:
+            files = type(files)(files.scratch, *descriptors)
         become_child(files, progress)
         process_control.impose_limits(job.loaded.scenario.memory_bytes)
         run_job(job, files, progress)

@@ -18,6 +18,10 @@ from sim_action.scenario.model import LoadedScenario
 from sim_action.simulation.loop import simulate
 from tests.pool import execute
 
+if sys.platform == "linux":
+    from sim_action.runner.isolation import linux_child
+    from sim_action.runner.isolation.preloaded_interpreter import PreloadedInterpreter
+
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="other systems share no processes"),
     pytest.mark.process,
@@ -27,7 +31,6 @@ SCENARIO = "robot: {model: turtlebot3_burger}\nphysics: {settle: 0}\nexpect: [up
 # This process, which is forked, may have mapped more than 4 GiB by now: other tests had threads.
 LIMIT = "memory_limit: 1024 GiB\n"
 BALL = '<body name="ball" pos="0 0 1"><freejoint/><geom name="g" size="0.1"/></body>'
-SCRIPT = "def control(observation):\n    return None\n"
 
 
 def loaded(folder: Path, keys: Sequence[str], permissions: Permissions = Permissions()) -> list[LoadedScenario]:  # noqa: B008
@@ -83,11 +86,45 @@ def test_repeats_share_no_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert forks(loaded(tmp_path, [""]), tmp_path, monkeypatch, repeat=2) == 0
 
 
-def test_runs_with_user_code_share_no_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "c.py").write_text(SCRIPT)
-    scenarios = loaded(tmp_path, ["", "commands: {script: c.py}\n", "commands: {script: c.py}\n", ""])
-    # Each script has an interpreter of its own, and takes the place of a process that waits.
+ALONE = """\
+import json
+assert not hasattr(json, "former")
+json.former = True
+def control(observation):
+    return None
+"""
+
+
+@pytest.mark.parametrize(
+    ("more", "killed", "expected"),
+    [([""] * 2, False, (1, 0)), (["", "environment: {ROUTE: north}\n"], False, (2, 0)), ([""] * 2, True, (1, 2))],
+    ids=["alike", "environments", "killed"],
+)
+def test_runs_with_user_code_share_an_interpreter_without_their_traces(
+    more: Sequence[str], killed: bool, expected: tuple[int, int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[str] = []
+    begin, spawn = PreloadedInterpreter.__init__, linux_child._spawn
+
+    def counted(interpreter: PreloadedInterpreter, *arguments: Any) -> None:
+        started.append("interpreter")
+        begin(interpreter, *arguments)
+        if killed:
+            interpreter._process.kill()
+
+    def spawned(*arguments: Any) -> int:
+        started.append("spawned")
+        return spawn(*arguments)
+
+    monkeypatch.setattr(PreloadedInterpreter, "__init__", counted)
+    monkeypatch.setattr(linux_child, "_spawn", spawned)
+    # As the command line has it: the interpreter must have one thread.
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")
+    (tmp_path / "c.py").write_text(ALONE)
+    scenarios = loaded(tmp_path, ["", *(f"commands: {{script: c.py}}\n{each}" for each in more), ""])
+    # Those without user code are forks of this process; the first of them ends before a script begins.
     assert forks(scenarios, tmp_path, monkeypatch) == 2
+    assert (started.count("interpreter"), started.count("spawned")) == expected
 
 
 def test_runs_that_update_golden_files_share_no_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
