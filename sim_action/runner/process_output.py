@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Final, Literal, TextIO
 
@@ -49,8 +50,7 @@ def redirect_output(place: int | Path) -> None:
         os.dup2(source, descriptor)
     sys.stdout, sys.stderr = _text_to(1), _text_to(2)
     if sys.platform == "linux":
-        libc = ctypes.CDLL(None)
-        libc.setvbuf(ctypes.c_void_p.in_dll(libc, "stdout"), None, _UNBUFFERED, 0)
+        _libc().setvbuf(ctypes.c_void_p.in_dll(_libc(), "stdout"), None, _UNBUFFERED, 0)
 
 
 def _text_to(descriptor: int) -> TextIO:
@@ -67,7 +67,12 @@ def flush_output() -> None:
         with suppress(OSError, ValueError):
             stream.flush()
     if sys.platform == "linux":
-        ctypes.CDLL(None).fflush(None)
+        _libc().fflush(None)
+
+
+@cache
+def _libc() -> ctypes.CDLL:
+    return ctypes.CDLL(None)
 
 
 @contextmanager

@@ -7,10 +7,12 @@ each other, constraints are soft, and an unstable simulation resets itself.
 
 from __future__ import annotations
 
+import ctypes
 import math
 import sys
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 import mujoco
@@ -64,6 +66,10 @@ def _print_warning(message: str) -> None:
 
 # By default MuJoCo writes warnings to a file in the working directory.
 mujoco.set_mju_user_warning(_print_warning)
+
+# The clock of its profiler takes a sixth of a step, and its Python package always sets it. Windows does not find it so.
+with suppress(OSError, ValueError):
+    ctypes.c_void_p.in_dll(ctypes.CDLL(mujoco._functions.__file__), "mjcb_time").value = None  # noqa: SLF001 - no other way
 
 
 class SimulatedRobot(RobotQueries):

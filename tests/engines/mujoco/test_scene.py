@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -119,3 +120,14 @@ def place(backend: Engine) -> str:
 def place_at_start(scene: Scene) -> str:
     with forgotten(), running("mujoco", scene) as backend:
         return place(backend)
+
+
+def test_a_step_is_not_timed_by_mujoco() -> None:
+    """The clock of its profiler would take a sixth of each step; Windows does not find where to switch it off."""
+    from sim_action.engines.mujoco.engine import MuJoCoEngine
+
+    with running("mujoco", traces.scene()) as backend:
+        advance(backend, 0, 30, TURN)
+        assert isinstance(backend, MuJoCoEngine)
+        times = backend._data.timer.duration
+    assert sys.platform == "win32" or not times.any()
