@@ -4,8 +4,9 @@
     environment.py install         makes the environment, unless an earlier step of the job has made it
     environment.py add FOLDER ...  installs an engine that was left out, when it is first imported
 
-LOCK names the lock file; for INPUT_EXTRAS, the lock files next to it are used. This needs the standard library alone.
-`look` and `install` write outputs of their step.
+LOCK names the lock file; for INPUT_EXTRAS, the lock files next to it are used. The packages of extras have a cache of
+their own, so that jobs with and without them share the other one. This needs the standard library alone. `look` and
+`install` write outputs of their step.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ import time
 import uuid
 import venv
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
@@ -62,27 +63,31 @@ class Plan:
         ready: the folder of a complete environment that an earlier step of the job has made; empty: there is none.
         left_out: the engines that are not installed.
         kept: the folder of the wheels that are cached, from `~`; empty: nothing is cached.
+        kept_extras: the same for the packages of extras.
     """
 
     ready: str
     left_out: tuple[str, ...]
     kept: str
+    kept_extras: str = ""
 
     def text(self) -> str:
         """Return the plan as JSON of one line."""
-        return json.dumps({"ready": self.ready, "left_out": self.left_out, "kept": self.kept})
+        return json.dumps(asdict(self))
 
     @classmethod
     def parse(cls, text: str) -> Plan:
         """Return the plan of a text."""
         values = json.loads(text)
-        return cls(values["ready"], tuple(values["left_out"]), values["kept"])
+        return cls(**{**values, "left_out": tuple(values["left_out"])})
 
 
-def look(packages: Sequence[Entry], temp: Path, variables: Mapping[str, str]) -> dict[str, object]:
+def look(
+    packages: Sequence[Entry], temp: Path, variables: Mapping[str, str], extras: Sequence[Entry] = ()
+) -> dict[str, object]:
     """Return the outputs that the next steps need. Raises LockError.
 
-    `packages`: all of the lock files. `temp`: RUNNER_TEMP.
+    `packages`: all of the lock files but `extras`, the packages that extras add. `temp`: RUNNER_TEMP.
     """
     wanted = variables.get("INPUT_CACHE", "false")
     if wanted not in {"true", "false"}:
@@ -91,12 +96,16 @@ def look(packages: Sequence[Entry], temp: Path, variables: Mapping[str, str]) ->
     asked = asked_engines(variables) & set(available) if len(available) > 1 else ()
     left_out = tuple(engine for engine in available if asked and engine not in asked)
     chosen = locks.without_engines(packages, left_out)
-    ready = _ready(chosen, temp)
+    ready = _ready((*chosen, *extras), temp)
     is_cached = wanted == "true" and variables.get("GITHUB_EVENT_NAME") not in NEVER_CACHED_ON and bool(_home())
-    kept = f"~/{_CACHE}/{locks.digest(chosen)[:16]}" if is_cached else ""
-    plan = Plan(str(ready) if ready else "", left_out, kept)
-    restores = bool(kept) and not ready and not wheels.are_there(chosen, Path(kept).expanduser())
-    return {"plan": plan.text(), "cache": restores, "wheels": kept, "key": key(chosen, variables), "at": time.time()}
+    kept, kept_extras = (
+        f"~/{_CACHE}/{locks.digest(part)[:16]}" if is_cached and part else "" for part in (chosen, extras)
+    )
+    outputs: dict[str, object] = {"plan": Plan(str(ready or ""), left_out, kept, kept_extras).text(), "at": time.time()}
+    for name, part, folder in (("", chosen, kept), ("-extras", extras, kept_extras)):
+        restores = bool(folder) and not ready and not wheels.are_there(part, Path(folder).expanduser())
+        outputs |= {f"cache{name}": restores, f"wheels{name}": folder, f"key{name}": key(part, variables)}
+    return outputs
 
 
 def folder_problem(name: str) -> str | None:
@@ -127,19 +136,28 @@ def key(packages: Sequence[Entry], variables: Mapping[str, str]) -> str:
     return f"{_PREFIX}{machine}-{content}-{locks.digest(packages)}-{position}"
 
 
-def install(packages: Sequence[Entry], plan: Plan, temp: Path) -> dict[str, object]:
+def install(packages: Sequence[Entry], plan: Plan, temp: Path, extras: Sequence[Entry] = ()) -> dict[str, object]:
     """Install the packages that the plan leaves, and return the outputs of the step. Raises InstallError, OSError."""
     began = time.time()
-    fetched = False
+    fetched = fetched_extras = False
     if plan.ready:
         folder = Path(plan.ready)
     else:
         chosen = locks.without_engines(packages, plan.left_out)
-        folder, size, fetched = _made(chosen, plan, temp)
+        # The name is new each time: no other process has or gets this folder, and it holds nothing of a cache.
+        folder = Path(tempfile.mkdtemp(dir=temp, prefix=f"{_PREFIX}{locks.digest((*chosen, *extras))[:12]}-"))
+        try:
+            venv.EnvBuilder(symlinks=sys.platform != "win32", with_pip=False).create(folder)
+            size, fetched = _filled(folder, chosen, plan.kept, temp)
+            more, fetched_extras = _filled(folder, extras, plan.kept_extras, temp) if extras else (0, False)
+        except BaseException:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
         placeholders = [entry for entry in packages if entry not in chosen]
-        _complete(folder, chosen, placeholders)
-        print(f"Installed {size / 1e6:.0f} MB of wheels in {time.time() - began:.1f} s ({_content(chosen)}).")
-    return {"python": _python(folder), "fetched": fetched and bool(plan.kept), "began": began, "ended": time.time()}
+        _complete(folder, (*chosen, *extras), placeholders)
+        print(f"Installed {(size + more) / 1e6:.0f} MB of wheels in {time.time() - began:.1f} s ({_content(chosen)}).")
+    done = {"fetched": fetched, "fetched-extras": fetched_extras}
+    return {"python": _python(folder), **done, "began": began, "ended": time.time()}
 
 
 def _content(packages: Sequence[Entry]) -> str:
@@ -162,40 +180,30 @@ def add(folder: Path, lock: Path, engine: str) -> None:
     _mark(folder, tuple(dict.fromkeys((*present, *packages))))
 
 
-def _made(packages: Sequence[Entry], plan: Plan, temp: Path) -> tuple[Path, int, bool]:
-    """Return a new environment, the size of its wheels in bytes, and True if they were downloaded."""
-    kept = Path(plan.kept).expanduser() if plan.kept else None
+def _filled(folder: Path, packages: Sequence[Entry], stated: str, temp: Path) -> tuple[int, bool]:
+    """Unpack packages into an environment; return the size of their wheels in bytes, True if new ones are to be cached.
+
+    `stated`: the folder of their wheels that is cached, or empty.
+    """
+    target = Target(_python(folder), _folders(folder))
+    kept = Path(stated).expanduser() if stated else None
     if kept and wheels.are_there(packages, kept):
         try:
-            folder, size = _unpacked(packages, kept, temp)
+            size = wheels.install(packages, kept, target)
         except (WheelError, OSError) as error:
             print(f"The cached wheels are not those of the lock file, and are downloaded again: {error}")
             shutil.rmtree(kept, ignore_errors=True)
         else:
             _remove_unused(kept)
-            return folder, size, False
+            return size, False
     with tempfile.TemporaryDirectory(dir=temp, prefix=f"{_PREFIX}wheels-") as name:
         downloaded = Path(name)
         wheels.download(packages, downloaded)
-        folder, size = _unpacked(packages, downloaded, temp)
-        return folder, size, bool(kept) and _keep(downloaded, kept)
+        return wheels.install(packages, downloaded, target), kept is not None and _keep(downloaded, kept)
 
 
-def _unpacked(packages: Sequence[Entry], source: Path, temp: Path) -> tuple[Path, int]:
-    """Return a new environment with the packages, and the size of their wheels in bytes."""
-    # The name is new each time: no other process has or gets this folder, and it holds nothing of a cache.
-    folder = Path(tempfile.mkdtemp(dir=temp, prefix=f"{_PREFIX}{locks.digest(packages)[:12]}-"))
-    try:
-        venv.EnvBuilder(symlinks=sys.platform != "win32", with_pip=False).create(folder)
-        return folder, wheels.install(packages, source, Target(_python(folder), _folders(folder)))
-    except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
-
-
-def _keep(downloaded: Path, kept: Path | None) -> bool:
+def _keep(downloaded: Path, kept: Path) -> bool:
     """Copy wheels into the folder that is cached, each in one step; return True if that was possible."""
-    assert kept is not None
     try:
         kept.mkdir(parents=True, exist_ok=True)
         for wheel in downloaded.iterdir():
@@ -285,16 +293,18 @@ def main() -> None:
             add(folder, folder / "left-out.lock", sys.argv[3])
             return
         temp = Path(os.environ["RUNNER_TEMP"])
-        chosen = locks.chosen_locks(Path(os.environ["LOCK"]), os.environ.get("INPUT_EXTRAS", ""))
-        packages = locks.entries_here(chosen)
+        lock = Path(os.environ["LOCK"])
+        chosen = locks.chosen_locks(lock, os.environ.get("INPUT_EXTRAS", ""))
+        packages = locks.entries_here([lock])
+        extras = [entry for entry in locks.entries_here(chosen) if entry not in packages]
         if sys.argv[1] == "look":
             # Before a download, and before a cache is saved.
             if problem := folder_problem(os.environ.get("INPUT_WORKING_DIRECTORY", "")):
                 print(f"{_TITLE}{problem}")
                 sys.exit(2)
-            say(look(packages, temp, os.environ))
+            say(look(packages, temp, os.environ, extras))
         else:
-            say(install(packages, Plan.parse(os.environ["PLAN"]), temp))
+            say(install(packages, Plan.parse(os.environ["PLAN"]), temp, extras))
     except LockError as error:
         sys.exit(f"{_TITLE}{error}")
     except InstallError:

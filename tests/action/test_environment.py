@@ -97,7 +97,7 @@ def made(packages: Sequence[Entry], temp: Path, variables: dict[str, str]) -> Pa
 
 
 def test_the_plan_survives_as_one_line() -> None:
-    plan = Plan("/a folder/ü\n", ("mujoco",), "~/kept")
+    plan = Plan("/a folder/ü\n", ("mujoco",), "~/kept", "~/extras")
     assert "\n" not in plan.text()
     assert Plan.parse(plan.text()) == plan
 
@@ -208,6 +208,30 @@ def test_kept_wheels_are_used_again_without_a_cache_service(
     assert not found["cache"]
     assert install(packages, Plan.parse(str(found["plan"])), other)["fetched"] is False
     assert len(downloads) == 1
+
+
+def test_extras_have_a_cache_of_their_own_and_share_the_other_one(
+    packages: list[Entry], job: Job, make_wheel: MakeWheel, tmp_path: Path
+) -> None:
+    """Jobs with the folders of others, and what each downloads and saves; all but the last ones need both engines."""
+    more, both = [make_wheel("lz4")], {**job.variables, "INPUT_BACKEND": "all"}
+    keys = set()
+    for number, (variables, extras, downloaded) in enumerate(
+        [(both, [], [3]), (both, more, [1]), (both, more, []), (job.variables, more, [2]), (job.variables, [], [])]
+    ):
+        temp = tmp_path / f"temp {number}"
+        temp.mkdir()
+        job.downloads.clear()
+        found = look(packages, temp, variables, extras)
+        assert found["cache-extras"] is (number == 1)
+        done = install(packages, Plan.parse(str(found["plan"])), temp, extras)
+        assert [len(names) for names in job.downloads] == downloaded
+        assert (done["fetched"], done["fetched-extras"]) == (number in (0, 3), number == 1)
+        assert bool(list(temp.glob("*/lib/python*/site-packages/lz4"))) is bool(extras)
+        keys |= {found["key"], found["key-extras"]} if extras else {found["key"]}
+        again = look(packages, temp, variables)
+        assert Plan.parse(str(again["plan"])).ready == str(Path(str(done["python"])).parents[1])
+    assert len(keys) == 3
 
 
 def kept_wheels(home: Path) -> Iterator[Path]:

@@ -97,17 +97,6 @@ def small_lock() -> str:
     return f"{found[0]}\n"
 
 
-def test_extras_are_installed_where_they_are_asked_for(tmp_path: Path) -> None:
-    action = action_with_lock(tmp_path / "action", small_lock())
-    lock = (ACTION / "action/locks/requirements-rosbags.lock").read_text(encoding="utf-8")
-    entries = re.findall(r"^(?:rosbags|apsw|lz4|ruamel-yaml)==.*(?:\n +--hash.*)+\n", lock, re.MULTILINE)
-    write(action / "action/locks/requirements-rosbags.lock", "".join(entries))
-    result = Runner(tmp_path, tmp_path).run(action, {"extras": "rosbags", "cache": "false"})
-    [installed] = tmp_path.glob("sim-action-*/lib/python3.11/site-packages")
-    assert {"rosbags", "apsw", "lz4", "ruamel"} <= {path.name for path in installed.iterdir()}, result.log
-    assert "Run scenarios" in result.steps
-
-
 def test_extras_that_are_not_known_are_told_before_anything_is_installed(tmp_path: Path) -> None:
     result = Runner(tmp_path, tmp_path).run(ACTION, {"extras": "numpy==1.0"})
     assert result.exit_code != 0
@@ -139,6 +128,23 @@ def test_wheels_are_kept_between_runs_and_checked_like_all_others(tmp_path: Path
     [wheel] = (tmp_path / "cache").rglob("*.whl")
     wheel.write_bytes(b"poison")
     assert "Save wheels" in steps_on("third")
+
+
+def test_extras_are_installed_on_top_of_the_wheels_that_jobs_without_them_have_cached(tmp_path: Path) -> None:
+    action = action_with_lock(tmp_path / "action", small_lock())
+    lock = (ACTION / "action/locks/requirements-rosbags.lock").read_text(encoding="utf-8")
+    entries = re.findall(r"^(?:rosbags|apsw|lz4|ruamel-yaml)==.*(?:\n +--hash.*)+\n", lock, re.MULTILINE)
+    write(action / "action/locks/requirements-rosbags.lock", "".join((small_lock(), *entries)))
+    cache, saved = CacheStore(tmp_path / "cache"), []
+    for machine, extras in (("first", ""), ("second", "rosbags"), ("third", "rosbags")):
+        runner = new_machine(tmp_path / machine, cache)
+        result = runner.run(action, {"extras": extras})
+        assert "Run scenarios" in result.steps
+        [installed] = runner.temp.glob("sim-action-*/lib/python3.11/site-packages")
+        expected = {"annotated_types", *({"rosbags", "apsw", "lz4", "ruamel"} if extras else ())}
+        assert expected <= {path.name for path in installed.iterdir()}, result.log
+        saved.append([step for step in result.steps if step.startswith("Save")])
+    assert saved == [["Save wheels"], ["Save wheels of extras"], []]
 
 
 def test_actions_with_the_same_lock_file_share_a_cache(tmp_path: Path) -> None:
