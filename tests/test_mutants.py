@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import ast
-from pathlib import Path
 
 import pytest
 
-from tests.mutants import ROOT, Copy, Hunt, drawn, equivalent, stages
-from tests.mutations import Mutant, mutants
+from tests.mutants import ROOT, equivalent
+from tests.mutations import mutants
 
 
 def made(source: str) -> list[str]:
@@ -83,15 +82,6 @@ def test_a_mutant_knows_its_line_and_how_it_changes() -> None:
     assert found[1].difference() == ("b = c + 1  # why", "b = c - 1  # why")
 
 
-def test_a_sample_is_the_same_for_a_seed_and_comes_from_every_folder() -> None:
-    begins = "sim_action/s"
-    sample = drawn(30, 1, begins)
-    assert sample == drawn(30, 1, begins)
-    assert sample != drawn(30, 2, begins)
-    assert len({(mutant.file, mutant.line) for mutant in sample}) == 30
-    assert {mutant.file.split("/")[1] for mutant in sample} == {"scenario", "sensors", "simulation", "state"}
-
-
 def test_equivalent_mutants_are_known_by_text_and_are_not_drawn() -> None:
     table = equivalent()
     for entry in table:
@@ -100,33 +90,3 @@ def test_equivalent_mutants_are_known_by_text_and_are_not_drawn() -> None:
         assert (entry["line"], entry["becomes"]) in there, f"no longer a mutant: {entry}"
         assert entry["reason"]
     assert len({(entry["file"], entry["line"], entry["becomes"]) for entry in table}) == len(table)
-
-
-def test_the_tests_of_a_module_come_first() -> None:
-    near, folder, integration, whole = stages("sim_action/results/comparison.py")
-    assert near[0] == "tests/results/test_comparison.py"
-    assert "tests/reports/test_comparison.py" in near
-    assert folder[0] == "tests/results"
-    assert "tests/results/test_comparison.py" in folder
-    assert all((ROOT / file).is_file() for file in integration)
-    assert whole[-2:] == ("--ignore", "tests/results")
-
-
-@pytest.mark.process
-def test_a_mutant_is_noticed_by_the_first_test_that_fails_only_because_of_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    source = "def positive(a):\n    return a > 0\n"
-    tests = "from it import positive\ndef test_bad(): assert 0\ndef test_one(): assert positive(1)\n"
-    for name in ("root", "copy", "clean"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "it.py").write_text(source)
-        (tmp_path / name / "test_it.py").write_text(tests)
-    monkeypatch.setattr("tests.mutants.ROOT", tmp_path / "root")
-    monkeypatch.setattr("tests.mutants.stages", lambda _: iter([("test_it.py",)]))
-    hunt, copy = Hunt(Copy(tmp_path / "clean")), Copy(tmp_path / "copy")
-    at = source.index(">")
-    assert hunt.noticed_by(Mutant("it.py", 2, at, at + 1, "<", source), copy) == "test_it.py::test_one"
-    assert hunt.noticed_by(Mutant("it.py", 2, at, at + 1, ">=", source), copy) is None
-    assert hunt.fails_anyway == {"test_it.py::test_bad"}
-    assert (tmp_path / "copy/it.py").read_text() == source

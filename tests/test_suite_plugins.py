@@ -1,19 +1,15 @@
-"""The suite's own plugins: guards against child processes and unreached assertions, repetitions, the order."""
+"""The suite's own plugins: guards against child processes and unreached assertions."""
 
 from __future__ import annotations
-
-from itertools import pairwise
 
 import pytest
 from hypothesis import settings
 
 from tests import reached_assertions
-from tests.balance import dealt
-from tests.soak import EXAMPLES, FACTOR, LONG, SHORT, examples, soaked
+from tests.soak import SHORT
 
 GUARD = ("-p", "tests.child_processes", "-p", "no:xdist", "-p", "no:cacheprovider")
 REACH = ("-p", "tests.reached_assertions", "-p", "tests.soak", "-p", "no:xdist", "-p", "no:cacheprovider")
-SOAK = ("-p", "tests.soak", "-p", "no:xdist", "-p", "no:cacheprovider")
 
 
 @pytest.mark.process
@@ -43,81 +39,10 @@ def test_a_test_that_starts_a_process_says_so(pytester: pytest.Pytester, start: 
     ran.stdout.fnmatch_lines([f"it starts a process ({event}), and does not have the marker 'process'"])
 
 
-TESTS = """\
-import pytest
-from hypothesis import given, settings, strategies
-from tests.soak import examples, soaked
-
-asked = []
-
-@examples(3)
-@given(strategies.integers())
-def test_property(number):
-    asked.append(number)
-
-def test_plain():
-    assert len(set(asked)) <= 3
-
-@pytest.mark.soak
-def test_long():
-    pass
-
-@pytest.mark.parametrize("value", soaked("abc", short="b"))
-def test_some(value):
-    pass
-"""
-
-
 @pytest.fixture
 def short_again() -> object:
     yield
     settings.load_profile(SHORT)
-
-
-def test_long_repetitions_run_when_they_are_asked_for(pytester: pytest.Pytester, short_again: object) -> None:
-    pytester.makepyfile(TESTS)
-    short = pytester.runpytest_inprocess(*SOAK, "-v")
-    short.assert_outcomes(passed=3, deselected=3)
-    short.stdout.fnmatch_lines(["*::test_property PASSED*", "*::test_plain PASSED*", "*::test_some[[]b[]] PASSED*"])
-    long = pytester.runpytest_inprocess(*SOAK, "-v", "--soak")
-    long.assert_outcomes(passed=4, deselected=2)
-    long.stdout.fnmatch_lines(["*::test_property PASSED*", "*::test_long PASSED*", "*::test_some[[]a[]] PASSED*"])
-
-
-def test_properties_are_asked_more_often_and_differently_in_a_long_repetition(short_again: object) -> None:
-    settings.load_profile(SHORT)
-    assert (examples(7).max_examples, settings().max_examples, settings().derandomize) == (4, EXAMPLES, True)
-    settings.load_profile(LONG)
-    assert (examples(7).max_examples, settings().max_examples, settings().derandomize) == (
-        4 * FACTOR,
-        EXAMPLES * FACTOR,
-        False,
-    )
-
-
-def test_values_that_are_not_in_the_short_form_are_marked() -> None:
-    first, second = soaked(["a", "b"], short=["a"])
-    assert first == "a"
-    assert (second.values, [mark.name for mark in second.marks]) == (("b",), ["soak"])
-
-
-@pytest.mark.parametrize("workers", [1, 2, 3, 7])
-def test_every_worker_begins_with_slow_tests_and_ends_with_quick_ones(workers: int) -> None:
-    slow, quick = [f"slow {number}" for number in range(11)], [f"quick {number}" for number in range(40)]
-    order = dealt(slow, quick, workers)
-    assert sorted(order) == sorted([*slow, *quick])
-    bounds = [len(order) * worker // workers for worker in range(workers + 1)]
-    for begin, end in pairwise(bounds):
-        part = order[begin:end]
-        assert part[0].startswith("slow")
-        assert part[-1].startswith("quick")
-        assert part == [*(one for one in part if one in slow), *(one for one in part if one in quick)]
-
-
-@pytest.mark.parametrize(("slow", "quick"), [(10, 0), (0, 10), (9, 1), (0, 0), (2, 1)])
-def test_no_test_is_lost_however_many_are_slow(slow: int, quick: int) -> None:
-    items = [f"slow {number}" for number in range(slow)], [f"quick {number}" for number in range(quick)]
-    assert sorted(dealt(*items, 4)) == sorted([*items[0], *items[1]])
 
 
 PROPERTIES = """\

@@ -66,11 +66,7 @@ def transforms_message(time: float, frames: Iterable[PlacedFrame]) -> Message:
 
 
 def odometry_message(
-    time: float,
-    frames: tuple[str, str],
-    pose: Pose,
-    twist: Twist,
-    covariances: Sequence[Sequence[float]] = (),
+    time: float, frames: tuple[str, str], pose: Pose, twist: Twist, covariances: Sequence[Sequence[float]] = ()
 ) -> Message:
     """Return nav_msgs/Odometry; `frames`: of the pose, and the base, in which the twist is; `covariances`: of both."""
     frame, base = frames
