@@ -9,7 +9,6 @@ import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final, Literal, get_args, get_origin
 
 import click
@@ -43,9 +42,7 @@ def package_parts(table: Table[Any]) -> Iterator[tuple[InstalledPart, type[BaseM
             yield part, problem
 
 
-_PARTS: Final[Mapping[Any, str]] = MappingProxyType(
-    {Assertion: "assertion", Expectation: "expectation", MountedSensor: "sensor"}
-)
+_PARTS: Final[Mapping[Any, str]] = {Assertion: "assertion", Expectation: "expectation", MountedSensor: "sensor"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +137,7 @@ def key_rows(
             yield from (row for row in key_rows(inner, start, shown) if not f"{row.name} ".startswith(names))
 
 
-_STEPS: Final[Mapping[object, str]] = MappingProxyType({tuple: "[]", dict: ".NAME"})
+_STEPS: Final[Mapping[object, str]] = {tuple: "[]", dict: ".NAME"}
 """A container -> the step from it to an entry, as lists of keys show it."""
 
 
@@ -296,16 +293,14 @@ class _Kind:
     beside: type[BaseModel] | None = None
 
 
-_KINDS: Final = MappingProxyType(
-    {
-        "assertion": _Kind("expect", ExpectationOptions),
-        "command": _Kind("commands"),
-        "drive": _Kind("robot.drive"),
-        "sensor": _Kind("sensors", Mounting),
-    }
-)
+_KINDS: Final = {
+    "assertion": _Kind("expect", ExpectationOptions),
+    "command": _Kind("commands"),
+    "drive": _Kind("robot.drive"),
+    "sensor": _Kind("sensors", Mounting),
+}
 
-_KEYS: Final[Mapping[str, type[BaseModel]]] = MappingProxyType({"scenario": Scenario, "world": World})
+_KEYS: Final[Mapping[str, type[BaseModel]]] = {"scenario": Scenario, "world": World}
 """Other names -> the model whose keys are explained, together and each alone."""
 
 _INDENT: Final = "  "

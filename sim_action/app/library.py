@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from numbers import Integral
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final, TypeVar, get_args
 
 from sim_action.app.library_results import Results, RunFolder
@@ -38,29 +37,27 @@ from sim_action.scenario.selection import Selection, Suite, find_suite
 from sim_action.scenario.source import Refused
 from sim_action.scenario.written import Scenario
 
-_ARGUMENTS: Final = MappingProxyType(
-    {
-        "--allow-outside": "allow_outside",
-        "--allow-scripts": "allow_scripts",
-        "--at-least": "at_least",
-        "--backend": "backend",
-        "--cluster": "cluster",
-        "--confidence": "confidence",
-        "--exclude": "exclude",
-        "--exclude-tag": "exclude_tags",
-        "--fail-fast": "fail_fast",
-        "--factor": "factors",
-        "--jobs": "jobs",
-        "--only": "only",
-        "--output-dir": "output_dir",
-        "--package": "packages",
-        "--pass-env": "pass_env",
-        "--record": "record",
-        "--repeat": "repeat",
-        "--seed": "seed",
-        "--tag": "tags",
-    }
-)
+_ARGUMENTS: Final = {
+    "--allow-outside": "allow_outside",
+    "--allow-scripts": "allow_scripts",
+    "--at-least": "at_least",
+    "--backend": "backend",
+    "--cluster": "cluster",
+    "--confidence": "confidence",
+    "--exclude": "exclude",
+    "--exclude-tag": "exclude_tags",
+    "--fail-fast": "fail_fast",
+    "--factor": "factors",
+    "--jobs": "jobs",
+    "--only": "only",
+    "--output-dir": "output_dir",
+    "--package": "packages",
+    "--pass-env": "pass_env",
+    "--record": "record",
+    "--repeat": "repeat",
+    "--seed": "seed",
+    "--tag": "tags",
+}
 """Options of `run`, and what `sim_action.run` calls them."""
 
 _OPTION: Final = re.compile(r"(?<![\w-])--[a-z]+(?:-[a-z]+)*(?![\w-])")

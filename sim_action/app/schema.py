@@ -364,7 +364,10 @@ def _referred(part: Any) -> Iterator[str]:
             yield from _referred(value)
 
 
-SCHEMAS: Final[Mapping[str, Callable[[], Schema]]] = MappingProxyType(
-    {"scenario": scenario_schema, "base": base_schema, "results": results_schema, "proof": proof_schema}
-)
+SCHEMAS: Final[Mapping[str, Callable[[], Schema]]] = {
+    "scenario": scenario_schema,
+    "base": base_schema,
+    "results": results_schema,
+    "proof": proof_schema,
+}
 """Each schema by the name that `sim-action schema` and the published files have for it."""

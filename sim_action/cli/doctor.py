@@ -10,7 +10,6 @@ import tempfile
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final, Literal
 
 import click
@@ -87,15 +86,13 @@ State = Literal["good", "missing", "bad"]
 - bad: scenarios cannot run.
 """
 
-_EXTRAS: Final = MappingProxyType(
-    {
-        "mcap": ("mcap", "recordings for Foxglove (--record mcap)"),
-        "video": ("av", "recordings as GIF and MP4 (--record gif, mp4)"),
-        "rosbags": ("rosbags", "replays of ROS bags"),
-        "policy": ("onnxruntime", "learned policies"),
-        "dask": ("distributed", "runs on a cluster (--cluster)"),
-    }
-)
+_EXTRAS: Final = {
+    "mcap": ("mcap", "recordings for Foxglove (--record mcap)"),
+    "video": ("av", "recordings as GIF and MP4 (--record gif, mp4)"),
+    "rosbags": ("rosbags", "replays of ROS bags"),
+    "policy": ("onnxruntime", "learned policies"),
+    "dask": ("distributed", "runs on a cluster (--cluster)"),
+}
 """Extra -> a package that it installs, and what it is for."""
 
 

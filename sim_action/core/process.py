@@ -11,7 +11,7 @@ import signal
 import sys
 import threading
 from pathlib import Path
-from types import FrameType, MappingProxyType
+from types import FrameType
 from typing import TYPE_CHECKING, Final, Self
 
 from typing_extensions import override
@@ -136,14 +136,12 @@ def forgive_closed_output() -> None:
             setattr(sys, name, io.TextIOWrapper(file, **style))
 
 
-BEFORE_IMPORTS: Final = MappingProxyType(
-    {
-        # A process that forks must not have threads, and results must not depend on the number of cores.
-        "OPENBLAS_NUM_THREADS": "1",
-        # The search for plugins takes longer than reading a scenario, and no plugin is wanted.
-        "PYDANTIC_DISABLE_PLUGINS": "__all__",
-    }
-)
+BEFORE_IMPORTS: Final = {
+    # A process that forks must not have threads, and results must not depend on the number of cores.
+    "OPENBLAS_NUM_THREADS": "1",
+    # The search for plugins takes longer than reading a scenario, and no plugin is wanted.
+    "PYDANTIC_DISABLE_PLUGINS": "__all__",
+}
 """Environment variables of a process that runs scenarios, to be set before numpy and pydantic are imported."""
 
 

@@ -14,7 +14,6 @@ import re
 from array import array
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core.content_cache import Entry
@@ -337,7 +336,5 @@ def _quoted(words: list[bytes]) -> str:
     return shown(b" ".join(words)[:100].decode("latin-1"))
 
 
-READERS: Final[Mapping[str, Callable[[bytes], Mesh]]] = MappingProxyType(
-    {"stl": read_stl, "obj": read_obj, "dae": read_collada}
-)
+READERS: Final[Mapping[str, Callable[[bytes], Mesh]]] = {"stl": read_stl, "obj": read_obj, "dae": read_collada}
 """File extension -> reader."""

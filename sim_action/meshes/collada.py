@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 from xml.etree.ElementTree import Element
 
@@ -305,9 +304,12 @@ def _rotate(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
 
 _Transformation = tuple[int, Callable[["NDArray[np.float64]"], "NDArray[np.float64]"]]
 
-_TRANSFORMATIONS: Final[Mapping[str, _Transformation]] = MappingProxyType(
-    {"matrix": (16, _matrix), "translate": (3, _translate), "scale": (3, _scale), "rotate": (4, _rotate)}
-)
+_TRANSFORMATIONS: Final[Mapping[str, _Transformation]] = {
+    "matrix": (16, _matrix),
+    "translate": (3, _translate),
+    "scale": (3, _scale),
+    "rotate": (4, _rotate),
+}
 """Tag -> count of its numbers, and the function that makes a matrix (4, 4) of them."""
 
 

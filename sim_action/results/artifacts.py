@@ -8,7 +8,6 @@ import shutil
 import stat
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from types import MappingProxyType
 from typing import Any, Final, Literal, Self
 
 from sim_action.core.files import open_regular, whole_file
@@ -126,7 +125,7 @@ def copy_or_reason(source: Path, target: Path) -> str:
     return ""
 
 
-_NONE: Final[Mapping[str, str]] = MappingProxyType({})
+_NONE: Final[Mapping[str, str]] = {}
 
 
 def with_existing_files(outcome: Outcome, folder: Path, removed: Mapping[str, str] = _NONE) -> Outcome:

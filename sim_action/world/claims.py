@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import reduce
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, Literal, Self
 
 from sim_action.core import units
@@ -65,136 +64,78 @@ INCOMPLETE_WORLD: Final = "incomplete-world"
 OVERLAPPING_BODIES: Final = "overlapping-bodies"
 """The rule about bodies with a mass that begin inside others."""
 
-RULES: Final[Mapping[str, Rule]] = MappingProxyType(
-    {
-        "bare-angle": Rule(
-            "error",
-            "an angle, or an angular speed, without a unit that is more than one turn (a second): probably in degrees",
-        ),
-        "unreachable-limit": Rule(
-            "error",
-            "a limit that no run can exceed, such as a tilt of 180 deg, a position beyond the stop of a joint, a "
-            "reading that its sensor cannot have, a speed at which the run already counts as unstable "
-            "(`physics.max_speed`); a formula, an `any_of` or a `not` that is always true or always false",
-        ),
-        "unreachable-target": Rule(
-            "error", "a place of `reach`, `final_pose` or `follow_path` that is farther away than the link can reach"
-        ),
-        "warnings-only": Rule("error", "a scenario in which every expectation has `severity: warning`"),
-        SINGLE_ROW: Rule("error", "a golden file with one row: no motion is compared"),
-        "no-collision-shape": Rule(
-            "error",
-            "`no_collision`, `clearance`, `contact` or `stops_before` on a robot without a collision shape: "
-            "the engine sees no contact and no distance",
-        ),
-        "fixed-base": Rule(
-            "error",
-            "an assertion about the motion of a fixed base, such as `travel`, or `matches` without `joints`, or of a "
-            "link that no joint moves in its frame; a comparison of `stl`, or a `clearance`, between parts that never "
-            "move; a limit of `agreement` for such a base or a link fixed to it",
-        ),
-        "shapeless-links": Rule(
-            "warning", "such an assertion where moving links have a visual shape but no collision shape"
-        ),
-        "nothing-to-touch": Rule(
-            "warning",
-            "`no_collision` where there is nothing that the robot may not touch during the check; `no_collision` or "
-            "`clearance` where all objects are below the ground or above the robot",
-        ),
-        "limit-beyond-range": Rule(
-            "warning",
-            "a minimum distance of `sensor` that is greater than its sensor's range; a `max_error` of `follow_path` "
-            "that is longer than its path; a limit, a tolerance, or a place in `not` or `any_of`, to which no run "
-            "comes in its time limit, even if the robot runs away: at 1.5 times the speed at which its wheels and "
-            "motors reach their limits, or at 5 times that of its commands if its wheels have no limits",
-        ),
-        "segment-beyond-run": Rule(
-            "warning", "a command segment or point that is longer or later than the run: probably in milliseconds"
-        ),
-        "premise-never-held": Rule(
-            "warning",
-            "an implication (`a implies b`, or `always (not a or b)`) whose premise never held, in any variation",
-            over_variations=True,
-        ),
-        "drive-never-commanded": Rule("warning", "a drive that no command source and no sensor used"),
-        "judged-once": Rule(
-            "warning",
-            "an invariant that was judged at one moment, although the run has more; a formula, or a goal of a class of "
-            "yours, that was already decided at t = 0",
-        ),
-        "nothing-in-range": Rule(
-            "warning", "an invariant of `sensor`, or a formula, whose ranges or depths were all infinite"
-        ),
-        "never-touched": Rule(
-            "warning",
-            "an upper limit of `contact`, or a `force` of `stl`, on a body that the robot did not touch; of the "
-            "`force` of a contact sensor that felt nothing; of `feet_on_ground` without a foot on the ground; in any "
-            "variation",
-            over_variations=True,
-        ),
-        "partly-compared": Rule(
-            "warning",
-            "a `follow_path` without `end`, or a `matches`, that saw less than 75 % of its path or golden trajectory",
-        ),
-        "golden-at-rest": Rule("warning", "a golden file in which nothing that `matches` compares ever moves"),
-        "nothing-acts": Rule(
-            "warning",
-            "a run in which nothing was commanded, pushed or moved, and no expectation asks for a robot at rest",
-        ),
-        "no-effect": Rule(
-            "warning",
-            "a part that has no effect: a disturbance of zero, waypoints where the robot stands, a patch that "
-            "nothing ever touched, a noisy sensor that nothing reads",
-        ),
-        "silent-controller": Rule(
-            "warning",
-            "a controller (script, process, replay, ROS nodes) that gave no command other than zero, unless an "
-            "expectation asks for a robot at rest; a wrench of zero",
-        ),
-        "command-never-arrived": Rule(
-            "warning",
-            "a command source with `latency`, `jitter` or `dropouts` whose commands all came too late or never",
-        ),
-        "never-moved": Rule("warning", "a robot that was commanded to move, and never moved"),
-        "link-never-moved": Rule(
-            "warning",
-            "an assertion on a `link` that held, although the link never moved in its frame, in any variation",
-            over_variations=True,
-        ),
-        "object-never-moved": Rule(
-            "warning",
-            "an `upright`, `stay_within` or `not: {reach: ...}` of `object` that held, although the object never "
-            "moved, in any variation",
-            over_variations=True,
-        ),
-        NOT_SIMULATED: Rule(
-            "warning",
-            "a part of a world file that is not simulated; a part of a launch file, where `allow_losses` is true",
-        ),
-        NOT_REPRODUCIBLE: Rule(
-            "warning",
-            "ROS nodes that could not be kept in lock-step with sim time, so that another run may differ: "
-            "a node that is never quiet or acts by the wall clock, or `pace: realtime`",
-        ),
-        LOGGED_ERROR: Rule("warning", "a ROS 2 node that logged at the level ERROR or FATAL"),
-        NODE_FAILED: Rule(
-            "warning",
-            "a rostest whose methods passed although a node ended with an error, or a callback of the test raised",
-        ),
-        LOW_GATE: Rule(
-            "error", "a gate that passes although most of its runs fail: a rate, or the share of a quantile, below 50 %"
-        ),
-        INCOMPLETE_WORLD: Rule(
-            "error", "a model or a mesh of a world file that is not found or cannot be used: an obstacle is missing"
-        ),
-        OVERLAPPING_BODIES: Rule(
-            "error", "a body with a mass that begins inside another one or the ground: the engine throws it out"
-        ),
-        "event-never-began": Rule(
-            "warning", "a disturbance, a wrench, a body or a path that is due after the end of the run"
-        ),
-    }
-)
+_SUMMARIES: Final[Mapping[Literal["error", "warning"], Mapping[str, str]]] = {
+    "error": {
+        "bare-angle": "an angle, or an angular speed, without a unit that is more than one turn (a second): probably "
+        "in degrees",
+        "unreachable-limit": "a limit that no run can exceed, such as a tilt of 180 deg, a position beyond the stop of "
+        "a joint, a reading that its sensor cannot have, a speed at which the run already counts as unstable "
+        "(`physics.max_speed`); a formula, an `any_of` or a `not` that is always true or always false",
+        "unreachable-target": "a place of `reach`, `final_pose` or `follow_path` that is farther away than the link "
+        "can reach",
+        "warnings-only": "a scenario in which every expectation has `severity: warning`",
+        SINGLE_ROW: "a golden file with one row: no motion is compared",
+        "no-collision-shape": "`no_collision`, `clearance`, `contact` or `stops_before` on a robot without a collision "
+        "shape: the engine sees no contact and no distance",
+        "fixed-base": "an assertion about the motion of a fixed base, such as `travel`, or `matches` without `joints`, "
+        "or of a link that no joint moves in its frame; a comparison of `stl`, or a `clearance`, between parts that "
+        "never move; a limit of `agreement` for such a base or a link fixed to it",
+        LOW_GATE: "a gate that passes although most of its runs fail: a rate, or the share of a quantile, below 50 %",
+        INCOMPLETE_WORLD: "a model or a mesh of a world file that is not found or cannot be used: an obstacle is "
+        "missing",
+        OVERLAPPING_BODIES: "a body with a mass that begins inside another one or the ground: the engine throws it out",
+    },
+    "warning": {
+        "shapeless-links": "such an assertion where moving links have a visual shape but no collision shape",
+        "nothing-to-touch": "`no_collision` where there is nothing that the robot may not touch during the check; "
+        "`no_collision` or `clearance` where all objects are below the ground or above the robot",
+        "limit-beyond-range": "a minimum distance of `sensor` that is greater than its sensor's range; a `max_error` "
+        "of `follow_path` that is longer than its path; a limit, a tolerance, or a place in `not` or `any_of`, to "
+        "which no run comes in its time limit, even if the robot runs away: at 1.5 times the speed at which its wheels "
+        "and motors reach their limits, or at 5 times that of its commands if its wheels have no limits",
+        "segment-beyond-run": "a command segment or point that is longer or later than the run: probably in "
+        "milliseconds",
+        "premise-never-held": "an implication (`a implies b`, or `always (not a or b)`) whose premise never held, in "
+        "any variation",
+        "drive-never-commanded": "a drive that no command source and no sensor used",
+        "judged-once": "an invariant that was judged at one moment, although the run has more; a formula, or a goal of "
+        "a class of yours, that was already decided at t = 0",
+        "nothing-in-range": "an invariant of `sensor`, or a formula, whose ranges or depths were all infinite",
+        "never-touched": "an upper limit of `contact`, or a `force` of `stl`, on a body that the robot did not touch; "
+        "of the `force` of a contact sensor that felt nothing; of `feet_on_ground` without a foot on the ground; in "
+        "any variation",
+        "partly-compared": "a `follow_path` without `end`, or a `matches`, that saw less than 75 % of its path or "
+        "golden trajectory",
+        "golden-at-rest": "a golden file in which nothing that `matches` compares ever moves",
+        "nothing-acts": "a run in which nothing was commanded, pushed or moved, and no expectation asks for a robot at "
+        "rest",
+        "no-effect": "a part that has no effect: a disturbance of zero, waypoints where the robot stands, a patch that "
+        "nothing ever touched, a noisy sensor that nothing reads",
+        "silent-controller": "a controller (script, process, replay, ROS nodes) that gave no command other than zero, "
+        "unless an expectation asks for a robot at rest; a wrench of zero",
+        "command-never-arrived": "a command source with `latency`, `jitter` or `dropouts` whose commands all came too "
+        "late or never",
+        "never-moved": "a robot that was commanded to move, and never moved",
+        "link-never-moved": "an assertion on a `link` that held, although the link never moved in its frame, in any "
+        "variation",
+        "object-never-moved": "an `upright`, `stay_within` or `not: {reach: ...}` of `object` that held, although the "
+        "object never moved, in any variation",
+        NOT_SIMULATED: "a part of a world file that is not simulated; a part of a launch file, where `allow_losses` is "
+        "true",
+        NOT_REPRODUCIBLE: "ROS nodes that could not be kept in lock-step with sim time, so that another run may "
+        "differ: a node that is never quiet or acts by the wall clock, or `pace: realtime`",
+        LOGGED_ERROR: "a ROS 2 node that logged at the level ERROR or FATAL",
+        NODE_FAILED: "a rostest whose methods passed although a node ended with an error, or a callback of the test "
+        "raised",
+        "event-never-began": "a disturbance, a wrench, a body or a path that is due after the end of the run",
+    },
+}
+_OVER_VARIATIONS: Final = ("premise-never-held", "never-touched", "link-never-moved", "object-never-moved")
+RULES: Final[Mapping[str, Rule]] = {
+    name: Rule(level, summary, name in _OVER_VARIATIONS)
+    for level, rows in _SUMMARIES.items()
+    for name, summary in rows.items()
+}
 
 
 @dataclass(frozen=True, slots=True)

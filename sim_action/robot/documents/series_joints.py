@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from types import MappingProxyType
 from typing import Final
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
@@ -19,9 +18,11 @@ from sim_action.core.records import dataclass, field
 from sim_action.robot.documents.urdf_elements import axis, child_of, parent_of
 from sim_action.robot.documents.xml_document import ModelDocument
 
-SERIES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {"planar": ("x", "y", "turn"), "universal": ("1", "2"), "floating": ("slide_x", "slide_y", "slide_z")}
-)
+SERIES: Final[Mapping[str, tuple[str, ...]]] = {
+    "planar": ("x", "y", "turn"),
+    "universal": ("1", "2"),
+    "floating": ("slide_x", "slide_y", "slide_z"),
+}
 """Type of a joint with several motions -> the ends of the names of its parts; in "floating", a ball joint follows."""
 
 

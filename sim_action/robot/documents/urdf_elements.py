@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import PurePath
-from types import MappingProxyType
 from typing import Final
 from xml.etree.ElementTree import Element
 
@@ -22,9 +21,12 @@ from sim_action.robot.model.robot_model import Plugin, Surface
 MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 """The attributes of <inertia>."""
 
-SHAPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {"box": ("size",), "sphere": ("radius",), "cylinder": ("radius", "length"), "capsule": ("radius", "length")}
-)
+SHAPES: Final[Mapping[str, tuple[str, ...]]] = {
+    "box": ("size",),
+    "sphere": ("radius",),
+    "cylinder": ("radius", "length"),
+    "capsule": ("radius", "length"),
+}
 """Shapes other than meshes -> their attributes."""
 
 CONTACT: Final = (
@@ -55,14 +57,12 @@ NUMBERS: Final = ("mu1", "mu2", "kp", "kd")
 """The numbers that are read from the <gazebo> tag of a link."""
 
 # Gazebo copies <collision> of a <gazebo> tag into each collision of the link.
-_IN_SURFACE: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "mu1": "collision/surface/friction/ode/mu",
-        "mu2": "collision/surface/friction/ode/mu2",
-        "kp": "collision/surface/contact/ode/kp",
-        "kd": "collision/surface/contact/ode/kd",
-    }
-)
+_IN_SURFACE: Final[Mapping[str, str]] = {
+    "mu1": "collision/surface/friction/ode/mu",
+    "mu2": "collision/surface/friction/ode/mu2",
+    "kp": "collision/surface/contact/ode/kp",
+    "kd": "collision/surface/contact/ode/kd",
+}
 
 SPRING: Final = ("springStiffness", "springReference")
 """The numbers that are read from the <gazebo> tag of a joint."""

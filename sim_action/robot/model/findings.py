@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import PurePath
-from types import MappingProxyType
 from typing import Final, Literal
 
 from sim_action.core.errors import Location, Problem, RefusedModel
@@ -47,139 +46,111 @@ class Rule:
     summary: str
 
 
-RULES: Final[Mapping[str, Rule]] = MappingProxyType(
-    {
-        "bad-xml": Rule("fatal", "XML that is not well-formed, too deep, too large, or has a DOCTYPE"),
-        "bad-xacro": Rule("fatal", "a xacro file that cannot be evaluated"),
-        "unknown-argument": Rule("fatal", "an argument in `robot.args` that the xacro file does not declare"),
-        "missing-include": Rule("fatal", "an included file that does not exist"),
-        "missing-package": Rule("fatal", "a package that cannot be found"),
-        "outside-workspace": Rule("fatal", "a mesh or an included file that lies outside the workspace"),
-        "bad-reference": Rule("fatal", "a reference that names no file"),
-        "not-a-robot": Rule("fatal", "a file without a robot model, or with several models"),
-        "missing-part": Rule("fatal", "an element without a required child element or attribute"),
-        "bad-number": Rule("fatal", "a value that is not the required count of finite numbers, or out of range"),
-        "bad-name": Rule("fatal", "a link or joint name that is too long for the engine"),
-        "duplicate-name": Rule("fatal", "two links, or two joints, with the same name"),
-        "unknown-frame": Rule("fatal", "a name in SDF that refers to no link, joint, frame or model"),
-        "frame-loop": Rule(
-            "fatal", "frames in SDF that are relative to each other, or attached to each other, in a loop"
-        ),
-        "include-loop": Rule("fatal", "an SDF model that includes itself, or includes too many models"),
-        "unknown-link": Rule("fatal", "a joint that names a link that does not exist"),
-        "two-parents": Rule("fatal", "a link that is the child of two joints"),
-        "one-root": Rule("fatal", "a model without a root link, or with several"),
-        "loop": Rule("fatal", "joints that form a loop"),
-        "joint-type": Rule("fatal", "an unknown joint type"),
-        "too-many-joints": Rule("fatal", "more than 1,000 joints"),
-        "unknown-shape": Rule("fatal", "a shape that is not supported"),
-        "bad-shape": Rule("fatal", "a size that is not greater than 0"),
-        "zero-axis": Rule("fatal", "a moving joint with an axis of length 0"),
-        "negative-mass": Rule("fatal", "a mass below 0"),
-        "missing-mesh": Rule("fatal", "a collision mesh that does not exist"),
-        "unknown-mesh-format": Rule("fatal", "a collision mesh in another format than STL, OBJ or DAE"),
-        "broken-mesh": Rule("fatal", "a collision mesh that cannot be read"),
-        "empty-mesh": Rule("fatal", "a collision mesh in which no triangle has an area"),
-        "mesh-index": Rule("fatal", "a collision mesh with a face that refers to a missing point"),
-        "too-large-mesh": Rule("fatal", "a collision mesh with too many triangles or bytes"),
-        "unsupported-joint": Rule("error", "a screw joint in SDF, which no engine has; if allowed, it is fixed"),
-        "bad-mimic": Rule("error", "a <mimic> that cannot work; if allowed, the joint moves independently"),
-        "unexpanded-expression": Rule(
-            "error", "an unexpanded xacro expression, ${...} or $(...); if allowed, the value counts as left out"
-        ),
-        "missing-limits": Rule(
-            "error",
-            "a prismatic joint without limits, or a <limit> without positions; if allowed, it moves without limits",
-        ),
-        "reversed-limits": Rule(
-            "error", "a lower limit above the upper limit; if allowed, the joint moves without limits"
-        ),
-        "zero-mass": Rule("error", "a mass of 0 on a link that moves by itself; if allowed, it gets a negligible mass"),
-        "impossible-inertia": Rule(
-            "error",
-            "a principal moment of inertia below 0, by more than rounding; if allowed, all three moments are increased "
-            "until they are possible",
-        ),
-        "absurd-size": Rule(
-            "error", "a part that is larger than a robot can be: probably in millimetres instead of metres"
-        ),
-        "restitution": Rule(
-            "error",
-            "a contact with a restitution above 0.1: nothing bounces in the simulation; if allowed, it is ignored",
-        ),
-        "unsupported-part": Rule("error", "a part of SDF that is not supported; if allowed, it is ignored"),
-        "xacro-warning": Rule("warning", "a warning that xacro itself printed"),
-        "missing-visual": Rule("warning", "a visual mesh that does not exist: it is not drawn"),
-        "massless-model": Rule(
-            "warning",
-            "a model in which no link has a mass: every link gets a negligible mass, and the base must be fixed",
-        ),
-        "massless-base": Rule("warning", "a mass of 0 on the base link: the base must be fixed"),
-        "massless-frame": Rule("warning", "a mass of 0 on a link that is fixed to a link with a mass: it adds nothing"),
-        "rounded-inertia": Rule(
-            "warning",
-            "moments of inertia that are impossible only by rounding: they are increased until they are possible",
-        ),
-        "uneven-inertia": Rule(
-            "warning",
-            "a moment of inertia that is greater than the sum of the other two, which no body can have: they are "
-            "increased until they are possible",
-        ),
-        "zero-inertia": Rule("warning", "moments of inertia that are all 0: the mass counts as a ball of 5 cm radius"),
-        "empty-shape": Rule("warning", "a collision shape whose sizes are all 0: it is ignored"),
-        "unlimited-joint": Rule("warning", "a revolute joint without <limit>: it turns without limits"),
-        "continuous-limits": Rule(
-            "warning", "position limits of a continuous joint: URDF has none, so it turns without limits"
-        ),
-        "still-mimic": Rule("warning", "a <mimic> that never moves its joint: the joint is fixed"),
-        "many-joints": Rule(
-            "warning", "more joints than PyBullet supports, 127 in total and 121 that move: only MuJoCo simulates them"
-        ),
-        "late-declaration": Rule("warning", "white space or a comment before <?xml ...?>"),
-        "default-expression": Rule("warning", "an expression $(optenv NAME DEFAULT) in a URDF: DEFAULT is used"),
-        "locked-joint": Rule("warning", "a joint that cannot move because its limits are equal, often 0 on a wheel"),
-        "concave-mesh": Rule("warning", "a collision mesh that is not convex: its convex hull collides"),
-        "tiny-mesh": Rule("warning", "a collision mesh smaller than 1 mm: probably scaled to metres twice"),
-        "flat-mesh": Rule("warning", "a collision mesh without a volume"),
-        "several-packages": Rule("warning", "several packages with the same name: the nearest one is used"),
-        "package-folder": Rule(
-            "warning", "a package without a package.xml: a folder of its name, or with its files, is used"
-        ),
-        "file-spelling": Rule("warning", "a file or reference that is spelled otherwise than on the disk"),
-        "missing-inertia": Rule("warning", "a link without <inertial>: it gets a negligible mass"),
-        "unknown-reference": Rule("warning", "a <gazebo> tag for a link or joint that does not exist"),
-        "two-frictions": Rule(
-            "warning", "friction that depends on the direction: one coefficient is used for all directions"
-        ),
-        "zero-limit": Rule("warning", "an effort or velocity of 0 or less in <limit>: it counts as no limit"),
-        "follower-limits": Rule("warning", "a joint whose <mimic> takes it beyond its own limits"),
-        "odd-angle": Rule("warning", "a rotation of more than a full turn: probably in degrees instead of radians"),
-        "odd-limits": Rule("warning", "limits that are too far apart for a robot: probably in degrees or millimetres"),
-        "unknown-tag": Rule("warning", "an unknown element whose name is close to one of URDF's: it is ignored"),
-        "second-inertial": Rule("warning", "a link with more than one <inertial>: the first one is used"),
-        "odd-inertia": Rule(
-            "warning", "an inertia that does not fit the mass and size of its link: probably in another unit"
-        ),
-        "odd-mass": Rule("warning", "a model that is denser than any metal: its masses are probably in another unit"),
-        "default-inertia": Rule("warning", "an SDF <inertial> without a mass or a moment: it is 1, the default of SDF"),
-        "turned-base": Rule("warning", "a root link that the SDF file rotates: set robot.pose instead"),
-        "start-position": Rule("warning", "joints that <ros2_control> starts at its `initial_value`"),
-        "control-mimic": Rule("warning", "a joint that mimics another by a parameter of <ros2_control>"),
-        "lenient-xml": Rule("warning", "XML that strict readers refuse: `--` in a comment, or a bare `&`"),
-        "moving-surface": Rule("warning", "a geom of MJCF whose surface moves, such as a belt"),
-        "open-mesh": Rule("warning", "a mesh of MJCF that gives a body its mass, with missing or doubled faces"),
-        "passed-over": Rule("warning", "a part of the model that is not simulated: it is ignored"),
-        "unknown-part": Rule("warning", "an element or attribute that the format does not have: it is not read"),
-        "harmless-part": Rule(
-            "harmless", "a part of the model that is not read, and without which the motion is the same"
-        ),
-        "shared-friction": Rule(
-            "warning", "collisions of an SDF link with different frictions: the smallest counts for all"
-        ),
-        "unused-sensor": Rule("warning", "a sensor of the model: a scenario has its own `sensors`"),
-        "no-collision-shape": Rule("warning", "a model without a collision shape: nothing can touch it"),
-    }
-)
+_SUMMARIES: Final[Mapping[Level, Mapping[str, str]]] = {
+    "fatal": {
+        "bad-xml": "XML that is not well-formed, too deep, too large, or has a DOCTYPE",
+        "bad-xacro": "a xacro file that cannot be evaluated",
+        "unknown-argument": "an argument in `robot.args` that the xacro file does not declare",
+        "missing-include": "an included file that does not exist",
+        "missing-package": "a package that cannot be found",
+        "outside-workspace": "a mesh or an included file that lies outside the workspace",
+        "bad-reference": "a reference that names no file",
+        "not-a-robot": "a file without a robot model, or with several models",
+        "missing-part": "an element without a required child element or attribute",
+        "bad-number": "a value that is not the required count of finite numbers, or out of range",
+        "bad-name": "a link or joint name that is too long for the engine",
+        "duplicate-name": "two links, or two joints, with the same name",
+        "unknown-frame": "a name in SDF that refers to no link, joint, frame or model",
+        "frame-loop": "frames in SDF that are relative to each other, or attached to each other, in a loop",
+        "include-loop": "an SDF model that includes itself, or includes too many models",
+        "unknown-link": "a joint that names a link that does not exist",
+        "two-parents": "a link that is the child of two joints",
+        "one-root": "a model without a root link, or with several",
+        "loop": "joints that form a loop",
+        "joint-type": "an unknown joint type",
+        "too-many-joints": "more than 1,000 joints",
+        "unknown-shape": "a shape that is not supported",
+        "bad-shape": "a size that is not greater than 0",
+        "zero-axis": "a moving joint with an axis of length 0",
+        "negative-mass": "a mass below 0",
+        "missing-mesh": "a collision mesh that does not exist",
+        "unknown-mesh-format": "a collision mesh in another format than STL, OBJ or DAE",
+        "broken-mesh": "a collision mesh that cannot be read",
+        "empty-mesh": "a collision mesh in which no triangle has an area",
+        "mesh-index": "a collision mesh with a face that refers to a missing point",
+        "too-large-mesh": "a collision mesh with too many triangles or bytes",
+    },
+    "error": {
+        "unsupported-joint": "a screw joint in SDF, which no engine has; if allowed, it is fixed",
+        "bad-mimic": "a <mimic> that cannot work; if allowed, the joint moves independently",
+        "unexpanded-expression": "an unexpanded xacro expression, ${...} or $(...); if allowed, the value counts as "
+        "left out",
+        "missing-limits": "a prismatic joint without limits, or a <limit> without positions; if allowed, it moves "
+        "without limits",
+        "reversed-limits": "a lower limit above the upper limit; if allowed, the joint moves without limits",
+        "zero-mass": "a mass of 0 on a link that moves by itself; if allowed, it gets a negligible mass",
+        "impossible-inertia": "a principal moment of inertia below 0, by more than rounding; if allowed, all three "
+        "moments are increased until they are possible",
+        "absurd-size": "a part that is larger than a robot can be: probably in millimetres instead of metres",
+        "restitution": "a contact with a restitution above 0.1: nothing bounces in the simulation; if allowed, it is "
+        "ignored",
+        "unsupported-part": "a part of SDF that is not supported; if allowed, it is ignored",
+    },
+    "warning": {
+        "xacro-warning": "a warning that xacro itself printed",
+        "missing-visual": "a visual mesh that does not exist: it is not drawn",
+        "massless-model": "a model in which no link has a mass: every link gets a negligible mass, and the base must "
+        "be fixed",
+        "massless-base": "a mass of 0 on the base link: the base must be fixed",
+        "massless-frame": "a mass of 0 on a link that is fixed to a link with a mass: it adds nothing",
+        "rounded-inertia": "moments of inertia that are impossible only by rounding: they are increased until they are "
+        "possible",
+        "uneven-inertia": "a moment of inertia that is greater than the sum of the other two, which no body can have: "
+        "they are increased until they are possible",
+        "zero-inertia": "moments of inertia that are all 0: the mass counts as a ball of 5 cm radius",
+        "empty-shape": "a collision shape whose sizes are all 0: it is ignored",
+        "unlimited-joint": "a revolute joint without <limit>: it turns without limits",
+        "continuous-limits": "position limits of a continuous joint: URDF has none, so it turns without limits",
+        "still-mimic": "a <mimic> that never moves its joint: the joint is fixed",
+        "many-joints": "more joints than PyBullet supports, 127 in total and 121 that move: only MuJoCo simulates them",
+        "late-declaration": "white space or a comment before <?xml ...?>",
+        "default-expression": "an expression $(optenv NAME DEFAULT) in a URDF: DEFAULT is used",
+        "locked-joint": "a joint that cannot move because its limits are equal, often 0 on a wheel",
+        "concave-mesh": "a collision mesh that is not convex: its convex hull collides",
+        "tiny-mesh": "a collision mesh smaller than 1 mm: probably scaled to metres twice",
+        "flat-mesh": "a collision mesh without a volume",
+        "several-packages": "several packages with the same name: the nearest one is used",
+        "package-folder": "a package without a package.xml: a folder of its name, or with its files, is used",
+        "file-spelling": "a file or reference that is spelled otherwise than on the disk",
+        "missing-inertia": "a link without <inertial>: it gets a negligible mass",
+        "unknown-reference": "a <gazebo> tag for a link or joint that does not exist",
+        "two-frictions": "friction that depends on the direction: one coefficient is used for all directions",
+        "zero-limit": "an effort or velocity of 0 or less in <limit>: it counts as no limit",
+        "follower-limits": "a joint whose <mimic> takes it beyond its own limits",
+        "odd-angle": "a rotation of more than a full turn: probably in degrees instead of radians",
+        "odd-limits": "limits that are too far apart for a robot: probably in degrees or millimetres",
+        "unknown-tag": "an unknown element whose name is close to one of URDF's: it is ignored",
+        "second-inertial": "a link with more than one <inertial>: the first one is used",
+        "odd-inertia": "an inertia that does not fit the mass and size of its link: probably in another unit",
+        "odd-mass": "a model that is denser than any metal: its masses are probably in another unit",
+        "default-inertia": "an SDF <inertial> without a mass or a moment: it is 1, the default of SDF",
+        "turned-base": "a root link that the SDF file rotates: set robot.pose instead",
+        "start-position": "joints that <ros2_control> starts at its `initial_value`",
+        "control-mimic": "a joint that mimics another by a parameter of <ros2_control>",
+        "lenient-xml": "XML that strict readers refuse: `--` in a comment, or a bare `&`",
+        "moving-surface": "a geom of MJCF whose surface moves, such as a belt",
+        "open-mesh": "a mesh of MJCF that gives a body its mass, with missing or doubled faces",
+        "passed-over": "a part of the model that is not simulated: it is ignored",
+        "unknown-part": "an element or attribute that the format does not have: it is not read",
+        "shared-friction": "collisions of an SDF link with different frictions: the smallest counts for all",
+        "unused-sensor": "a sensor of the model: a scenario has its own `sensors`",
+        "no-collision-shape": "a model without a collision shape: nothing can touch it",
+    },
+    "harmless": {"harmless-part": "a part of the model that is not read, and without which the motion is the same"},
+}
+RULES: Final[Mapping[str, Rule]] = {
+    name: Rule(level, summary) for level, rows in _SUMMARIES.items() for name, summary in rows.items()
+}
 
 
 ALLOWABLE: Final = tuple(name for name, rule in RULES.items() if rule.level == "error")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from types import MappingProxyType
 from typing import Final, Literal
 
 from sim_action.core import geometry, units
@@ -25,15 +24,13 @@ MotorKind = Literal["position", "velocity", "effort", "voltage", "none"]
 
 Reading = Literal["position", "velocity", "effort"]
 
-FOLLOWED: Final = MappingProxyType[MotorKind, tuple[Reading, ...]](
-    {
-        "position": ("position", "velocity"),
-        "velocity": ("velocity",),
-        "effort": ("effort",),
-        "voltage": ("velocity", "effort"),
-        "none": (),
-    }
-)
+FOLLOWED: Final[Mapping[MotorKind, tuple[Reading, ...]]] = {
+    "position": ("position", "velocity"),
+    "velocity": ("velocity",),
+    "effort": ("effort",),
+    "voltage": ("velocity", "effort"),
+    "none": (),
+}
 """Kind of a motor -> the quantities that it follows by its own control."""
 
 
@@ -121,13 +118,11 @@ class Mjcf:
     heaviness: float = 1.0  # a factor of all masses and inertias
 
 
-READINGS: Final = MappingProxyType(
-    {
-        "position": (units.ANGLE, units.LENGTH),
-        "velocity": (units.ANGULAR_SPEED, units.SPEED),
-        "effort": (units.TORQUE, units.FORCE),
-    }
-)
+READINGS: Final = {
+    "position": (units.ANGLE, units.LENGTH),
+    "velocity": (units.ANGULAR_SPEED, units.SPEED),
+    "effort": (units.TORQUE, units.FORCE),
+}
 """A quantity of a joint -> its dimension for a turning joint, and for a sliding joint."""
 
 JointType = Literal["revolute", "continuous", "prismatic", "ball", "fixed"]

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Final, Literal, NoReturn
 from xml.etree.ElementTree import Element
 
@@ -36,16 +35,14 @@ class FileRow:
 
 _SIDES: Final = ("fileback", "filedown", "filefront", "fileleft", "fileright", "fileup")
 
-FILES: Final[Mapping[str, FileRow]] = MappingProxyType(
-    {
-        "include": FileRow(("file",), "", "include"),
-        "model": FileRow(("file",), "", "model"),
-        "mesh": FileRow(("file",), "meshdir", "mesh"),
-        "texture": FileRow(("file", *_SIDES), "texturedir", "unused"),
-        "hfield": FileRow(("file",), "meshdir", "unused"),
-        "skin": FileRow(("file",), "meshdir", "unused"),
-    }
-)
+FILES: Final[Mapping[str, FileRow]] = {
+    "include": FileRow(("file",), "", "include"),
+    "model": FileRow(("file",), "", "model"),
+    "mesh": FileRow(("file",), "meshdir", "mesh"),
+    "texture": FileRow(("file", *_SIDES), "texturedir", "unused"),
+    "hfield": FileRow(("file",), "meshdir", "unused"),
+    "skin": FileRow(("file",), "meshdir", "unused"),
+}
 """The elements that may name files. A format that is read later needs a row here, and a reader."""
 
 FOLDERS: Final = ("assetdir", "meshdir", "texturedir")
@@ -71,29 +68,27 @@ UNDRAWN: Final = frozenset({"texture", "texrepeat", "texuniform"})
 
 _GIGABYTE: Final = 1 << 30
 
-LIMITS: Final[Mapping[tuple[str, str], int]] = MappingProxyType(
-    {
-        ("replicate", "count"): MAX_ELEMENTS,
-        ("hfield", "nrow"): 1_000,
-        ("hfield", "ncol"): 1_000,
-        ("texture", "width"): 4_096,
-        ("texture", "height"): 4_096,
-        ("mesh", "params"): 300,
-        ("numeric", "size"): 100_000,
-        ("size", "memory"): _GIGABYTE,
-        ("size", "nkey"): 1_000,
-        ("size", "nuserdata"): 100_000,
-        **{("size", name): 20_000 for name in ("nconmax", "njmax")},
-        ("size", "nstack"): _GIGABYTE // 8,
-        **{
-            ("size", f"nuser_{kind}"): 100
-            for kind in ("actuator", "body", "cam", "geom", "jnt", "sensor", "site", "tendon")
-        },
-    }
-)
+LIMITS: Final[Mapping[tuple[str, str], int]] = {
+    ("replicate", "count"): MAX_ELEMENTS,
+    ("hfield", "nrow"): 1_000,
+    ("hfield", "ncol"): 1_000,
+    ("texture", "width"): 4_096,
+    ("texture", "height"): 4_096,
+    ("mesh", "params"): 300,
+    ("numeric", "size"): 100_000,
+    ("size", "memory"): _GIGABYTE,
+    ("size", "nkey"): 1_000,
+    ("size", "nuserdata"): 100_000,
+    **{("size", name): 20_000 for name in ("nconmax", "njmax")},
+    ("size", "nstack"): _GIGABYTE // 8,
+    **{
+        ("size", f"nuser_{kind}"): 100
+        for kind in ("actuator", "body", "cam", "geom", "jnt", "sensor", "site", "tendon")
+    },
+}
 """An element and its attribute -> the largest value. MuJoCo allocates memory in proportion."""
 
-_UNITS: Final[Mapping[str, int]] = MappingProxyType({"": 0, **{unit: 10 * (n + 1) for n, unit in enumerate("KMGTPE")}})
+_UNITS: Final[Mapping[str, int]] = {"": 0, **{unit: 10 * (n + 1) for n, unit in enumerate("KMGTPE")}}
 _NUMBER: Final = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?")
 _SIZE: Final = re.compile(r"(-?\d{1,18})([KMGTPE]?)", re.IGNORECASE)
 
@@ -103,7 +98,7 @@ _MAX_TEXT: Final = 1_000
 NUMBERS_PER_ELEMENT: Final = 200
 """As many numbers of a heightfield, mesh or <numeric> count as one element."""
 
-_AREAS: Final = MappingProxyType({"hfield": ("nrow", "ncol"), "mesh": ("params", "params"), "numeric": ("size",)})
+_AREAS: Final = {"hfield": ("nrow", "ncol"), "mesh": ("params", "params"), "numeric": ("size",)}
 
 
 def refusal(message: str, place: Location) -> RefusedModel:

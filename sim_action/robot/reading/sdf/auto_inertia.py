@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from types import MappingProxyType
 from typing import Final
 from xml.etree.ElementTree import Element
 
@@ -96,6 +95,10 @@ def _size(shape: Element, tag: str) -> float:
     return numbers_of(needed(shape, tag), 1)[0]
 
 
-_SOLIDS: Final[Mapping[str, Callable[[Element], Solid]]] = MappingProxyType(
-    {"box": _box, "sphere": _sphere, "cylinder": _cylinder, "capsule": _capsule, "ellipsoid": _ellipsoid}
-)
+_SOLIDS: Final[Mapping[str, Callable[[Element], Solid]]] = {
+    "box": _box,
+    "sphere": _sphere,
+    "cylinder": _cylinder,
+    "capsule": _capsule,
+    "ellipsoid": _ellipsoid,
+}

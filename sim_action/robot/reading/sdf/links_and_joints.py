@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
@@ -52,15 +51,13 @@ _NEVER_SLIDES: Final = 1e9
 EMPTY: Final = "empty"
 """The tag of a shape that does not collide."""
 
-_INSTEAD: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "plane": "it has no bounds, so it can be part of a world only: use a <box>",
-        "heightmap": "it can be part of a world only",
-        "image": "convert it to a mesh",
-        "polyline": "convert it to a mesh",
-        "cone": "convert it to a mesh",
-    }
-)
+_INSTEAD: Final[Mapping[str, str]] = {
+    "plane": "it has no bounds, so it can be part of a world only: use a <box>",
+    "heightmap": "it can be part of a world only",
+    "image": "convert it to a mesh",
+    "polyline": "convert it to a mesh",
+    "cone": "convert it to a mesh",
+}
 
 # The sizes of each plain shape, and the count of numbers in each.
 _SIZES: Final = {
@@ -244,9 +241,13 @@ def _length(shape: Element, tag: str) -> str:
     return numbers(*numbers_of(needed(shape, tag), 1))
 
 
-_WRITERS: Final[Mapping[str, Callable[[UrdfWriter, Element, Element], None]]] = MappingProxyType(
-    {"box": _box, "sphere": _sphere, "cylinder": _cylinder, "capsule": _cylinder, "ellipsoid": _ellipsoid}
-)
+_WRITERS: Final[Mapping[str, Callable[[UrdfWriter, Element, Element], None]]] = {
+    "box": _box,
+    "sphere": _sphere,
+    "cylinder": _cylinder,
+    "capsule": _cylinder,
+    "ellipsoid": _ellipsoid,
+}
 
 
 def visual_shape(visual: Element) -> Element | None:
