@@ -19,8 +19,7 @@ from tests.ros.ros2.nodes import WHEELS
 
 pytest_plugins = ["pytester", "tests.soak", "tests.child_processes", "tests.balance", "tests.reached_assertions"]
 
-# A parameter of mallopt(3).
-_M_ARENA_MAX = -8
+_M_ARENA_MAX = -8  # a parameter of mallopt(3)
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -52,8 +52,7 @@ PyBullet lists a first touch with its place on one of the bodies, one step befor
 a point on each, also with a force, while they turn and slide: the two drift apart (seen: 6 mm), up to 20 mm.
 """
 _FALL_M: Final = 1e-5
-_OVERLAP_M: Final = 3e-3
-"""Bodies that overlap by more than this are in contact."""
+_OVERLAP_M: Final = 3e-3  # bodies that overlap by more than this are in contact
 
 
 @dataclass(frozen=True)

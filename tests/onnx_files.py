@@ -26,8 +26,7 @@ TEXT: Final = 8
 BOOL: Final = 9
 HALF: Final = 10
 
-Shape = Sequence[int | str] | None
-"""Dimensions; a text is the name of a free one. None: the file declares no shape."""
+Shape = Sequence[int | str] | None  # Dimensions; a text is the name of a free one. None: the file declares no shape.
 
 
 def in_process(monkeypatch: pytest.MonkeyPatch) -> None:

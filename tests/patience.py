@@ -6,8 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-PATIENCE: Final = 600
-"""s; the longest wait. Whatever takes so long hangs."""
+PATIENCE: Final = 600  # s; the longest wait. Whatever takes so long hangs.
 
 
 def wait_until(holds: Callable[[], object]) -> None:

@@ -79,8 +79,7 @@ OWN: Final = frozenset(
 )
 """Modules that open files of sim-action, of the caller and of the system."""
 
-CODE: Final = "ros/"
-"""Other modules in this folder read files of ROS, after its nodes were allowed to run."""
+CODE: Final = "ros/"  # other modules in this folder read files of ROS, after its nodes were allowed to run
 
 
 @functools.cache

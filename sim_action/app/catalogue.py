@@ -225,8 +225,7 @@ def _lines(entry: Entry) -> Iterator[str]:
         yield f"    {field.name}: {field.takes}{default}{description}"
 
 
-_MAX_GUIDE_KEYS: Final = 16
-"""A part with more keys has only its required ones in the guide."""
+_MAX_GUIDE_KEYS: Final = 16  # a part with more keys has only its required ones in the guide
 
 _LEFT_TO_EXPLAIN: Final = (
     *("world.actors[].", "world.objects[].pace[].", "world.objects[].surface_velocity.", "events"),

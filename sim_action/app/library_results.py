@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from sim_action.state.trace import Trace
 
 _MAX_EMBEDDED_BYTES: Final = 8_000_000
-# pytest cuts longer reprs.
-_MAX_CAUSE: Final = 150
+_MAX_CAUSE: Final = 150  # pytest cuts longer reprs
 
 
 class RunFolder:

@@ -64,12 +64,10 @@ _MINUTE_S: Final = 60
 # The folders of the runs without a mutant, and of those with one.
 _ORIGINALS: Final = "originals"
 _MUTANTS: Final = "mutants"
-# The width of the results of mutants in the progress.
-_WIDTH: Final = max(map(len, get_args(MutantStatus)))
+_WIDTH: Final = max(map(len, get_args(MutantStatus)))  # the width of the results of mutants in the progress
 
 
-PROOF_FOLDER: Final = "proof"
-"""The folder of the report below the output folder, so that the results of `run` stay."""
+PROOF_FOLDER: Final = "proof"  # the folder of the report below the output folder, so that the results of `run` stay
 
 
 @dataclass(frozen=True, slots=True)

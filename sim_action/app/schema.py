@@ -24,15 +24,12 @@ from sim_action.scenario.events import Action, ConditionOptions, EventKeys
 from sim_action.scenario.model import DrivenActor, ExpectationOptions, Scenario
 from sim_action.sensors import SENSORS, Mounting
 
-SITE: Final = "https://sim-action.github.io/sim-action"
-"""The address of the documents, where the schemas are published."""
+SITE: Final = "https://sim-action.github.io/sim-action"  # the address of the documents, where the schemas are published
 
 
-Kinds = Mapping[str, type[BaseModel]]
-"""Names that a scenario can use, and their classes."""
+Kinds = Mapping[str, type[BaseModel]]  # names that a scenario can use, and their classes
 
-Added = Mapping[str, Kinds]
-"""The kind of a table -> the classes of installed packages."""
+Added = Mapping[str, Kinds]  # the kind of a table -> the classes of installed packages
 
 
 class _Untitled(GenerateJsonSchema):
@@ -281,8 +278,7 @@ def _list(description: str, items: Schema) -> Schema:
 
 
 _OF_A_FILE: Final = ("extends", "scenarios")
-_COMPLETING: Final = (*_OF_A_FILE, "variations")
-"""The keys that may supply what a file itself does not have."""
+_COMPLETING: Final = (*_OF_A_FILE, "variations")  # the keys that may supply what a file itself does not have
 
 
 def _described(definition: Schema) -> Schema:

@@ -27,8 +27,7 @@ _POLL_S: Final = 0.5
 _QUIET_S: Final = 0.3
 _MAX_NAMES: Final = 5
 
-# Speed is not compared: the developer's machine does other work.
-_THRESHOLDS: Final = Thresholds(speed=0.0)
+_THRESHOLDS: Final = Thresholds(speed=0.0)  # speed is not compared: the developer's machine does other work
 
 
 @dataclass(slots=True)

@@ -177,8 +177,7 @@ class Several(Combined):
 class Joined(Several):
     """The base class of `any_of` and `all_of`, which join the results of their parts."""
 
-    every: ClassVar[bool]
-    """True if all parts must hold, False if one is enough."""
+    every: ClassVar[bool]  # True if all parts must hold, False if one is enough
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:

@@ -235,8 +235,7 @@ class Touch(Assertion):
         )
 
 
-# In MuJoCo, a body that is pushed loses contact for up to five steps at a time.
-_MAX_CONTACT_GAP_S: Final = 0.05
+_MAX_CONTACT_GAP_S: Final = 0.05  # in MuJoCo, a body that is pushed loses contact for up to five steps at a time
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,8 +36,7 @@ class LengthBounds(MotionAssertion):
     """The base class of assertions with two bounds on a length."""
 
     measured_unit: ClassVar[str | None] = "m"
-    base_signal: ClassVar[str] = ""
-    """The signal of formulas that is this length of the base; empty if there is none."""
+    base_signal: ClassVar[str] = ""  # the signal of formulas that is this length of the base; empty if there is none
 
     at_least: Annotated[PositiveMetres | None, Field(description="a goal: must be reached")] = None
     at_most: Annotated[NonNegativeMetres | None, Field(description="an invariant: must not be exceeded")] = None

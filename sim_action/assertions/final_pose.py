@@ -132,8 +132,7 @@ class FinalPoseMonitor(Monitor):
     angle_error: float = 0.0
     end: float | None = None  # sim time of the last step, in s
 
-    # It stays open until the end, because the pose may still change.
-    state = State.HOLDS
+    state = State.HOLDS  # it stays open until the end, because the pose may still change
 
     @override
     def observe(self, trace: Trace) -> Self:

@@ -40,8 +40,7 @@ _MAX_POINTS: Final = 10_000
 _MAX_DRAWN: Final = 2_000
 _MAX_BYTES: Final = 2_000_000
 
-# Beyond this, squared floats cannot resolve millimetres.
-_MAX_COORDINATE_M: Final = 1e6
+_MAX_COORDINATE_M: Final = 1e6  # beyond this, squared floats cannot resolve millimetres
 
 
 class PathPoint(FrozenModel):
@@ -268,11 +267,9 @@ def _twice(points: list[Point]) -> int | None:
     return next((index for index, (before, point) in pairs if before == point), None)
 
 
-Point = tuple[float, ...]
-"""Two coordinates on the ground plane, or three in space, in m."""
+Point = tuple[float, ...]  # two coordinates on the ground plane, or three in space, in m
 
-# Segments of a curve between two points.
-_PIECES: Final = 16
+_PIECES: Final = 16  # segments of a curve between two points
 
 
 class Foot(NamedTuple):

@@ -158,13 +158,11 @@ class FeetOnGround(Feet):
         return FeetMonitor(footing, least, self.at_most, _SETTLE if not scene.physics.settle else "")
 
 
-MAX_SLOPE_RAD: Final = math.radians(60)
-"""A surface that is steeper than this carries no foot: it is a wall."""
+MAX_SLOPE_RAD: Final = math.radians(60)  # a surface that is steeper than this carries no foot: it is a wall
 
 # Pairs and triples of contact points are compared at once, for as many moments as this many numbers allow.
 _MAX_NUMBERS: Final = 2_000_000
-# m: points nearer to a line than this are on it.
-_ON_LINE_M: Final = 1e-9
+_ON_LINE_M: Final = 1e-9  # m: points nearer to a line than this are on it
 
 
 @dataclass(frozen=True, slots=True)

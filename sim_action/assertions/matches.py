@@ -54,13 +54,10 @@ _MIN_YAW_TOLERANCE: Final = math.radians(0.02)
 _MAX_DRAWN: Final = 2_000
 _PLACEHOLDER: Final = re.compile(r"\$\w*")
 
-# Quantities named in a message.
-_MAX_NAMED: Final = 3
+_MAX_NAMED: Final = 3  # quantities named in a message
 
-# Golden times are rounded to milliseconds.
-_SAME_TIME_S: Final = 1e-3
-# m and rad: less is no motion.
-_AT_REST: Final = 2e-3
+_SAME_TIME_S: Final = 1e-3  # golden times are rounded to milliseconds
+_AT_REST: Final = 2e-3  # m and rad: less is no motion
 
 
 def single_row(name: str, golden: Golden) -> str:
@@ -336,8 +333,7 @@ class MatchesMonitor(Monitor):
         before = rows_of(Trace.of_observation(start), golden.form.joint_names)
         return cls(name, golden, duration, before, tuple(map(Deviation, asked)))
 
-    # It never breaks, because the largest error may still come.
-    state = State.HOLDS
+    state = State.HOLDS  # it never breaks, because the largest error may still come
 
     @override
     def begin(self, trace: Trace) -> Self:

@@ -42,8 +42,7 @@ _DIMENSIONS = tuple(column.dimension for columns in READING_COLUMNS.values() for
 
 _AXES: Final = "xyzw"
 
-MORE_READINGS: Final = "raise the sensor's rate, or run for longer"
-"""The advice for a run with one reading."""
+MORE_READINGS: Final = "raise the sensor's rate, or run for longer"  # the advice for a run with one reading
 
 
 class SensorReading(Assertion):

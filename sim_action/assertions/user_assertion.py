@@ -39,8 +39,7 @@ Kind = Literal["end", "invariant", "goal"]
 
 _BEGINNING: Final = {"end": State.HOLDS, "invariant": State.HOLDS, "goal": State.PENDING}
 
-# Growth factor of the buffer: each row is copied once or twice.
-_GROWTH: Final = 2
+_GROWTH: Final = 2  # growth factor of the buffer: each row is copied once or twice
 
 
 class UserAssertion(Assertion):

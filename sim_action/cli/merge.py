@@ -73,8 +73,7 @@ def merge(results: Sequence[str], scenarios: Sequence[str], **flags: Any) -> Exi
     return merge_results(MergeRequest(results, listing, report_request(flags)))
 
 
-# A stranger may have written it, and each JUnit suite repeats it.
-_MAX_VERSION_CHARS: Final = 200
+_MAX_VERSION_CHARS: Final = 200  # a stranger may have written it, and each JUnit suite repeats it
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from sim_action.scenario.selection import Selection, Suite
 
 
-_MAX_MISNAMED: Final = 5
-"""The number of misnamed files that a note names."""
+_MAX_MISNAMED: Final = 5  # the number of misnamed files that a note names
 
 
 class Bounded(click.ParamType):  # type: ignore[type-arg] # generic in new versions of click only

@@ -22,8 +22,7 @@ from sim_action.state.joint_motion import JointMotion
 from sim_action.world.physics import MAX_FORCE
 from sim_action.world.scene import Scene
 
-MAX_PARTS: Final = 1000
-"""The greatest number of commands in one answer."""
+MAX_PARTS: Final = 1000  # the greatest number of commands in one answer
 
 
 def answer_problem(answer: object, scene: Scene) -> str | None:

@@ -41,11 +41,9 @@ _LIMITS: Final = MappingProxyType({"position": beyond_limits, "velocity": too_fa
 
 _WITH_ARTICLE: Final = MappingProxyType({"position": "a position", "velocity": "a velocity", "effort": "an effort"})
 
-# The longest sim time of a scenario.
-_MAX_TIME_S: Final = 86_400
+_MAX_TIME_S: Final = 86_400  # the longest sim time of a scenario
 
-# Times in advice are rounded up to a multiple of this.
-_ADVICE_STEP_S: Final = 0.01
+_ADVICE_STEP_S: Final = 0.01  # times in advice are rounded up to a multiple of this
 
 
 class JointPoint(FrozenModel):

@@ -34,14 +34,11 @@ _MAX_STEP_RAD: Final = 0.05
 _SLACK_M: Final = 0.002
 _SLACK_RAD: Final = math.radians(1)
 
-# A joint that moves by more than this in rad or m on such a step has jumped to another posture.
-_JUMP: Final = 0.5
+_JUMP: Final = 0.5  # a joint that moves by more than this in rad or m on such a step has jumped to another posture
 
-# The share by which a speed may exceed its limit: rounding of models.
-_SHARE_ROUNDING: Final = 1e-6
+_SHARE_ROUNDING: Final = 1e-6  # the share by which a speed may exceed its limit: rounding of models
 
-# A joint is at its limit within this, in rad or m.
-_AT_LIMIT: Final = 1e-4
+_AT_LIMIT: Final = 1e-4  # a joint is at its limit within this, in rad or m
 
 
 class Leg(NamedTuple):

@@ -55,8 +55,7 @@ if TYPE_CHECKING:
 _NUMBER: Final[dict[str, Any]] = {"type": "number"}
 _TEXT: Final[dict[str, Any]] = {"type": "string"}
 _SPEEDS: Final = ("linear", "lateral", "angular")
-_INPUT_KEYS: Final = ("inputs", "constants", "pictures", "state")
-"""The keys that name inputs of the network."""
+_INPUT_KEYS: Final = ("inputs", "constants", "pictures", "state")  # the keys that name inputs of the network
 
 _Constant = bool | int | Annotated[float, Field(allow_inf_nan=False)] | str
 

@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     Vector = NDArray[np.float64]
 
 
-_ROUNDING: Final = 1e-9
-"""Sim time is step / rate, so equal times may differ by rounding."""
+_ROUNDING: Final = 1e-9  # sim time is step / rate, so equal times may differ by rounding
 
 
 def _not_negative(value: Any) -> Any:

@@ -40,8 +40,7 @@ _ACTION_KEYS: Final = {
     "damping": "joint_damping",
 }
 _ITEM: Final = re.compile(r"\[[^\]]*\]|[^,]+")
-# Numbers are written with three decimals.
-_ROUNDING: Final = 6e-4
+_ROUNDING: Final = 6e-4  # numbers are written with three decimals
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,12 +34,10 @@ _SIZES: Final[Mapping[str, int]] = {
     "time": 1,
     **dict.fromkeys(_PHASES, 1),
 }
-TERMS: Final = (*_SIZES, *_OF_JOINTS, "last_action")
-"""The terms besides those of sensors."""
+TERMS: Final = (*_SIZES, *_OF_JOINTS, "last_action")  # the terms besides those of sensors
 
 _SENSORS: Final = "sensors."
-_UNREADABLE: Final = frozenset({"camera"})
-"""Kinds of sensors without terms."""
+_UNREADABLE: Final = frozenset({"camera"})  # kinds of sensors without terms
 
 
 def _is_number(value: object) -> bool:

@@ -40,11 +40,9 @@ if TYPE_CHECKING:
 
 _ANGLES: Final = ("roll", "pitch", "yaw")
 
-# The largest time_limit.
-_LONGEST_S: Final = 86_400.0
+_LONGEST_S: Final = 86_400.0  # the largest time_limit
 
-# A way that takes less time than this is rounding.
-_STILL_S: Final = 1e-6
+_STILL_S: Final = 1e-6  # a way that takes less time than this is rounding
 
 # Before the run, the process of all scenarios checks a path, and must not be kept busy. The run checks the rest.
 MAX_CHECKED_WAYPOINTS: Final = 500
@@ -298,8 +296,7 @@ class PoseCommands(LinkCommands):
         return _fixed_base(scene) if scene.bolted else None
 
 
-# An arm needs at least so many joints to reach every pose around it.
-_FULL_POSE: Final = 6
+_FULL_POSE: Final = 6  # an arm needs at least so many joints to reach every pose around it
 
 
 class _Motion:

@@ -135,8 +135,7 @@ _ANY_SIGN: Final = "[-+]?"
 _NOT_NEGATIVE: Final = "[+]?"
 _POSITIVE: Final = r"[+]?(?=[0.]*[1-9])"
 
-END_OF_TEXT: Final = r"[ \n]*$"
-"""The end of a pattern for text that may end with line breaks, as a YAML block does."""
+END_OF_TEXT: Final = r"[ \n]*$"  # the end of a pattern for text that may end with line breaks, as a YAML block does
 
 
 def _text_pattern(needs: str, symbols: Iterable[str]) -> str:
@@ -158,8 +157,7 @@ def _refused(reason: str) -> PydanticCustomError:
     return PydanticCustomError("quantity", "{reason}", {"reason": reason})
 
 
-VARIATION: Final = "$variation"
-"""The placeholder in the name of a golden file for the values of a variation."""
+VARIATION: Final = "$variation"  # the placeholder in the name of a golden file for the values of a variation
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,8 +292,7 @@ class RelativePose(FrozenModel):
 
 _DEGREE: Final = math.pi / 180
 _BYTES: Final = ((2**30, "GiB"), (2**20, "MiB"), (1, "B"))
-# Numbers from here on have thousands separators.
-_LONG: Final = 10_000
+_LONG: Final = 10_000  # numbers from here on have thousands separators
 
 
 def bound_text(value: float, unit: str) -> str:

@@ -152,8 +152,7 @@ def usable_cores() -> int:
     return os.cpu_count() or 1
 
 
-# Python's own default is 700 (2,000 from 3.13 on).
-_GC_THRESHOLD: Final = 500_000
+_GC_THRESHOLD: Final = 500_000  # Python's own default is 700 (2,000 from 3.13 on)
 
 
 def collect_garbage_rarely() -> None:

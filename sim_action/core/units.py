@@ -33,8 +33,7 @@ class Dimension:
     example: str  # a usual value in text, for descriptions
 
 
-# Those that have units, in the order of messages.
-_DIMENSIONS: Final[list[Dimension]] = []
+_DIMENSIONS: Final[list[Dimension]] = []  # those that have units, in the order of messages
 
 
 def _dimension(name: str, si: str, others: dict[str, float] | None = None, example: str = "") -> Dimension:
@@ -165,12 +164,10 @@ def display_apart(value: float, limit: float, unit: str) -> tuple[str, str]:
 TIME_EPSILON_S: Final = 1e-9
 """In s: sim time is step / rate, and two computations of the same moment differ by rounding only."""
 
-STEP_EPSILON: Final = 1e-6
-"""A share of a step: a time that is later than a step by at most this belongs to the step."""
+STEP_EPSILON: Final = 1e-6  # a share of a step: a time that is later than a step by at most this belongs to the step
 
 
-# Beyond, floats do not tell steps apart.
-_MAX_STEP: Final = 2.0**53
+_MAX_STEP: Final = 2.0**53  # beyond, floats do not tell steps apart
 
 
 _MAX_STEPS_BETWEEN_TICKS: Final = 1e15

@@ -25,14 +25,12 @@ if TYPE_CHECKING:
 MAX_UNROUNDNESS: Final = 0.03
 """Maximum deviation of a corner of the outline from a circle about the axis, as a share of its radius."""
 
-MIN_CORNERS: Final = 8
-"""The least number of corners of a circle: neighbours are at most a turn over this number apart."""
+MIN_CORNERS: Final = 8  # the least number of corners of a circle: neighbours are at most a turn over this number apart
 
 # Directions in which the outline of a mesh is measured.
 _DIRECTIONS: Final = 720
 _AT_A_TIME: Final = 48
-# Tolerance of an angle between neighbours: meshes have 6 digits.
-_ROUNDING: Final = 1e-3
+_ROUNDING: Final = 1e-3  # tolerance of an angle between neighbours: meshes have 6 digits
 # An axis of a cylinder with a smaller component along the joint's axis, as a unit vector, is not parallel to it.
 _MIN_PARALLEL: Final = 0.995
 

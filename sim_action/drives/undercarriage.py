@@ -37,8 +37,7 @@ _MAX_NAMED: Final = 4
 _PAIR: Final = 2
 # Limit of the difference of radii, and of the distance between two axles as a share of the separation.
 _MAX_DIFFERENCE: Final = 0.05
-# A heading with a smaller cosine is not along the base's x axis.
-_MIN_ALONG_X: Final = 0.99
+_MIN_ALONG_X: Final = 0.99  # a heading with a smaller cosine is not along the base's x axis
 # Wheels of a robot that stands tilted end at most this share of their radius above the lowest point of the level robot.
 _MAX_TILTED_LIFT_SHARE: Final = 0.5
 # A sliding joint with a smaller z component of its axis does not lift a wheel.

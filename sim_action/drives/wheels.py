@@ -24,11 +24,9 @@ from sim_action.robot.model.robot_model import Joint, RobotModel, Shape
 MAX_AXLE_DEVIATION: Final = 0.1
 """Maximum component of an axle, as a unit vector, along a direction to which it is perpendicular."""
 
-MIN_UPRIGHT_Z: Final = 0.8
-"""An axis with at least this z component, as a unit vector, counts as upright."""
+MIN_UPRIGHT_Z: Final = 0.8  # an axis with at least this z component, as a unit vector, counts as upright
 
-# The least product of two unit vectors that count as parallel.
-_PARALLEL: Final = 0.99
+_PARALLEL: Final = 0.99  # the least product of two unit vectors that count as parallel
 
 MAX_LIFT_SHARE: Final = 0.1
 """A wheel on the ground ends at most this share of its radius above the lowest point of the robot."""

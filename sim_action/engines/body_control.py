@@ -13,8 +13,7 @@ from sim_action.robot.model.kinematics import link_of_frame
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import WORLD_FRAME, BasePush, LinkWrench
 
-MAX_ATTRACTION_M: Final = 0.001
-"""Shapes that are farther apart do not attract each other."""
+MAX_ATTRACTION_M: Final = 0.001  # shapes that are farther apart do not attract each other
 
 
 class Target(NamedTuple):

@@ -48,20 +48,16 @@ def link_of(name: str, robots: Mapping[str, RobotQueries]) -> Pose | None:
 class Engine(RobotQueries, Protocol):
     """A physics engine that holds one scene; joints without a command are held, or free: see `held_joints`."""
 
-    version: str
-    """Name and version of the engine, such as "pybullet 3.2.7"."""
+    version: str  # name and version of the engine, such as "pybullet 3.2.7"
 
-    solid_terrain: bool
-    """True if heightfields are solid below their surface."""
+    solid_terrain: bool  # True if heightfields are solid below their surface
 
     actors: Mapping[str, RobotQueries]
     """The other robots of the world by name. The engine itself is the robot under test."""
 
-    notes: tuple[str, ...] = ()
-    """The properties of the model that the engine had to change."""
+    notes: tuple[str, ...] = ()  # the properties of the model that the engine had to change
 
-    model_notes: tuple[str, ...] = ()
-    """Notes on the robot model that every report shows."""
+    model_notes: tuple[str, ...] = ()  # notes on the robot model that every report shows
 
     def __init__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> None:
         """Load a scene. `channels`: what traces hold in addition to the robot's state. Raises EngineError."""

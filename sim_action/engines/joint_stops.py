@@ -14,8 +14,7 @@ from typing import Final, Self
 
 from sim_action.robot.model.robot_model import RobotModel
 
-# rad or m. Engines hold a joint that rests at its stop more closely.
-_SLACK: Final = 1e-4
+_SLACK: Final = 1e-4  # rad or m. Engines hold a joint that rests at its stop more closely.
 # Engines stop a joint only beyond its limit, not at it.
 _BEYOND: Final = 1e-6
 _NO_RANGE: Final = -math.inf, math.inf

@@ -214,15 +214,13 @@ def _line(data: bytes, match: re.Match[bytes]) -> int:
     return data.count(b"\n", 0, match.start(1)) + 1
 
 
-# Keywords that start a part; like in PyBullet, each part becomes a hull.
-_BEGINS_A_PART: Final = (b"o", b"g")
+_BEGINS_A_PART: Final = (b"o", b"g")  # keywords that start a part; like in PyBullet, each part becomes a hull
 
 _MAX_LINES: Final = 5_000_000
 
 _MAX_SHOWN_DIGITS: Final = 30
 
-_MAX_STATEMENT_CHARACTERS: Final = 1_000_000
-"""Limit in characters, more than any real face needs."""
+_MAX_STATEMENT_CHARACTERS: Final = 1_000_000  # limit in characters, more than any real face needs
 
 
 def read_obj(data: bytes) -> Mesh:

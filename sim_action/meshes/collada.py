@@ -315,8 +315,7 @@ _TRANSFORMATIONS: Final[Mapping[str, _Transformation]] = {
 
 _SURFACES: Final = ("triangles", "polylist", "polygons", "trifans", "tristrips")
 
-# Limit of inputs of a surface, such as texture coordinates.
-_MAX_INPUTS: Final = 64
+_MAX_INPUTS: Final = 64  # limit of inputs of a surface, such as texture coordinates
 
 
 def read_geometry(document: Document, geometry: Element) -> Surface:
@@ -406,8 +405,7 @@ def _input(document: Document, element: Element, semantic: str) -> Element:
     return found
 
 
-Colour = tuple[float, float, float]
-"""Red, green and blue, each 0 to 1."""
+Colour = tuple[float, float, float]  # red, green and blue, each 0 to 1
 
 _MAX_MATERIAL_BYTES: Final = 1_000_000
 _MAX_FILES: Final = 8

@@ -14,11 +14,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-MAX_HULLS: Final = 256
-"""Limit of hulls per mesh. A mesh with more parts becomes one hull."""
+MAX_HULLS: Final = 256  # Limit of hulls per mesh. A mesh with more parts becomes one hull.
 
-MAX_HULL_POINTS: Final = 1000
-"""Limit of points per hull. More make loading and every contact slower."""
+MAX_HULL_POINTS: Final = 1000  # Limit of points per hull. More make loading and every contact slower.
 
 _AXES: Final[tuple[Vector3, ...]] = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
@@ -114,12 +112,9 @@ def _vector(values: Iterable[np.float64]) -> Vector3:
     return (x, y, z)
 
 
-# Tolerance for a flat part, relative to the largest extent.
-_FLAT: Final = 1e-5
-# Tolerance for a convex part, relative to the largest extent. Files hold 6 digits.
-_CONVEX: Final = 1e-4
-# Share of the sphere about an inner point that a closed surface may leave open.
-_OPEN: Final = 1e-3
+_FLAT: Final = 1e-5  # tolerance for a flat part, relative to the largest extent
+_CONVEX: Final = 1e-4  # Tolerance for a convex part, relative to the largest extent. Files hold 6 digits.
+_OPEN: Final = 1e-3  # share of the sphere about an inner point that a closed surface may leave open
 # Limit for the convexity test in products of planes and points: a few ms.
 _MAX_PRODUCTS: Final = 1_000_000
 _PRODUCTS_AT_A_TIME: Final = 1 << 16

@@ -15,19 +15,15 @@ from sim_action.core.records import dataclass
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-# Tolerance relative to the extent: nearer points lie on a plane.
-_FLAT: Final = 1e-6
+_FLAT: Final = 1e-6  # tolerance relative to the extent: nearer points lie on a plane
 
-# Directions times points: the temporary arrays stay in the processor's cache.
-_PRODUCTS_AT_A_TIME: Final = 1 << 14
+_PRODUCTS_AT_A_TIME: Final = 1 << 14  # directions times points: the temporary arrays stay in the processor's cache
 
-# Fewer points are searched one direction after the other, which is as fast.
-_MIN_POINTS_FOR_CELLS: Final = 10_000
+_MIN_POINTS_FOR_CELLS: Final = 10_000  # fewer points are searched one direction after the other, which is as fast
 # The search for distant points: 40^3 cells have numbers of 16 bits, and 56 groups of directions are not empty.
 _MAX_CELLS_ALONG_AXIS: Final = 40
 _GROUPS_ALONG_AXIS: Final = 4
-# Relative to the largest coordinate; more than the rounding of a sum of three products.
-_ROUNDING: Final = 1e-14
+_ROUNDING: Final = 1e-14  # relative to the largest coordinate; more than the rounding of a sum of three products
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,7 @@ from sim_action.meshes.mesh import Mesh, MeshError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-FORMAT: Final = 2
-"""The version of the text and its facts; a new number makes older cache entries unused."""
+FORMAT: Final = 2  # the version of the text and its facts; a new number makes older cache entries unused
 
 _FACTS: Final = b"# facts: "
 

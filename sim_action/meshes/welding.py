@@ -11,8 +11,7 @@ if TYPE_CHECKING:
 
     Coordinates = NDArray[np.floating[Any]]
 
-# Points at a time: the temporary arrays stay in the processor's cache.
-_CHUNK: Final = 1 << 15
+_CHUNK: Final = 1 << 15  # points at a time: the temporary arrays stay in the processor's cache
 
 # Rounds of the hash table, each with another hash. Few points are left after two, except in a file made to collide.
 _MAX_ROUNDS: Final = 6

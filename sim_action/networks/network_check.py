@@ -22,16 +22,13 @@ from sim_action.core.process import BEFORE_IMPORTS
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.networks.onnx_network import TOO_MUCH_MEMORY, Feed, Network, NetworkProblem, Session, Tensor
 
-CHECK: Final = (sys.executable, "-P", "-m", "sim_action.networks.network_check")
-"""The command of the process."""
+CHECK: Final = (sys.executable, "-P", "-m", "sim_action.networks.network_check")  # the command of the process
 
 _PACKAGE_ROOT: Final = Path(__file__).resolve().parents[2]
 _OPEN_BYTES: Final = 32_000_000
-_BYTES_PER_NETWORK_BYTE: Final = 2
-"""Memory to open a network."""
+_BYTES_PER_NETWORK_BYTE: Final = 2  # memory to open a network
 _RUN_BYTES: Final = 96_000_000
-_BYTES_PER_INPUT_VALUE: Final = 256
-"""Memory to run it, in addition."""
+_BYTES_PER_INPUT_VALUE: Final = 256  # memory to run it, in addition
 _OPEN_CPU_S: Final = 1.0
 _OPENED_BYTES_PER_S: Final = 50_000_000
 _RUN_CPU_S: Final = 10.0

@@ -27,8 +27,7 @@ INSTALL_HINT: Final = (
     "policies need the package onnxruntime, which is not installed: pip install 'sim-action[policy]', or in a workflow "
     "set the input 'extras: policy'"
 )
-MAX_NETWORK_BYTES: Final = 1_000_000_000
-"""The greatest size of a network with all its files."""
+MAX_NETWORK_BYTES: Final = 1_000_000_000  # the greatest size of a network with all its files
 
 _TYPE_NAMES: Final = {"float": "float32", "double": "float64", "string": "object"}
 FLOATS: Final = frozenset({"float16", "float32", "float64"})
@@ -38,8 +37,7 @@ NUMERIC: Final = FLOATS | _WHOLE
 
 # A field of a tensor whose values are in another file: its key "location", and the name of that file.
 _LOCATION: Final = re.compile(rb"\x0a\x08location\x12([\x80-\xff]?)([\x00-\x7f])")
-# The path of the network is no part of a message.
-_PATH: Final = re.compile(r"Load model from .*? failed: ?")
+_PATH: Final = re.compile(r"Load model from .*? failed: ?")  # the path of the network is no part of a message
 # Operations whose result is finite although an input is NaN.
 _HIDING: Final = frozenset(
     {

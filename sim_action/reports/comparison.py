@@ -31,8 +31,7 @@ from sim_action.results.weaker_checks import (
 from sim_action.results.written_files import COMPARED
 from sim_action.scenario.variations.gate import GATE, percent
 
-Look = Literal["failed", "warned", "information", "passed"]
-"""The status of a change, the worst first."""
+Look = Literal["failed", "warned", "information", "passed"]  # the status of a change, the worst first
 
 _LOOKS: Final[dict[ChangeKind, Look]] = {
     "newly fails": "failed",
@@ -281,8 +280,7 @@ def print_comparison(comparison: Comparison, environment: Mapping[str, str], str
         shown.print((headline(comparison), style))
 
 
-MAX_CHARACTERS: Final = 60_000
-"""The largest size of the Markdown; GitHub accepts 65,536 characters in a comment."""
+MAX_CHARACTERS: Final = 60_000  # the largest size of the Markdown; GitHub accepts 65,536 characters in a comment
 
 _FRAME_CHARACTERS: Final = 2_000
 
@@ -318,8 +316,7 @@ def _title(comparison: Comparison) -> str:
     return "✅ Nothing newly fails"
 
 
-# A smaller p-value is shown as a bound.
-_SMALLEST_P: Final = 0.0001
+_SMALLEST_P: Final = 0.0001  # a smaller p-value is shown as a bound
 
 
 def rate_change_text(rate: RateChange) -> str:

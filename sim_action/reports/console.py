@@ -11,8 +11,7 @@ from typing import Final, TextIO
 from sim_action.reports.escaping import log_text
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS, StatusDisplay
 
-Line = Sequence[tuple[str, str]]
-"""The parts of a line and their styles."""
+Line = Sequence[tuple[str, str]]  # the parts of a line and their styles
 
 _CODES: Final = MappingProxyType(
     {

@@ -14,8 +14,7 @@ _UNWANTED: Final = re.compile(
     r"[\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u180e\u200b\u200c\u200e\u200f\u202a-\u202e\u2060-\u206f\ud800-\udfff"
     r"\ufeff\ufff9-\ufffb\ufffe\uffff\U0001bca0-\U0001bca3\U0001d173-\U0001d17a\U000e0000-\U000e007f]"
 )
-# Emoji and some scripts need this joiner.
-_USELESS_JOINER: Final = re.compile(r"(?<![^\x00-\x7f])\u200d+")
+_USELESS_JOINER: Final = re.compile(r"(?<![^\x00-\x7f])\u200d+")  # emoji and some scripts need this joiner
 # Character references instead of backslashes, because they also work in the HTML inside Markdown.
 _MARKDOWN: Final = str.maketrans({character: f"&#{ord(character)};" for character in "|*`[]\\~$"}) | str.maketrans(
     {

@@ -120,8 +120,7 @@ def _runs_of_gates(results: Results) -> Iterator[str]:
         yield f"{counted(len(left), 'run')} of {counted(gates, 'gate')} for sim-action merge{without}"
 
 
-# Bounds that differ by less than this share of them are shown as one value.
-_SAME: Final = 1e-6
+_SAME: Final = 1e-6  # bounds that differ by less than this share of them are shown as one value
 
 
 def _repetitions(results: Results) -> Iterator[str]:

@@ -181,8 +181,7 @@ def chance(probability: float) -> str:
 _POWERS: Final = (0.8, 0.9)
 _ROWS: Final = 5
 _MARK: Final = ">"
-# The rest of a test that is undecided; a larger number of runs does not change its chances.
-_NEGLIGIBLE: Final = 1e-4
+_NEGLIGIBLE: Final = 1e-4  # the rest of a test that is undecided; a larger number of runs does not change its chances
 
 Duration = Callable[[float], str]
 """A function that returns the estimated time of so many runs; empty if it is not known."""

@@ -397,8 +397,7 @@ def _seconds(value: float) -> str:
 
 
 _PART_BYTES: Final = 500_000
-# A higher level takes several times as long and saves little.
-_LEVEL: Final = 1
+_LEVEL: Final = 1  # a higher level takes several times as long and saves little
 
 
 class PackedParts:

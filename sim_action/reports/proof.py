@@ -170,8 +170,7 @@ def _names(names: Sequence[str]) -> str:
 
 
 _MAX_NAME: Final = 100
-# An upper bound for the size of the headline, the folds and the remark on what is not shown.
-_FRAME: Final = 4_000
+_FRAME: Final = 4_000  # an upper bound for the size of the headline, the folds and the remark on what is not shown
 
 
 def write_proof_summary(proof: Proof, options: ReportOptions) -> None:

@@ -16,8 +16,7 @@ from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOu
 from sim_action.scenario.variations.gate import PlannedGate, percent
 from sim_action.world.claims import AuditWarning
 
-# The relative margin of a failure without a margin.
-_NO_MARGIN: Final = -1.0
+_NO_MARGIN: Final = -1.0  # the relative margin of a failure without a margin
 
 
 @dataclass(frozen=True)

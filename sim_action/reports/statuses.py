@@ -9,8 +9,7 @@ from typing import Final, Literal
 from sim_action.core.records import dataclass
 from sim_action.results.outcome import DisplayStatus
 
-Level = Literal["error", "warning"]
-"""The level of an annotation."""
+Level = Literal["error", "warning"]  # the level of an annotation
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,8 +131,7 @@ INFORMATION: Final = StatusDisplay(
 )
 """The display of a measurement, which is neither a pass nor a failure."""
 
-RowStatus = DisplayStatus | Literal["information"]
-"""The status of a row in a table."""
+RowStatus = DisplayStatus | Literal["information"]  # the status of a row in a table
 
 
 def display_of(status: RowStatus) -> StatusDisplay:

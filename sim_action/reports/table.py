@@ -21,11 +21,9 @@ from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.scenario.variations.gate import GATE
 from sim_action.state.verdict import Verdict
 
-# The largest number of characters of a message on the line of its row.
-_MAX_TEXT: Final = 300
+_MAX_TEXT: Final = 300  # the largest number of characters of a message on the line of its row
 
-NUMBERS: Final = (" Measured", " Limit", " Margin", " At")
-"""The columns of the numbers of a verdict."""
+NUMBERS: Final = (" Measured", " Limit", " Margin", " At")  # the columns of the numbers of a verdict
 
 
 @dataclass(frozen=True, slots=True)

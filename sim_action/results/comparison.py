@@ -61,8 +61,7 @@ ChangeKind = Literal[
 _FAILURES: Final[frozenset[ChangeKind]] = frozenset({"newly fails", "flaky"})
 _WARNINGS: Final[frozenset[ChangeKind]] = frozenset({"removed", "not run", "not repeated"})
 
-# Wall time: a smaller slowdown may be caused by a busy CPU and is ignored.
-_MIN_SLOWDOWN_S: Final = 0.1
+_MIN_SLOWDOWN_S: Final = 0.1  # wall time: a smaller slowdown may be caused by a busy CPU and is ignored
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,8 +203,7 @@ def _by_key(gates: Iterable[PlannedGate]) -> Iterator[tuple[_GateKey | None, Gat
     return (((gate.file, gate.name), gate.gate) for gate in gates)
 
 
-_GateKey = tuple[str, str]
-"""The file and the name of a gate."""
+_GateKey = tuple[str, str]  # the file and the name of a gate
 
 
 def _gate_key(outcome: Outcome | None) -> _GateKey | None:

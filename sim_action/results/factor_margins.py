@@ -14,8 +14,7 @@ from sim_action.results.outcome import ExpectationOutcome, Measurement, NotNegat
 from sim_action.scenario.source import Variation
 from sim_action.state.verdict import Judged, Verdict
 
-MARGIN: Final = "margin"
-"""The assertion of the expectations that show margins."""
+MARGIN: Final = "margin"  # the assertion of the expectations that show margins
 
 MARGINS_FILE: Final = "margins.json"
 

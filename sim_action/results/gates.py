@@ -158,8 +158,7 @@ def _other_unit(planned: PlannedGate, runs: Sequence[Outcome]) -> str | None:
     return None
 
 
-Condition = tuple[str, Verdict]
-"""The name of a claim, and its verdict."""
+Condition = tuple[str, Verdict]  # the name of a claim, and its verdict
 
 
 def _conditions(

@@ -439,8 +439,7 @@ def _records() -> TypeAdapter[Record]:
     return TypeAdapter(Record)
 
 
-# One look at a large journal is an answer to a request, so it must end soon.
-_MAX_BYTES_OF_LOOK: Final = 16_000_000
+_MAX_BYTES_OF_LOOK: Final = 16_000_000  # one look at a large journal is an answer to a request, so it must end soon
 # Another call may get the same inode; the end of what was read differs, because its lines have times.
 _COMPARED_BYTES: Final = 512
 

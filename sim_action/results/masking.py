@@ -28,8 +28,7 @@ STARS: Final = "***"
 _NAMES_IN_REPLAYS: Final = frozenset({"name", "robot", "unit", "joint_names"})
 _MAX_REPLAY_BYTES: Final = 500_000_000
 
-MIN_CHARS: Final = 4
-"""Shorter values are left: their text is everywhere."""
+MIN_CHARS: Final = 4  # shorter values are left: their text is everywhere
 
 
 @dataclass(frozen=True, slots=True)

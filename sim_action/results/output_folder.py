@@ -40,14 +40,12 @@ _WITHOUT_LOCKS: Final = frozenset({errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP,
 _PID_TIMEOUT_S: Final = 1.0
 _PID_POLL_S: Final = 0.01
 _MAX_PID_BYTES: Final = 20
-# Windows locks bytes against reading, so the locked byte is far behind the process id.
-_LOCKED_BYTE: Final = 1 << 30
+_LOCKED_BYTE: Final = 1 << 30  # Windows locks bytes against reading, so the locked byte is far behind the process id
 
 # A scenario with ten assertions needs 4 to 10 kB in each of `results.json`, the JUnit XML and the journal.
 _BYTES_OF_OUTCOME: Final = 24_000
 _BYTES_OF_CALL: Final = 64_000
-# The journal gets this part of the reserve whenever it lacks space.
-_PARTS_OF_RESERVE: Final = 16
+_PARTS_OF_RESERVE: Final = 16  # the journal gets this part of the reserve whenever it lacks space
 # Above this, a lack of space has another cause, such as too many files, and files of runs would be lost for nothing.
 _LEAST_FREE_BYTES: Final = 64_000_000
 

@@ -15,20 +15,16 @@ from sim_action.core.statistics.binomial import Interval, holm, mcnemar, paired_
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.weaker_checks import Pair, WeakerCheck, has_same_limit, paired_expectations, weaker_checks
 
-LEVEL: Final = 0.05
-"""A change of a pass rate is significant if its p-value is below this level."""
+LEVEL: Final = 0.05  # a change of a pass rate is significant if its p-value is below this level
 
-CONFIDENCE: Final = 0.95
-"""The confidence of the interval of a change."""
+CONFIDENCE: Final = 0.95  # the confidence of the interval of a change
 
-MIN_PAIRS_OF_MARGIN: Final = 20
-"""With fewer pairs, the interval of a mean covers its true value too rarely."""
+MIN_PAIRS_OF_MARGIN: Final = 20  # with fewer pairs, the interval of a mean covers its true value too rarely
 
 RunPair = tuple[Outcome | None, Outcome | None]
 """The old and the new run of one sample; one of them is None if only one of the results has it."""
 
-# As a fraction of the limit: a smaller loss of margin is ignored.
-_MIN_RELATIVE_LOSS: Final = 0.01
+_MIN_RELATIVE_LOSS: Final = 0.01  # as a fraction of the limit: a smaller loss of margin is ignored
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,8 +26,7 @@ from sim_action.results.outcome import WORST_FIRST, NotNegative, Outcome, Status
 from sim_action.scenario.selection import ranges_text
 from sim_action.scenario.variations.gate import PlannedGate
 
-MAX_SHARDS: Final = 256
-"""The largest number of jobs that GitHub creates from one matrix."""
+MAX_SHARDS: Final = 256  # the largest number of jobs that GitHub creates from one matrix
 
 T = TypeVar("T")
 
@@ -101,8 +100,7 @@ MAX_OUTCOMES: Final = 50_000
 """The largest number of outcomes that are merged or compared: they take half a minute and almost 1 GB of memory."""
 
 _MAX_BYTES: Final = 64_000_000
-# The most characters of a text, more than any run writes: shards may come from anyone.
-_MAX_TEXT: Final = 200_000
+_MAX_TEXT: Final = 200_000  # the most characters of a text, more than any run writes: shards may come from anyone
 
 _FIRST_VERSION: Final = 1
 _VERSION: Final = 5

@@ -22,8 +22,7 @@ from sim_action.scenario.selection import Unmatched
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.variations.gate import PlannedGate
 
-Unit = tuple[str, int | None]
-"""The key of a scenario or variation: its file and number. Shards divide a list by units."""
+Unit = tuple[str, int | None]  # The key of a scenario or variation: its file and number. Shards divide a list by units.
 
 
 @dataclass(frozen=True, slots=True)

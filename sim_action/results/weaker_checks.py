@@ -30,15 +30,13 @@ WeakerKind = Literal["removed", "severity", "unexercised", "inconclusive", "wind
 - stated: it states something else, and that is not known to be stricter.
 """
 
-Pair = tuple[ExpectationOutcome, ExpectationOutcome]
-"""One expectation in the old and in the new run."""
+Pair = tuple[ExpectationOutcome, ExpectationOutcome]  # one expectation in the old and in the new run
 
 # The limit that they report can differ although the file did not change: it is one of several, or itself measured.
 _SEVERAL_LIMITS: Final = frozenset({"all_of", "any_of", "stay_within", "joint_within", "object"})
 _MEASURED_LIMITS: Final = frozenset({"not", "stl", "matches", "follow_path", "assertion", "feet_on_ground"})
 
-# Results of different versions may round a converted limit differently.
-_SAME_LIMIT: Final = 1e-6
+_SAME_LIMIT: Final = 1e-6  # results of different versions may round a converted limit differently
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,8 +140,7 @@ def _end(scope: Scope, *, is_known: bool) -> float:
     return math.inf if end is None else end
 
 
-Statement = tuple[JsonValue, JsonValue]
-"""The values stated at a key before and now; None: nothing is stated."""
+Statement = tuple[JsonValue, JsonValue]  # the values stated at a key before and now; None: nothing is stated
 
 
 def loosened_statements(old: ExpectationOutcome, new: ExpectationOutcome) -> dict[str, Statement]:
@@ -268,8 +265,7 @@ def surroundings_changes(old: Outcome, new: Outcome) -> Iterator[ClaimChange]:
         yield ClaimChange("stated", name, before or "not stated", now or "not stated", is_weaker=is_weaker)
 
 
-_DEPTH: Final = 3
-"""Number of keys that name a part of the world, such as `world.objects.wall`."""
+_DEPTH: Final = 3  # number of keys that name a part of the world, such as `world.objects.wall`
 
 
 def _is_recorded(outcome: Outcome) -> bool:

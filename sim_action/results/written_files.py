@@ -16,8 +16,7 @@ from sim_action.results.artifacts import RECORDING_FOLDER, REPLAY_FOLDER, REPORT
 from sim_action.results.journal import JOURNAL_FILE, manifest
 from sim_action.results.results_json import RESULTS_FILE
 
-JUNIT_FILE: Final = "junit.xml"
-"""The default name of the JUnit XML."""
+JUNIT_FILE: Final = "junit.xml"  # the default name of the JUnit XML
 
 SUFFIXES: Final = {
     TRACE_FOLDER: (".npz",),
@@ -26,11 +25,9 @@ SUFFIXES: Final = {
 }
 """Folder of the files of runs -> the suffixes of the files that sim-action writes there."""
 
-GENERATOR: Final = '<meta name="generator" content="sim-action">'
-"""The mark of a report in its head."""
+GENERATOR: Final = '<meta name="generator" content="sim-action">'  # the mark of a report in its head
 
-COMPARED: Final = "compared with the previous run"
-"""The words at the beginning of a comparison as Markdown."""
+COMPARED: Final = "compared with the previous run"  # the words at the beginning of a comparison as Markdown
 
 _MAX_START_BYTES: Final = 8192
 

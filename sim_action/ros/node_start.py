@@ -26,11 +26,9 @@ PATCHES = "sim_action_ros_patches"  # module next to this one, in launches of RO
 
 ORDERED = "sim.ordered"  # name of a thread that ran when no executor handled messages
 _ENTITIES = ("subscription", "guard_condition", "timer", "client", "service")
-# As long as lock-step waits for a node.
-_MAX_TURN_S = 10.0
+_MAX_TURN_S = 10.0  # as long as lock-step waits for a node
 
-# What a node is called, in the arguments of either ROS.
-_NAMES = ("__name:=", "__node:=", "__ns:=")
+_NAMES = ("__name:=", "__node:=", "__ns:=")  # what a node is called, in the arguments of either ROS
 
 
 def variables(seed: int) -> dict[str, str]:

@@ -31,8 +31,7 @@ _NAP_S: Final = 5e-5
 # The part of the time for which a busy process runs; one that waits runs for less than a thousandth.
 _BUSY_PART: Final = 0.02
 _NANOSECONDS: Final = 1e9
-# /proc/PID/task has one link per thread, and two of its own: its name and its dot.
-_OWN_LINKS: Final = 2
+_OWN_LINKS: Final = 2  # /proc/PID/task has one link per thread, and two of its own: its name and its dot
 
 
 class ChildProcesses:

@@ -113,8 +113,7 @@ def seconds_and_nanoseconds(time: float) -> tuple[int, int]:
     return divmod(round(time * _BILLION), _BILLION)
 
 
-PlacedFrame = tuple[str, str, geometry.Pose]
-"""Parent frame, child frame, and the pose of the child in the parent."""
+PlacedFrame = tuple[str, str, geometry.Pose]  # parent frame, child frame, and the pose of the child in the parent
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,21 +15,18 @@ from typing import Final, Self
 from sim_action.core.files import whole_file
 from sim_action.core.records import dataclass
 
-Place = int | Path
-"""A descriptor of a file in memory, or a path."""
+Place = int | Path  # a descriptor of a file in memory, or a path
 
 OUTCOME_FILE: Final = "outcome.json"
 OUTPUT_FILE: Final = "output.txt"
-STACK_DUMP_FILE: Final = "hang.txt"
-"""The names in a scratch folder."""
+STACK_DUMP_FILE: Final = "hang.txt"  # the names in a scratch folder
 
 MAX_OUTCOME_BYTES: Final = 32 << 20
 MAX_OUTPUT_BYTES: Final = 64_000
 MAX_STACK_DUMP_BYTES: Final = 1_000_000
 """The parent reads at most this much; of longer printed output or stack dumps, it reads the end."""
 
-MAX_OUTCOMES: Final = 2
-"""The verdict, and the verdict with notes about recordings."""
+MAX_OUTCOMES: Final = 2  # the verdict, and the verdict with notes about recordings
 
 LENGTH: Final = struct.Struct("<Q")
 """In memory, an outcome follows its length in bytes. The length is written last, and 0 means that there is none."""

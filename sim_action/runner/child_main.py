@@ -438,8 +438,7 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
     return outcome.model_copy(update={"status": outcome.judged_status(is_varied=is_varied)})
 
 
-_MAX_SURROUNDINGS: Final = 500
-"""The number of keys of a world from which on a run records none."""
+_MAX_SURROUNDINGS: Final = 500  # the number of keys of a world from which on a run records none
 
 
 def _surroundings(scenario: Scenario, *, is_varied: bool) -> dict[str, JsonValue]:

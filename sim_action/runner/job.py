@@ -11,11 +11,9 @@ from sim_action.core.errors import Location
 from sim_action.core.records import dataclass, field, replace
 from sim_action.scenario.model import LoadedScenario
 
-BEGUN: Final = b"begun"
-"""The message of a child process that has its job and begins to run it."""
+BEGUN: Final = b"begun"  # the message of a child process that has its job and begins to run it
 
-JUDGED: Final = b"judged"
-"""The message of a child process that its outcome is written while it still writes recordings."""
+JUDGED: Final = b"judged"  # the message of a child process that its outcome is written while it still writes recordings
 
 ENDED: Final = b"ended"
 """The message of a shared child process that its run has ended and that it waits for the next one."""

@@ -34,10 +34,8 @@ _MAX_ENDING: Final = 1_000
 _TURN: Final = math.radians(1)
 _SHIFT_M: Final = 1e-3 / math.sqrt(2)
 _FIRST_ORDER: Final = 2.0
-# Differences below this share of the greatest value are rounding.
-_ROUNDING: Final = 1e-9
-# The least ratio of two differences that shows a convergence: that of an order of 1/4.
-_LEAST_RATIO: Final = 2**0.25
+_ROUNDING: Final = 1e-9  # differences below this share of the greatest value are rounding
+_LEAST_RATIO: Final = 2**0.25  # the least ratio of two differences that shows a convergence: that of an order of 1/4
 # Motions diverge if they differ by this share of their range; smaller ranges in m or rad count as this one.
 _DIVERGENT: Final = 0.5
 _LEAST_RANGE: Final = 0.1
@@ -348,8 +346,7 @@ def _changed(verdict: Verdict) -> str:
     return {"passed": "passes", "failed": "fails"}.get(verdict.status, "is not exercised")
 
 
-_Values = tuple[float, float]
-"""A measured value and its margin."""
+_Values = tuple[float, float]  # a measured value and its margin
 
 
 def _times(ours: Verdict, theirs: Verdict, end: float) -> tuple[_Values, _Values] | None:

@@ -38,8 +38,7 @@ from sim_action.scenario.model import LoadedScenario
 
 # The pipe of a child closes at once, but the process table follows later; a grandchild may keep the pipe open.
 _ENDING_WAIT_S: Final = 0.002
-# The journal waits for the disk at events, which come at least this often while children run.
-_MAX_WAIT_S: Final = 0.1
+_MAX_WAIT_S: Final = 0.1  # the journal waits for the disk at events, which come at least this often while children run
 # If nothing runs, another process may have what a start needs, for a moment.
 _MAX_ATTEMPTS: Final = 5
 _ATTEMPT_PAUSE_S: Final = 0.2

@@ -394,8 +394,7 @@ def take_over(
     return TakenOver(tuple(records), frozenset(search.kept), remarks)
 
 
-_Key = tuple[str, int | None]
-"""The key of a run, and the number of the repetition; None for a final outcome."""
+_Key = tuple[str, int | None]  # the key of a run, and the number of the repetition; None for a final outcome
 
 
 def _short(key: str) -> list[str]:

@@ -17,8 +17,7 @@ from sim_action.state.observation import Clash
 from sim_action.world import GROUND, Body, World, placed
 from sim_action.world.parts import BoxPart, CylinderPart, Part, SpherePart, lowest
 
-# Shorter cross products belong to parallel edges and are no direction.
-_PARALLEL: Final = 1e-9
+_PARALLEL: Final = 1e-9  # shorter cross products belong to parallel edges and are no direction
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +104,7 @@ def _reach(box: Box, axis: Vector3) -> float:
     return sum(half * abs(geometry.dot(own, axis)) for half, own in zip(box.halves, box.axes, strict=True))
 
 
-# Each body is compared with each moving one. A very large heap is left to the engine.
-_MAX_PAIRS: Final = 100_000
+_MAX_PAIRS: Final = 100_000  # Each body is compared with each moving one. A very large heap is left to the engine.
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,8 +31,7 @@ _ACTORS: Final = "world", "actors"
 _ANY: Final = "*"
 _DEEP: Final = "**"
 
-Pattern = tuple[str, ...]
-"""A way to a file name: `*` for every key or entry, `**` for any number of them."""
+Pattern = tuple[str, ...]  # a way to a file name: `*` for every key or entry, `**` for any number of them
 
 
 @cache

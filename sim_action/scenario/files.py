@@ -25,14 +25,11 @@ from sim_action.scenario.extends import entries_of, merged, seen_from, without
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.variations.expansion import MAX_RUNS, expanded
 
-MAX_BASES: Final = 10
-"""The largest number of files that extend each other."""
+MAX_BASES: Final = 10  # the largest number of files that extend each other
 
-MAX_SCENARIOS: Final = 1_000
-"""The largest number of scenarios in a file."""
+MAX_SCENARIOS: Final = 1_000  # the largest number of scenarios in a file
 
-# Number of values; shared values count for each scenario.
-_MAX_WRITTEN_OUT: Final = 1_000_000
+_MAX_WRITTEN_OUT: Final = 1_000_000  # number of values; shared values count for each scenario
 
 _NOTHING: Final = "a scenario starts with 'name:', 'robot:', 'expect:' and 'time_limit:'"
 

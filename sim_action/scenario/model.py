@@ -61,11 +61,9 @@ else:
 # Address space. The interpreter, the engine and numpy need 250 MB before the first step.
 _MIN_MEMORY: Final = 512 << 20
 _MAX_MEMORY: Final = 1 << 50
-MEMORY: Final = 4 << 30
-"""The default limit of a process's address space in bytes."""
+MEMORY: Final = 4 << 30  # the default limit of a process's address space in bytes
 
-WALL_SECONDS: Final = 60.0
-"""The default wall limit in s."""
+WALL_SECONDS: Final = 60.0  # the default wall limit in s
 
 _OUTPUT: Final = 100_000_000
 
@@ -469,8 +467,7 @@ class Scenario(FrozenModel):
 MAX_CHOSEN_PHYSICS_RATE_HZ: Final = 1000.0
 """The greatest rate in Hz of the physics that follows from the rates of a scenario."""
 
-# The candidates that are tried for rates without a round common multiple.
-_MAX_CANDIDATES: Final = 10_000
+_MAX_CANDIDATES: Final = 10_000  # the candidates that are tried for rates without a round common multiple
 
 
 def common_rate(rates: Collection[float], least: float, most: float) -> float | None:

@@ -16,8 +16,7 @@ from sim_action.scenario.part_reader import actors_of
 
 KEY: Final = "ego"
 
-# The keys that stand beside `robot` in a scenario, and inside an actor.
-_BESIDE: Final = ("commands", "sensors")
+_BESIDE: Final = ("commands", "sensors")  # the keys that stand beside `robot` in a scenario, and inside an actor
 
 
 def with_roles(document: Document) -> tuple[Document, tuple[Problem, ...]]:

@@ -60,8 +60,7 @@ def _range(text: str) -> range:
     return numbers
 
 
-Scenarios = tuple[Source | Refused, ...]
-"""The scenarios of one file."""
+Scenarios = tuple[Source | Refused, ...]  # the scenarios of one file
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,8 +16,7 @@ from sim_action.core.yaml_document import Document
 from sim_action.scenario.variations.gate import PlannedGate
 from sim_action.scenario.variations.values import SEED
 
-MAX_KEYS: Final = 20
-"""The largest number of varied keys."""
+MAX_KEYS: Final = 20  # the largest number of varied keys
 
 _LONGEST_VALUES: Final = 100
 
@@ -30,8 +29,7 @@ class Varied:
     value: JsonValue
 
 
-Variation = Annotated[tuple[Varied, ...], Field(max_length=MAX_KEYS)]
-"""The varied keys of a run, and their values."""
+Variation = Annotated[tuple[Varied, ...], Field(max_length=MAX_KEYS)]  # the varied keys of a run, and their values
 
 
 def varies_seed(variation: Iterable[Varied]) -> bool:

@@ -31,8 +31,7 @@ from sim_action.sensors import Sensor
 _LINE_ENDS: Final = frozenset("\x85\u2028\u2029")
 _UNNAMED: Final = "scenario"
 _VALUE: Final = "value"
-# Longer lines are folded, and a place in a folded text is hard to find.
-_WIDTH: Final = 1 << 20
+_WIDTH: Final = 1 << 20  # longer lines are folded, and a place in a folded text is hard to find
 
 
 class Scenario:

@@ -63,8 +63,7 @@ class Mount:
 class Sensor(FrozenModel):
     """The base class of all sensors."""
 
-    key: ClassVar[str]
-    """The YAML key of the sensor."""
+    key: ClassVar[str]  # the YAML key of the sensor
 
     watches_contacts: ClassVar[bool] = False
     """True if it reads `Observation.contacts`, which are computed only on request."""
@@ -93,8 +92,7 @@ class Sensor(FrozenModel):
     is_picture: ClassVar[bool] = False
     """True if a reading is a picture, which takes as much memory and time as thousands of other readings."""
 
-    noises: ClassVar[tuple[str, ...]] = ()
-    """The fields that make its readings random unless they are 0."""
+    noises: ClassVar[tuple[str, ...]] = ()  # the fields that make its readings random unless they are 0
 
     @property
     def is_random(self) -> bool:

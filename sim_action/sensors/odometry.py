@@ -19,8 +19,7 @@ from sim_action.state.sensor_inputs import PlanarWay, WheelMotion
 if TYPE_CHECKING:
     from sim_action.state.observation import Observation
 
-# At -1 the believed radius is 0; below, it is negative.
-ErrorRatio = Annotated[Ratio, Field(gt=-1, le=100)]
+ErrorRatio = Annotated[Ratio, Field(gt=-1, le=100)]  # at -1 the believed radius is 0; below, it is negative
 
 
 class Odometry(Sensor):

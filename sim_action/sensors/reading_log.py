@@ -14,8 +14,7 @@ if TYPE_CHECKING:
 
 _PICTURE_RATE: Final = 2.0
 _MAX_BYTES: Final = 32_000_000
-# The size of a reading without arrays, for example that of an IMU.
-_SMALL_READING_BYTES: Final = 500
+_SMALL_READING_BYTES: Final = 500  # the size of a reading without arrays, for example that of an IMU
 
 
 @dataclass(slots=True)

@@ -38,21 +38,18 @@ from sim_action.world.body_path import PosePath
 from sim_action.world.parts import reach
 from sim_action.world.scene import Scene
 
-MIN_WEIGHTS: Final = 20.0
-"""The robot is pinned by a mean force of more than this many times its weight."""
+MIN_WEIGHTS: Final = 20.0  # the robot is pinned by a mean force of more than this many times its weight
 
 MAX_SQUEEZE_M: Final = 0.025
 """A run in which a pinned robot overlaps the bodies around it by more, all depths added, is no longer physical."""
 
 _WINDOW_S: Final = 0.05
-# The weight is that on earth, because a pinning force does not depend on gravity.
-_GRAVITY: Final = 9.81
+_GRAVITY: Final = 9.81  # the weight is that on earth, because a pinning force does not depend on gravity
 
 # A search that takes more comparisons of two shapes, or frames, ends without a result.
 _MAX_COMPARISONS: Final = 500
 _MAX_FRAMES: Final = 3_000
-# Nearer hulls overlap.
-_TOUCH_M: Final = 1e-7
+_TOUCH_M: Final = 1e-7  # nearer hulls overlap
 
 
 @dataclass(slots=True)

@@ -160,8 +160,7 @@ def part_soups(parts: Sequence[Part], *, is_solid: bool) -> Iterator[Soup]:
             yield Soup(corners, np.zeros(len(corners), dtype=np.int64))
 
 
-# MuJoCo's terrain ends this far below its lowest sample.
-_TERRAIN_DEPTH_M: Final = 0.1
+_TERRAIN_DEPTH_M: Final = 0.1  # MuJoCo's terrain ends this far below its lowest sample
 
 
 @dataclass(frozen=True, eq=False)

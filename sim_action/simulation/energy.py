@@ -25,8 +25,7 @@ from sim_action.world.scene import Scene
 _MAX_DRIFT: Final = 0.05
 """The greatest change of the energy that is not noted, as a share of the greatest kinetic energy."""
 
-_MAX_WORK: Final = 0.01
-"""The greatest work of the motors, as the same share; a motor that holds a joint does not work."""
+_MAX_WORK: Final = 0.01  # the greatest work of the motors, as the same share; a motor that holds a joint does not work
 
 _LEAST_SPAN_S: Final = 0.5
 """In a shorter time, the error of the first steps is still a large share of the kinetic energy."""

@@ -25,15 +25,13 @@ from sim_action.world.scene import Scene
 if TYPE_CHECKING:
     from sim_action.state.motion_record import MotionRecord
 
-# A run of hours must still fit into memory.
-_MAX_FRAMES: Final = 200_000
+_MAX_FRAMES: Final = 200_000  # a run of hours must still fit into memory
 
 
 TWIST_NAMES: Final = ("linear x", "linear y", "linear z", "angular x", "angular y", "angular z")
 """The names of the components of a commanded twist, in the frame of the base."""
 
-JOINT_TARGETS: Final = ("position", "velocity", "effort")
-"""The kinds of targets of joints, as in `JointTargets`."""
+JOINT_TARGETS: Final = ("position", "velocity", "effort")  # the kinds of targets of joints, as in `JointTargets`
 
 
 class RunRecorder:

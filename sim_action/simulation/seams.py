@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 class Seams:
     """The seams of a run without a mutation. They are the same for all command sources, sensors and engines."""
 
-    runs_on: bool = False
-    """True if the run goes on after an expectation has failed."""
+    runs_on: bool = False  # True if the run goes on after an expectation has failed
 
     looks_ahead: bool = False
     """True if the run goes on for a while after its goals are met, to see by how much they are."""
@@ -67,5 +66,4 @@ class Seams:
         return ()
 
 
-UNTOUCHED: Final = Seams()
-"""The seams of every run that has no mutation."""
+UNTOUCHED: Final = Seams()  # the seams of every run that has no mutation

@@ -34,8 +34,7 @@ class BasePush:
     max_torque: float
 
 
-NO_PUSH: Final = BasePush((0.0, 0.0), 0.0, (0.0, 0.0, 0.0), max_force=0.0, max_torque=0.0)
-"""Ends a push."""
+NO_PUSH: Final = BasePush((0.0, 0.0), 0.0, (0.0, 0.0, 0.0), max_force=0.0, max_torque=0.0)  # ends a push
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from sim_action.state.trace import FloatArray, Trace
 
 
-RESOLUTION: Final = 1e-4
-"""The resolution of values, in m and rad."""
+RESOLUTION: Final = 1e-4  # the resolution of values, in m and rad
 
 TITLE: Final = "# sim-action golden trajectory "
 """The beginning of the first line; the version of the format and the robot follow."""

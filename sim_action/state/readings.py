@@ -83,8 +83,7 @@ READING_COLUMNS: Final[Mapping[str, Mapping[str, ReadingColumn]]] = MappingProxy
 )
 """The columns of each kind of sensor of sim-action, by name."""
 
-DISTANCES: Final = frozenset({"ranges", "depth"})
-"""The columns that are infinite where nothing is in range."""
+DISTANCES: Final = frozenset({"ranges", "depth"})  # the columns that are infinite where nothing is in range
 
 _OF_PACKAGES: Final[dict[str, Mapping[str, ReadingColumn]]] = {}
 
@@ -105,8 +104,7 @@ def biased_columns(kind: str) -> dict[str, ReadingColumn]:
 
 
 _FULL_CIRCLE: Final = 2 * math.pi
-# Equal angles may differ by rounding.
-_ANGLE_EPSILON: Final = 1e-9
+_ANGLE_EPSILON: Final = 1e-9  # equal angles may differ by rounding
 
 
 class Reading(Protocol):

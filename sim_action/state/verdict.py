@@ -178,8 +178,7 @@ def _opposite(limit: float | None, unit: str) -> float | None:
     return 1.0 - limit if limit is not None and unit == "contacts" else limit
 
 
-# Half the drawn length of an infinite line, in m.
-_HALF_LENGTH_M: Final = 5.0
+_HALF_LENGTH_M: Final = 5.0  # half the drawn length of an infinite line, in m
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,8 +255,7 @@ def line(axis: str, at: float, middle_xy: tuple[float, float]) -> Polyline:
     return Polyline(((x - _HALF_LENGTH_M, at, 0.0), (x + _HALF_LENGTH_M, at, 0.0)))
 
 
-# The drawn length of an axis, in m.
-_AXIS_M: Final = 0.1
+_AXIS_M: Final = 0.1  # the drawn length of an axis, in m
 
 
 def goal(

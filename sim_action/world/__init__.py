@@ -50,8 +50,7 @@ __all__ = [
 
 MAX_PATCHES: Final = 50
 
-MAX_ACTORS: Final = 20
-"""The largest number of robots beside the one under test."""
+MAX_ACTORS: Final = 20  # the largest number of robots beside the one under test
 
 
 class Actor(Robot):

@@ -52,11 +52,9 @@ MAX_SHAPES: Final = 1000
 
 Arm = Annotated[Metres, Field(ge=-MAX_LENGTH_M, le=MAX_LENGTH_M)]
 
-# Moments may break the triangle inequality by this share: files are rounded.
-_ROUNDING: Final = 1e-3
+_ROUNDING: Final = 1e-3  # moments may break the triangle inequality by this share: files are rounded
 
-# The error of a computed principal moment, as a share of the largest one, is less.
-_SMALLEST_SHARE: Final = 1e-7
+_SMALLEST_SHARE: Final = 1e-7  # the error of a computed principal moment, as a share of the largest one, is less
 
 
 class ShapePose(RelativePose):
@@ -172,8 +170,7 @@ SHAPES: Final = ("box", "cylinder", "sphere", "ramp", "stairs", "mesh", "heightf
 
 _MAY_MOVE: Final = ("box", "cylinder", "sphere", "mesh", "shapes")
 
-# m and rad: the start and the end of a loop may differ by this.
-_MAX_LOOP_GAP: Final = 1e-6
+_MAX_LOOP_GAP: Final = 1e-6  # m and rad: the start and the end of a loop may differ by this
 
 Share = Annotated[float, Field(ge=0, le=1)]
 

@@ -14,8 +14,7 @@ from sim_action.core.field_types import Coordinate, FrozenModel, NonNegativeSeco
 from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.core.records import dataclass
 
-MAX_PACE: Final = 100.0
-"""The greatest multiple of the speed that a path states."""
+MAX_PACE: Final = 100.0  # the greatest multiple of the speed that a path states
 
 
 class PathPoint(FrozenModel):
@@ -52,8 +51,7 @@ def placements(start: Placement, points: Sequence[PathPoint]) -> tuple[Placement
     return tuple(found)
 
 
-Numbers = tuple[float, float, float, float, float, float]
-"""x, y, z in m and roll, pitch, yaw in rad."""
+Numbers = tuple[float, float, float, float, float, float]  # x, y, z in m and roll, pitch, yaw in rad
 
 
 @dataclass(frozen=True, slots=True)

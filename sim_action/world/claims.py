@@ -40,29 +40,23 @@ class Rule:
     over_variations: bool = False  # True if a finding counts only if all variations of a scenario have it
 
 
-SINGLE_ROW: Final = "single-row-golden"
-"""The rule against golden files without a motion."""
+SINGLE_ROW: Final = "single-row-golden"  # the rule against golden files without a motion
 
-NOT_SIMULATED: Final = "not-simulated"
-"""The rule about parts of launch files and world files that are not simulated."""
+NOT_SIMULATED: Final = "not-simulated"  # the rule about parts of launch files and world files that are not simulated
 
 NOT_REPRODUCIBLE: Final = "not-reproducible"
 """The rule about runs whose nodes could not be kept in lock-step with sim time."""
 
-LOGGED_ERROR: Final = "logged-error"
-"""The rule about errors that nodes log."""
+LOGGED_ERROR: Final = "logged-error"  # the rule about errors that nodes log
 
-NODE_FAILED: Final = "node-failed"
-"""The rule about nodes of a rostest that fail although its methods pass."""
+NODE_FAILED: Final = "node-failed"  # the rule about nodes of a rostest that fail although its methods pass
 
-LOW_GATE: Final = "low-gate"
-"""The rule about gates that pass although most of their runs fail."""
+LOW_GATE: Final = "low-gate"  # the rule about gates that pass although most of their runs fail
 
 INCOMPLETE_WORLD: Final = "incomplete-world"
 """The rule about files of a world that cannot be used, so that an obstacle is missing."""
 
-OVERLAPPING_BODIES: Final = "overlapping-bodies"
-"""The rule about bodies with a mass that begin inside others."""
+OVERLAPPING_BODIES: Final = "overlapping-bodies"  # the rule about bodies with a mass that begin inside others
 
 _SUMMARIES: Final[Mapping[Literal["error", "warning"], Mapping[str, str]]] = {
     "error": {
@@ -297,8 +291,7 @@ class Ceiling:
         return beyond(tuple(names), value, self.unit, why)
 
 
-HEADINGS: Final = "two headings are at most 180 deg apart"
-"""The reason for a ceiling of a difference of headings."""
+HEADINGS: Final = "two headings are at most 180 deg apart"  # the reason for a ceiling of a difference of headings
 
 ORIENTATIONS: Final = "two orientations are at most 180 deg apart"
 """The reason for a ceiling of a difference of orientations."""
@@ -327,8 +320,7 @@ def nothing_in_range(sensor: str) -> ClaimFinding:
 COVERED_SHARE: Final = 0.75
 """The least share of a path, or of a golden trajectory, that a run compares without a warning."""
 
-MANY_S: Final = 100.0
-"""From this number on, a time in s is probably one in ms."""
+MANY_S: Final = 100.0  # from this number on, a time in s is probably one in ms
 
 
 def late_points(path: KeyPath, times: Sequence[float | None], setting: Setting) -> Findings:

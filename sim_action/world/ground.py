@@ -64,8 +64,7 @@ GROUND_REACH_M: Final = 10_000.0
 """The extent in m of the tiles from the origin of the world; a robot may not go farther by default."""
 
 _TILE_DEPTH_M: Final = 10.0
-# Narrower gaps in m between patches are ignored.
-_MIN_WIDTH_M: Final = 1e-6
+_MIN_WIDTH_M: Final = 1e-6  # narrower gaps in m between patches are ignored
 
 Span = tuple[float, float]
 

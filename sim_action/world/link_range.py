@@ -20,8 +20,7 @@ from sim_action.robot.model.robot_model import WORLD, Joint, Reading, RobotModel
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, beyond
 from sim_action.world.scene import Scene
 
-# Limits of sliding joints give way a little; models and sums round.
-_SLACK: Final = 1.05
+_SLACK: Final = 1.05  # limits of sliding joints give way a little; models and sums round
 
 # How far a stop of a joint gives way: a share of its range, and in addition an angle or a length.
 _STOP_SHARE: Final = 0.01
@@ -31,8 +30,7 @@ _STOP_M: Final = 2e-3
 # A limit beyond this multiple of a motor's speed is never reached, unless something else drives the joint.
 _FAR: Final = 1.5
 
-ROUNDING_M: Final = 1e-6
-"""In m: the rounding of sums of distances."""
+ROUNDING_M: Final = 1e-6  # in m: the rounding of sums of distances
 
 
 @dataclass(frozen=True, slots=True)

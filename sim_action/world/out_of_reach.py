@@ -21,10 +21,8 @@ if TYPE_CHECKING:
 
     from sim_action.state.trace import FloatArray, Trace
 
-# m: a robot that came so near to an object has passed it.
-_PASSED_M: Final = 0.5
-# m: a robot that came nearer by less has not passed anything.
-_DRIVEN_M: Final = 0.1
+_PASSED_M: Final = 0.5  # m: a robot that came so near to an object has passed it
+_DRIVEN_M: Final = 0.1  # m: a robot that came nearer by less has not passed anything
 # m: the stored trace has gaps.
 _SLACK_M: Final = 0.05
 _UPSIDE_DOWN_XYZW: Final = (1.0, 0.0, 0.0, 0.0)

@@ -15,17 +15,13 @@ if TYPE_CHECKING:
     from sim_action.world.parts import BoxPart, HullPart
 
 
-MIN_LENGTH_M: Final = 1e-4
-"""The least length in m; engines cannot resolve less."""
+MIN_LENGTH_M: Final = 1e-4  # the least length in m; engines cannot resolve less
 
-MAX_LENGTH_M: Final = 10_000.0
-"""The greatest length in m; beyond, the engines' numbers do not resolve millimetres."""
+MAX_LENGTH_M: Final = 10_000.0  # the greatest length in m; beyond, the engines' numbers do not resolve millimetres
 
-Size = Annotated[Metres, Field(ge=MIN_LENGTH_M, le=MAX_LENGTH_M)]
-"""A length of a body in m."""
+Size = Annotated[Metres, Field(ge=MIN_LENGTH_M, le=MAX_LENGTH_M)]  # a length of a body in m
 
-MAX_STEPS: Final = 500
-"""Limit for one flight of stairs."""
+MAX_STEPS: Final = 500  # limit for one flight of stairs
 
 _MAX_SLOPE_RAD: Final = math.radians(85)
 

@@ -14,8 +14,7 @@ from typing import Any, Final
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.state.trace import Trace
 
-FAR: Final = 1e3
-"""A limit, in SI units, that no random trace comes near."""
+FAR: Final = 1e3  # a limit, in SI units, that no random trace comes near
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,7 @@ from tests.assertions.test_cuts import MOVABLE
 from tests.traces import START, contact, judged, monitor, piece, scene, trace
 
 RATE = 240
-WINDOW = 12
-"""Steps of the default window, 50 ms."""
+WINDOW = 12  # steps of the default window, 50 ms
 
 
 def touch(**keys: Any) -> Touch:
@@ -221,8 +220,7 @@ def test_without_a_limit_a_touch_decides() -> None:
     assert monitor(touch()).observe(seen(1.0)).is_decided
 
 
-LOST = [None] * 12
-"""Steps of more than 50 ms, with the one after them."""
+LOST = [None] * 12  # steps of more than 50 ms, with the one after them
 
 
 def test_a_touch_lasts_until_it_is_lost() -> None:

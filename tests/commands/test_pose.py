@@ -43,8 +43,7 @@ START: Final = {
     "wrist_1_joint": "-100.97 deg",
     "wrist_2_joint": "-90 deg",
 }
-# There the flange points down.
-START_XYZ: Final = (0.50001, 0.1333, 0.41299)
+START_XYZ: Final = (0.50001, 0.1333, 0.41299)  # there the flange points down
 
 
 def arm(**pose: float) -> Scene:

@@ -10,8 +10,7 @@ from sim_action.robot.model.robot_model import Joint, JointType, Link, RobotMode
 Part = tuple[tuple[Joint, ...], tuple[Link, ...]]
 
 RADIUS = 0.1
-# A cylinder's own axis is z; lying, it is y.
-LYING = Pose(orientation_xyzw=quaternion_from_rpy(math.pi / 2, 0.0, 0.0))
+LYING = Pose(orientation_xyzw=quaternion_from_rpy(math.pi / 2, 0.0, 0.0))  # a cylinder's own axis is z; lying, it is y
 
 
 def cart(*parts: Part, mass_ahead: float = 0.0) -> RobotModel:

@@ -27,11 +27,9 @@ from tests.fuzz.urdf_texts import MESH, MESH_TEXT
 
 ROOT: Final = Path(__file__).parents[2]
 BATCH: Final = 100
-URDF: Final = "urdf"
-"""The kind of models on which sim-action and PyBullet must agree."""
+URDF: Final = "urdf"  # the kind of models on which sim-action and PyBullet must agree
 KINDS: Final = (URDF, "scenario", "model", "mesh", "map", "heightfield", "golden", "path", "log", "process")
-SHARE: Final = 0.1
-"""Of the inputs that also run as a whole command."""
+SHARE: Final = 0.1  # of the inputs that also run as a whole command
 
 
 _MAX_SHOWN: Final = 3_000

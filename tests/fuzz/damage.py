@@ -207,8 +207,7 @@ def _key_damaged(owner: dict[Any, Any], key: Any, chance: Chance, words: tuple[s
             owner[chance.choice(words)] = _odd(chance)
 
 
-# Its multiples are floats, too.
-_LARGEST = 1e290
+_LARGEST = 1e290  # its multiples are floats, too
 
 
 def _value_damaged(owner: Any, key: Any, chance: Chance) -> None:

@@ -43,8 +43,7 @@ from sim_action.world.scene import Scene
 from tests.fuzz.cases import ANSWERS, EXAMPLES, SCENARIO, Case, case
 from tests.fuzz.corpus import CORPUS
 
-MAX_CPU_S: Final = 20
-"""Longest processor time in s of one trial in this process; a signal ends it then."""
+MAX_CPU_S: Final = 20  # longest processor time in s of one trial in this process; a signal ends it then
 MAX_S: Final = 200
 """Longest wall time in s of one trial; a busy machine is slow, so only what waits for ever reaches it."""
 _MEMORY: Final = 6 << 30

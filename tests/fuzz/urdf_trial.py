@@ -37,8 +37,7 @@ from sim_action.state.trace_channels import Channels
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 
-LONGEST: Final = 20
-"""In s, for one model; a signal ends the child then."""
+LONGEST: Final = 20  # in s, for one model; a signal ends the child then
 
 _POSITION: Final = 0.3
 _STEPS: Final = 30

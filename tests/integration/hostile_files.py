@@ -15,8 +15,7 @@ from typing import Final
 
 from tests.mesh_files import dae, obj, stl
 
-SENTINEL: Final = "sentinel-of-the-test"
-"""A word in each text outside the workspace, and in .git."""
+SENTINEL: Final = "sentinel-of-the-test"  # a word in each text outside the workspace, and in .git
 
 Content = str | bytes
 Files = Mapping[str, Content]

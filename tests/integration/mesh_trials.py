@@ -14,8 +14,7 @@ from sim_action.meshes.hull_file import hull_file_name
 
 _CHILD = Path(__file__).with_name("mesh_engine.py")
 
-ENGINES_MARGIN = 0.001
-"""In m: what PyBullet 3.2.7 puts around each hull."""
+ENGINES_MARGIN = 0.001  # in m: what PyBullet 3.2.7 puts around each hull
 
 
 def run(*asked: list[Any], timeout: float = 60) -> tuple[int, list[dict[str, Any]]]:

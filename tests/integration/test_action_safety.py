@@ -129,8 +129,7 @@ def test_names_of_strangers_are_nothing_but_names(runner: Runner) -> None:
     assert junit.get("tests") == str(len(list(junit.iter("testcase"))))
 
 
-# tests/core/test_permissions.py has all of them.
-EVENTS = ["pull_request_target", "workflow_run"]
+EVENTS = ["pull_request_target", "workflow_run"]  # tests/core/test_permissions.py has all of them
 
 
 @pytest.mark.parametrize("event", soaked(EVENTS, short=EVENTS[:1]))

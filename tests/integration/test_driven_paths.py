@@ -78,8 +78,7 @@ FOLLOWERS: Final = (
     ),
 )
 KNOWN: Final = {known.name: known for known in (BURGER, *ROBOTS)}
-# How those of the soak drive is tried in test_drives.py.
-IN_SOAK: Final = (pytest.mark.pybullet, pytest.mark.soak)
+IN_SOAK: Final = (pytest.mark.pybullet, pytest.mark.soak)  # how those of the soak drive is tried in test_drives.py
 
 
 def run(folder: Path, follower: Follower, engine: str) -> SimulationRun:

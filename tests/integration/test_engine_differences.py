@@ -88,8 +88,7 @@ def compared(outcome: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 FLAGS = [(), ("--no-report",), ("--repeat", "2")]
 RATES = (1, 10, 240)
-# With any flags the lowest and the highest rate.
-SHORT = [((), RATES), *((flags, (1, 240)) for flags in FLAGS[1:])]
+SHORT = [((), RATES), *((flags, (1, 240)) for flags in FLAGS[1:])]  # with any flags the lowest and the highest rate
 
 
 @pytest.mark.parametrize(("flags", "rates"), soaked([*SHORT, *((flags, RATES) for flags in FLAGS)], short=SHORT))

@@ -30,8 +30,7 @@ PRIVILEGED: Final = {"GITHUB_EVENT_NAME": "pull_request_target"}
 SCRIPTS: Final = ("--allow-scripts", "true", "--pass-env", "LD_PRELOAD", "--pass-env", "OPENED_FILES")
 """Options with which scripts run, and are traced: they see few variables of the environment."""
 
-NEVER: Final = ("/etc/passwd", "/dev/zero", "/proc/N/environ")
-"""Files of the system that the hostile models name."""
+NEVER: Final = ("/etc/passwd", "/dev/zero", "/proc/N/environ")  # files of the system that the hostile models name
 
 
 @pytest.fixture(scope="module")

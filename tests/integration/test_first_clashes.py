@@ -21,8 +21,7 @@ SHAPES: Final[tuple[dict[str, Any], ...]] = (
     {"sphere": {"radius": 0.15}},
     {"cylinder": {"radius": 0.12, "height": 0.3}},
 )
-# In m: engines round edges, and tell of two boxes the depth of single points.
-_ROUNDING: Final = 0.002
+_ROUNDING: Final = 0.002  # in m: engines round edges, and tell of two boxes the depth of single points
 
 
 def pair(seed: int) -> World:

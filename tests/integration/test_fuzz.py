@@ -16,8 +16,7 @@ from tests.soak import soaked
 
 SEED = 4
 
-CASES = 8
-"""Inputs of each kind."""
+CASES = 8  # inputs of each kind
 
 
 @pytest.mark.pybullet

@@ -20,10 +20,8 @@ from tests.ros_workspace import ros_workspace
 from tools.bench.robots import ROBOTS, WORKSPACE, KnownRobot
 
 FAR: Final = 50.0
-TIGHT: Final = 2e-4
-"""m: what margins of the engine and its floats come to."""
-ROUNDED: Final = 0.001
-"""m, where a mesh that is turned reaches furthest: the engine's margin rounds its edges."""
+TIGHT: Final = 2e-4  # m: what margins of the engine and its floats come to
+ROUNDED: Final = 0.001  # m, where a mesh that is turned reaches furthest: the engine's margin rounds its edges
 TURNED: Final = frozenset({"laikago", "franka_panda"})
 every_robot = pytest.mark.parametrize(
     "known", [pytest.param(known, marks=pytest.mark.pybullet, id=known.name) for known in ROBOTS]

@@ -27,8 +27,7 @@ BALL = (
     f'<robot name="ball"><link name="base"><inertial><mass value="2"/>{INERTIA.format(0.01)}</inertial></link></robot>'
 )
 
-LENGTH, MOMENT = 1.0, 0.01
-"""m, of two rods with a mass of 1 kg in the middle of each, and kg m^2 about that point."""
+LENGTH, MOMENT = 1.0, 0.01  # m, of two rods with a mass of 1 kg in the middle of each, and kg m^2 about that point
 
 
 def rod(name: str, parent: str, origin: str) -> str:

@@ -23,8 +23,7 @@ from tests.patience import PATIENCE, wait_until
 from tests.soak import soaked
 
 ROOT: Final = Path(__file__).parents[2]
-# How many scenarios there are in the short form, and in the long one.
-SHORT, LONG = 40, 200
+SHORT, LONG = 40, 200  # how many scenarios there are in the short form, and in the long one
 
 HONEST: Final = """\
 name: honest {number}

@@ -30,8 +30,7 @@ pytestmark = pytest.mark.pybullet
 
 WHEELS: Final = ("wheel_left_joint", "wheel_right_joint")
 DURATION_S: Final = 4.0
-WHEELBASE_M: Final = 0.325
-"""The distance of the axles of the racecar."""
+WHEELBASE_M: Final = 0.325  # the distance of the axles of the racecar
 TURNS: Final = ((24.0, 24.0), (12.0, 20.0), (-9.0, 15.0))
 """The angles in rad by which the wheels turn, from rest to rest."""
 

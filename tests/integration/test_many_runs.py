@@ -22,8 +22,7 @@ MOST_KB_FOR_A_RUN: Final = 45
 """Of the caller: 7 kB for its plan and outcome, the rest for its place in `report.html`, which has 2,000 at most. 31 to
 36 kB were measured."""
 
-MOST_MB: Final = 200
-"""Of the caller, with 10,000 runs and all reports."""
+MOST_MB: Final = 200  # of the caller, with 10,000 runs and all reports
 
 CALLER: Final = """
 import re, sys

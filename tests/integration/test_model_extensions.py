@@ -19,8 +19,7 @@ from sim_action.state.trace import Trace
 from sim_action.world import Ground, World
 from tests.integration.engines import advance, at, inertia, on_every_engine, one_link, running, scene_of
 
-LEAN = 0.981
-"""m/s^2, along x: a body without friction moves by half of that in the first second."""
+LEAN = 0.981  # m/s^2, along x: a body without friction moves by half of that in the first second
 
 
 def moved(engine: str, folder: Path, urdf: str) -> float:

@@ -58,8 +58,7 @@ ARM = f"""<mujoco model="arm">
     <key qpos="0 0 0 0 0 0 0"/></keyframe>
 </mujoco>"""
 
-LIMIT_RAD = 1e-7
-"""Largest difference in rad (m) to MuJoCo alone, over the whole run."""
+LIMIT_RAD = 1e-7  # largest difference in rad (m) to MuJoCo alone, over the whole run
 
 
 def positions(trace: Trace) -> Any:

@@ -58,8 +58,7 @@ ELSEWHERE: Final = (
         )
     ),
 )
-# The command that needs it is refused there, and before any of it is imported.
-ROS: Final = "sim_action.ros."
+ROS: Final = "sim_action.ros."  # the command that needs it is refused there, and before any of it is imported
 
 IMPORT_ALL: Final = """
 import importlib, pkgutil, sys, sim_action

@@ -39,8 +39,7 @@ BODIES: Final[Mapping[str, str]] = {
     "ctl.py": "import sys\n{mark}\nfor line in sys.stdin:\n    print('{{}}', flush=True)\n",
     "judge.py": "{mark}\nclass Judge:\n    def judge(self, trace): ...\n",
 }
-EVALUATED: Final = "evaluated-42"
-"""The marker of xacro, whose expressions cannot write files."""
+EVALUATED: Final = "evaluated-42"  # the marker of xacro, whose expressions cannot write files
 
 XACRO: Final = """\
 <robot name="nosy" xmlns:xacro="http://www.ros.org/wiki/xacro">

@@ -20,12 +20,10 @@ pytestmark = pytest.mark.pybullet
 IIWA = ARMS[0]
 STEP = 1e-4  # s, of numerical derivatives
 NEAR_A_CORNER = 0.1  # s
-# Efforts of PyBullet's solver are uncertain by this share of the greatest one: 0.1 N m of 38 N m.
-RESIDUAL = 0.0025
+RESIDUAL = 0.0025  # efforts of PyBullet's solver are uncertain by this share of the greatest one: 0.1 N m of 38 N m
 
 
-Moving = tuple[int, ...]
-"""The indices of the joints that move."""
+Moving = tuple[int, ...]  # the indices of the joints that move
 
 MOTIONS: Final[tuple[tuple[str, Moving], ...]] = (
     ("minimum_jerk", (0,)),
@@ -39,10 +37,8 @@ MOTIONS: Final[tuple[tuple[str, Moving], ...]] = (
     ("linear", (0, 1, 3, 4, 5, 6)),
     ("linear", tuple(range(7))),
 )
-RATES: Final = ((200, 10), (250, 50), (300, 60), (500, 20), (1000, 200))
-"""In Hz: of the physics, and of the command."""
-FEW: Final = ((4, 0), (9, 0), (4, 4), (2, 1), (8, 3))
-"""The indices of motions and rates that `make test` tries."""
+RATES: Final = ((200, 10), (250, 50), (300, 60), (500, 20), (1000, 200))  # in Hz: of the physics, and of the command
+FEW: Final = ((4, 0), (9, 0), (4, 4), (2, 1), (8, 3))  # the indices of motions and rates that `make test` tries
 
 
 def moved(  # noqa: PLR0917 - one for each parameter of the tests

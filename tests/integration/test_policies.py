@@ -39,8 +39,7 @@ def control(observation, springs, dampers):
         efforts[name] = spring * state.position + damper * state.velocity
     return JointTargets(effort=efforts)
 """
-# Powers of two: the products are exact, so both ways round once.
-SPRINGS, DAMPERS = (-64.0, -16.0), (-2.0, -0.25)
+SPRINGS, DAMPERS = (-64.0, -16.0), (-2.0, -0.25)  # powers of two: the products are exact, so both ways round once
 
 
 @pytest.fixture

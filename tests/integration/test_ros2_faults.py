@@ -46,8 +46,7 @@ class Mover(Node):
 rclpy.init()
 rclpy.spin(Mover())
 """
-IN_INIT, IN_TIMER = 15, 20
-"""Lines of the mover that a fault replaces."""
+IN_INIT, IN_TIMER = 15, 20  # lines of the mover that a fault replaces
 
 
 def faulty(folder: Path, name: str, init: str = "pass", timer: str = "pass", kind: str = "Twist", **more: Any) -> None:

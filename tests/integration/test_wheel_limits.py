@@ -17,8 +17,7 @@ from tests.scenarios import load
 from tests.simulated import simulated
 
 DRIVES: Final = Path(__file__).parents[2] / "examples/drives"
-# In rad/s, of every wheel; their radius is 0.1 m.
-FASTEST: Final = 5.0
+FASTEST: Final = 5.0  # in rad/s, of every wheel; their radius is 0.1 m
 
 SIDES: Final = (
     "left: [front_left_wheel_joint, rear_left_wheel_joint], right: [front_right_wheel_joint, rear_right_wheel_joint]"

@@ -106,8 +106,7 @@ def _serve() -> None:
         print(os.waitstatus_to_exitcode(status), file=answers, flush=True)
 
 
-# What few calls need, and takes long to import.
-_LATER: Final = ("sim_action.ros.", "sim_action.runner.cluster.")
+_LATER: Final = ("sim_action.ros.", "sim_action.runner.cluster.")  # what few calls need, and takes long to import
 
 
 def _import_everything() -> None:

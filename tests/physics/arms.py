@@ -18,8 +18,7 @@ from tools.bench.robots import ROBOTS, KnownRobot
 GROUP: Final = "arms"
 _BOLTED: Final[Mapping[str, object]] = {"base": "fixed"}
 _ALLOW: Final = {"allow": ["fixed-base"]}
-_ROD_LENGTH: Final = 2 / 3
-"""The length in m of the mathematical pendulum that swings like a rod of 1 m."""
+_ROD_LENGTH: Final = 2 / 3  # the length in m of the mathematical pendulum that swings like a rod of 1 m
 
 
 Shape = Literal["linear", "minimum_jerk"]
@@ -106,8 +105,7 @@ def double_energy_gain(run: Run) -> float:
 
 DOUBLE_START: Final = math.pi / 2
 DOUBLE_TIME: Final = 0.5
-DOUBLE_ANGLE: Final = 0.325526
-"""The angle of the first hinge in rad after DOUBLE_TIME, by `oracles.double_pendulum`."""
+DOUBLE_ANGLE: Final = 0.325526  # the angle of the first hinge in rad after DOUBLE_TIME, by `oracles.double_pendulum`
 
 
 def _pendulums() -> list[Case]:

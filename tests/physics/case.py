@@ -18,14 +18,11 @@ from sim_action.simulation.recorder import RunRecorder
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import BodyRecord
 
-RATE: Final = 240.0
-"""Physics steps per second at which cases are judged unless they name another rate."""
-FINE_RATE: Final = 1920.0
-"""Physics steps per second at which verdicts count as converged."""
+RATE: Final = 240.0  # physics steps per second at which cases are judged unless they name another rate
+FINE_RATE: Final = 1920.0  # physics steps per second at which verdicts count as converged
 
 _HASHED_PERCENT: Final = 30
-BETWEEN: Final = "both"
-"""The name that stands for an engine where a case compares both."""
+BETWEEN: Final = "both"  # the name that stands for an engine where a case compares both
 
 Kind = Literal["analytic", "integrated", "bound", "spread"]
 """The kind of an oracle.

@@ -17,8 +17,7 @@ from tests.physics.robots import caster_robot, delivery_robot
 GROUP: Final = "caster"
 _MASSES: Final = (1, 6, 40)
 _FRICTIONS: Final = (0.0, 0.1, 0.5, 1.0)
-# A wheel turns about a point of its width; tyres as thin as these leave no doubt which.
-_THIN: Final = 0.002
+_THIN: Final = 0.002  # a wheel turns about a point of its width; tyres as thin as these leave no doubt which
 
 
 def driven(model: str, twist: dict[str, float], seconds: float, **robot: object) -> Setup:

@@ -82,8 +82,7 @@ def _line(row: Figure) -> str:
 
 
 _MOVED_SHARE = 0.01
-# The record has six digits.
-_ROUNDING = 1e-5
+_ROUNDING = 1e-5  # the record has six digits
 
 
 def moved(rows: Iterable[Figure], recorded: Mapping[str, Mapping[str, float]] = RECORDED) -> Iterator[str]:

@@ -240,8 +240,7 @@ def pendulum(arms: int = 1) -> str:
     return robot(*parts)
 
 
-ROD_INERTIA: Final = (1 / 12, 1 / 12, 1e-4)
-"""Of a thin rod of 1 kg and 1 m along z, about its centre of mass."""
+ROD_INERTIA: Final = (1 / 12, 1 / 12, 1e-4)  # of a thin rod of 1 kg and 1 m along z, about its centre of mass
 _CAR_TYRE_M: Final = 0.004
 
 
@@ -284,8 +283,7 @@ def lift(payload: float) -> str:
     )
 
 
-LEG_M: Final = 0.2
-"""The length of both links of a leg of `quadruped`."""
+LEG_M: Final = 0.2  # the length of both links of a leg of `quadruped`
 FEET: Final = tuple(f"{end}_{side}_foot" for end in ("front", "rear") for side in ("left", "right"))
 
 

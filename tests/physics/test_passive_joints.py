@@ -23,8 +23,7 @@ ENGINES = ("pybullet", "mujoco")
 MASS, LENGTH, RADIUS = 1.0, 0.8, 0.1
 TILT = math.radians(40)
 MOMENT = MASS * LENGTH**2 + ball_inertia(MASS, RADIUS)[0]
-EQUAL_LENGTH = MOMENT / (MASS * LENGTH)
-"""The length in m of the mathematical pendulum with the same motion."""
+EQUAL_LENGTH = MOMENT / (MASS * LENGTH)  # the length in m of the mathematical pendulum with the same motion
 
 
 def pendulum(kind: str = "spherical", more: str = "") -> str:

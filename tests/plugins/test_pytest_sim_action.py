@@ -23,8 +23,7 @@ pytestmark = pytest.mark.process
 
 ROOT = Path(__file__).parents[2]
 PLUGIN = ROOT / "plugins/pytest-sim-action"
-# The major version that the project's own tests do not use.
-FORMER = "pytest>=8,<9"
+FORMER = "pytest>=8,<9"  # the major version that the project's own tests do not use
 
 Run = Callable[..., pytest.RunResult]
 

@@ -15,8 +15,7 @@ Reading = Mapping[str, Any]
 
 _RELATIVE: Final = 1e-4
 _LENGTH_M: Final = 1e-4
-_ROTATION: Final = 1e-4
-"""PyBullet gives poses in single precision."""
+_ROTATION: Final = 1e-4  # PyBullet gives poses in single precision
 _NOT_KEPT: Final = object()
 
 

@@ -29,8 +29,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 Reading = dict[str, Any]
-_FREE: Final = 1e9
-"""A limit beyond this is none."""
+_FREE: Final = 1e9  # a limit beyond this is none
 
 
 def _bound(value: float) -> float | None:

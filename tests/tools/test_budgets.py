@@ -10,8 +10,7 @@ import pytest
 from tools.bench.budgets import BUDGETS, figures
 
 MORE = 1.01
-LESS = 0.95
-"""A budget far above the figure would let the next change spend what this one saved."""
+LESS = 0.95  # a budget far above the figure would let the next change spend what this one saved
 
 
 @pytest.mark.process

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from sim_action.state.observation import Contact, SelfContact
     from sim_action.state.trace import FloatArray, Trace
 
-# In N: sums of forces differ by rounding.
-_DIGITS: Final = 9
+_DIGITS: Final = 9  # in N: sums of forces differ by rounding
 
 
 class Forces(NamedTuple):

@@ -78,18 +78,15 @@ class Watched:
         return replace(start, pose=Pose((x, y, z), (qx, qy, qz, qw)), twist=Twist((vx, vy, vz), (wx, wy, wz)))
 
 
-BASE: Final = Watched()
-"""The base link in the world frame."""
+BASE: Final = Watched()  # the base link in the world frame
 
 
 class MotionAssertion(Assertion):
     """The base class of assertions on the motion of a frame: of the base link, or of another link."""
 
-    last_keys: ClassVar[tuple[str, ...]] = ("link", "frame")
-    """The keys that documents list last."""
+    last_keys: ClassVar[tuple[str, ...]] = ("link", "frame")  # the keys that documents list last
 
-    subject_ends: ClassVar[str] = " "
-    """The text between the subject of a message and the message of the monitor."""
+    subject_ends: ClassVar[str] = " "  # the text between the subject of a message and the message of the monitor
 
     names_frame: ClassVar[bool] = False
     """True if the messages of the monitor name the frame, so that their subject need not."""

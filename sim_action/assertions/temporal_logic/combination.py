@@ -73,8 +73,7 @@ class Junction(Fold):
         return [(fold.state, fold.is_decided) for fold in self.folds]
 
 
-UNKNOWN: Final = -1
-"""The truth of a condition before its first moment, where 1 is true and 0 is false."""
+UNKNOWN: Final = -1  # the truth of a condition before its first moment, where 1 is true and 0 is false
 
 
 @dataclass(frozen=True)

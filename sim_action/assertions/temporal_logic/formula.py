@@ -138,8 +138,7 @@ class Interval:
         return f"[{_exact(self.start)} s, {'end' if math.isinf(self.end) else f'{_exact(self.end)} s'}]"
 
 
-ALL_TIME: Final = Interval()
-"""The interval from a step to the end of the run."""
+ALL_TIME: Final = Interval()  # the interval from a step to the end of the run
 
 
 @dataclass(frozen=True, slots=True)

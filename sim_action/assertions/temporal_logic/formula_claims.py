@@ -57,8 +57,7 @@ if TYPE_CHECKING:
     from sim_action.world.scene import Scene
 
 _AXES: Final = "xyz"
-# N: a contact sensor that reads less felt nothing.
-_FELT_N: Final = 1e-3
+_FELT_N: Final = 1e-3  # N: a contact sensor that reads less felt nothing
 # m: in a formula, an infinite range is 1e9 m.
 _IN_RANGE_M: Final = 1e8
 _OPPOSITE: Final[dict[Relation, Relation]] = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}

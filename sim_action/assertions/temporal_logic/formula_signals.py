@@ -51,8 +51,7 @@ FRAME_SIGNALS: Final = MappingProxyType(
 )
 """Signals of the frame of a link; those of an object are the same without RATES."""
 
-RATES: Final = ("speed", "turn_rate")
-"""Signals of the frame of a link that objects do not have."""
+RATES: Final = ("speed", "turn_rate")  # signals of the frame of a link that objects do not have
 
 SENSOR_SIGNALS: Final = MappingProxyType(
     {name: column for columns in READING_COLUMNS.values() for name, column in columns.items()}
@@ -78,8 +77,7 @@ NAMES: Final = (
 )
 """All signals, as messages list them."""
 
-Powers = tuple[int, int, int, int]
-"""The exponents of m, s, rad and kg."""
+Powers = tuple[int, int, int, int]  # the exponents of m, s, rad and kg
 
 _BASES: Final = ("m", "s", "rad", "kg")
 _NONE: Final[Powers] = (0, 0, 0, 0)

@@ -34,13 +34,11 @@ from sim_action.assertions.temporal_logic.formula import (
 )
 from sim_action.core.records import dataclass, field
 
-Range = tuple[float, float]
-"""The least and the greatest possible value of a term."""
+Range = tuple[float, float]  # the least and the greatest possible value of a term
 
 ANYTHING: Final[Range] = (-math.inf, math.inf)
 
-Possible = Callable[[Signal], Range]
-"""Returns the possible values of a signal."""
+Possible = Callable[[Signal], Range]  # returns the possible values of a signal
 
 _MAX_CASES: Final = 64
 _MAX_ROWS: Final = 400
@@ -100,8 +98,7 @@ class _Unclear(Exception):
     """A formula with too many cases."""
 
 
-Row = dict[Term | None, float]
-"""A sum of terms, each with its factor, that is at least 0; None stands for 1."""
+Row = dict[Term | None, float]  # a sum of terms, each with its factor, that is at least 0; None stands for 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,8 +53,7 @@ if TYPE_CHECKING:
     from sim_action.state.trace import Trace
     from sim_action.world.scene import Scene
 
-# A formula that is judged at the end is computed again for each point of the curve.
-_MAX_POINTS: Final = 60
+_MAX_POINTS: Final = 60  # a formula that is judged at the end is computed again for each point of the curve
 
 _AT_ONCE: Final = Interval(0.0, 0.0)
 # A longer lookahead would compute too many steps again with each block.
@@ -201,8 +200,7 @@ class Extreme(Operator):
     """The least robustness of a formula over an interval (`always`), or the greatest (`eventually`)."""
 
     greatest: bool = True
-    # See `robustness`: a step is the witness of a goal only with evidence.
-    strong: bool = False
+    strong: bool = False  # see `robustness`: a step is the witness of a goal only with evidence
 
     @classmethod
     def of(cls, formula: Formula, interval: Interval, *, greatest: bool) -> Self:

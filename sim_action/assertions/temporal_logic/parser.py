@@ -223,8 +223,7 @@ def unit_names() -> str:
     return ", ".join(_UNITS)
 
 
-MAX_DEPTH: Final = 30
-"""Maximum depth of nested parentheses and operators."""
+MAX_DEPTH: Final = 30  # maximum depth of nested parentheses and operators
 
 _IMPLIES, _OR, _AND, _UNTIL, _COMPARE, _ADD, _MULTIPLY = range(1, 8)
 _STRENGTH: Final = {

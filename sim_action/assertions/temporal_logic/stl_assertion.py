@@ -138,8 +138,7 @@ class Stl(Assertion):
         for at, message in found:
             yield (), f"{message}; {place(self.formula, at)}"
 
-    # A formula without "always" is about one moment.
-    is_over_time: ClassVar[bool] = False
+    is_over_time: ClassVar[bool] = False  # a formula without "always" is about one moment
 
     @override
     def limits_motion(self, scene: Scene) -> bool:

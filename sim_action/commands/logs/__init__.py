@@ -8,8 +8,7 @@ from typing import Final, Literal, NamedTuple
 from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass, field
 
-MAX_ROWS: Final = 250_000
-"""Limit of rows or messages of a command source; so many twists need 130 MB."""
+MAX_ROWS: Final = 250_000  # limit of rows or messages of a command source; so many twists need 130 MB
 
 Kind = Literal["position", "velocity", "effort"]
 KINDS: Final[tuple[Kind, ...]] = ("position", "velocity", "effort")
@@ -23,8 +22,7 @@ class JointColumn(NamedTuple):
     joint: str
 
 
-JointRow = Mapping[JointColumn, float]
-"""The finite numbers of a row: rad, rad/s and N m, or m, m/s and N."""
+JointRow = Mapping[JointColumn, float]  # the finite numbers of a row: rad, rad/s and N m, or m, m/s and N
 
 
 class Steering(NamedTuple):
@@ -51,8 +49,7 @@ class Trajectory(NamedTuple):
 
 
 Content = Twist | Steering | JointRow | Trajectory
-TimedRow = tuple[int, Content]
-"""The time of a row in ns, on the clock of the log, and its content."""
+TimedRow = tuple[int, Content]  # the time of a row in ns, on the clock of the log, and its content
 
 
 @dataclass(frozen=True, slots=True)

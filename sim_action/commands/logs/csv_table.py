@@ -73,8 +73,7 @@ _JOINT: Final = re.compile(
     r"|(?P<topic>/.+)/(?P<joint>[^/]+)/(?P<kind>position|velocity|effort)"
     r"|field\.(?P<group>position|velocity|effort)(?P<number>[0-9]+))"
 )
-# Similar to a name of ours: a spelling mistake, not a column of something else.
-_ALIKE: Final = 0.8
+_ALIKE: Final = 0.8  # similar to a name of ours: a spelling mistake, not a column of something else
 
 _YEAR_S: Final = 365.25 * 86_400
 _MAX_SPAN_S: Final = 30 * 86_400
@@ -84,11 +83,9 @@ _MAX_COUNTED_S: Final = 1e30
 # Rows whose times are whole numbers at least this far apart count ms.
 _SLOW_S: Final = 10.0
 _FEW_ROWS: Final = 5
-# Logs have no shorter times between their rows.
-_SHORT_S: Final = 1e-3
+_SHORT_S: Final = 1e-3  # logs have no shorter times between their rows
 
-Line = tuple[int, list[str]]
-"""The number of a line, from 1, and its cells."""
+Line = tuple[int, list[str]]  # the number of a line, from 1, and its cells
 
 
 class HeaderError(ValueError):

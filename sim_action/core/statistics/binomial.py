@@ -21,11 +21,9 @@ from sim_action.core.records import dataclass
 if TYPE_CHECKING:
     from statistics import NormalDist
 
-MAX_RUNS: Final = 10_000
-"""The largest number of runs that `runs_for_power` considers."""
+MAX_RUNS: Final = 10_000  # the largest number of runs that `runs_for_power` considers
 
-_NEGLIGIBLE: Final = 1e-20
-"""The share of a sum below which its falling terms are left out."""
+_NEGLIGIBLE: Final = 1e-20  # the share of a sum below which its falling terms are left out
 
 _ROUNDING: Final = 1e-12
 """A tail within this relative distance of 1 - confidence equals it: 1/8 at 87.5 %, whatever the rounding errors."""

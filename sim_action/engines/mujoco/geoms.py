@@ -111,8 +111,7 @@ def _points(model: Any, geom: int) -> FloatArray:
     return points
 
 
-# Relative extent below which Qhull finds no volume.
-_FLAT: Final = 1e-6
+_FLAT: Final = 1e-6  # relative extent below which Qhull finds no volume
 
 
 def read_unshrunk_hulls(text: bytes) -> list[FloatArray]:

@@ -29,8 +29,7 @@ from sim_action.state.command import JointTargets
 from sim_action.state.trace import FloatArray
 from sim_action.world.scene import Scene
 
-# Share of its error that a position servo corrects in one step: PyBullet's default.
-_SERVO_SHARE: Final = 0.1
+_SERVO_SHARE: Final = 0.1  # share of its error that a position servo corrects in one step: PyBullet's default
 
 _Numbers = slice | NDArray[np.intp]
 

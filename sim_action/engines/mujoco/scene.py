@@ -331,8 +331,7 @@ _JOINT_TYPES: Final = {
     "prismatic": mujoco.mjtJoint.mjJNT_SLIDE,
 }
 
-# rad or m, beyond any joint. MuJoCo accepts no range that is open at one end.
-_FAR: Final = 1e16
+_FAR: Final = 1e16  # rad or m, beyond any joint. MuJoCo accepts no range that is open at one end.
 
 
 def add_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Collider]:

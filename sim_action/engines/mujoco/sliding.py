@@ -35,22 +35,16 @@ from sim_action.engines.mujoco.contact_pairs import CONTACT_IMPEDANCE
 from sim_action.engines.mujoco.scene import CompiledScene
 
 _MAX_REMEMBERED_SETS: Final = 256
-# Acceleration in m/s^2 that stops an approach, from which on a contact is an impact.
-_MIN_IMPACT: Final = 5.0
-# Share of its limit that the friction of a sliding contact has, after rounding.
-_LIMIT_SHARE: Final = 0.99
-# Far more than the rounding errors of accelerations near these limits, in m/s^2.
-_ROUNDING: Final = 1e-9
-# Rows of a contact with friction: normal, and two directions along the surface.
-_ROWS: Final = 3
+_MIN_IMPACT: Final = 5.0  # acceleration in m/s^2 that stops an approach, from which on a contact is an impact
+_LIMIT_SHARE: Final = 0.99  # share of its limit that the friction of a sliding contact has, after rounding
+_ROUNDING: Final = 1e-9  # far more than the rounding errors of accelerations near these limits, in m/s^2
+_ROWS: Final = 3  # rows of a contact with friction: normal, and two directions along the surface
 
 # Largest kept difference within a pair, as a share of the acceleration by which a contact at rest yields to its weight.
 _KEPT_SHARE: Final = 0.2
-# A pair turns on the spot if its mean slip is smaller than this share of its slips.
-_TURNING_SHARE: Final = 0.5
+_TURNING_SHARE: Final = 0.5  # a pair turns on the spot if its mean slip is smaller than this share of its slips
 
-# Rows of a contact, counted from the end of all rows.
-_Rows = tuple[int, int, int]
+_Rows = tuple[int, int, int]  # rows of a contact, counted from the end of all rows
 
 
 class _Pair(NamedTuple):

@@ -23,8 +23,7 @@ from sim_action.state.trace_channels import Channels
 from sim_action.world.scene import Scene
 
 _ANYWHERE_M: Final = 1e3
-# Columns before those of the joints in `Trace.state`.
-_FIRST_JOINT: Final = 14
+_FIRST_JOINT: Final = 14  # columns before those of the joints in `Trace.state`
 
 
 @contextmanager

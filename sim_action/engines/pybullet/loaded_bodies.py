@@ -32,8 +32,7 @@ from sim_action.world.ground import ground_tiles
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart
 from sim_action.world.scene import Scene
 
-BASE: Final = -1
-"""The number of a body's base link."""
+BASE: Final = -1  # the number of a body's base link
 
 # Height in m from which a robot is lowered to the ground; no robot reaches further below its base.
 _DROP_HEIGHT_M: Final = 100.0
@@ -48,10 +47,8 @@ _LOAD_FLAGS: Final = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INE
 # Without neighbours: PyBullet leaves out direct parents and children.
 _SELF_COLLISION: Final = pybullet.URDF_USE_SELF_COLLISION | pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT
 _COLLISION: Final = re.compile(r"<collision[\s/>]")
-# See `look`: the robot is not shown either.
-_LOOK: Final = '<visual><geometry><box size="1 1 1"/></geometry></visual>'
-# PyBullet has fewer files open at the same time while it reads a model.
-_OPEN_FILES: Final = 8
+_LOOK: Final = '<visual><geometry><box size="1 1 1"/></geometry></visual>'  # see `look`: the robot is not shown either
+_OPEN_FILES: Final = 8  # PyBullet has fewer files open at the same time while it reads a model
 
 
 def configure(client: int, rate: float, gravity_xyz: Vector3, *, exact: bool = False, apart: bool = False) -> None:

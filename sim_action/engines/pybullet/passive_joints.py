@@ -189,8 +189,7 @@ class Springs:
 
 Array = NDArray[np.float64]
 
-_MAX_SHARE: Final = 0.5
-"""The share of its speed that a joint may lose within one step by a damping that stays as it is."""
+_MAX_SHARE: Final = 0.5  # the share of its speed that a joint may lose within one step by a damping that stays as it is
 
 
 @dataclass(frozen=True, slots=True)

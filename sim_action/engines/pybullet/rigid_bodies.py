@@ -24,8 +24,7 @@ from sim_action.world.mass_properties import mass_properties_of
 from sim_action.world.parts import BoxPart, CylinderPart, HullPart, Part, SpherePart
 
 _FLAGS: Final = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
-# PyBullet adds this margin around every hull of a file.
-_MARGIN_M: Final = 0.001
+_MARGIN_M: Final = 0.001  # PyBullet adds this margin around every hull of a file
 
 
 def add_rigid_body(client: int, body: Body, parts: Sequence[Part]) -> tuple[int, Pose]:

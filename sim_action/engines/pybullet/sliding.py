@@ -20,10 +20,8 @@ import pybullet
 from sim_action.core.geometry import Vector3
 from sim_action.engines.pybullet.loaded_bodies import BASE
 
-# A contact slides if its friction has reached this share of its limit.
-_SLIDING_SHARE: Final = 0.98
-# m/s; below, the slip has no direction.
-_MIN_SLIP: Final = 1e-6
+_SLIDING_SHARE: Final = 0.98  # a contact slides if its friction has reached this share of its limit
+_MIN_SLIP: Final = 1e-6  # m/s; below, the slip has no direction
 
 # The centre of mass, its velocity and the angular velocity of a body, in m, m/s and rad/s.
 _Motion = tuple[Vector3, Vector3, Vector3]

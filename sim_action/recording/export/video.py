@@ -53,8 +53,7 @@ class GifFilm:
         first.save(file, "GIF", save_all=True, append_images=images, duration=1000 // GIF_RATE_HZ, loop=0)
 
 
-MP4_RATE_HZ: Final = 20
-"""The frame rate of an MP4."""
+MP4_RATE_HZ: Final = 20  # the frame rate of an MP4
 
 # With threads or macroblock trees, x264 is not deterministic.
 _MP4_OPTIONS: Final = {"preset": "veryfast", "threads": "1", "x264-params": "mbtree=0"}

@@ -279,10 +279,8 @@ def _pose_columns(position_xyz: FloatArray, orientation_xyzw: FloatArray) -> Pos
     return (x, y, z, qx, qy, qz, qw)
 
 
-# The resolution of signals with their own rate: about what a screen can show.
-_SAMPLE_PERIOD_S: Final = 1 / 15
-# That of golden files.
-_TIME_RESOLUTION_S: Final = 1e-3
+_SAMPLE_PERIOD_S: Final = 1 / 15  # the resolution of signals with their own rate: about what a screen can show
+_TIME_RESOLUTION_S: Final = 1e-3  # that of golden files
 
 
 def stored_signals(scenario: Scenario, scene: Scene, start: Observation, film: Trace) -> tuple[SignalData, ...]:
@@ -428,8 +426,7 @@ _FORCE_STEP_N: Final = 0.01
 _PLACE_STEP_M: Final = 1e-3
 _LEAST_WEIGHT_N: Final = 1e-9
 
-# A shorter gap does not end a contact, for example of a robot that rattles along a wall.
-_MAX_GAP_S: Final = 0.1
+_MAX_GAP_S: Final = 0.1  # a shorter gap does not end a contact, for example of a robot that rattles along a wall
 
 
 @dataclass(slots=True)

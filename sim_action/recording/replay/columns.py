@@ -14,16 +14,12 @@ from sim_action.core.field_types import FrozenModel
 
 FloatArray = NDArray[np.float64]
 
-MAX_MOMENTS: Final = 20_000
-"""The largest number of moments: eleven minutes at 30 Hz. Longer runs have a lower rate."""
+MAX_MOMENTS: Final = 20_000  # The largest number of moments: eleven minutes at 30 Hz. Longer runs have a lower rate.
 
-# Sums and differences of such numbers are exact in JavaScript, whose numbers have 53 bits.
-_MAX_STEPS: Final = 2**50
+_MAX_STEPS: Final = 2**50  # sums and differences of such numbers are exact in JavaScript, whose numbers have 53 bits
 
-# A motion is stored in steps of at most 1 mm or 1 mrad.
-_MAX_MOTION_SCALE: Final = 1.0
-# Thirty years. Between much larger times a computer knows no fractions of a second.
-_MAX_TIME_S: Final = 1e9
+_MAX_MOTION_SCALE: Final = 1.0  # a motion is stored in steps of at most 1 mm or 1 mrad
+_MAX_TIME_S: Final = 1e9  # Thirty years. Between much larger times a computer knows no fractions of a second.
 
 Steps = Annotated[int, Field(ge=-(2**53), le=2**53)]
 Index = Annotated[int, Field(ge=0, le=1_000_000)]
@@ -80,8 +76,7 @@ class Column(FrozenModel):
 
 # The first character of a text of differences; JSON escapes those before it.
 _FIRST_CHARACTER: Final = 0x20
-MAX_DELTA: Final = 20_000
-"""The largest difference in a `TextColumn`; with `fine_scale` no difference is larger."""
+MAX_DELTA: Final = 20_000  # the largest difference in a `TextColumn`; with `fine_scale` no difference is larger
 
 
 class TextColumn(FrozenModel):

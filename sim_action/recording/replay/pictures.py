@@ -22,22 +22,18 @@ from sim_action.state.readings import CameraImage
 if TYPE_CHECKING:
     from sim_action.sensors.reading_log import ReadingLog
 
-MAX_PICTURE_BYTES: Final = 300_000
-"""The largest size of all pictures of a replay."""
+MAX_PICTURE_BYTES: Final = 300_000  # the largest size of all pictures of a replay
 
 _MAX_WIDTH: Final = 160
 _MAX_HEIGHT: Final = 120
 _MAX_PICTURES: Final = 1_000
-# A picture of the largest size that does not compress, with room.
-_MAX_TEXT: Final = 100_000
+_MAX_TEXT: Final = 100_000  # a picture of the largest size that does not compress, with room
 # A higher level saves little and takes several times as long.
 _LEVEL: Final = 4
 _SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
 _HEADER: Final = ">IIBBBBB"
-# The signature and the header with its checksum.
-_LEAST_BYTES: Final = 33
-# 8 bits for each of red, green and blue.
-_KIND: Final = (8, 2, 0, 0, 0)
+_LEAST_BYTES: Final = 33  # the signature and the header with its checksum
+_KIND: Final = (8, 2, 0, 0, 0)  # 8 bits for each of red, green and blue
 
 
 def _checked(text: str) -> str:

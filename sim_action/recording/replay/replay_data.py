@@ -75,8 +75,7 @@ MAX_VALUES: Final = 50_000_000
 A column that never changes takes no space in a file.
 """
 
-PoseColumns = tuple[Column, Column, Column, Column, Column, Column, Column]
-"""x, y, z, then the quaternion x, y, z, w."""
+PoseColumns = tuple[Column, Column, Column, Column, Column, Column, Column]  # x, y, z, then the quaternion x, y, z, w
 
 
 class Frames(FrozenModel):
@@ -200,8 +199,7 @@ class ChannelData(FrozenModel):
     commanded: bool = False
 
 
-WITHOUT_SCENE: Final = object()
-"""The context of pydantic for a replay whose scene is known already."""
+WITHOUT_SCENE: Final = object()  # the context of pydantic for a replay whose scene is known already
 
 
 class Replay(FrozenModel):

@@ -18,14 +18,12 @@ from sim_action.core.wording import system_reason
 from sim_action.recording.replay.replay_data import WITHOUT_SCENE, Replay, first_problem
 from sim_action.recording.replay.scene_data import SceneData
 
-MAX_PACKED_BYTES: Final = 8_000_000
-"""The largest size of a file."""
+MAX_PACKED_BYTES: Final = 8_000_000  # the largest size of a file
 
 MAX_UNPACKED_BYTES: Final = 24_000_000
 """The largest unpacked size: 20,000 moments of 30 joints and 50 bodies. Reading takes ten times as much memory."""
 
-# A higher level takes twice the time and saves almost nothing.
-_LEVEL: Final = 6
+_LEVEL: Final = 6  # a higher level takes twice the time and saves almost nothing
 
 
 class ReplayError(ValueError):

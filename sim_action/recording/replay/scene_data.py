@@ -15,24 +15,19 @@ from sim_action.recording.replay.columns import Index
 
 IntArray = NDArray[np.int64]
 
-MAX_SHAPES: Final = 5_000
-"""The largest number of shapes of a link or body; a map has at most 2,000 walls."""
+MAX_SHAPES: Final = 5_000  # the largest number of shapes of a link or body; a map has at most 2,000 walls
 
-MAX_POINTS: Final = 40_000
-"""The largest number of points of a mesh."""
+MAX_POINTS: Final = 40_000  # the largest number of points of a mesh
 
-MAX_ABS_VALUE: Final = 1e9
-"""The largest absolute value of any number in its unit."""
+MAX_ABS_VALUE: Final = 1e9  # the largest absolute value of any number in its unit
 
 Number = Annotated[float, Field(ge=-MAX_ABS_VALUE, le=MAX_ABS_VALUE, allow_inf_nan=False)]
 Length = Annotated[float, Field(ge=0, le=MAX_ABS_VALUE, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
-Colour = tuple[Share, Share, Share]
-"""Red, green and blue."""
+Colour = tuple[Share, Share, Share]  # red, green and blue
 
-Place = tuple[Number, Number, Number]
-"""A position x, y, z in m."""
+Place = tuple[Number, Number, Number]  # a position x, y, z in m
 
 PoseNumbers = tuple[Number, Number, Number, Number, Number, Number, Number]
 """A pose: x, y, z in m and quaternion x, y, z, w."""
@@ -264,8 +259,7 @@ def _of_bodies(scene: SceneData, tracks: int) -> Iterator[str]:
         yield "a mesh has a triangle with a point that does not exist"
 
 
-Angle = Annotated[float, Field(ge=0, le=4)]
-"""A difference between two headings in rad."""
+Angle = Annotated[float, Field(ge=0, le=4)]  # a difference between two headings in rad
 
 
 class _Mark(FrozenModel):

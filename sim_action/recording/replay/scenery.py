@@ -375,8 +375,7 @@ def _between(start: Vector3, end: Vector3) -> Vector3:
     return (bx - ax, by - ay, bz - az)
 
 
-# A mesh with a smaller share of its triangles may look different.
-_MUCH: Final = 0.1
+_MUCH: Final = 0.1  # a mesh with a smaller share of its triangles may look different
 
 _MAX_NAMES: Final = 3
 

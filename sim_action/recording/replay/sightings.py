@@ -34,13 +34,11 @@ if TYPE_CHECKING:
 
 MAX_OBSTACLES: Final = 50
 
-# A return this near to the shape of a body counts as a return from it.
-_NEAR_M: Final = 0.02
+_NEAR_M: Final = 0.02  # a return this near to the shape of a body counts as a return from it
 # Noise moves most returns along their rays by less than so many standard deviations.
 _DEVIATIONS: Final = 3.0
 _MAX_PLACES: Final = 100
-# Scans that are compared with a body at once.
-_BLOCK: Final = 64
+_BLOCK: Final = 64  # scans that are compared with a body at once
 
 
 class SightingData(FrozenModel):

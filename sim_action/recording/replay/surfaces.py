@@ -147,8 +147,7 @@ def _outwards(points: FloatArray, faces: IntArray) -> IntArray:
     return turned
 
 
-MAX_GRID_SAMPLES: Final = 48
-"""The largest number of samples along a side of a height grid: 4,418 triangles."""
+MAX_GRID_SAMPLES: Final = 48  # the largest number of samples along a side of a height grid: 4,418 triangles
 
 
 def coarse_surface(grid: GridPart) -> Triangles:
@@ -168,12 +167,9 @@ def _resampled(heights: FloatArray, count: int) -> FloatArray:
     return found
 
 
-# Each mesh may have at least the triangles of a box.
-_MIN_TRIANGLES: Final = 12
-# The resolution of a mesh along its longest side: 1 mm for 1 m.
-_MESH_STEPS: Final = 2**10
-# The finest resolution of a mesh.
-_MIN_STEP_M: Final = 1e-5
+_MIN_TRIANGLES: Final = 12  # each mesh may have at least the triangles of a box
+_MESH_STEPS: Final = 2**10  # the resolution of a mesh along its longest side: 1 mm for 1 m
+_MIN_STEP_M: Final = 1e-5  # the finest resolution of a mesh
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,11 +18,9 @@ from sim_action.recording.replay.surfaces import Triangles, hull_surface, simpli
 from sim_action.robot.model.robot_model import MESH_OF_TEXT, Mjcf, RobotModel
 from sim_action.robot.reading.mjcf.mujoco_spec import surfaces_of
 
-# The version of cache entries; a new number makes older ones unused.
-_VERSION: Final = 3
+_VERSION: Final = 3  # the version of cache entries; a new number makes older ones unused
 
-_MAX_BYTES: Final = 20_000_000
-"""The largest mesh file that is read; a larger one would take longer than most runs."""
+_MAX_BYTES: Final = 20_000_000  # the largest mesh file that is read; a larger one would take longer than most runs
 
 
 class VisualMeshes:

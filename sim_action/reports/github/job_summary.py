@@ -51,16 +51,13 @@ from sim_action.reports.table import NUMBERS, Row, Table, expectation_rows
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 
-MAX_BYTES: Final = 1 << 20
-"""The largest size of a summary; GitHub discards a larger one."""
+MAX_BYTES: Final = 1 << 20  # the largest size of a summary; GitHub discards a larger one
 
-# An upper bound for the size of headings, table heads, folds and remarks.
-_FRAME: Final = 4_000
+_FRAME: Final = 4_000  # an upper bound for the size of headings, table heads, folds and remarks
 # The share of all bytes that the overview may take; the rest is for the sections.
 _OVERVIEW_SHARE: Final = 0.4
 _MAX_UNFOLDED: Final = 20
-# The number of scenarios with charts of their failures; a page with many charts is slow.
-_MAX_DRAWN: Final = 8
+_MAX_DRAWN: Final = 8  # the number of scenarios with charts of their failures; a page with many charts is slow
 
 
 def write_summary(results: Results, options: ReportOptions) -> None:

@@ -13,8 +13,7 @@ from sim_action.reports.escaping import markdown_block, markdown_text
 from sim_action.reports.links import file_and_line, source_url
 from sim_action.reports.table import Row, Table, value_text
 
-MAX_IN_MESSAGE: Final = 500
-"""The largest number of characters of a message in a table or list."""
+MAX_IN_MESSAGE: Final = 500  # the largest number of characters of a message in a table or list
 
 
 def code(text: str) -> str:

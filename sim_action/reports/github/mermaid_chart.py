@@ -28,12 +28,9 @@ _UNSAFE: Final = re.compile(r"[^\w .,:()/+*=^'°·²\[\]-]")
 # The colours of the curve and the limits are readable on a white and on a black page.
 _CURVE, _LIMIT = "#2f81f7", "#e5534b"
 _PADDING: Final = 0.08
-# As a fraction of the range of all values: a smaller peak is not visible.
-_NOTICEABLE: Final = 0.02
-# The shortest duration in s, and the largest absolute value in any unit.
-_SHORTEST, _LARGEST = 1e-6, 1e12
-# As a fraction of an axis: an invisible difference.
-_SLIVER: Final = 1e-4
+_NOTICEABLE: Final = 0.02  # as a fraction of the range of all values: a smaller peak is not visible
+_SHORTEST, _LARGEST = 1e-6, 1e12  # the shortest duration in s, and the largest absolute value in any unit
+_SLIVER: Final = 1e-4  # as a fraction of an axis: an invisible difference
 
 
 def chart(signal: Signal, moment: float | None = None) -> str:
@@ -143,8 +140,7 @@ def _number(value: float, span: float) -> str:
     return text.rstrip("0").rstrip(".") if digits else text
 
 
-# The limit of a verdict may differ from the stored limit by rounding errors.
-_SAME_LIMIT: Final = 1e-9
+_SAME_LIMIT: Final = 1e-9  # the limit of a verdict may differ from the stored limit by rounding errors
 
 
 def load_replay(outcome: Outcome, options: ReportOptions) -> Replay | None:

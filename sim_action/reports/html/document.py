@@ -62,8 +62,7 @@ SCRIPTS: Final = (
 )
 """The scripts of the page in their order; they become one script, and each needs only those before it."""
 
-LIVE_SCRIPT: Final = "live.js"
-"""The script of pages that a server on this machine gives; no file has it."""
+LIVE_SCRIPT: Final = "live.js"  # the script of pages that a server on this machine gives; no file has it
 
 _LIVE_STYLE: Final = "live.css"
 
@@ -197,8 +196,7 @@ def fingerprint(content: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()}'"
 
 
-# The elements of HTML without an end tag.
-_VOID = frozenset({"meta", "link", "input"})
+_VOID = frozenset({"meta", "link", "input"})  # the elements of HTML without an end tag
 
 
 class Html(str):
@@ -214,8 +212,7 @@ def text(words: str) -> Html:
     return _short_text(words) if len(words) <= _MAX_KEPT_CHARS else Html(html.escape(plain_text(words)))
 
 
-# Labels, classes and values come again in each article.
-_MAX_KEPT_CHARS: Final = 100
+_MAX_KEPT_CHARS: Final = 100  # labels, classes and values come again in each article
 
 
 @lru_cache(maxsize=4096)

@@ -31,8 +31,7 @@ from sim_action.reports.table import Row, Table, expectation_rows
 from sim_action.results.outcome import GateStatistics, Outcome
 from sim_action.scenario.variations.gate import PlannedGate, percent
 
-SHOWN_RUNS: Final = 20
-"""The number of runs that a reader sees at once; the others are in a fold."""
+SHOWN_RUNS: Final = 20  # the number of runs that a reader sees at once; the others are in a fold
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,8 +109,7 @@ _RIGHT: Final = 320.0
 _WIDTH: Final = 360
 _HEIGHT: Final = 62
 _BAR: Final = 30
-# Labels nearer than this overlap; a share of the scale.
-_LABEL_GAP: Final = 0.2
+_LABEL_GAP: Final = 0.2  # labels nearer than this overlap; a share of the scale
 
 
 def rate_figure(statistics: GateStatistics, planned: PlannedGate | None, kind: str) -> Html:

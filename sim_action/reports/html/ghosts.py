@@ -111,13 +111,11 @@ def engine_pairs(outcomes: Sequence[Outcome]) -> Iterator[tuple[Outcome, Outcome
             yield from ((one, other) for other in several[place + 1 :] if other.engine != one.engine)
 
 
-BASE_RUN: Final = "base run"
-"""The label of the run of `--against`."""
+BASE_RUN: Final = "base run"  # the label of the run of `--against`
 
 GOLDEN: Final = "golden trajectory"
 
-REPETITION: Final = "another repetition"
-"""The label of the first of several runs that differs."""
+REPETITION: Final = "another repetition"  # the label of the first of several runs that differs
 
 
 class GhostSources:
@@ -329,8 +327,7 @@ ANGLE_RAD: Final = math.radians(0.5)
 
 _ONE_M: Final = 1.0
 _MIN_MOVE_M: Final = 1e-3
-# Runs of equal length may differ by a moment of the replay.
-_SAME_END_S: Final = 0.1
+_SAME_END_S: Final = 0.1  # runs of equal length may differ by a moment of the replay
 # Commands that differ by less are the same: a share of the larger one, or steps of the stored values.
 _SAME_COMMAND_SHARE: Final = 0.01
 _SAME_COMMAND_STEPS: Final = 3

@@ -26,8 +26,7 @@ from sim_action.results.journal import JournalFollower, Recorded
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 
-MAX_ROWS: Final = 500
-"""The number of scenarios in each list of the progress page; further ones are only counted."""
+MAX_ROWS: Final = 500  # the number of scenarios in each list of the progress page; further ones are only counted
 
 _MAX_REASON: Final = 200
 _MIN_TIME_S: Final = 0.5

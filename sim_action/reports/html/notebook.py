@@ -41,8 +41,7 @@ _LINES: Final = (
     'font-family: ui-monospace, "SF Mono", "Cascadia Mono", "DejaVu Sans Mono", monospace; font-size: 0.9em; '
     "line-height: 1.5; white-space: pre-wrap; word-break: normal; overflow-wrap: anywhere; margin: 0.3em 0"
 )
-_HANGING_CH: Final = 2
-"""The further lines of a long line start so many characters after its first one."""
+_HANGING_CH: Final = 2  # the further lines of a long line start so many characters after its first one
 
 # High enough for a failed expectation, the replay and its controls on a desktop; no higher than a phone.
 _REPORT_PX: Final = 920

@@ -51,8 +51,7 @@ from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.outcome import DisplayStatus, Outcome
 from sim_action.results.proof import MutantResult, Proof, ProvenScenario
 
-MAX_SCENARIOS: Final = 500
-"""The number of scenarios on a page, those with remarks first; further ones are only counted."""
+MAX_SCENARIOS: Final = 500  # the number of scenarios on a page, those with remarks first; further ones are only counted
 
 
 @dataclass(frozen=True, slots=True)

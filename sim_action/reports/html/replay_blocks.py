@@ -42,8 +42,7 @@ def stored_replay(outcome: Outcome, folder: Path, reader: ReplayReader) -> tuple
 MAX_REPLAY_BYTES: Final = 8_000_000
 """The size of all replays and meshes in a page; scenarios beyond it, the best ones, get no replay."""
 
-# Level 9 takes twice as long, for 1 % less.
-_LEVEL: Final = 5
+_LEVEL: Final = 5  # level 9 takes twice as long, for 1 % less
 
 
 def packed(data: bytes) -> str:

@@ -211,11 +211,9 @@ def _rounded(value: float) -> str | None:
 
 
 _MAX_TEXT: Final = 160
-_HALF: Final = 50
-"""Half of the width of a bar of a margin, which is 100 % of the limit."""
+_HALF: Final = 50  # half of the width of a bar of a margin, which is 100 % of the limit
 _LEAST_BAR: Final = 1.5
-_NO_VERDICT: Final = -2.0
-"""The margin by which runs without a verdict are sorted: before those that failed."""
+_NO_VERDICT: Final = -2.0  # the margin by which runs without a verdict are sorted: before those that failed
 
 
 def name_cell(outcome: Outcome, identity: str) -> Html:
@@ -339,8 +337,7 @@ def runs_table(
     return table(titles, joined(*rows), around="wide runs")
 
 
-_Failed: TypeAlias = tuple[Outcome, ExpectationOutcome]
-"""A failed run, and the expectation that failed first."""
+_Failed: TypeAlias = tuple[Outcome, ExpectationOutcome]  # a failed run, and the expectation that failed first
 
 _MAX_KINDS: Final = 8
 _MAX_NAMES: Final = 12

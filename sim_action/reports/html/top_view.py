@@ -39,8 +39,7 @@ if TYPE_CHECKING:
 _MAX_POINTS: Final = 120
 _MAX_SOLIDS: Final = 200
 _ARROW_M: Final = 0.3
-_MIN_MARGIN_M: Final = 0.35
-"""The margin in m around everything that is drawn."""
+_MIN_MARGIN_M: Final = 0.35  # the margin in m around everything that is drawn
 
 
 class SceneOutlines:
@@ -246,8 +245,7 @@ class Frame:
         return points @ self.rotation.T + self.position
 
 
-_Posture = tuple[tuple[float, ...], tuple[float, ...]]
-"""The pose of the base as numbers, and the positions of joints."""
+_Posture = tuple[tuple[float, ...], tuple[float, ...]]  # the pose of the base as numbers, and the positions of joints
 
 
 def _postures(replay: Replay, *moments: int) -> list[_Posture]:
@@ -391,8 +389,7 @@ _MAX_SMALL_POINTS: Final = 40
 _SMALL_WIDTH: Final = 640
 _SMALL_HEIGHT: Final = 400
 _SMALL_EDGE: Final = 50
-_LEAST_EXTENT_M: Final = 0.5
-"""A robot that moves less is not magnified further."""
+_LEAST_EXTENT_M: Final = 0.5  # a robot that moves less is not magnified further
 
 
 @dataclass(frozen=True, slots=True)

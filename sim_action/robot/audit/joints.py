@@ -23,8 +23,7 @@ from sim_action.robot.documents.xml_document import ModelDocument
 from sim_action.robot.model.findings import Finding
 from sim_action.robot.model.robot_model import MOVING_TYPES
 
-LIMITED: Final = ("revolute", "prismatic")
-"""Joint types that must have position limits."""
+LIMITED: Final = ("revolute", "prismatic")  # joint types that must have position limits
 
 # Exporters round: smaller deviations are not reported; a share of the range, at most this many rad or m.
 _ROUNDING: Final = 1e-3

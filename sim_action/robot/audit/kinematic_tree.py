@@ -23,23 +23,18 @@ from sim_action.robot.model.robot_model import MOVING_TYPES, RobotModel
 _JOINT_TYPES: Final = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar", "universal", *BALLS)
 
 
-# Each hint compares a name with all others.
-_MAX_HINTS: Final = 10
+_MAX_HINTS: Final = 10  # each hint compares a name with all others
 
 MAX_NAME_BYTES: Final = 255
 """The longest name, in bytes of UTF-8. PyBullet has a buffer of 1,024 bytes; a longer name ends the process."""
 
-MAX_MOVING_JOINTS: Final = 128 - 7
-"""The largest number of joints that have a position."""
+MAX_MOVING_JOINTS: Final = 128 - 7  # the largest number of joints that have a position
 
-MAX_JOINTS: Final = 128 - 1
-"""The largest number of joints, fixed joints included: one link is the base."""
+MAX_JOINTS: Final = 128 - 1  # the largest number of joints, fixed joints included: one link is the base
 
-# The state of a ball joint is a quaternion.
-_BALL_NUMBERS: Final = 4
+_BALL_NUMBERS: Final = 4  # the state of a ball joint is a quaternion
 
-MOST_JOINTS: Final = 1000
-"""The largest number of joints in MuJoCo, which has no limit of its own."""
+MOST_JOINTS: Final = 1000  # the largest number of joints in MuJoCo, which has no limit of its own
 
 _MOVE: Final = "joints that move"
 

@@ -35,8 +35,7 @@ from sim_action.robot.model.robot_model import WORLD, Link, Shape
 _MAX_USUAL_SIZE_M: Final = 10.0
 _MAX_RATIO: Final = 100.0
 
-_TURN: Final = 6.3
-"""360 deg in rad, rounded up."""
+_TURN: Final = 6.3  # 360 deg in rad, rounded up
 
 KINDS: Final = (*SHAPES, "mesh")
 
@@ -120,8 +119,7 @@ def _lengths(shape: Element) -> dict[str, tuple[float, ...]]:
     return lengths | ({"size": vector(shape, "size", (0.0, 0.0, 0.0))} if shape.tag == "box" else {})
 
 
-# Exporters round: smaller deviations are not reported.
-_ROUNDING: Final = 1e-3
+_ROUNDING: Final = 1e-3  # exporters round: smaller deviations are not reported
 
 # A repair that adds this share of the largest moment does not change the motion: it is a note.
 _SMALL_SHARE: Final = 0.01
@@ -134,14 +132,11 @@ _MAX_GYRATION_RATIO: Final = 100.0
 
 _MIN_GYRATION_RATIO: Final = 0.01
 
-_NEGLIGIBLE: Final = 0.01
-"""A share of the mass of the model."""
+_NEGLIGIBLE: Final = 0.01  # a share of the mass of the model
 
-_MAX_DENSITY: Final = 25_000.0
-"""kg/m^3; osmium has 22,600."""
+_MAX_DENSITY: Final = 25_000.0  # kg/m^3; osmium has 22,600
 
-# An engine treats a flat mesh as this thick.
-_MIN_THICKNESS_M: Final = 1e-3
+_MIN_THICKNESS_M: Final = 1e-3  # an engine treats a flat mesh as this thick
 
 
 def masses(document: ModelDocument) -> Iterator[Finding]:

@@ -31,8 +31,7 @@ _BOUNCE: Final = "surface/bounce/restitution_coefficient"
 _CONTACT: Final = "surface/contact"
 _ALL_BITS: Final = 0xFFFF
 
-# Each unknown name is compared with all known ones.
-_MAX_COMPARED: Final = 100
+_MAX_COMPARED: Final = 100  # each unknown name is compared with all known ones
 
 _APART: Final = frozenset({"model", "include", "link", "joint", "collision"})
 """Elements of SDF that are noted with a name of their own."""
@@ -115,8 +114,7 @@ class ContactBits(NamedTuple):
         return bool(self.category & other.collide | other.category & self.collide)
 
 
-ALL_CONTACTS: Final = ContactBits()
-"""The bits of the ground, and of shapes that state none."""
+ALL_CONTACTS: Final = ContactBits()  # the bits of the ground, and of shapes that state none
 
 
 def _mask(contact: Element, tag: str, otherwise: int) -> int:

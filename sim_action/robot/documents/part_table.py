@@ -30,8 +30,7 @@ Format = Literal["urdf", "sdf", "world", "gazebo_ros", "mjcf", "srdf"]
 
 _MAX_SHOWN: Final = 60
 
-ALL: Final = "*"
-"""As a place: every place. As a name: every name that the other rows of a place lack."""
+ALL: Final = "*"  # As a place: every place. As a name: every name that the other rows of a place lack.
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,8 +20,7 @@ from sim_action.robot.model.findings import Finding, Places, finding
 Subject = TypeVar("Subject")
 Result = TypeVar("Result")
 
-MODEL_FRAME: Final = "__model__"
-"""The name of the frame of the model around an element."""
+MODEL_FRAME: Final = "__model__"  # the name of the frame of the model around an element
 
 _TRUE: Final = frozenset({"true", "1"})
 

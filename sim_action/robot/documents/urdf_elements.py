@@ -18,8 +18,7 @@ from sim_action.core.geometry import Pose, Vector3
 from sim_action.robot.documents.xml_document import ModelDocument
 from sim_action.robot.model.robot_model import Plugin, Surface
 
-MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-"""The attributes of <inertia>."""
+MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")  # the attributes of <inertia>
 
 SHAPES: Final[Mapping[str, tuple[str, ...]]] = {
     "box": ("size",),
@@ -47,14 +46,11 @@ BALLS: Final = ("spherical", "ball")
 UNLIMITED: Final = 1e16
 """A limit this large means "no limit": exporters write it, and SDF before 1.9 has it as its default."""
 
-MAX_NUMBER: Final = 1e18
-"""The largest number that is accepted: squares of larger numbers overflow."""
+MAX_NUMBER: Final = 1e18  # the largest number that is accepted: squares of larger numbers overflow
 
-MAX_PART_SIZE_M: Final = 50.0
-"""A part of a robot that is larger was probably drawn in millimetres."""
+MAX_PART_SIZE_M: Final = 50.0  # a part of a robot that is larger was probably drawn in millimetres
 
-NUMBERS: Final = ("mu1", "mu2", "kp", "kd")
-"""The numbers that are read from the <gazebo> tag of a link."""
+NUMBERS: Final = ("mu1", "mu2", "kp", "kd")  # the numbers that are read from the <gazebo> tag of a link
 
 # Gazebo copies <collision> of a <gazebo> tag into each collision of the link.
 _IN_SURFACE: Final[Mapping[str, str]] = {
@@ -64,8 +60,7 @@ _IN_SURFACE: Final[Mapping[str, str]] = {
     "kd": "collision/surface/contact/ode/kd",
 }
 
-SPRING: Final = ("springStiffness", "springReference")
-"""The numbers that are read from the <gazebo> tag of a joint."""
+SPRING: Final = ("springStiffness", "springReference")  # the numbers that are read from the <gazebo> tag of a joint
 
 # Gazebo uses the smaller of two coefficients, the engines their product: equal on a ground of 1 if none exceeds 1.
 _MAX_FRICTION: Final = 1.0

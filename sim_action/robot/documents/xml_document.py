@@ -20,13 +20,11 @@ from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass, field, replace
 from sim_action.robot.model.findings import Finding, finding, refuse_errors
 
-MAX_BYTES: Final = 20_000_000
-"""The largest size of a model, all its files together."""
+MAX_BYTES: Final = 20_000_000  # the largest size of a model, all its files together
 
 _MAX_DEPTH: Final = 100
 # With the largest number of links that the engine supports, this is 300 elements per link. Each takes 300 bytes.
-MAX_ELEMENTS: Final = 50_000
-"""The largest number of elements of a model, all included files together."""
+MAX_ELEMENTS: Final = 50_000  # the largest number of elements of a model, all included files together
 
 _MAX_ATTRIBUTES: Final = 500_000
 
@@ -44,8 +42,7 @@ _NO_ENTITY: Final = _CODES[expat.errors.XML_ERROR_UNDEFINED_ENTITY]
 
 _UNBOUND: Final = _CODES[expat.errors.XML_ERROR_UNBOUND_PREFIX]
 
-# An image or an archive has a NUL within this many bytes.
-_HEAD: Final = 64
+_HEAD: Final = 64  # an image or an archive has a NUL within this many bytes
 
 _MAX_SHOWN_CHARS: Final = 60
 

@@ -14,8 +14,7 @@ from sim_action.core.errors import Location, Problem, RefusedModel
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import escaped_line
 
-# Each finding is a line in every report.
-_MAX_REPORTED: Final = 100
+_MAX_REPORTED: Final = 100  # each finding is a line in every report
 
 _MAX_LINES: Final = 8
 

@@ -20,14 +20,11 @@ if TYPE_CHECKING:
 # The largest part of a quaternion, beyond which a rotation moves no point by more than 1e-7 of its distance.
 _UNTURNED: Final = 1 - 1e-15
 
-# Models round: a limit may be 1.5707963 where the scenario says 90 deg. In rad, or m.
-_POSITION_ROUNDING: Final = 1e-6
+_POSITION_ROUNDING: Final = 1e-6  # Models round: a limit may be 1.5707963 where the scenario says 90 deg. In rad, or m.
 
-# The same as a share of a velocity or effort limit.
-_SHARE_ROUNDING: Final = 1e-6
+_SHARE_ROUNDING: Final = 1e-6  # the same as a share of a velocity or effort limit
 
-BASE_FRAME: Final = "base"
-"""The name of the base link's frame, unless the model has a link with this name."""
+BASE_FRAME: Final = "base"  # the name of the base link's frame, unless the model has a link with this name
 
 
 def link_poses(model: RobotModel, positions: Mapping[str, float]) -> dict[str, Pose]:

@@ -24,11 +24,9 @@ if TYPE_CHECKING:
 
     from sim_action.state.trace import FloatArray, Trace
 
-# Keeps the rates of a ball joint finite where its angles about x and z cannot be told apart.
-_POLE: Final = 1e-30
+_POLE: Final = 1e-30  # keeps the rates of a ball joint finite where its angles about x and z cannot be told apart
 
-Frames = Pose
-"""A pose whose numbers are columns (T,): the poses of one frame at T moments."""
+Frames = Pose  # a pose whose numbers are columns (T,): the poses of one frame at T moments
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,7 @@ from sim_action.robot.model.robot_model import MOVING_TYPES, Joint, RobotModel
 if TYPE_CHECKING:
     from sim_action.robot.model.robot_spec import Robot
 
-LinkPair = tuple[str, str]
-"""The names of two links, in the order of the model."""
+LinkPair = tuple[str, str]  # the names of two links, in the order of the model
 
 NO_PAIRS = (
     "no two links of the robot can touch each other: each pair lacks a collision shape, is joined by one joint, or is "

@@ -15,8 +15,7 @@ from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.model.findings import Finding
 
-MESH_OF_TEXT: Final = "mjcf:"
-"""Prefix in `Visual.file` of the name of a mesh that an MJCF text contains."""
+MESH_OF_TEXT: Final = "mjcf:"  # prefix in `Visual.file` of the name of a mesh that an MJCF text contains
 
 
 MotorKind = Literal["position", "velocity", "effort", "voltage", "none"]
@@ -127,14 +126,12 @@ READINGS: Final = {
 
 JointType = Literal["revolute", "continuous", "prismatic", "ball", "fixed"]
 
-WORLD: Final = "world"
-"""A root link with this name is fixed to the world, as in Gazebo."""
+WORLD: Final = "world"  # a root link with this name is fixed to the world, as in Gazebo
 
 MOVING_TYPES: Final[frozenset[JointType]] = frozenset({"revolute", "continuous", "prismatic"})
 """Types of joints with one degree of freedom, which a motor can move."""
 
-# Nearer to a quarter turn about y, the angles about x and z cannot be told apart.
-_POLE: Final = 1 - 1e-12
+_POLE: Final = 1 - 1e-12  # nearer to a quarter turn about y, the angles about x and z cannot be told apart
 
 # PyBullet adds this margin around every hull. Without a correction, a wheel would roll more than 2 % too far.
 ENGINE_MARGIN_M: Final = 0.001

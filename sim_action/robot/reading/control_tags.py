@@ -20,8 +20,7 @@ from sim_action.robot.documents.packages import PackageError, Packages
 from sim_action.robot.documents.xml_document import ModelDocument, shown_file
 from sim_action.robot.model.robot_model import CommandedJoint, Plugin
 
-MAX_PARAMETER_BYTES: Final = 1_000_000
-"""The largest size of a parameter file."""
+MAX_PARAMETER_BYTES: Final = 1_000_000  # the largest size of a parameter file
 
 _MAX_DEPTH: Final = 20
 _MAX_VALUES: Final = 10_000

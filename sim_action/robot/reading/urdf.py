@@ -224,8 +224,7 @@ def _mimic(element: Element | None) -> Mimic | None:
     return Mimic(element.attrib["joint"], **{name: value for name, value in stated.items() if value is not None})
 
 
-Paint = tuple[Color, float]
-"""A colour and its opacity."""
+Paint = tuple[Color, float]  # a colour and its opacity
 
 
 def materials(document: ModelDocument) -> dict[str, Paint]:

@@ -33,13 +33,11 @@ from sim_action.ros.launches import ALLOW_LOSSES
 from sim_action.world.claims import NOT_SIMULATED, AuditWarning
 from sim_action.world.world_files.losses import Loss
 
-TITLE: Final = "not simulated"
-"""The title of failures."""
+TITLE: Final = "not simulated"  # the title of failures
 
 _MAX_REPORTED: Final = 20
 
-FOLDER_VARIABLE: Final = "SIM_ACTION_ROS_RUN"
-"""The environment variable that holds the folder of the call."""
+FOLDER_VARIABLE: Final = "SIM_ACTION_ROS_RUN"  # the environment variable that holds the folder of the call
 
 REQUEST_FILE: Final = "request.json"
 PROCESS_FILE: Final = "process"

@@ -25,10 +25,8 @@ from sim_action.ros.ros1.master import Graph, Master
 
 # Wall time that nodes may compute between two ticks, and that processes may take to become nodes.
 MAX_SETTLE_S: Final = 10.0
-# Wall time of the wait at each tick, once lock-step is lost.
-_SETTLE_AFTER_LOSS_S: Final = 0.05
-# Wall time for which the work of busy processes is compared.
-_BUSY_S: Final = 0.1
+_SETTLE_AFTER_LOSS_S: Final = 0.05  # wall time of the wait at each tick, once lock-step is lost
+_BUSY_S: Final = 0.1  # wall time for which the work of busy processes is compared
 # Processes that wake up at least that often while the clock stands still poll the wall clock. Nodes that wait for sim
 # time wake up twice per second with rospy, and ten times with roscpp; a timer of roscpp polls 1,000 times.
 _MIN_POLLS: Final = 10

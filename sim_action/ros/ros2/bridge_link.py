@@ -30,8 +30,7 @@ from sim_action.ros.ros2.node_processes import NodeProcess, ProcessFolder
 
 _BRIDGE: Final = Path(__file__).with_name("bridge.py")
 _NAME: Final = "sim_action"
-# Wall time for an answer: a loaded machine starts Python slowly.
-_MAX_ANSWER_S: Final = 60.0
+_MAX_ANSWER_S: Final = 60.0  # wall time for an answer: a loaded machine starts Python slowly
 
 
 @dataclass(frozen=True, slots=True)

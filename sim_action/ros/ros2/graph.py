@@ -33,15 +33,12 @@ class Qos:
 
 
 USUAL: Final = Qos()
-LATCHED: Final = Qos(durability="transient_local", depth=1)
-"""Nodes that subscribe later get the last message, too."""
+LATCHED: Final = Qos(durability="transient_local", depth=1)  # nodes that subscribe later get the last message, too
 
-TRANSFORMS: Final = Qos(depth=100)
-"""The quality that listeners of tf2 ask for."""
+TRANSFORMS: Final = Qos(depth=100)  # the quality that listeners of tf2 ask for
 
 _RECEIVE_BUFFER: Final = Path("/proc/sys/net/core/rmem_max")
-# As in fast_dds.xml.
-_ASKED_BYTES: Final = 4_194_304
+_ASKED_BYTES: Final = 4_194_304  # as in fast_dds.xml
 
 
 def large_message_problem(topic: str, size: int, limit: Path = _RECEIVE_BUFFER) -> str | None:

@@ -35,8 +35,7 @@ PYTHON_VARIABLE: Final = "SIM_ACTION_ROS2_PYTHON"
 DISTRIBUTIONS: Final = ("jazzy", "kilted", "lyrical", "humble")
 """The distributions that sim-action supports. The first of them counts if several are in /opt/ros."""
 
-RMW: Final = "rmw_fastrtps_cpp"
-"""The middleware: Fast DDS, whose processes become observably quiet between two ticks."""
+RMW: Final = "rmw_fastrtps_cpp"  # the middleware: Fast DDS, whose processes become observably quiet between two ticks
 
 WHEELS: Final = {
     "jazzy": (

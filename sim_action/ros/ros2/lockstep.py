@@ -30,24 +30,20 @@ CLOCK: Final = "/clock"
 # Wall time that nodes may compute between two ticks, and the wait at each tick once lock-step is lost.
 MAX_SETTLE_S: Final = 10.0
 _SETTLE_AFTER_LOSS_S: Final = 0.05
-# Wall time for which the work of busy processes is compared.
-_BUSY_S: Final = 0.1
+_BUSY_S: Final = 0.1  # wall time for which the work of busy processes is compared
 # Wall time for which the clock stands still before it starts, in parts.
 _HOLD_S: Final = 0.01
 _HOLDS: Final = 10
 
-# The beginning of the names of threads of Fast DDS.
-_OF_DDS: Final = "dds."
+_OF_DDS: Final = "dds."  # the beginning of the names of threads of Fast DDS
 # Threads without a name also handle changes of the graph, which are rare during a run.
 _MIN_WAKES: Final = 3
 _MIN_SHARED: Final = 10
-# In s of wall time: less than the period of spdlog.
-_MAX_GAP_S: Final = 4.0
+_MAX_GAP_S: Final = 4.0  # in s of wall time: less than the period of spdlog
 
 _USE_SIM_TIME: Final = "use_sim_time"
 _READY_POLL_S: Final = 0.01
-# The wall time of one question, during which ended processes go unnoticed.
-_ASK_S: Final = 0.2
+_ASK_S: Final = 0.2  # the wall time of one question, during which ended processes go unnoticed
 # The wall time without a change after which all participants know each other: some announcements of each.
 _CALM_S: Final = 0.1
 

@@ -26,8 +26,7 @@ _GRAPH: Final = re.compile(rf"(?:/|~/)?{_TOKEN}(?:/{_TOKEN})*")
 _ROBOT: Final = re.compile(rf"/?{_TOKEN}(?:/{_TOKEN})*")
 _NAMESPACE: Final = re.compile(rf"/|/?{_TOKEN}(?:/{_TOKEN})*")
 _FILE_STARTS: Final = ("./", "../", "/")
-# rmw/validate_full_topic_name.h, which also counts what a namespace adds
-_MAX_NAME_CHARS: Final = 247
+_MAX_NAME_CHARS: Final = 247  # rmw/validate_full_topic_name.h, which also counts what a namespace adds
 # rcl_interfaces/ParameterValue; a larger integer would become a float.
 _MIN_INTEGER: Final = -(2**63)
 _MAX_INTEGER: Final = 2**63 - 1

@@ -27,8 +27,7 @@ from sim_action.robot.documents.package_search import PACKAGE_FILE, folders_belo
 from sim_action.ros.launches import source_folder, workspace_folder
 from sim_action.ros.ros2.installation import Ros2, packages_of_prefix, set_up
 
-UNREADABLE: Final = "unknown"
-"""The build type if package.xml is not valid XML."""
+UNREADABLE: Final = "unknown"  # the build type if package.xml is not valid XML
 
 _PYTHON: Final = "ament_python"
 _GROUP: Final = "console_scripts"

@@ -41,8 +41,7 @@ _READINGS: Final[Mapping[str, Reading]] = {"position": "position", "velocity": "
 TRAJECTORY: Final = "trajectory_msgs/msg/JointTrajectory"
 VALUES: Final = "std_msgs/msg/Float64MultiArray"
 
-# joint_trajectory_controller allows no more, as the single-precision epsilon.
-_REST: Final = 1.1920929e-07
+_REST: Final = 1.1920929e-07  # joint_trajectory_controller allows no more, as the single-precision epsilon
 
 
 class BadMessage(Exception):

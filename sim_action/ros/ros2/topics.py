@@ -64,8 +64,7 @@ STATES_RATE_HZ: Final = 50.0
 
 TRAJECTORIES: Final = "joint_trajectory"
 DESCRIPTION: Final = "/robot_description"
-TRANSFORM_TOPICS: Final = frozenset({"/tf", "/tf_static"})
-"""The topics that all robots share."""
+TRANSFORM_TOPICS: Final = frozenset({"/tf", "/tf_static"})  # the topics that all robots share
 
 # They have one type each, and no key.
 _OF_ALL_ROBOTS: Final = frozenset({"/clock", "/parameter_events", "/robot_description", "/rosout", "/tf", "/tf_static"})

@@ -23,8 +23,7 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.core.workspace import is_of_git
 
-MAX_BYTES: Final = 1 << 30
-"""The largest size of all files of an archive."""
+MAX_BYTES: Final = 1 << 30  # the largest size of all files of an archive
 
 _MAX_FILES: Final = 100_000
 _LEVEL: Final = 1

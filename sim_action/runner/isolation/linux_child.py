@@ -173,8 +173,7 @@ assert sys.platform == "linux"
 _ENDING_TIMEOUT_S: Final = 5.0
 _ENDING_POLL_S: Final = 0.001
 
-MAX_RUNS: Final = 100
-"""The most runs of one shared child process: whatever they leave behind stays bounded."""
+MAX_RUNS: Final = 100  # the most runs of one shared child process: whatever they leave behind stays bounded
 
 _MAX_ORDER_BYTES: Final = 32
 
@@ -188,8 +187,7 @@ class LinuxChild(ChildProcess):
 
     forks = True
     limits_memory = True
-    # Its progress and its files.
-    descriptors = 4
+    descriptors = 4  # its progress and its files
 
     def __init__(
         self,

@@ -41,8 +41,7 @@ from sim_action.runner.child_files import (
 from sim_action.runner.isolation.child_process import ChildProcess, job_environment, remove, scratch_folder
 from sim_action.runner.job import Job
 
-# A process that the script left behind may keep the pipe open.
-_RELAY_TIMEOUT_S: Final = 1.0
+_RELAY_TIMEOUT_S: Final = 1.0  # a process that the script left behind may keep the pipe open
 
 
 class PortableChild(ChildProcess):

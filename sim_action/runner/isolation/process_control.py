@@ -18,8 +18,7 @@ from typing import Final, NamedTuple, NoReturn
 
 assert sys.platform == "linux"
 
-_PR_SET_PDEATHSIG: Final = 1
-"""A constant of Linux's sys/prctl.h, like those below."""
+_PR_SET_PDEATHSIG: Final = 1  # a constant of Linux's sys/prctl.h, like those below
 
 
 def prctl(option: int, value: int) -> None:
@@ -53,8 +52,7 @@ def _limit(kind: int, most: int) -> None:
 
 
 _M_TRIM_THRESHOLD: Final = -1
-_M_MMAP_MAX: Final = -4
-"""Constants of glibc's malloc.h."""
+_M_MMAP_MAX: Final = -4  # constants of glibc's malloc.h
 
 
 def keep_freed_memory() -> None:

@@ -228,8 +228,7 @@ LEAST_DISTANCE_M: Final = 0.1
 LEAST_ANGLE: Final = math.radians(5)
 """The smallest changes that count: of the base in m and in rad, and of the joints of a base that stays, in rad or m."""
 
-# Rounding must not decide which of two equal changes is told.
-_DIGITS: Final = 6
+_DIGITS: Final = 6  # rounding must not decide which of two equal changes is told
 
 
 def path_change(original: Trace, mutant: Trace, sliding: Collection[str] = ()) -> PathChange | None:

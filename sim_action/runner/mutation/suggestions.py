@@ -24,8 +24,7 @@ from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.mutation import Mutation
 from sim_action.state.trace import FloatArray
 
-MOST_TRIALS: Final = 3
-"""The number of candidates that are run alone, for each survivor."""
+MOST_TRIALS: Final = 3  # the number of candidates that are run alone, for each survivor
 
 MOST_RUNS: Final = 1 + 2 * MOST_TRIALS
 """The number of runs for one survivor: one with all candidates, then each alone with and without the mutant."""
@@ -42,8 +41,7 @@ _MOST_POINTS: Final = 12
 _MOST_JOINTS: Final = 3
 _DIGITS: Final = 2
 
-Entry = str | Mapping[str, object]
-"""An entry of `expect`, as YAML has it."""
+Entry = str | Mapping[str, object]  # an entry of `expect`, as YAML has it
 
 
 @dataclass(frozen=True, eq=False)

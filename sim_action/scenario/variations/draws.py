@@ -32,8 +32,7 @@ _LEAST: Final = 2.0**-53
 # No sample of a whole normal distribution is farther from the mean: a number of 53 bits is at least `_LEAST` or 0.
 _MOST_DEVIATIONS: Final = 9
 
-# The share of a normal distribution that a range must hold.
-_LEAST_MASS: Final = 1e-9
+_LEAST_MASS: Final = 1e-9  # the share of a normal distribution that a range must hold
 
 _LEAST_CHOICE: Final = 2
 
@@ -336,8 +335,7 @@ DRAWS: Final[dict[str, type[Draw]]] = {
 }
 """The key that tells one way to draw from the others."""
 
-OPTIONS: Final = ("samples", "between", "weights", "column")
-"""The other keys of draws."""
+OPTIONS: Final = ("samples", "between", "weights", "column")  # the other keys of draws
 
 
 def _refuse_no_range(key: str, stated: Bounds, low: float, high: float) -> None:

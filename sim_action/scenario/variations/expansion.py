@@ -41,8 +41,7 @@ from sim_action.scenario.variations.values import SEED, CsvFiles, ValueList, Val
 
 _LONGEST_TEXT: Final = 40
 _MIN_DIGITS: Final = 3
-# Two different floats always differ in this many digits.
-_MAX_DIGITS: Final = 17
+_MAX_DIGITS: Final = 17  # two different floats always differ in this many digits
 # Characters of the name's own form or of patterns.
 _NOT_IN_TEXTS: Final = re.compile(r"[][,=*?\s]|#[0-9]+$")
 _NOT_IN_KEYS: Final = re.compile(r"[][,=*?]")
@@ -104,11 +103,9 @@ def _written(value: object) -> str | None:
     return text if fits and not _NOT_IN_TEXTS.search(text) else None
 
 
-MAX_RUNS: Final = 10_000
-"""The largest number of runs of all scenarios of a file."""
+MAX_RUNS: Final = 10_000  # the largest number of runs of all scenarios of a file
 
-# Number of values; shared values count for each variation, as each is checked.
-_MAX_WRITTEN_OUT: Final = 5_000_000
+_MAX_WRITTEN_OUT: Final = 5_000_000  # number of values; shared values count for each variation, as each is checked
 
 # Keys that cannot vary, and the reason if it needs one.
 _FIXED: Final = MappingProxyType(

@@ -31,18 +31,15 @@ from sim_action.scenario.variations.draws import (
     Uniform,
 )
 
-SEED: Final = "seed"
-"""The key of the random seed."""
+SEED: Final = "seed"  # the key of the random seed
 
 MAX_SEED: Final = 2**63 - 1
 
 MAX_CSV_BYTES: Final = 25_000_000
 
-MAX_ROWS: Final = 10_000
-"""The largest number of rows that are samples; it is that of the runs of a file."""
+MAX_ROWS: Final = 10_000  # the largest number of rows that are samples; it is that of the runs of a file
 
-# Many programs round larger numbers when they read JSON.
-DRAWN_SEED_BITS: Final = 53
+DRAWN_SEED_BITS: Final = 53  # many programs round larger numbers when they read JSON
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,8 +13,7 @@ from __future__ import annotations
 
 from typing import Final
 
-Colour = tuple[float, float, float]
-"""Red, green and blue, each 0 to 1."""
+Colour = tuple[float, float, float]  # red, green and blue, each 0 to 1
 
 SKY: Final[Colour] = (0.62, 0.78, 0.94)
 GROUND: Final[tuple[Colour, Colour]] = ((0.55, 0.55, 0.55), (0.47, 0.47, 0.47))

@@ -31,11 +31,9 @@ from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Sp
 from sim_action.world.parts import Part as BodyPart
 from sim_action.world.scene import Scene
 
-SQUARE_M: Final = 0.5
-"""The side of the ground's squares in m."""
+SQUARE_M: Final = 0.5  # the side of the ground's squares in m
 
-# Unit vector towards the light, world frame. There are no shadows.
-_LIGHT: Final[Vector3] = (-0.36, 0.48, 0.8)
+_LIGHT: Final[Vector3] = (-0.36, 0.48, 0.8)  # Unit vector towards the light, world frame. There are no shadows.
 # Brightness where a surface faces the light, and where it faces away.
 _MAX_BRIGHTNESS: Final = 1.0
 _MIN_BRIGHTNESS: Final = 0.4

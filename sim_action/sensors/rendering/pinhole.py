@@ -13,11 +13,9 @@ from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass
 
 FloatArray = NDArray[np.float64]
-Components = tuple[FloatArray, FloatArray, FloatArray]
-"""x, y and z of many vectors; each array broadcasts to (H, W)."""
+Components = tuple[FloatArray, FloatArray, FloatArray]  # x, y and z of many vectors; each array broadcasts to (H, W)
 
-Patch = tuple[slice, slice]
-"""Rows and columns of a picture."""
+Patch = tuple[slice, slice]  # rows and columns of a picture
 
 
 @dataclass(frozen=True, slots=True)

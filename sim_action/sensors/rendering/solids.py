@@ -229,8 +229,7 @@ class Triangle(Solid):
         return np.where(missed, np.inf, depth), (nx * side, ny * side, nz * side)
 
 
-# The margin in m by which clean meshes are shrunk (see robot.mesh_references).
-_MARGIN_M: Final = 0.001
+_MARGIN_M: Final = 0.001  # the margin in m by which clean meshes are shrunk (see robot.mesh_references)
 # The most distant points in as many directions; the error of a sphere is at most 4 % of its radius.
 MAX_HULL_POINTS: Final = 64
 

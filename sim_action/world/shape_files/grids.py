@@ -29,11 +29,9 @@ from sim_action.world import Heightfield, OccupancyMap
 from sim_action.world.parts import BoxPart, GridPart
 from sim_action.world.shape_files.shape_error import ShapeError, found_file, read_bytes
 
-MAX_PIXELS: Final = 16_000_000
-"""4,000 x 4,000 pixels: a map of 200 m at 5 cm."""
+MAX_PIXELS: Final = 16_000_000  # 4,000 x 4,000 pixels: a map of 200 m at 5 cm
 
-MAX_BYTES: Final = 4 * MAX_PIXELS
-"""The file size of that many pixels as text of three digits."""
+MAX_BYTES: Final = 4 * MAX_PIXELS  # the file size of that many pixels as text of three digits
 
 
 class ImageError(ValueError):
@@ -210,8 +208,7 @@ def _predicted(kinds: NDArray[np.uint8], left: Bytes, up: Bytes, corner: Bytes) 
     return found
 
 
-MAX_WALLS: Final = 2_000
-"""Limit of boxes. An office of 50 m has a few hundred."""
+MAX_WALLS: Final = 2_000  # Limit of boxes. An office of 50 m has a few hundred.
 
 _MAX_YAML: Final = 100_000
 
@@ -354,8 +351,7 @@ def _runs(cells: NDArray[np.bool_]) -> Iterator[tuple[int, dict[tuple[int, int],
         yield row, dict.fromkeys(zip(edges[::2], edges[1::2], strict=True))
 
 
-MAX_SAMPLES: Final = 250_000
-"""500 x 500. PyBullet takes 0.5 s to load these, and crashes with a few million."""
+MAX_SAMPLES: Final = 250_000  # 500 x 500. PyBullet takes 0.5 s to load these, and crashes with a few million.
 
 _MIN_SAMPLES: Final = 2
 

@@ -37,8 +37,7 @@ __all__ = ["Loss", "WorldFile", "WorldRobot", "plugin_name", "plugin_names", "re
 _MISSING: Final = frozenset({"missing-include", "missing-package"})
 """Rules of findings that make a model missing from the world."""
 
-# m, and a part of a direction: a greater pose of the ground is noted.
-_LEVEL_M: Final = 1e-3
+_LEVEL_M: Final = 1e-3  # m, and a part of a direction: a greater pose of the ground is noted
 
 _ABSENT: Final = "an included model that is missing"
 

@@ -64,8 +64,7 @@ HARMLESS_WORLD_PLUGINS: Final[Mapping[str, str]] = {
 }
 """Plugin of a world -> the reason why its absence is not a loss."""
 
-_APART: Final = frozenset({"model", "include", "link"})
-"""Elements whose parts are looked at with their own models."""
+_APART: Final = frozenset({"model", "include", "link"})  # elements whose parts are looked at with their own models
 
 
 def lost_parts(holder: Element, place: str = "", *, moves: bool = False) -> Iterator[tuple[Element, str]]:

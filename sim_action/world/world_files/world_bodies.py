@@ -34,8 +34,7 @@ from sim_action.world.world_files.world_shapes import MAX_FRICTION, PlacedShape,
 LINK_SEPARATOR: Final = "/"
 """Between the names of a model and of its link; `::` would be a command in the output of a workflow."""
 
-# m, and a part of a quaternion: less is rounding.
-_NOTHING: Final = 1e-9
+_NOTHING: Final = 1e-9  # m, and a part of a quaternion: less is rounding
 
 _MOMENTS: Final = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
 

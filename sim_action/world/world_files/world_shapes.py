@@ -29,8 +29,7 @@ _LENGTH_TOLERANCE_M: Final = 1e-3
 # SDF's default, and the greatest value: engines multiply the two frictions of a contact, Gazebo takes the lesser one.
 MAX_FRICTION: Final = 1.0
 
-_MeshKey = tuple[Path, Vector3, bool]
-"""File, scale, and True if it moves."""
+_MeshKey = tuple[Path, Vector3, bool]  # file, scale, and True if it moves
 
 _MESH_ABSENT: Final = "a mesh that cannot be used: it is left out"
 
@@ -224,8 +223,7 @@ def said(error: Exception) -> str:
     return "; ".join(f"{key}{': ' if key else ''}{text.removeprefix('Value error, ')}" for key, text in found)
 
 
-MAX_TRIANGLES: Final = 1_000
-"""A mesh of a world with more triangles is simplified: each costs time at every step."""
+MAX_TRIANGLES: Final = 1_000  # a mesh of a world with more triangles is simplified: each costs time at every step
 
 _CELLS_M: Final = (0.001, 0.002, 0.005, 0.01, 0.02)
 

@@ -88,8 +88,7 @@ formulas: st.SearchStrategy[Formula] = st.recursive(comparisons, _formulas, max_
 simple = st.builds(
     Comparison, st.sampled_from((X, Y)), st.sampled_from(("<", ">")), st.integers(-2, 2).map(lambda v: Number(float(v)))
 )
-plain_formulas: st.SearchStrategy[Formula] = st.recursive(simple, _formulas, max_leaves=6)
-"""Without arithmetic."""
+plain_formulas: st.SearchStrategy[Formula] = st.recursive(simple, _formulas, max_leaves=6)  # without arithmetic
 
 every_step_formulas: st.SearchStrategy[Formula] = st.recursive(
     simple,

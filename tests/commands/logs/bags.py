@@ -15,21 +15,18 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-Twists = Sequence[tuple[float, float, float]]
-"""Time in s, linear in m/s, angular in rad/s."""
+Twists = Sequence[tuple[float, float, float]]  # time in s, linear in m/s, angular in rad/s
 
 TWIST: Final = "geometry_msgs/msg/Twist"
 STAMPED: Final = "geometry_msgs/msg/TwistStamped"
 JOINTS: Final = "sensor_msgs/msg/JointState"
 
-START: Final = 1_700_000_000_123_456_789
-"""When logs begin, in ns: no float holds it."""
+START: Final = 1_700_000_000_123_456_789  # when logs begin, in ns: no float holds it
 
 ROS1: Final = get_typestore(Stores.ROS1_NOETIC)
 ROS2: Final = get_typestore(Stores.ROS2_HUMBLE)
 
-Entry = tuple[float, str, str, Any]
-"""Time in s since the log began, topic, type, and what makes the message."""
+Entry = tuple[float, str, str, Any]  # time in s since the log began, topic, type, and what makes the message
 
 
 def twist(store: Typestore, linear: float, angular: float) -> Any:

@@ -21,8 +21,7 @@ _ON_TERMINAL: Final = re.compile(r"^(✓|✗|‼|passed|failed|error) {1,2}(\w.*
 _ON_PROGRESS: Final = re.compile(r"^\[\d+/\d+\] (\w+) +(.+?)(?:  .*)?$", re.MULTILINE)
 
 
-_HALF: Final = re.compile(r"\.[0-9a-f]{16}\.").match
-"""True for the name of a file that is not completely written."""
+_HALF: Final = re.compile(r"\.[0-9a-f]{16}\.").match  # True for the name of a file that is not completely written
 
 
 @dataclass(frozen=True)

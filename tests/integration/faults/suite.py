@@ -40,8 +40,7 @@ _UPRIGHT: Final = "upright: {max_tilt: 10 deg}"
 SUFFIX: Final = ".sim.yml"
 """The file of a scenario has its name and this; a file that cannot be read is reported by its own name."""
 
-MESH: Final = "mesh"
-"""The name of the scenario with a mesh."""
+MESH: Final = "mesh"  # the name of the scenario with a mesh
 
 _SCENARIOS: Final = {
     "drives": ("turtlebot3_burger", _DRIVES, "travel: {at_least: 0.05 m}"),

@@ -18,8 +18,7 @@ from tests.integration.github.values import Known, Value, to_text
 _KEYS: Final = frozenset({"name", "author", "description", "branding", "inputs", "outputs", "runs"})
 _INPUT_KEYS: Final = frozenset({"description", "required", "default", "deprecationMessage"})
 _OUTPUT_KEYS: Final = frozenset({"description", "value"})
-# Of what a step can ask for, an action sees no more than this.
-_SHARED: Final = ("matrix",)
+_SHARED: Final = ("matrix",)  # of what a step can ask for, an action sees no more than this
 
 
 @dataclass(frozen=True, slots=True)

@@ -65,8 +65,7 @@ _TOKEN: Final = re.compile(
     re.VERBOSE | re.ASCII,
 )
 _CONSTANTS: Final = {"true": True, "false": False}
-# What binds loosely comes first.
-_LEVELS: Final = (("||",), ("&&",), ("==", "!="))
+_LEVELS: Final = (("||",), ("&&",), ("==", "!="))  # what binds loosely comes first
 
 
 def parse(text: str) -> Node:

@@ -42,12 +42,10 @@ from tests.soak import soaked
 PYBULLET_DATA: Final = Path(pytest.importorskip("pybullet_data").getDataPath()).resolve()
 REPOSITORY: Final = Path(__file__).parents[3]
 
-# Relative, of numbers as they stand in a file.
-COPIED: Final = 1e-12
+COPIED: Final = 1e-12  # relative, of numbers as they stand in a file
 # Of lengths in m, of directions, and relative to the largest moment of inertia: products of about ten rotations.
 COMPUTED: Final = 1e-9
-# Of the 121 URDFs and MJCFs of pybullet_data.
-MIN_COMPARED: Final = 95
+MIN_COMPARED: Final = 95  # of the 121 URDFs and MJCFs of pybullet_data
 
 SCENES: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
     {

@@ -16,8 +16,7 @@ from sim_action.core.errors import UsageError
 from sim_action.ros.ros2.installation import PYTHON_VARIABLE, find_ros
 
 ROOT: Final = Path(__file__).parents[3]
-WHEELS: Final = ROOT / ".venv/ros2/bin/python"
-"""The Python with the wheels of ROS 2 that `make test` installs."""
+WHEELS: Final = ROOT / ".venv/ros2/bin/python"  # the Python with the wheels of ROS 2 that `make test` installs
 
 
 def variables() -> dict[str, str]:

@@ -45,8 +45,7 @@ def largest_gap(samples: Sequence[float], share_below: Callable[[float], float])
     )
 
 
-# Larger differences have a probability of 1e-3; the seed is fixed.
-SIGNIFICANT = 1.95 / COUNT**0.5
+SIGNIFICANT = 1.95 / COUNT**0.5  # larger differences have a probability of 1e-3; the seed is fixed
 
 
 def simpson(function: Callable[[float], float], low: float, high: float, steps: int = 2000) -> float:

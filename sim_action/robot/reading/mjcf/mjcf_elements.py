@@ -54,14 +54,12 @@ DROPPED: Final = frozenset({*FOLDERS, "strippath", "content_type"})
 LIKE_A_FILE: Final = re.compile(r"file|path|dir$|^ur[il]$|librar|^content_type$")
 """The names of attributes that may name a file."""
 
-NO_FILES: Final = frozenset({("light", "dir")})
-"""Attributes that match `LIKE_A_FILE`, but are directions."""
+NO_FILES: Final = frozenset({("light", "dir")})  # attributes that match `LIKE_A_FILE`, but are directions
 
 REMOVED: Final = frozenset({"light", "camera", "skin", "sensor", "texture", "layer", "visual", "statistic"})
 """Elements that are removed from the text for MuJoCo, because they have no effect on a simulation."""
 
-SECTIONS: Final = frozenset({"sensor"})
-"""Elements of `REMOVED` whose children count."""
+SECTIONS: Final = frozenset({"sensor"})  # elements of `REMOVED` whose children count
 
 UNDRAWN: Final = frozenset({"texture", "texrepeat", "texuniform"})
 """Attributes of <material> that are removed from the text."""
@@ -95,8 +93,7 @@ _SIZE: Final = re.compile(r"(-?\d{1,18})([KMGTPE]?)", re.IGNORECASE)
 _MAX_SHOWN: Final = 60
 _MAX_TEXT: Final = 1_000
 
-NUMBERS_PER_ELEMENT: Final = 200
-"""As many numbers of a heightfield, mesh or <numeric> count as one element."""
+NUMBERS_PER_ELEMENT: Final = 200  # as many numbers of a heightfield, mesh or <numeric> count as one element
 
 _AREAS: Final = {"hfield": ("nrow", "ncol"), "mesh": ("params", "params"), "numeric": ("size",)}
 

@@ -110,8 +110,7 @@ def _tinted(colour: tuple[float, ...], tint: list[float]) -> tuple[float, float,
     return red, green, blue
 
 
-MAX_FILES: Final = 100
-"""The largest number of XML files of a model."""
+MAX_FILES: Final = 100  # the largest number of XML files of a model
 
 _MAX_DEPTH: Final = 100
 

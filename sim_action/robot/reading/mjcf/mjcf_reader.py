@@ -49,8 +49,7 @@ if TYPE_CHECKING:
     from sim_action.robot.reading.mjcf.mujoco_spec import Built
 
 
-# MuJoCo's default colour of a geom.
-_NO_COLOUR: Final = (0.5, 0.5, 0.5, 1.0)
+_NO_COLOUR: Final = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's default colour of a geom
 
 _SHAPES: Final = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf")
 """Names of shapes, indexed by mujoco.mjtGeom."""
@@ -59,8 +58,7 @@ _UNBOUNDED: Final = ("plane", "hfield", "sdf")
 
 _MAX_VISIBLE_GROUP: Final = 2
 
-_MAX_RESTITUTION: Final = 0.1
-"""Contacts with a smaller restitution are soft, but do not visibly bounce."""
+_MAX_RESTITUTION: Final = 0.1  # contacts with a smaller restitution are soft, but do not visibly bounce
 
 
 def read_mjcf(path: Path, packages: Packages, allow: Iterable[str] = ()) -> RobotModel:

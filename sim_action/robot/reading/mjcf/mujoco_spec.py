@@ -35,8 +35,7 @@ _INPUT: Final = mujoco.mjtCtrlInput
 _MASS_SETTINGS: Final = (
     *("settotalmass", "boundmass", "boundinertia", "balanceinertia", "inertiafromgeom", "inertiagrouprange"),
 )
-# Numbers in `qpos`; other joints have one.
-_NUMBERS: Final = {_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
+_NUMBERS: Final = {_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}  # numbers in `qpos`; other joints have one
 
 
 class StatedKeyframe(NamedTuple):
@@ -378,8 +377,7 @@ def _parsed(found: MeshFile) -> MeshBytes:
 
 _AS_IT_IS: Final = mujoco.mjtOrientation.mjORIENTATION_QUAT
 _MAX_NAMED: Final = 5
-# The vertical part of a unit normal: planes within 3 deg are level.
-_LEVEL: Final = 0.9986
+_LEVEL: Final = 0.9986  # the vertical part of a unit normal: planes within 3 deg are level
 
 
 def named(bodies: list[str]) -> str:

@@ -39,8 +39,7 @@ _CHANGES: Final = "experimental:params"
 
 _KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 
-_UNIQUE_NAMES: Final[Version] = (1, 7)
-"""From this version on, names are unique across kinds."""
+_UNIQUE_NAMES: Final[Version] = (1, 7)  # from this version on, names are unique across kinds
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,8 +48,7 @@ _CONTACT: Final = "collision/surface/contact/ode"
 _DEFAULT_FRICTION: Final = 1.0
 _NEVER_SLIDES: Final = 1e9
 
-EMPTY: Final = "empty"
-"""The tag of a shape that does not collide."""
+EMPTY: Final = "empty"  # the tag of a shape that does not collide
 
 _INSTEAD: Final[Mapping[str, str]] = {
     "plane": "it has no bounds, so it can be part of a world only: use a <box>",
@@ -334,8 +333,7 @@ _NOT_OF_SEVERAL: Final = {
     "ball": ("limit", "mimic", "dynamics/friction", "dynamics/spring_stiffness"),
     **dict.fromkeys(_TWO_AXES, ("mimic",)),
 }
-# Poses in files are rounded.
-_AXIS_TOLERANCE_M: Final = 1e-9
+_AXIS_TOLERANCE_M: Final = 1e-9  # poses in files are rounded
 
 
 @dataclass(frozen=True, eq=False)

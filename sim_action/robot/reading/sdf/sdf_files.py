@@ -120,11 +120,9 @@ class SizeBudget:
             raise ModelTooLarge(f"a model may have at most {MAX_ELEMENTS:,} elements, all included files together")
 
 
-PARENT_MODEL_FLAG: Final = "use_parent_model_frame"
-"""An element of <axis> in SDF 1.5 and 1.6."""
+PARENT_MODEL_FLAG: Final = "use_parent_model_frame"  # an element of <axis> in SDF 1.5 and 1.6
 
-FRAMES_NAMED: Final[Version] = (1, 7)
-"""From this version on, `relative_to` and `expressed_in` name frames."""
+FRAMES_NAMED: Final[Version] = (1, 7)  # from this version on, `relative_to` and `expressed_in` name frames
 
 _AXES_IN_MODEL_FRAME: Final[Version] = (1, 4)
 _TRUE: Final = frozenset({"true", "1"})

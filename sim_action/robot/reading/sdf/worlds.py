@@ -30,8 +30,7 @@ OWN_MODELS: Final = frozenset({"ground_plane", "sun"})
 
 _MODELS: Final = ("model", "include")
 
-# Of a <world> without an <sdf> around it.
-_BARE_VERSION: Final[Version] = (1, 6)
+_BARE_VERSION: Final[Version] = (1, 6)  # of a <world> without an <sdf> around it
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,8 +20,7 @@ from sim_action.state.observation import Observation
 TICKS: Final = 100
 """Ticks per second of sim time: publications of the clock, and reads of commands. rospy.Rate(10) errs at fewer."""
 
-Mover = Callable[[float, Observation], Answer]
-"""Function from a sim time in s and an observation to commands."""
+Mover = Callable[[float, Observation], Answer]  # function from a sim time in s and an observation to commands
 
 
 @dataclass(slots=True)

@@ -38,8 +38,7 @@ from sim_action.state.readings import OdometryReading
 from sim_action.state.reproducibility import Transcript
 from sim_action.world.scene import Fitting
 
-NAME: Final = "/gazebo"
-"""The node name that Gazebo has."""
+NAME: Final = "/gazebo"  # the node name that Gazebo has
 
 _TWIST: Final = "geometry_msgs/Twist"
 
@@ -161,8 +160,7 @@ class RobotNode:
         return (f"no node drove the robot: no message arrived on {topic}{hint}{advice}",)
 
 
-Publish = Callable[[int, Observation], None]
-"""Function that publishes what is new at a tick, if a node subscribes."""
+Publish = Callable[[int, Observation], None]  # function that publishes what is new at a tick, if a node subscribes
 
 
 def open_publishers(

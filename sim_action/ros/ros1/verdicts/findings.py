@@ -14,11 +14,9 @@ from sim_action.ros.ros1.launch_request import PROCESS_FILE, SimulationResult, r
 from sim_action.ros.ros1.verdicts.launch_output import CallbackError, callback_errors, cleaned_output
 from sim_action.ros.ros1.verdicts.launch_tags import TestTag
 
-RESULTS: Final = "results"
-"""Folder of the results of rostest and its tests, in the folder of the call."""
+RESULTS: Final = "results"  # folder of the results of rostest and its tests, in the folder of the call
 
-LOGS: Final = "log"
-"""Folder of the logs of nodes, in the folder of the call."""
+LOGS: Final = "log"  # folder of the logs of nodes, in the folder of the call
 
 _MAX_OUTPUT_BYTES: Final = 110_000_000
 

@@ -47,8 +47,7 @@ _MAX_NODES: Final = 20
 
 _RESULT_FIELDS: Final = ("end", "sim_time", "real_time_factor", "travelled", "digest", "engine", "notes")
 
-LAUNCH_ERROR: Final = "launch error"
-"""The title of a failure of roslaunch itself."""
+LAUNCH_ERROR: Final = "launch error"  # the title of a failure of roslaunch itself
 
 _SIMULATION_NODE: Final = "gazebo"
 _TIME_OUT: Final = re.compile(r"max time \[([\d.]+)s\] allotted for test")

@@ -25,8 +25,7 @@ _WORLD: Final = frozenset({"world_name", "world", "world_file", "/gazebo/world_n
 
 _SUBSTITUTION: Final = re.compile(r"\$\([^)]*\)")
 
-DEFAULT_TIME_LIMIT_S: Final = 60.0
-"""s that rostest gives a test without a time-limit (wiki.ros.org/roslaunch/XML/test)."""
+DEFAULT_TIME_LIMIT_S: Final = 60.0  # s that rostest gives a test without a time-limit (wiki.ros.org/roslaunch/XML/test)
 
 
 @dataclass(frozen=True, slots=True)

@@ -233,12 +233,10 @@ class Part(Substitution):
         return (self._args[0] if self._args else self._words.get("initial_entities")) or ()
 
 
-KINDS: dict[str, Kind] = {}
-"""Module and class in Python -> its row."""
+KINDS: dict[str, Kind] = {}  # module and class in Python -> its row
 ACTIONS: dict[str, tuple[Kind, dict[str, str]]] = {}
 """Tag in XML and YAML -> its row, and attribute or tag of a child -> the word of the row."""
-SUBSTITUTIONS: dict[str, Kind] = {}
-"""Name in `$(NAME ...)` -> its row."""
+SUBSTITUTIONS: dict[str, Kind] = {}  # name in `$(NAME ...)` -> its row
 
 
 def row(*names: str, tag: str = "", text: str = "") -> Callable[[Callable[..., Any]], Callable[..., Any]]:

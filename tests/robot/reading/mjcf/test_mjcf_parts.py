@@ -25,8 +25,7 @@ TABLE: Final = part_table("mjcf")
 SCENARIO: Final = "name: a\nrobot: {model: robot.xml}\nexpect: [upright]\ntime_limit: 1 s\n"
 
 HERE: Final = Path(__file__).parent
-# A robot, to whose elements attributes are added.
-ROBOT: Final = (HERE / "whole.xml").read_text()
+ROBOT: Final = (HERE / "whole.xml").read_text()  # a robot, to whose elements attributes are added
 # actuators: element -> what it needs. values: attribute -> values with which MuJoCo makes another model; a value may
 # state more attributes. changes: of more than one attribute.
 DATA: Final = json.loads((HERE / "whole.json").read_text())

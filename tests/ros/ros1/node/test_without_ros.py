@@ -23,8 +23,7 @@ _PACKAGES: Final = (
     "tf2_msgs",
 )
 
-# roslaunch kills a node 15 s after the signal SIGINT.
-PATIENCE_OF_ROSLAUNCH_S = 15
+PATIENCE_OF_ROSLAUNCH_S = 15  # roslaunch kills a node 15 s after the signal SIGINT
 
 
 def imported(name: str, monkeypatch: pytest.MonkeyPatch) -> Any:

@@ -29,8 +29,7 @@ ABSENT = "ERROR: cannot launch node of type [nowhere/no.py]: nowhere\n"
 ERROR = "ERROR: cannot launch node of type [{}]: {}\n"
 PLACE = Location("a.launch", 3)
 
-# ROS is looked for with its own Python.
-looks_for_ros = pytest.mark.process
+looks_for_ros = pytest.mark.process  # ROS is looked for with its own Python
 
 
 def judged(
