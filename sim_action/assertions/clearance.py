@@ -223,7 +223,7 @@ class ClearanceMonitor(Monitor):
         record = self._recorded(trace)
         known = distances_known(trace, record, self.is_known or self.steps.moments > 0)
         end = float(trace.time[-1]) if len(trace) else self.end
-        later = replace(self, end=end, steps=self.steps.followed_by(known.time))
+        later = replace(self, end=end, steps=self.steps.followed_by(known))
         return later.measured(record) if len(record) else later
 
     def _recorded(self, trace: Trace) -> ClearanceRecord:
@@ -234,10 +234,11 @@ class ClearanceMonitor(Monitor):
         return (self.spec.watch, self.spec.close) if self.spec.is_goal else (self.spec.watch,)
 
     def truth(self, trace: Trace) -> Truth:
-        """See Monitor.truth. The moments are the steps: distances are not known at t = 0."""
-        time, record = trace.time[trace.time > TIME_EPSILON_S], trace.clearances.get(self.spec.close)
+        """See Monitor.truth. The moments are the steps at which a body is there, but for t = 0."""
+        record = recorded(trace, self.spec.close)
+        time = record.there(trace.time[trace.time > TIME_EPSILON_S])
         distance = np.full(len(time), math.inf)
-        if record is not None and len(record):
+        if len(record) and len(time):
             # Two computations of the time of a step differ by rounding.
             index = np.searchsorted(time, record.time - TIME_EPSILON_S)
             inside = index < len(time)
@@ -306,7 +307,7 @@ class ClearanceMonitor(Monitor):
     def _unknown(self, limit: float | None) -> Verdict:
         names = ", ".join(self.spec.to) if self.spec.to else "any body"
         message = (
-            f"no distance to {names} was measured: it never appeared, or no link of the robot has a collision shape"
+            f"no distance to {names} was measured: it was not there, or no link of the robot has a collision shape"
         )
         return Verdict(False, None, limit, None, "m", None, message, judged=Judged())
 

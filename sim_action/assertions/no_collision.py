@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field
@@ -17,6 +16,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.link_pairs import has_limb
+from sim_action.state.timeline import is_late
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
@@ -90,8 +90,7 @@ class NoCollision(Assertion):
         """Yield a world in which nothing may be touched that is not allowed."""
         bodies = setting.world.objects
         touchable = [body for body in bodies if body.name not in (*self.allow, GROUND)]
-        # An infinite time is that of an event.
-        if any(body.appears is None or not setting.end <= body.appears < math.inf for body in touchable) or any(
+        if any(not is_late(body.appears, setting.end) for body in touchable) or any(
             actor.name not in self.allow for actor in setting.world.actors
         ):
             return

@@ -26,6 +26,7 @@ from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.kinematics import link_of_frame, why_no_frame
 from sim_action.robot.model.robot_model import WORLD
+from sim_action.state.timeline import waits
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Mark, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
@@ -300,7 +301,7 @@ class ObjectMonitor(Monitor):
     @property
     def needed_until(self) -> float:
         """See Monitor.needed_until. The run goes on for a step after the object appears."""
-        there = self.appears + 1 / self.scene.physics.rate if self.appears else 0.0
+        there = self.appears + 1 / self.scene.physics.rate if self.appears and not waits(self.appears) else 0.0
         return there if self.monitor is None else max(there, self.monitor.needed_until)
 
     @override
@@ -348,7 +349,8 @@ class ObjectMonitor(Monitor):
     def _absent(self) -> str:
         if self.end is None or self.end >= self.appears:
             return f"no pose of {self.spec.name} to measure"
-        due = f"it is due at {self.appears:g} s, but the run ended at {self.end:.4g} s"
+        due = "it waits for an event" if waits(self.appears) else f"it is due at {self.appears:g} s"
+        due = f"{due}, but the run ended at {self.end:.4g} s"
         return f"{self.spec.name} never appeared: {due}"
 
     def _opened(self, seen: Trace) -> Monitor:

@@ -19,10 +19,11 @@ import numpy as np
 from sim_action.core.records import dataclass, field
 from sim_action.core.units import first_step
 from sim_action.engines.motion_bound import BodyMotionBound, RobotMotionBound
+from sim_action.engines.observers import presences
 from sim_action.state.trace import FloatArray
 from sim_action.state.trace_channels import Channels, ClearanceWatch
-from sim_action.state.trace_records import ClearanceRecord, Nearness
-from sim_action.world import Body
+from sim_action.state.trace_records import ALWAYS, ClearanceRecord, Nearness
+from sim_action.world import Body, World
 from sim_action.world.scene import Scene
 
 LinkDistances = Callable[[str, Collection[str] | None, float], dict[str, float]]
@@ -162,6 +163,7 @@ class ClearanceRecorder:
         everything = scene.world.names
         watches = sorted(channels.clearances, key=repr)
         self._watches = [_WatchState(watch, everything if watch.bodies is None else watch.bodies) for watch in watches]
+        self._presences = presences(scene.world, self._rate)
         steps = (first_step(time, self._rate) for time in channels.openings | {0.0})
         self._openings = sorted(set(steps), reverse=True)
         self._model, self._radii, self._travel = scene.model, radii, 0.0
@@ -172,8 +174,9 @@ class ClearanceRecorder:
         self._moving = [_motion_of(body, body_at) for body in moving]
         self._moving += [bound for name, bound in actors.items() if name in watched]
 
-    def open_at(self, time: float) -> None:
-        """Begin all observations again at a later sim time in s."""
+    def follow(self, world: World, time: float) -> None:
+        """Take the times of a world, and begin all observations again at a later sim time in s."""
+        self._presences = presences(world, self._rate)
         self._openings = sorted({*self._openings, first_step(time, self._rate)}, reverse=True)
 
     @cached_property
@@ -221,9 +224,11 @@ class ClearanceRecorder:
 
     def collect(self) -> dict[ClearanceWatch, ClearanceRecord]:
         """Return the records since the last call."""
-        records = {watch_state.watch: ClearanceRecord.of(watch_state.found) for watch_state in self._watches}
-        for watch_state in self._watches:
-            watch_state.found = []
+        records = {}
+        for state in self._watches:
+            spans = tuple(dict.fromkeys(self._presences.get(name, ALWAYS) for name in state.names))
+            records[state.watch] = ClearanceRecord.of(state.found, (ALWAYS,) if ALWAYS in spans else spans)
+            state.found = []
         return records
 
     def _measure_past(self, steps: Sequence[int], there: FloatArray, restore: RestoreState) -> None:

@@ -20,15 +20,12 @@ from sim_action.core.units import first_step
 from sim_action.robot.model.joint_selection import matches_name
 from sim_action.state.observation import Contact, PresentContacts
 from sim_action.state.trace_channels import Channels
-from sim_action.state.trace_records import BodyRecord, ContactRecord, LinkTouch, frame_stride
+from sim_action.state.trace_records import ALWAYS, BodyRecord, ContactRecord, LinkTouch, frame_stride
 from sim_action.world import Body, World, path_of
 from sim_action.world.parts import reach
 from sim_action.world.scene import Scene
 
 _NUMBERS: Final = 7
-ALWAYS: Final = (-math.inf, math.inf)
-"""The steps, or sim times, between which a body is there that never appears or disappears."""
-
 ReadPoses = Callable[[], Sequence[float] | NDArray[np.float64]]
 """Returns 7 numbers per body, one after the other: position and unit quaternion x, y, z, w."""
 

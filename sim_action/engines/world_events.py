@@ -15,6 +15,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.units import first_step
 from sim_action.engines.body_control import BodyControl, Target
+from sim_action.state.timeline import waits
 from sim_action.world import Body, Disturbance, Patch, World
 from sim_action.world.body_path import PosePath
 from sim_action.world.scene import Scene
@@ -223,9 +224,8 @@ class _Acting:
         name = disturbance.body or scene.model.link_of(disturbance.link or scene.model.root)
         self._target = Target(name, is_link=disturbance.body is None)
         pushes = disturbance.velocity is not None
-        # One of an event that has not happened has no step yet.
         self.first: float = math.inf
-        if math.isfinite(disturbance.at):
+        if not waits(disturbance.at):
             self.first = first_step(disturbance.at, self._rate) if pushes else int(disturbance.at * self._rate)
         self.last = self.first + 1 if pushes else math.inf
         if math.isfinite(disturbance.end) and not pushes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
@@ -23,6 +22,7 @@ from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, Expectation
 from sim_action.scenario.source import Source
 from sim_action.scenario.variations.gate import GATE, PlannedGate, Quantile
 from sim_action.sensors import MountedSensor
+from sim_action.state.timeline import late_problems
 from sim_action.world import GROUND
 from sim_action.world.physics import MAX_PHYSICS_RATE_HZ
 from sim_action.world.scene import EGO, Scene
@@ -44,9 +44,7 @@ def time_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> SpecPr
     for path, expectation in zip(expect_paths, scenario.expect, strict=True):
         if expectation.before != float("inf") and expectation.before > limit:
             yield (*path, "before"), f"{expectation.before:g} s is later than time_limit ({limit:g} s)"
-        # An infinite time is that of an event.
-        if limit <= expectation.after < math.inf:
-            yield (*path, "after"), f"{expectation.after:g} s is not earlier than time_limit ({limit:g} s)"
+        yield from late_problems((*path, "after"), expectation.after, limit)
         first = max(1, scenario.steps(expectation.after)) / scenario.physics.rate
         if expectation.after < expectation.before < first - _TIME_ROUNDING:
             yield (*path, "before"), f"too early: the first physics step in the window is at {first:.4g} s"
@@ -201,9 +199,8 @@ def patch_problems(scenario: Scenario) -> SpecProblems:
     patches = scenario.world.patches
     for index, patch in enumerate(patches):
         if patch.appears is not None:
-            where = ("world", "patches", index, "appears")
-            if scenario.time_limit <= patch.appears < math.inf:
-                yield where, f"{patch.appears:g} s is not earlier than time_limit ({scenario.time_limit:g} s)"
+            where: KeyPath = ("world", "patches", index, "appears")
+            yield from late_problems(where, patch.appears, scenario.time_limit)
             if not scenario.world.ground.friction:
                 yield where, "the ground has no friction before, so a patch of it cannot get one; state a small one"
         for other, before in enumerate(patches[:index]):

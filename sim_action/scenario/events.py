@@ -21,7 +21,7 @@ from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.scenario.faults import Fault
-from sim_action.state.timeline import TimeMark
+from sim_action.state.timeline import NOT_YET, TimeMark, late_problems, waits
 from sim_action.world import Body, Disturbance
 from sim_action.world.body_path import MAX_PACE, Pace
 
@@ -231,21 +231,21 @@ def with_events(scenario: Scenario) -> Scenario:
             place = names.index(source) if source in names else None
             if action.disturb is not None:
                 place = len(disturbances)
-                disturbances.append(action.disturb.model_copy(update={"at": math.inf}))
+                disturbances.append(action.disturb.model_copy(update={"at": NOT_YET}))
             if action.fault is not None:
                 place = len(faults)
-                faults.append(action.fault.model_copy(update={"at": math.inf}))
+                faults.append(action.fault.model_copy(update={"at": NOT_YET}))
             places.append(place)
         events.append(replace(event, places=tuple(places)))
     actions = [action for event in scenario.events for action in event.actions]
     come, gone = {action.appear for action in actions}, {action.remove for action in actions}
     objects = tuple(_waiting_body(body, actions, come, gone) for body in world.objects)
     patches = tuple(
-        patch.model_copy(update={"appears": math.inf}) if patch.name is not None and patch.name in come else patch
+        patch.model_copy(update={"appears": NOT_YET}) if patch.name is not None and patch.name in come else patch
         for patch in world.patches
     )
     changed = {"disturbances": tuple(disturbances), "objects": objects, "patches": patches}
-    expect = tuple(replace(each, after=math.inf) if each.since else each for each in scenario.expect)
+    expect = tuple(replace(each, after=NOT_YET) if each.since else each for each in scenario.expect)
     update = {"world": world.model_copy(update=changed), "faults": tuple(faults)}
     update |= {"events": tuple(events), "expect": expect}
     return scenario.model_copy(update=update)
@@ -256,12 +256,12 @@ def _waiting_body(body: Body, actions: Sequence[Action], come: set[str | None], 
     update: dict[str, object] = {}
     if body.path and paces:
         first = (Pace(at=0.0, speed=0.0),) if any(action.start == body.name for action in actions) else ()
-        update["pace"] = (*body.pace, *first, *(_pace(math.inf, factor) for _, factor in paces))
+        update["pace"] = (*body.pace, *first, *(_pace(NOT_YET, factor) for _, factor in paces))
     # A stated time is a problem that is reported.
     if body.name in come and body.appears is None:
-        update["appears"] = math.inf
+        update["appears"] = NOT_YET
     if body.name in gone and body.disappears is None:
-        update["disappears"] = math.inf
+        update["disappears"] = NOT_YET
     return body.model_copy(update=update) if update else body
 
 
@@ -293,7 +293,7 @@ def _after(scenario: Scenario, event: Event, time: float) -> Scenario:
             for patch in patches
         ]
     expect = tuple(
-        replace(expected, after=time) if expected.since == event.name and expected.after == math.inf else expected
+        replace(expected, after=time) if expected.since == event.name and waits(expected.after) else expected
         for expected in scenario.expect
     )
     changed = {"disturbances": tuple(disturbances), "objects": tuple(objects), "patches": tuple(patches)}
@@ -308,19 +308,19 @@ def _repaired(fault: Fault, time: float) -> Fault:
 def without_absent(scenario: Scenario) -> Scenario:
     """Return a scenario without the bodies, patches, disturbances and faults that wait for an event."""
     world = scenario.world
-    bodies = (_without_waiting(body) for body in world.objects if body.appears != math.inf)
+    bodies = (_without_waiting(body) for body in world.objects if not waits(body.appears))
     update = {
         "objects": tuple(bodies),
-        "patches": tuple(patch for patch in world.patches if patch.appears != math.inf),
-        "disturbances": tuple(each for each in world.disturbances if each.at != math.inf),
+        "patches": tuple(patch for patch in world.patches if not waits(patch.appears)),
+        "disturbances": tuple(each for each in world.disturbances if not waits(each.at)),
     }
-    faults = tuple(fault for fault in scenario.faults if fault.at != math.inf)
+    faults = tuple(fault for fault in scenario.faults if not waits(fault.at))
     return scenario.model_copy(update={"world": world.model_copy(update=update), "faults": faults})
 
 
 def _without_waiting(body: Body) -> Body:
-    gone = None if body.disappears == math.inf else body.disappears
-    pace = tuple(change for change in body.pace if change.at != math.inf)
+    gone = None if waits(body.disappears) else body.disappears
+    pace = tuple(change for change in body.pace if not waits(change.at))
     return body.model_copy(update={"disappears": gone, "pace": pace})
 
 
@@ -331,7 +331,7 @@ def _body_after(body: Body, action: Action, time: float) -> Body:
         return body.model_copy(update={"disappears": time})
     if body.path and (pace := action.path) is not None and pace[0] == body.name:
         earlier = [change for change in body.pace if change.at < time]
-        later = [change for change in body.pace if change.at == math.inf]
+        later = [change for change in body.pace if waits(change.at)]
         return body.model_copy(update={"pace": (*earlier, _pace(time, pace[1]), *later)})
     return body
 
@@ -393,8 +393,7 @@ def _condition_problems(when: Condition, events: Mapping[str, Event], limit: flo
     for key, name in (("event", when.event), ("since", when.since)):
         if name and name not in events:
             yield (key,), f"there is no event '{name}'{did_you_mean(name, events)}"
-    if when.at >= limit:
-        yield ("at",), f"{when.at:g} s is not earlier than time_limit ({limit:g} s)"
+    yield from late_problems(("at",), when.at, limit)
     if when.assertion is not None:
         yield from _why_no_moment(when.assertion)
 
@@ -436,7 +435,7 @@ def _action_problems(action: Action, scenario: Scenario) -> SpecProblems:
             yield (key,), f"there is no {kind} '{name}'{did_you_mean(name, allowed)}"
     body = bodies.get(action.appear or action.remove or "")
     stated = None if body is None else body.appears if action.appear else body.disappears
-    if stated is not None and stated < math.inf:
+    if stated is not None and not waits(stated):
         yield (action.kind,), f"'{action.appear or action.remove}' states {stated:g} s for that; remove one of the two"
     body = body if action.appear else None
     if body is not None and body.path:

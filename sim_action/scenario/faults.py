@@ -21,7 +21,7 @@ from sim_action.core.geometry import Twist
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, recognise
-from sim_action.state.timeline import TimeMark
+from sim_action.state.timeline import TimeMark, late_problems
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -182,9 +182,7 @@ def fault_problems(
     """
     for index, fault in enumerate(faults):
         path = ("faults", index)
-        # An infinite time is that of an event.
-        if limit <= fault.at < math.inf:
-            yield (*path, "at"), f"{fault.at:g} s is not earlier than time_limit ({limit:g} s)"
+        yield from late_problems((*path, "at"), fault.at, limit)
         for before in faults[:index]:
             if before.target == fault.target and max(before.at, fault.at) < min(before.end, fault.end):
                 yield path, f"two faults of '{fault.target}' overlap in time; give the first one an end with 'for'"

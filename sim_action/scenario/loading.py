@@ -5,7 +5,6 @@ Every error has its file, line and column, and all of them are reported at once.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
@@ -39,6 +38,7 @@ from sim_action.scenario.model import DrivenActor, DrivenRobot, LoadedScenario, 
 from sim_action.scenario.part_reader import OwnPaths, PartReader, Unfolded, unfolded
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.world_file import WorldLibrary, filled, with_robot_of_world
+from sim_action.state.timeline import is_late
 from sim_action.world.claims import AuditWarning, ClaimFinding, allowed_rules, unknown_rules
 from sim_action.world.scene import EGO, Fitting, Scene, WorldPlaces
 from sim_action.world.shape_files import ShapeLibrary, read_surroundings
@@ -215,7 +215,7 @@ def _scene(
         acted_on=bool(scenario.commands or scenario.world.disturbances or scenario.events or scenario.world.actors),
         places=places,
         stuck=frozenset(
-            fault.target for fault in scenario.faults if fault.stuck and not scenario.time_limit <= fault.at < math.inf
+            fault.target for fault in scenario.faults if fault.stuck and not is_late(fault.at, scenario.time_limit)
         ),
     )
 

@@ -16,6 +16,7 @@ from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import links_with_shapes
 from sim_action.scenario.model import Scenario
+from sim_action.state.timeline import is_late, late_problems
 from sim_action.world import GROUND, Body, Disturbance, Physics, World, placed
 from sim_action.world.body_path import placements
 from sim_action.world.claims import OVERLAPPING_BODIES
@@ -46,13 +47,8 @@ def motion_problems(scenario: Scenario, parts: Mapping[str, Sequence[Part]]) -> 
     """
     for index, body in enumerate(scenario.world.objects):
         limit = scenario.time_limit
-        # An infinite time is that of an event.
-        if body.appears is not None and limit <= body.appears < math.inf:
-            late = f"{body.appears:g} s is not earlier than time_limit ({limit:g} s)"
-            yield ("world", "objects", index, "appears"), late
-        if body.disappears is not None and limit <= body.disappears < math.inf:
-            late = f"{body.disappears:g} s is not earlier than time_limit ({limit:g} s)"
-            yield ("world", "objects", index, "disappears"), late
+        yield from late_problems(("world", "objects", index, "appears"), body.appears, limit)
+        yield from late_problems(("world", "objects", index, "disappears"), body.disappears, limit)
         start = _start(body, parts.get(body.name))
         for below, message in _path_problems(body, start, scenario.physics, limit):
             yield ("world", "objects", index, "path", *below), message
@@ -200,11 +196,8 @@ def _turn(start: Placement, end: Placement) -> float:
 
 
 def _time_problems(disturbance: Disturbance, limit: float) -> SpecProblems:
-    if disturbance.at == math.inf:
-        return
-    if disturbance.at >= limit:
-        yield ("at",), f"{disturbance.at:g} s is not earlier than time_limit ({limit:g} s)"
-    elif disturbance.duration is not None and disturbance.end > limit:
+    yield from late_problems(("at",), disturbance.at, limit)
+    if disturbance.at < limit and disturbance.duration is not None and disturbance.end > limit:
         yield ("for",), f"it acts until {disturbance.end:g} s, but the run ends at time_limit ({limit:g} s)"
 
 
@@ -270,5 +263,5 @@ def _body_problems(disturbance: Disturbance, name: str, scene: Scene) -> SpecPro
     elif body.mass is None and disturbance.adhesion is None:
         why = "goes its way" if body.path else "is fixed"
         yield ("body",), f"body '{name}' {why} whatever acts on it; only one with a 'mass' can be disturbed"
-    elif body.appears is not None and disturbance.at < body.appears < math.inf:
+    elif body.appears is not None and is_late(body.appears, disturbance.at) and body.appears > disturbance.at:
         yield ("at",), f"body '{name}' is not there before it appears, at {body.appears:g} s"

@@ -29,6 +29,7 @@ from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Transcript
 from sim_action.state.timeline import TimeMark
 from sim_action.state.transmission import Line
+from sim_action.world.claims import LOGGED_ERROR, NOT_REPRODUCIBLE, NOT_SIMULATED
 from sim_action.world.physics import GRAVITY
 from sim_action.world.scene import Scene
 
@@ -310,28 +311,21 @@ class Controls:
         return {source.index: line.first_arrival / self._rate for source, line in late}
 
     @property
-    def losses(self) -> tuple[str, ...]:
-        """The parts of files that controllers did not run, as the scenario allows."""
-        return tuple(loss for live in self._closed for loss in live.losses)
+    def findings(self) -> Iterator[tuple[str, str]]:
+        """The parts of files that were not run, why another run may differ, and logged errors: rules and messages."""
+        for live in self._closed:
+            yield from ((NOT_SIMULATED, loss) for loss in live.losses)
+            yield from ((NOT_REPRODUCIBLE, f"the run is not reproducible: {why}") for why in live.not_reproducible)
+            yield from ((LOGGED_ERROR, message) for message in live.logged_errors)
 
     @property
     def transcripts(self) -> tuple[Transcript, ...]:
         """The messages that controllers received from programs of the user."""
         return tuple(live.transcript for live in self._closed if live.transcript is not None)
 
-    @property
-    def logged_errors(self) -> tuple[str, ...]:
-        """The errors that programs of the user logged."""
-        return tuple(error for live in self._closed for error in live.logged_errors)
-
     def why_silent(self) -> str:
         """Return why controllers have given no command, as far as they know."""
         return "; ".join(why for live in self._closed if (why := live.why_silent()))
-
-    @property
-    def not_reproducible(self) -> tuple[str, ...]:
-        """The reasons why another run may differ."""
-        return tuple(why for live in self._closed for why in live.not_reproducible)
 
     def close(self) -> None:
         """Close the sources after the run, and end the programs that they started."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Final
 
@@ -13,12 +12,14 @@ from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core.errors import RunError
 from sim_action.core.units import STEP_EPSILON, TIME_EPSILON_S, display, first_step
-from sim_action.engines.observers import ALWAYS
+from sim_action.core.wording import quoted
 from sim_action.scenario.events import Condition, Happening, after, awaited, time_marks
 from sim_action.scenario.model import Scenario
+from sim_action.simulation.panel import Panel
 from sim_action.state.observation import Observation
-from sim_action.state.timeline import TimeMark
+from sim_action.state.timeline import NOT_YET, TimeMark
 from sim_action.state.trace import Trace
+from sim_action.state.trace_records import ALWAYS
 from sim_action.world.claims import ClaimFinding
 from sim_action.world.scene import Scene
 
@@ -111,7 +112,7 @@ class RunEvents:
         self._scenario, self.scenario, self._scene, self._start = scenario, scenario, scene, start
         self._rate = scenario.physics.rate
         self.happenings: list[Happening] = []
-        self.end = math.inf
+        self.end = NOT_YET
         # Index of an event -> the step at which it happens.
         self._due: dict[int, int] = {}
         self._watches: dict[int, _Watch] = {}
@@ -177,11 +178,14 @@ class RunEvents:
         if not event.every:
             self._over.add(index)
             self._watches.pop(index, None)
-        if any(action.end for action in event.actions):
+        if self._ends(index):
             self.end = min(self.end, step / self._rate)
         for later in [later for later in self._waiting if self._scenario.events[later].when.since == event.name]:
             self._waiting.remove(later)
             self._watches[later] = _Watch(self._scenario.events[later].when, self._scene, self._start)
+
+    def _ends(self, index: int) -> bool:
+        return any(action.end for action in self._scenario.events[index].actions)
 
     def scenario_until(self, end: float) -> Scenario:
         """Return the scenario with the times of what happened until a sim time in s."""
@@ -213,6 +217,18 @@ class RunEvents:
                 words = "; ".join(action.words for action in event.actions)
                 message = f"event '{event.name}' never happened: {why} (so not: {words})"
                 yield ClaimFinding(EVENT_NEVER_BEGAN, ("events", index, "when"), message)
+
+    def note_of_end(self, panel: Panel) -> Iterator[str]:
+        """Yield a note if one of them ended the run before expectations were watched for their time."""
+        if panel.end != "event":
+            return
+        shortened: dict[float, list[str]] = {}
+        for name, until in panel.shortened():
+            shortened.setdefault(until, []).append(name)
+        (ended, *_) = (each.event for each in self.happenings if self._ends(each.event))
+        for until, names in sorted(shortened.items()):
+            end = f"event '{self._scenario.events[ended].name}' ended the run at {display(self.end, 's')}"
+            yield f"{end}, so these were judged until then and not until {display(until, 's')}: {quoted(names)}"
 
     def _why_not(self, index: int, end: float) -> str:
         when = self._scenario.events[index].when

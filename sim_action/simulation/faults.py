@@ -21,6 +21,7 @@ from sim_action.simulation.seams import Seams
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
 from sim_action.state.readings import shifted
+from sim_action.state.timeline import waits
 from sim_action.world.scene import Scene
 
 Targets = list[JointTargets | None]
@@ -145,7 +146,7 @@ class FaultSeams(Seams):
     @property
     @override
     def notes(self) -> tuple[str, ...]:
-        begun = (fault for fault in self._faults if fault.at < math.inf)
+        begun = (fault for fault in self._faults if not waits(fault.at))
         return tuple(f"fault: {fault.time_mark.title}" for fault in begun)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import ExitStack, closing
 from itertools import repeat
 from typing import TYPE_CHECKING, Final
@@ -43,7 +43,7 @@ from sim_action.simulation.start_checks import (
 )
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Digest
-from sim_action.state.timeline import TimeMark, in_order, nearest_causes
+from sim_action.state.timeline import TimeMark, in_order, nearest_causes, waits
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import BodyRecord
@@ -271,22 +271,8 @@ class _Loop:
         assert kept is not None
         for transcript in (each for controls in self._all_controls for each in controls.transcripts):
             digest.add_transcript(transcript, panel.time)
-        losses = (
-            ClaimFinding(NOT_SIMULATED, ("commands",), loss)
-            for controls in self._all_controls
-            for loss in controls.losses
-        )
-        findings = (
-            *self._audited(panel, begin, motion, kept, placed),
-            *losses,
-            *self._races(),
-            *self._logged_errors(),
-            *self._missed_events(panel),
-        )
-        told = {finding.message for finding in findings}
-        missed = (message for _, message in unreached_events(self._scenario, panel.time))
-        unreached = (message for message in missed if message not in told)
-        notes = (*unreached, *(note for guard in self._guards for note in guard.notes(panel.time)))
+        audited = self._audited(panel, begin, motion, kept, placed)
+        findings = (*audited, *self._source_findings(), *self._missed_events(panel))
         return SimulationRun(
             trace=kept,
             verdicts=self._verdicts(panel, start, progress),
@@ -295,7 +281,7 @@ class _Loop:
             travelled=float(kept.planar_distance_to(*start.pose.position_xyz[:2])[-1]),
             wall_time=wall_time,
             engine=self._backend.version,
-            notes=notes,
+            notes=self._notes_of_end(panel, {finding.message for finding in findings}),
             findings=findings,
             events={} if self._events is None else self._events.times(panel.time),
         )
@@ -372,15 +358,19 @@ class _Loop:
         found = audit_run(self._scenario, self._scene, facts)
         return tuple(finding for finding in found if not self._scenario.accepts(finding))
 
-    def _races(self) -> Iterator[ClaimFinding]:
-        if NOT_REPRODUCIBLE not in self._scenario.allow:
-            for reason in (each for controls in self._all_controls for each in controls.not_reproducible):
-                yield ClaimFinding(NOT_REPRODUCIBLE, ("commands",), f"the run is not reproducible: {reason}")
-
-    def _logged_errors(self) -> Iterator[ClaimFinding]:
-        if LOGGED_ERROR not in self._scenario.allow:
-            for message in (each for controls in self._all_controls for each in controls.logged_errors):
-                yield ClaimFinding(LOGGED_ERROR, ("commands",), message)
+    def _source_findings(self) -> Iterator[ClaimFinding]:
+        """Yield what command sources lost, what may make another run differ, and what programs logged."""
+        places = [(), *(("world", "actors", index) for index in range(len(self._all_controls) - 1))]
+        found = [
+            ClaimFinding(rule, (*place, "commands"), message)
+            for place, controls in zip(places, self._all_controls, strict=True)
+            for rule, message in controls.findings
+        ]
+        order = (NOT_SIMULATED, NOT_REPRODUCIBLE, LOGGED_ERROR)
+        for finding in sorted(found, key=lambda finding: order.index(finding.rule)):
+            # The source itself decides which losses are allowed.
+            if finding.rule == NOT_SIMULATED or not self._scenario.accepts(finding):
+                yield finding
 
     def _open_events(self, start: Observation, opening: Trace) -> None:
         if self._scenario.events:
@@ -405,6 +395,13 @@ class _Loop:
             for finding in self._events.findings(panel.time):
                 if not self._scenario.accepts(finding):
                     yield finding
+
+    def _notes_of_end(self, panel: Panel, told: Collection[str]) -> tuple[str, ...]:
+        """Return notes on the whole run, without the messages that findings have `told`."""
+        missed = (message for _, message in unreached_events(self._scenario, panel.time))
+        of_guards = (note for guard in self._guards for note in guard.notes(panel.time))
+        of_end = () if self._events is None else self._events.note_of_end(panel)
+        return (*(message for message in missed if message not in told), *of_guards, *of_end)
 
     def _all_notes(self, end: float) -> tuple[str, ...]:
         of_drive = self._motion.notes if self._motion else ()
@@ -510,7 +507,7 @@ class _Loop:
         self._switching = happening
         actions = (action for index in happening for action in self._scenario.events[index].actions)
         self._arrivals.add(step, [action.appear for action in actions if action.appear])
-        if events.end < math.inf:
+        if not waits(events.end):
             self._last_step = min(self._last_step, self._scenario.steps(events.end))
         return step
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Final, Literal, Self
 
@@ -13,6 +14,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.scenario.model import Expectation, Scenario
 from sim_action.state.observation import Observation
+from sim_action.state.timeline import waits
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from sim_action.world.scene import Scene
@@ -118,6 +120,15 @@ class Panel:
             return tuple(verdicts)
         return tuple(map(_undecided, self.monitors, verdicts))
 
+    def shortened(self) -> Iterator[tuple[str, float]]:
+        """Yield the names of passed expectations that wait for no decision, with the planned end of each in s."""
+        planned = self.scenario.duration if not (self.has_goals and self.is_pending) else None
+        for monitor, expected, verdict in zip(self.monitors, self.scenario.expect, self.verdicts(), strict=True):
+            until = min(expected.before, max(planned or self.scenario.time_limit, monitor.needed_until))
+            is_open = verdict.status == "passed" and not (monitor.over or monitor.monitor.is_decided)
+            if is_open and until > self.time + TIME_EPSILON_S:
+                yield expected.name, until
+
     def _decisive(self) -> list[Monitor]:
         pairs = zip(self.monitors, self.scenario.expect, strict=True)
         return [monitor for monitor, expected in pairs if expected.severity == "error"]
@@ -168,7 +179,7 @@ def _time_to_goal(earlier: Monitor, now: Monitor, passed: float) -> float:
 
 def _unbegun(expected: Expectation, verdict: Verdict) -> Verdict:
     """Return the verdict on an expectation; it names the event that it still waits for."""
-    if expected.after < math.inf:
+    if not waits(expected.after):
         return verdict
     return replace(verdict, message=f"never checked: event '{expected.since}' never happened")
 

@@ -19,6 +19,7 @@ from sim_action.core.records import dataclass, field, replace
 from sim_action.core.yaml_document import KeyPath
 from sim_action.scenario.model import Expectation, Scenario
 from sim_action.state.command import JointTargets
+from sim_action.state.timeline import is_late
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from sim_action.world import World
@@ -314,8 +315,8 @@ def unreached_events(scenario: Scenario, end: float) -> Iterator[tuple[KeyPath, 
         (("faults", index), f"faults[{index}] never began", fault.at) for index, fault in enumerate(scenario.faults)
     )
     for path, what, begins in (*_events(scenario.world), *wrenches, *faults):
-        # An infinite time is that of an event, which has a finding of its own.
-        if end <= begins < math.inf:
+        # An event that has not happened has a finding of its own.
+        if is_late(begins, end):
             yield path, f"{what}: it is due at {begins:g} s, but the run ended at {end:.4g} s"
 
 

@@ -6,18 +6,40 @@ transmission of commands and readings. Reports show all of them; the message of 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Final
 
 from sim_action.core.records import dataclass
 from sim_action.core.units import TIME_EPSILON_S, display
 from sim_action.core.wording import counted
+from sim_action.core.yaml_document import KeyPath
+from sim_action.core.yaml_errors import SpecProblems
 
 MAX_TIME_MARKS: Final = 200
 """The number of marks that the results of a run keep, the first ones."""
 
+NOT_YET: Final = math.inf
+"""The time of what waits for an event that has not happened."""
+
 # The number of marks that a message names.
 _MAX_NAMED: Final = 3
+
+
+def waits(time: float | None) -> bool:
+    """Return True for the time of what waits for an event."""
+    return time == NOT_YET
+
+
+def is_late(time: float | None, end: float) -> bool:
+    """Return True for a time that is stated, but not earlier than an end in s."""
+    return time is not None and end <= time and not waits(time)
+
+
+def late_problems(path: KeyPath, time: float | None, limit: float) -> SpecProblems:
+    """Yield a time of a scenario that is not earlier than its time limit in s."""
+    if is_late(time, limit):
+        yield path, f"{time:g} s is not earlier than time_limit ({limit:g} s)"
 
 
 @dataclass(frozen=True, slots=True)

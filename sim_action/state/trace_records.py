@@ -10,9 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.geometry import Twist, Vector3
-from sim_action.core.records import dataclass, field
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.readings import Reading
+
+ALWAYS: Final = (-math.inf, math.inf)
+"""The steps, or sim times, between which a body is there that never appears or disappears."""
 
 FRAME_RATE: Final = 30.0
 """The frame rate of replays in Hz, and of the poses of bodies."""
@@ -189,18 +192,20 @@ class ClearanceRecord:
         time: (N,) s, rising.
         distance: (N,) m, negative for an overlap.
         pair: (N,) the index into `pairs`.
+        presence: the times in s between which at least one of the bodies is there.
     """
 
     pairs: tuple[tuple[str, str], ...]
     time: NDArray[np.float64]
     distance: NDArray[np.float64]
     pair: NDArray[np.int64]
+    presence: tuple[tuple[float, float], ...] = (ALWAYS,)
 
     def __len__(self) -> int:
         return len(self.time)
 
     @classmethod
-    def of(cls, found: Sequence[Nearness]) -> Self:
+    def of(cls, found: Sequence[Nearness], presence: tuple[tuple[float, float], ...] = (ALWAYS,)) -> Self:
         """Return the record of these moments."""
         pairs = tuple(dict.fromkeys((one.link, one.body) for one in found))
         numbers = {pair: number for number, pair in enumerate(pairs)}
@@ -209,6 +214,7 @@ class ClearanceRecord:
             np.array([one.time for one in found], dtype=np.float64),
             np.array([one.distance for one in found], dtype=np.float64),
             np.array([numbers[one.link, one.body] for one in found], dtype=np.int64),
+            presence,
         )
 
     @classmethod
@@ -221,6 +227,8 @@ class ClearanceRecord:
             np.concatenate([record.time for record in records]),
             np.concatenate([record.distance for record in records]),
             np.concatenate([place[record.pair] for place, record in zip(places, records, strict=True)]),
+            # Events set times that the earlier ones could not know.
+            records[-1].presence,
         )
 
     def between(self, start: float, end: float) -> Self:
@@ -230,7 +238,14 @@ class ClearanceRecord:
 
     def rows(self, wanted: slice | NDArray[np.intp]) -> Self:
         """Return some of the moments."""
-        return type(self)(self.pairs, self.time[wanted], self.distance[wanted], self.pair[wanted])
+        return replace(self, time=self.time[wanted], distance=self.distance[wanted], pair=self.pair[wanted])
+
+    def there(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return those of some times in s at which a body is there."""
+        if self.presence == (ALWAYS,):
+            return time
+        spans = [(time >= first - TIME_EPSILON_S) & (time < gone - TIME_EPSILON_S) for first, gone in self.presence]
+        return time[np.logical_or.reduce(spans)]
 
     @property
     def is_whole(self) -> bool:

@@ -14,7 +14,7 @@ from sim_action.state.observation import Contact, SelfContact
 from sim_action.state.timeline import TimeMark
 from sim_action.state.trace import COLUMNS, Trace
 from sim_action.state.trace_channels import ClearanceWatch
-from sim_action.state.trace_records import BodyRecord, ClearanceRecord, ContactRecord, SensorRecord
+from sim_action.state.trace_records import ALWAYS, BodyRecord, ClearanceRecord, ContactRecord, SensorRecord
 
 _BODY_COLUMNS: Final = ("time", "position_xyz", "orientation_xyzw")
 _LINK_CONTACT_COLUMNS: Final = ("time", "body", "position_xyz", "normal_xyz", "force")
@@ -143,6 +143,8 @@ def _clearance_arrays(clearances: Mapping[ClearanceWatch, ClearanceRecord]) -> d
         start = f"clearance_{index}_"
         arrays |= {f"{start}{name}": getattr(record, name) for name in _CLEARANCE_COLUMNS}
         arrays[f"{start}pairs"] = np.array(record.pairs, dtype=np.str_).reshape(-1, 2)
+        if record.presence != (ALWAYS,):
+            arrays[f"{start}presence"] = np.array(record.presence, dtype=np.float64)
         arrays[f"{start}range"] = np.array((watch.within, watch.always), dtype=np.float64)
         named = {"links": watch.links, "bodies": watch.bodies}
         arrays |= {f"{start}{kind}": np.array(names, np.str_) for kind, names in named.items() if names is not None}
@@ -160,7 +162,10 @@ def _clearance_records(stored: Mapping[str, Any]) -> dict[ClearanceWatch, Cleara
         )
         within, always = stored[f"{start}range"].tolist()
         pairs = tuple((link, body) for link, body in stored[f"{start}pairs"].tolist())
-        record = ClearanceRecord(pairs, *(stored[f"{start}{name}"] for name in _CLEARANCE_COLUMNS))
+        spans = stored[f"{start}presence"].tolist() if f"{start}presence" in stored else [ALWAYS]
+        presence = tuple((first, gone) for first, gone in spans)
+        time, distance, pair = (stored[f"{start}{name}"] for name in _CLEARANCE_COLUMNS)
+        record = ClearanceRecord(pairs, time, distance, pair, presence)
         if not record.is_whole:
             raise ValueError(f"the columns of '{start}' have different lengths")
         records[ClearanceWatch(links, bodies, within, bool(always))] = record

@@ -78,7 +78,7 @@ def test_it_reads_its_own_channel_alone() -> None:
     never = monitor(spec).observe(seen()).verdict()
     assert never.judged == Judged()
     assert never.message == (
-        "no distance to wall, ball was measured: it never appeared, or no link of the robot has a collision shape"
+        "no distance to wall, ball was measured: it was not there, or no link of the robot has a collision shape"
     )
     assert not judged(spec, seen(watch=watch)).passed
 

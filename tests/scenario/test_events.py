@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from sim_action.core.errors import RunError
 from sim_action.core.field_types import Placement
 from sim_action.simulation.loop import SimulationRun
+from sim_action.state.verdict import Judged
 from sim_action.world import PathPoint
 from sim_action.world.body_path import Pace, PosePath
 from tests.scenarios import told
@@ -151,6 +152,66 @@ def test_a_run_ends_with_an_event_as_with_its_time_limit(tmp_path: Path, engine:
     found, time = with_event(tmp_path, ["end"], expect=["upright"], backend=engine)
     short = run(tmp_path, expect=["upright"], duration=time, time_limit=time, backend=engine)
     assert (found.end, found.sim_time, found.digest) == ("event", time, short.digest)
+
+
+def test_a_run_that_an_event_ends_says_what_it_watched_for_a_shorter_time(tmp_path: Path) -> None:
+    """Not what a deadline, a goal, or the interval of a formula had decided before."""
+    names = ["level", "calm", "there", "near"]
+    several: list[dict[str, Any]] = [
+        {"upright": {}},
+        {"max_speed": {"linear": 1}, "after": "0.2 s"},
+        {"final_pose": {"x": 0.15, "y": 0}},
+        {"stl": "always (x < 1 m)"},
+    ]
+    shorter = [{**each, "name": name} for each, name in zip(several, names, strict=True)]
+    others = [
+        {"max_speed": {"linear": 1}, "before": "0.3 s"},
+        {"travel": {"at_least": "0.01 m"}},
+        {"stl": "always[0 s, 0.3 s] (x < 1 m)"},
+        {"stl": "eventually (x > 0.1 m)"},
+    ]
+    events = [{**PASSES, "do": ["end"]}]
+    found = run(tmp_path, events=events, expect=[*shorter, *others], duration="2 s")
+    assert {verdict.status for verdict in found.verdicts} == {"passed"}
+    (note,) = (note for note in found.notes if "event" in note)
+    end = f"{found.sim_time:.4g} s"
+    shown = ", ".join(f"'{name}'" for name in names)
+    assert note == f"event 'passes' ended the run at {end}, so these were judged until then and not until 2 s: {shown}"
+    deadline = run(tmp_path, events=events, expect=[{"upright": {}, "before": "1.5 s", "name": "level"}])
+    assert any(note.endswith("not until 1.5 s: 'level'") for note in deadline.notes)
+    failed = run(tmp_path, events=events, expect=[{"max_speed": {"linear": 0.01}}])
+    assert not [note for note in failed.notes if "ended the run" in note]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_body_that_is_gone_is_no_evidence(tmp_path: Path, engine: str) -> None:
+    """A distance is judged as long as one of its bodies is there, whether a time or an event removes it."""
+    clear: dict[str, Any] = {"clearance": {"to": ["crate"], "at_least": "0.1 m"}}
+    several = {"clearance": {"to": ["crate", "cart"], "at_least": "0.1 m"}}
+    never = {"not": {"clearance": {"to": ["crate"], "at_most": "0.1 m"}}}
+    keys: dict[str, Any] = {"expect": [clear, several, never, clear | {"after": "1 s"}], "backend": engine}
+    events = [{"when": {"at": "0.5 s"}, "do": [{"remove": "crate"}]}]
+    by_event = run(tmp_path, world={"objects": [CRATE, CART]}, events=events, **keys)
+    stated = run(tmp_path, world={"objects": [{**CRATE, "disappears": "0.5 s"}, CART]}, **keys)
+    assert by_event.verdicts == stated.verdicts
+    least, either, lasting, late = by_event.verdicts
+    assert [verdict.status for verdict in by_event.verdicts] == ["passed", "passed", "passed", "not_exercised"]
+    assert least.judged == Judged(119, 1 / 240, 119 / 240)
+    assert (either.judged, lasting.judged) == (Judged(480, 1 / 240, 2.0), Judged(119, 1 / 240, 119 / 240))
+    assert "it was not there" in late.message
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_run_does_not_wait_for_a_body_that_an_event_lets_appear(tmp_path: Path, engine: str) -> None:
+    events = [{**PASSES, "do": [{"appear": "crate"}]}]
+    expect = [{"travel": {"at_least": "0.3 m"}}, {"object": {"name": "crate", "moved": {"at_most": "1 m"}}}]
+    keys: dict[str, Any] = {"expect": expect, "duration": None, "world": {"objects": [CRATE]}, "backend": engine}
+    found = run(tmp_path, events=events, **keys)
+    assert (found.end, [verdict.status for verdict in found.verdicts]) == ("goals met", ["passed"] * 2)
+    never = run(tmp_path, events=[{**events[0], "when": {"stl": "x > 9 m"}}], **keys)
+    message = "crate never appeared: it waits for an event, but the run ended at "
+    assert (never.end, never.verdicts[1].status) == ("goals met", "not_exercised")
+    assert never.verdicts[1].message.startswith(message)
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,7 +30,7 @@ NEAR = [
     Nearness(0.3, -0.01, "base", "wall"),
     Nearness(0.4, -0.02, "base", "post"),
 ]
-RECORD = ClearanceRecord.of(NEAR)
+RECORD = ClearanceRecord.of(NEAR, ((0.1, 0.25), (0.3, math.inf)))
 WATCHES = (ClearanceWatch(), ClearanceWatch(links=("base",), bodies=("wall", "post"), within=0.5, always=True))
 
 
@@ -68,6 +69,7 @@ def test_a_trace_cuts_joins_and_stores_them(tmp_path: Path) -> None:
     stored = load_trace(tmp_path / "t.npz")
     assert list(stored.clearances) == list(WATCHES)
     assert [told(record) for record in stored.clearances.values()] == [NEAR, NEAR]
+    assert {record.presence for record in stored.clearances.values()} == {RECORD.presence}
 
 
 def test_a_file_whose_columns_do_not_fit_is_no_trace(tmp_path: Path) -> None:

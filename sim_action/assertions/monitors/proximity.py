@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Final
 
 from sim_action.assertions.monitors import Truth
 from sim_action.core import units
 from sim_action.core.lazy_numpy import np
+from sim_action.core.units import TIME_EPSILON_S
 
 if TYPE_CHECKING:
     from sim_action.state.observation import Contact
@@ -29,18 +29,18 @@ def recorded(trace: Trace, *watches: ClearanceWatch) -> ClearanceRecord:
     """Return all moments that several watches of the same bodies recorded."""
     from sim_action.state.trace_records import ClearanceRecord  # `validate` does without it
 
-    records = [trace.clearances[watch] for watch in watches if len(trace.clearances.get(watch, ()))]
+    records = [trace.clearances[watch] for watch in watches if watch in trace.clearances]
     if len(records) < 2:
         return records[0] if records else ClearanceRecord.of(())
     joined = ClearanceRecord.concatenate(records)
     return joined.rows(np.unique(joined.time, return_index=True)[1])
 
 
-def distances_known(trace: Trace, record: ClearanceRecord, known: bool) -> Trace:
-    """Return the steps at which there is a distance: all if it is `known` before, else from the first record on."""
+def distances_known(trace: Trace, record: ClearanceRecord, known: bool) -> FloatArray:
+    """Return the times in s of the steps at which a body is there, from the first distance on if none is `known`."""
     if known:
-        return trace
-    return trace.between(float(record.time[0]), math.inf) if len(record) else trace.rows(slice(0))
+        return record.there(trace.time)
+    return record.there(trace.time[trace.time >= record.time[0] - TIME_EPSILON_S] if len(record) else trace.time[:0])
 
 
 def distances(trace: Trace, *watches: ClearanceWatch) -> tuple[FloatArray, FloatArray]:

@@ -15,6 +15,7 @@ from sim_action.assertions.monitors.goals import Goal
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
+from sim_action.state.timeline import waits
 from sim_action.state.verdict import Judged, Signal
 
 if TYPE_CHECKING:
@@ -57,8 +58,7 @@ class Window(Monitor):
     @property
     def needed_until(self) -> float:
         """See Monitor.needed_until. Nothing is needed after the window, or if no later step can matter."""
-        if self.after == math.inf:
-            # It waits for an event.
+        if waits(self.after):
             return 0.0
         if self.over or self.monitor.is_decided:
             return self.after

@@ -139,7 +139,7 @@ class PyBulletEngine(LoadedRobot, Engine):
 
     @override
     def follow(self, world: World, time: float) -> None:
-        self._clearances.open_at(time)
+        self._clearances.follow(world, time)
         if self._events is not None:
             self._events.follow(world)
             self._recorders.follow(world)

@@ -146,7 +146,7 @@ def controller_of(nodes: DrivenNodes) -> ClosedLoop:
         repeats=True,
         transcript=nodes.transcript,
         not_reproducible=nodes.not_reproducible,
-        logged_errors=nodes.logged_errors,
+        logged_errors=nodes.errors.messages,
         why_silent=nodes.why_silent,
     )
 
@@ -212,8 +212,7 @@ class DrivenNodes:
         self.space, self.seconds, self.topics = spec.space, -1 / rate, set[str]()
         self.listeners, self._inbox = list[int](), list[tuple[int, Message]]()
         self._largest: dict[str, int] = {}
-        self._errors = LoggedErrors(scene.workspace.root)
-        self.logged_errors = self._errors.messages
+        self.errors = LoggedErrors(scene.workspace.root)
         self.has_heard, self._finished = False, dict[int | str, str]()
         self._misfits = list[str]()
         self._session, self._bridge, self._group = session, session.bridge, group
@@ -328,7 +327,10 @@ class DrivenNodes:
         """Take the errors that nodes of any robot logged until a sim time in s; None: it has not begun."""
         for number, message in received:
             if number == self._log:
-                self._errors.take(message, seconds)
+                # The logger of the node /robot2/driver is robot2.driver.
+                node = f"/{message['name']}/".replace(".", "/")
+                spaces = [len(each.space) * node.startswith(f"{each.space}/") for each in self._session.robots]
+                self._session.robots[spaces.index(max(spaces))].errors.take(message, seconds)
 
     def _admit_new_nodes(self) -> None:
         while new := self._group.new_nodes():

@@ -16,6 +16,7 @@ from sim_action.core.records import replace
 from sim_action.robot.model.kinematics import link_poses, robot_box, shape_box
 from sim_action.runner.mutation.mutant import Mutant, Original, lengths
 from sim_action.scenario.model import DrivenActor
+from sim_action.state.timeline import NOT_YET
 from sim_action.world import Body, Disturbance, World
 from sim_action.world.body import placed
 from sim_action.world.parts import lowest
@@ -167,7 +168,7 @@ def uneventful(original: Original) -> Iterator[Mutant]:
     """Yield a mutant in which each of the first events never happens."""
     events = original.scenario.events
     for event in events[:MOST_EVENTS]:
-        never = replace(event, when=replace(event.when, assertion=None, at=math.inf, event=""))
+        never = replace(event, when=replace(event.when, assertion=None, at=NOT_YET, event=""))
         others = tuple(never if each is event else each for each in events)
         changed = original.scenario.model_copy(update={"events": others})
         yield original.changed("uneventful", event.name, f"the event '{event.name}' never happens", changed)
