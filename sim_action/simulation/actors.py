@@ -6,11 +6,9 @@ others have planned, and hands all targets to the engine together.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from itertools import chain
-from typing import Final
+from itertools import chain, combinations
 
 import numpy as np
 from typing_extensions import override
@@ -21,7 +19,7 @@ from sim_action.engines.engine import Engine, RobotQueries
 from sim_action.robot.model.link_motion import link_motion
 from sim_action.scenario.model import DrivenActor, Scenario
 from sim_action.simulation.controllers import Controls
-from sim_action.simulation.guards import NO_BODIES, Guard, Tunnelling, Watchdog
+from sim_action.simulation.guards import Guard, Tunnelling, Watchdog
 from sim_action.simulation.sensors import Sensing
 from sim_action.simulation.start_checks import about_drive, drive_of
 from sim_action.state.command import JointTargets
@@ -40,26 +38,16 @@ def prepared(scenario: Scenario, scene: Scene) -> Scene:
     return replace(scene, actors=actors)
 
 
-_NO_POSES: Final = np.empty((1, 0, 7))
-
-
-def _unmoved(scene: Scene) -> Scene:
-    """Return a scene with the fixed bodies alone."""
-    fixed = tuple(body for body in scene.world.objects if body.mass is None and not body.path)
-    return replace(scene, world=scene.world.model_copy(update={"objects": fixed}))
-
-
 class _Actor:
     """One of the other robots.
 
     Attributes:
         until: the step until which its targets are planned.
+        tunnelling: its watch for missed contacts, from t = 0 on.
         events: of the scenario, with what they start and stop of it.
     """
 
-    def __init__(
-        self, spec: DrivenActor, scenario: Scenario, scene: Scene, robot: RobotQueries, *, solid_terrain: bool
-    ) -> None:
+    def __init__(self, spec: DrivenActor, scenario: Scenario, scene: Scene, robot: RobotQueries) -> None:
         self.name, self.scene, self.robot, self.until = spec.name, scene, robot, 0
         own = scenario.as_seen_by(spec)
         drive = drive_of(own, scene)
@@ -67,28 +55,23 @@ class _Actor:
         self.controls, self.events = Controls(own, scene, motion), own.events
         heard, more = self.controls.are_watching, self.controls.sensors
         self.sensing = Sensing(own, scene, robot, heard=heard, more=more)
-        self._watchdog = Watchdog.of(scene, robot.observe(0, contacts=False))
-        self._guards = [*self._guards_from_now(solid_terrain=solid_terrain)]
+        self._guards: list[Guard] = [Watchdog.of(scene, robot.observe(0, contacts=False))]
         self._about = tuple(about_drive(own, scene, drive))
         self._first, self._rows = 0, list[JointTargets | None]()
 
-    def _guards_from_now(self, *, solid_terrain: bool) -> Iterator[Guard]:
+    def begin(self, bodies: FloatArray, *, solid_terrain: bool) -> None:
+        """Take the poses (M, 7) of the bodies with a mass at t = 0."""
         start = self.robot.observe(0, contacts=False)
-        yield Tunnelling(_unmoved(self.scene), start, _NO_POSES[0], solid_terrain=solid_terrain)
+        self.tunnelling = Tunnelling(self.scene, start, bodies, solid_terrain=solid_terrain, links_only=True)
+        self._guards.append(self.tunnelling)
         if any(body.path for body in self.scene.world.objects):
             from sim_action.simulation.bodies_on_paths import Pinning  # few worlds have bodies on paths
 
-            yield Pinning(self.scene, start.twist.linear_xyz)
+            self._guards.append(Pinning(self.scene, start.twist.linear_xyz))
 
-    def forget(self, *, solid_terrain: bool) -> None:
-        """Drop the states before t = 0."""
-        self.robot.collect()
-        self._guards = [*self._guards_from_now(solid_terrain=solid_terrain)]
-
-    def watch(self, trace: Trace) -> tuple[Trace, RunError | None]:
+    def watch(self, trace: Trace, bodies: FloatArray) -> tuple[Trace, RunError | None]:
         """Return the moments before the first one that can have no verdict, and its error."""
-        trace, error = self._watchdog.watch(trace)
-        bodies = np.broadcast_to(_NO_POSES, (len(trace), 0, 7))
+        error = None
         for guard in self._guards:
             trace, earlier = guard.watch(trace, bodies)
             error = earlier or error
@@ -96,9 +79,8 @@ class _Actor:
 
     def follow(self, scene: Scene) -> None:
         """Take a scene that states the times of what has happened in the world since t = 0."""
-        seen = _unmoved(replace(self.scene, world=scene.world))
         for guard in self._guards:
-            guard.follow(seen)
+            guard.follow(replace(self.scene, world=scene.world))
 
     def plan(self, step: int, end: int) -> None:
         """Plan targets from a step on, if there are none yet, until its next tick or step `end`."""
@@ -125,7 +107,7 @@ class _Actor:
 
 
 class Actors(Guard):
-    """All other robots of a run; as a guard, it ends a run in which one explodes, or passes through a fixed body."""
+    """All other robots of a run; as a guard, it ends a run in which one explodes, or passes through something."""
 
     def __init__(
         self, scenario: Scenario, scene: Scene, backend: Engine, *, judged: Collection[str], filmed: bool
@@ -138,19 +120,15 @@ class Actors(Guard):
         self._rate, self._frames, self._filmed = scenario.physics.rate, scene.frames, filmed
         self._solid_terrain = backend.solid_terrain
         self._links = [name for name in self._frames if "/" in name]
-        # Steps that were collected; the number of the first one that has no verdict, and why.
-        self._passed = 0
-        self._failed: tuple[float, RunError | None] = math.inf, None
+        # The moments that no guard has seen yet.
+        self._unseen: dict[str, list[Trace]] = {name: [] for name in scene.actors}
         self._film: dict[str, list[Trace]] = {name: [] for name in scene.actors}
         self._judged = [name for name in sorted(judged) if name in self._frames]
         self._actors: list[_Actor] = []
         with ExitStack() as opened:
             for index, spec in enumerate(scenario.world.actors):
                 with _of_actor(index, spec.name):
-                    actor = _Actor(
-                        *(spec, scenario, scene.actors[spec.name], backend.actors[spec.name]),
-                        solid_terrain=backend.solid_terrain,
-                    )
+                    actor = _Actor(spec, scenario, scene.actors[spec.name], backend.actors[spec.name])
                 opened.enter_context(closing(actor.controls))
                 self._actors.append(actor)
             self._opened = opened.pop_all()
@@ -193,15 +171,8 @@ class Actors(Guard):
     def seen_with(self, trace: Trace) -> Trace:
         """Return the trace since the last call with the poses of the robots."""
         traces = {actor.name: actor.robot.collect() for actor in self._actors}
-        for index, actor in enumerate(self._actors):
-            seen, missed = actor.watch(traces[actor.name])
-            if missed is not None and len(seen) < self._failed[0] - self._passed:
-                keys = missed.keys
-                if keys and keys[0] == "robot":
-                    keys = ("world", "actors", index, *keys[1:])
-                error = type(missed)(f"'{actor.name}': {missed}", keys=keys)
-                self._failed = self._passed + len(seen), error
-        self._passed += len(trace)
+        for name, unseen in self._unseen.items():
+            unseen.append(traces[name])
         objects = dict(self._records(traces, self._judged))
         shown = self._frames_of(traces) if self._filmed else {}
         for name, moments in shown.items():
@@ -210,17 +181,34 @@ class Actors(Guard):
         return replace(trace, objects={**trace.objects, **objects}, bodies={**trace.bodies, **film})
 
     @override
-    def watch(self, trace: Trace, bodies: FloatArray = NO_BODIES) -> tuple[Trace, RunError | None]:
-        first, error = self._failed
-        if error is None:
-            return trace, None
-        left = len(trace) - self._passed + int(first)
-        return (trace.first(left) if left > 0 else trace.rows(slice(0))), error
+    def watch(self, trace: Trace, bodies: FloatArray) -> tuple[Trace, RunError | None]:
+        error: RunError | None = None
+        for index, actor in enumerate(self._actors):
+            unseen, self._unseen[actor.name] = self._unseen[actor.name], []
+            seen, missed = actor.watch(Trace.concatenate(unseen), bodies)
+            if missed is not None and len(seen) < len(trace):
+                trace = trace.first(len(seen)) if len(seen) else trace.rows(slice(0))
+                keys = missed.keys
+                if keys and keys[0] == "robot":
+                    keys = ("world", "actors", index, *keys[1:])
+                error = type(missed)(f"'{actor.name}': {missed}", keys=keys)
+        watches = [("", self._ego), *((actor.name, actor.tunnelling) for actor in self._actors)]
+        for (name, one), (other, met) in combinations(watches, 2):
+            trace, missed = one.met(met, other, trace)
+            if missed is not None:
+                error = type(missed)(f"'{name}': {missed}", keys=missed.keys) if name else missed
+        return trace, error
 
     def forget(self) -> None:
         """Drop the states before t = 0."""
         for actor in self._actors:
-            actor.forget(solid_terrain=self._solid_terrain)
+            actor.robot.collect()
+
+    def begin(self, bodies: FloatArray, ego: Tunnelling) -> None:
+        """Take the poses (M, 7) of the bodies with a mass at t = 0, and the watch of the robot under test."""
+        self._ego = ego
+        for actor in self._actors:
+            actor.begin(bodies, solid_terrain=self._solid_terrain)
 
     @override
     def follow(self, scene: Scene) -> None:

@@ -71,8 +71,9 @@ class Parts:
         movers: the others; the `heavy` ones, with a mass, come first.
     """
 
-    def __init__(self, scene: Scene, *, solid_terrain: bool) -> None:
-        self.scene, self.solid_terrain = scene, solid_terrain
+    def __init__(self, scene: Scene, *, solid_terrain: bool, links_only: bool = False) -> None:
+        """Measure all parts; `links_only`: pairs of bodies are left to the watch of another robot."""
+        self.scene, self.solid_terrain, self._links_only = scene, solid_terrain, links_only
         links = [link for link in scene.model.links if link.collisions]
         factors = motion_factors(scene.model, {link.name: max(map(_shape_reach, link.collisions)) for link in links})
         columns, bolted = 2 + len(scene.model.moving_joints), scene.bolted_links
@@ -99,7 +100,10 @@ class Parts:
         """
         joints = self._ways.shape[1] - 2
         ways = self._paths - self._mover_widths
-        widest = np.array([np.append(ways, -self._thickness if free else -math.inf).max() for free in self._free])
+        # A link that meets those of other robots may not move by more than its own width.
+        least = 0.0 if self.scene.actors else -math.inf
+        obstacles = (np.append(ways, -self._thickness if free else -math.inf) for free in self._free)
+        widest = np.array([margins.max(initial=least) for margins in obstacles])
         budgets = (self._widths - widest) * self.scene.physics.rate
         if self.heavy or (budgets <= 0).any():
             return np.full(6 + 2 * joints, -1.0)
@@ -111,22 +115,31 @@ class Parts:
 
     def fast_pairs(self, block: Block) -> list[tuple[int, int]]:
         """Return the pairs of a part and an obstacle, `FIXED` or a mover, that may pass through each other."""
-        peaks = np.abs(block.trace.state[:, 8:]).max(axis=0).tolist()
-        joints = (len(peaks) - 6) // 3
-        speeds = (math.hypot(*peaks[:3]), math.hypot(*peaks[3:6]), *peaks[6 + joints : 6 + 2 * joints])
-        # Width minus motion; the sum of two that meet is negative if one may pass through the other.
-        spare = self._widths - self._ways @ speeds / self.scene.physics.rate
+        spare = self.spare(block.trace)
         found = [(link, FIXED) for link in np.flatnonzero((spare < -self._thickness) & self._free).tolist()]
         if not self.movers:
             return found
         first = len(self.links)
         spares = self._mover_widths - self._mover_ways(block)
         heavy = spares[: self.heavy]
-        found += [(first + mover, FIXED) for mover in np.flatnonzero(heavy < -self._thickness).tolist()]
+        if not self._links_only:
+            found += [(first + mover, FIXED) for mover in np.flatnonzero(heavy < -self._thickness).tolist()]
         for number in range(len(self.movers)):
             found += [(link, number) for link in np.flatnonzero(spare < -spares[number]).tolist()]
+            if self._links_only:
+                continue
             found += [(first + other, number) for other in np.flatnonzero(heavy[:number] < -spares[number]).tolist()]
         return found
+
+    def spare(self, trace: Trace) -> FloatArray:
+        """Return (L,) m, the width of each link minus its greatest motion in a step.
+
+        The sum of two that meet is negative if one may pass through the other.
+        """
+        peaks = np.abs(trace.state[:, 8:]).max(axis=0).tolist()
+        joints = (len(peaks) - 6) // 3
+        speeds = (math.hypot(*peaks[:3]), math.hypot(*peaks[3:6]), *peaks[6 + joints : 6 + 2 * joints])
+        return np.asarray(self._widths - self._ways @ speeds / self.scene.physics.rate, dtype=np.float64)
 
     def _mover_ways(self, block: Block) -> FloatArray:
         """Return upper bounds (M,) in m on the motion of any point of each mover in a step."""

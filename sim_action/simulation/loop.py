@@ -214,7 +214,6 @@ class _Loop:
 
                 self._actors = Actors(scenario, scene, backend, judged=channels.objects, filmed=footage.is_filmed)
                 opened.enter_context(closing(self._actors))
-                self._guards.append(self._actors)
             self._opened = opened.pop_all()
 
     def run(self, progress: Progress) -> SimulationRun:
@@ -539,8 +538,12 @@ class _Loop:
     def _guards_from(self, start: Observation, placed: FloatArray) -> Iterator[Guard]:
         """Yield the guards of a run that starts with this observation and these poses of bodies."""
         scene, objects = self._scene, self._scene.world.objects
-        if objects:
-            yield Tunnelling(scene, start, placed, solid_terrain=self._backend.solid_terrain)
+        tunnelling = Tunnelling(scene, start, placed, solid_terrain=self._backend.solid_terrain)
+        if objects or self._actors:
+            yield tunnelling
+        if self._actors:
+            self._actors.begin(placed, tunnelling)
+            yield self._actors
         is_crossed = any(body.path for body in objects)
         if is_crossed:
             # Few worlds have bodies on paths.

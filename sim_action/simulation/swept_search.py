@@ -86,6 +86,15 @@ class SweptSearch:
                 best, end = miss, miss.row
         return best
 
+    def links(self, block: Block, numbers: Iterable[int], robot: str) -> Mapping[int, tuple[_Motion, Obstacle | None]]:
+        """Return link -> its motion, and the link as an obstacle for another robot; None if it has no pieces."""
+        frames = self._link_frames(block)
+        return {link: (self._motion(block, frames, link), self._link_obstacle(link, robot)) for link in numbers}
+
+    def _link_obstacle(self, link: int, robot: str) -> Obstacle | None:
+        name, pieces = f"{robot}/{self._parts.links[link]}", self._pieces_of(link)
+        return Obstacle.of([(name, ALWAYS, Pose(), pieces, ())]) if pieces else None
+
     def _motion(self, block: Block, frames: Mapping[str, Frames], part: int) -> _Motion:
         """Return the motion of a link or mover."""
         links = self._parts.links
@@ -140,6 +149,23 @@ class SweptSearch:
                 found.append((body.name, there, pose, tuple(part_pieces(parts)), tuple(soups)))
             self._obstacles[number] = Obstacle.of(found)
         return self._obstacles[number]
+
+
+def first_meeting(
+    robots: Sequence[SweptSearch], blocks: Sequence[Block], pairs: Sequence[tuple[int, int]], name: str
+) -> Miss | None:
+    """Return the first missed contact of pairs of links of two robots; `name`: of the second one."""
+    ours, theirs = (
+        robot.links(block, {pair[side] for pair in pairs}, name)
+        for side, (robot, block) in enumerate(zip(robots, blocks, strict=True))
+    )
+    best, end = None, len(blocks[0].trace)
+    for link, against in pairs:
+        motion, obstacle = theirs[against]
+        if obstacle is not None:
+            miss = _Search(ours[link][0].seen_from(motion), obstacle, 0, is_body=False).first_miss(end)
+            best, end = (best, end) if miss is None else (miss, miss.row)
+    return best
 
 
 def _is_driven(block: Block) -> _Known:

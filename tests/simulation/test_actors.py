@@ -166,6 +166,31 @@ def test_a_robot_that_passes_through_a_wall_is_named(tmp_path: Path, engine: str
         run(tmp_path, text.replace("\nexpect", f"{wall}\n{push}\nexpect"))
 
 
+CRATE = "  objects: [{name: crate, box: [0.1, 0.1, 0.1], pose: {x: 1.5}, mass: 1}]\n"
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    ("pushed", "who", "through"),
+    [
+        ("{body: oncoming, velocity: [-60, 0, 0]}", "link", "oncoming/"),
+        ("{body: oncoming, velocity: [60, 0, 0]}", "'oncoming': link", "third/"),
+        ("{velocity: [60, 0, 0]}", "link", "oncoming/"),
+        ("{body: oncoming, velocity: [-60, 0, 0]}", "'oncoming': link", "crate"),
+    ],
+)
+def test_robots_that_pass_through_each_other_are_named(
+    tmp_path: Path, engine: str, pushed: str, who: str, through: str
+) -> None:
+    """Half a metre in a step, from one side of the other robot to the other."""
+    push = f"  disturbances: [{pushed.replace('{', '{at: 0.1 s, ')}]\nphysics: {{rate: 120 Hz, max_turn_rate: 9000}}"
+    actors = f"{actor(x=2.25, commands='')}, {actor('third', 4.5, commands='')}"
+    text = written(actors, "[upright]", engine=engine, commands="")
+    world = f"{CRATE if through == 'crate' else ''}{push}"
+    with pytest.raises(MissedContact, match=rf"^{who} '\w+' passed through body '{through}\w*' without a contact"):
+        run(tmp_path, text.replace("\nexpect", f"{world}\nexpect"))
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_robot_that_starts_inside_another_is_refused(tmp_path: Path, engine: str) -> None:
     inside = actor("inner", 0.05)
