@@ -156,10 +156,7 @@ def _has_three_each(command: Twist | LinkWrench) -> bool:
 
 
 class Saturation:
-    """Clips efforts and velocities to the limits of a model, and adds one note per joint and quantity.
-
-    `notes`: notes for the user.
-    """
+    """Clips efforts and velocities to limits of a model, with one note in `notes` per joint and quantity."""
 
     def __init__(self, model: RobotModel, source: str) -> None:
         self.notes: list[str] = []

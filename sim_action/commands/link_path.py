@@ -168,10 +168,7 @@ class Plan:
 
 
 def along(path: LinkPath, leg: Leg, samples: Sequence[Values]) -> tuple[FloatArray, ...]:
-    """Return shares (K,), times (K,) in s, and positions, velocities and accelerations (K, J) of the joints on a leg.
-
-    :param samples: the joint positions at equal distances from the origin to the goal of the leg.
-    """
+    """Return shares and times (K,) in s, and (K, J) positions, velocities, accelerations of joints on a leg."""
     blend, half = path.shares(leg), min(RAMP_S, leg.end - leg.start) / 2
     times = np.unique(np.concatenate((blend.times, np.linspace(leg.start, leg.end, len(samples)))))
     early, late = (0.0 if rests else half for rests in leg.rests)
@@ -193,10 +190,7 @@ class Follower:
     rate: float  # ticks per second
 
     def plan(self, path: LinkPath, base: Pose, start: Values) -> Plan:
-        """Return the joint positions along a path. Raises Blocked.
-
-        :param base: the pose of the base in the frame of the path.
-        """
+        """Return the joint positions along a path, from the pose of the base in its frame. Raises Blocked."""
         to_base = geometry.inverse(base)
         samples = []
         values = start
@@ -212,10 +206,7 @@ class Follower:
         return Plan(path, start, tuple(samples))
 
     def follow(self, path: LinkPath, tick: int, base: Pose, values: Values) -> Values:
-        """Return the joint positions at a tick, from those at the tick before it. Raises Blocked.
-
-        :param base: the pose of the base in the frame of the path.
-        """
+        """Return the joint positions at a tick after those before it; `base`: its pose for the path. Raises Blocked."""
         to_base = geometry.inverse(base)
         start, end = (tick - 1) / self.rate, tick / self.rate
         way = distances(self.chain.pose(values), geometry.compose(to_base, path.pose(end)))
@@ -235,10 +226,7 @@ class Follower:
         return max(1, math.ceil(distance / longest), math.ceil(angle / widest) if self.turns else 1)
 
     def _reached(self, leg: Leg, share: float, target: Target, values: Values, *, slack: int = 0) -> Values:
-        """Return the joint positions at a pose of a leg, from those at a pose near it. Raises Blocked.
-
-        :param slack: 1 if the link may be a little off.
-        """
+        """Return the joint positions at a pose near a known one; `slack` 1: a little off will do. Raises Blocked."""
         pose, to_base = target
         wanted = geometry.compose(to_base, pose)
         found = reach(self.chain, wanted, values, turns=self.turns)
@@ -305,10 +293,7 @@ def miss(nearest: Solution, to_base: Pose) -> str:
 
 
 def unreachable(follower: Follower, goals: Iterable[Pose], base: Pose, start: Values) -> Iterator[tuple[int, str]]:
-    """Yield the index of each waypoint that no joint positions reach, and a message.
-
-    :param base: the pose of the base in the frame of the goals.
-    """
+    """Yield the index of each waypoint that no joint positions reach, and a message; `base`: pose for the goals."""
     values, to_base = start, geometry.inverse(base)
     for index, goal in enumerate(goals):
         found = search(follower.chain, geometry.compose(to_base, goal), values, turns=follower.turns)

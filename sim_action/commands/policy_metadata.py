@@ -62,10 +62,7 @@ class Stated:
 
 
 def stated_in(metadata: Mapping[str, str], order: tuple[str, ...] | None = None) -> Stated:
-    """Return what the texts of a network state. Raise NetworkProblem for a text that cannot be read.
-
-    :param order: the joints of the scenario; mjlab states some numbers for joints with a motor alone, without names.
-    """
+    """Return what the texts of a network state; `order`: of joints, for unnamed numbers. Raise NetworkProblem."""
     joints, names = (tuple(_items(metadata, key)) for key in ("joint_names", "observation_names"))
     numbers = {
         name: tuple(_number(name, each) for each in _items(metadata, name)) for name in _ACTION_KEYS.values() if joints
@@ -148,10 +145,7 @@ def _entry(name: str, text: str) -> tuple[float, ...]:
 def contradictions(
     stated: Stated, layout: Layout, action: PolicyAction | None, terms: Sequence[Term], frames: Callable[[Term], int]
 ) -> SpecProblems:
-    """Yield keys of a scenario that differ from what the network states, with both values.
-
-    :param frames: the number of observations of a term.
-    """
+    """Yield keys of a scenario that differ from the network's, with both values; `frames`: of a term."""
     if stated.joints and stated.joints != layout.joints:
         yield ("order",), f"the network states the joints {_few(stated.joints)}, and the scenario {_few(layout.joints)}"
         return

@@ -36,10 +36,7 @@ _ALL_SYMBOLS: Final = "".join(display.symbol for display in (*STATUS_DISPLAYS.va
 
 
 class Console:
-    """A stream for lines whose parts have styles; no text acts as markup or as a control sequence.
-
-    `encoding`: the encoding of the stream.
-    """
+    """A stream in an `encoding` for lines with styles; no text acts as markup or as a control sequence."""
 
     def __init__(self, stream: TextIO, *, colourful: bool) -> None:
         self._stream, self._colourful = stream, colourful

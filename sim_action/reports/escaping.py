@@ -33,10 +33,7 @@ _LEGACY_COMMAND: Final = re.compile(r"##(?=\[)")
 
 
 def plain_text(text: str) -> str:
-    """Return text without terminal sequences, invisible characters and those that XML 1.0 forbids.
-
-    Line ends become newlines.
-    """
+    """Return text with newlines, without terminal sequences and characters that are invisible or not in XML 1.0."""
     if text.isascii() and text.isprintable():
         return text
     return _USELESS_JOINER.sub("", _UNWANTED.sub("", _LINE_END.sub("\n", _TERMINAL_SEQUENCE.sub("", text))))

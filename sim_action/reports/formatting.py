@@ -81,10 +81,7 @@ def _headline_without_verdicts(results: Results) -> tuple[str, str]:
 
 
 def counts_text(results: Results) -> str:
-    """Return counts such as "3 passed, 1 failed, 2 warnings": scenarios and gates by status, and all warnings.
-
-    A warning counts once for all runs of a gate.
-    """
+    """Return counts as "3 passed, 1 failed, 2 warnings": of scenarios and gates, with warnings once for a gate."""
     warnings = sum(1 for _ in _warnings(results))
     warned = f", {counted(warnings, 'warning')}" if warnings else ""
     counts = ((results.count(status), STATUS_DISPLAYS[status].word) for status in _COUNTED)
@@ -239,10 +236,7 @@ def measurements(verdict: Verdict) -> str:
 
 
 def judged_text(verdict: Verdict) -> str:
-    """Return the moments at which a verdict was judged, such as "judged at 240 moments, 0.00 s to 1.00 s".
-
-    The text is empty if the moments were not counted.
-    """
+    """Return when a verdict was judged, as "judged at 240 moments, 0.00 s to 1.00 s"; empty if not counted."""
     judged = verdict.judged
     if judged is None:
         return ""

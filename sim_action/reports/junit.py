@@ -329,10 +329,7 @@ def _add_output(outcome: Outcome, cases: list[ET.Element]) -> None:
 
 
 def _java_frame(where: str) -> Iterator[str]:
-    """Yield the place in the form that dorny/test-reporter finds: folder as package, a class, file without folders.
-
-    The reporter expects a package in lower case without dots.
-    """
+    """Yield the place as dorny/test-reporter finds it: folder as lower-case package, a class, file without folders."""
     path, _, line = where.rpartition(":")
     folder = PurePosixPath(path).parent.name
     if folder[:1] > "Z" and "." not in folder and line.isdigit():
@@ -401,10 +398,7 @@ _LEVEL: Final = 1  # a higher level takes several times as long and saves little
 
 
 class PackedParts:
-    """A text in UTF-8 that grows at its end and is read from its beginning.
-
-    Its parts wait packed until the totals are known: for 10,000 runs they have megabytes.
-    """
+    """A text in UTF-8 that grows at its end, is read from its beginning, and waits packed: it has megabytes."""
 
     def __init__(self) -> None:
         """Begin an empty text."""

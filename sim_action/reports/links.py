@@ -91,10 +91,7 @@ def _quoted(word: str) -> str:
 
 
 def scenario_lines(workspace: Path, file: str) -> list[str]:
-    """Return the lines of a scenario file; empty if it is not one, cannot be read, or is outside of the workspace.
-
-    Results may come from elsewhere, and name any file.
-    """
+    """Return the lines of a scenario file of the workspace; empty for any other name that results may have."""
     path = Path(file)
     if path.suffix not in (".yml", ".yaml"):
         return []
@@ -120,10 +117,7 @@ def reason_time(outcome: Outcome) -> float | None:
 
 
 def fragment(scenario: str, time: float | None = None, number: int = 1) -> str:
-    """Return the URL fragment that opens the report at a scenario and, if given, at a sim time in s.
-
-    `number` selects one of several scenarios with this name, counted from 1.
-    """
+    """Return the URL fragment of the report for a scenario, `number` of several, and for a sim time in s."""
     which = "" if number == 1 else f"&n={number}"
     moment = "" if time is None else f"&t={round(time, 2):g}"
     # The page compares names in this form.
@@ -131,10 +125,7 @@ def fragment(scenario: str, time: float | None = None, number: int = 1) -> str:
 
 
 def relative_path(workspace: Path, file: str | Path) -> str:
-    """Return a path relative to the workspace if it is inside, else to the current folder, with forward slashes.
-
-    It is absolute if it is inside neither.
-    """
+    """Return a path relative to the workspace or the current folder, with forward slashes; else absolute."""
     inside = _inside(workspace, file)
     return inside if inside is not None and not Path(inside).is_absolute() else _inside(Path(), file) or str(file)
 
@@ -172,10 +163,7 @@ def stored_trace(outcome: Outcome, folder: Path) -> Path | None:
 
 
 def source_url(location: Location, options: ReportOptions) -> str:
-    """Return the URL of a source line at the tested commit.
-
-    The result is empty if the environment names no repository and commit, or the file is outside the workspace.
-    """
+    """Return the URL of a source line at the tested commit; empty if it is not known, or outside."""
     path = _inside(options.workspace, location.file) or str(location.file)
     names = ("GITHUB_SERVER_URL", "GITHUB_REPOSITORY", "GITHUB_SHA")
     server, repository, commit = (options.environment.get(name, "") for name in names)

@@ -55,10 +55,7 @@ class _RunsOfGate:
 
 
 class ProgressListener:
-    """A listener that prints the progress of a call.
-
-    It starts no thread, buffers no text and imports no large module, because children are forked meanwhile.
-    """
+    """A listener that prints progress, without a thread, a buffer or a large import: children are forked."""
 
     def __init__(
         self,
@@ -68,10 +65,7 @@ class ProgressListener:
         gates: Mapping[GateKey, int] = _NO_GATES,
         word_of: Callable[[RunEnded], str] | None = None,
     ) -> None:
-        """Report on `total` scenarios to a stream (default: standard error).
-
-        `gates`: the number of runs of each; `word_of`: gives the word for the result of a run, its status by default.
-        """
+        """Report on `total` scenarios, and on runs of `gates`, to a stream; `word_of`: gives the word for a result."""
         self._stream = stream or sys.stderr
         self._silent = verbosity == "quiet"
         self._shows_samples = verbosity == "verbose"

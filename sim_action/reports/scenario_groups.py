@@ -172,20 +172,14 @@ class ScenarioGroup:
         return outcome.name.removeprefix(outcome.group or self.name) if self.varies else ""
 
     def worst_first(self) -> list[Outcome]:
-        """Return the outcomes, the worst status first, then the smallest relative margin, otherwise in call order.
-
-        Runs that a gate did not need come last.
-        """
+        """Return the outcomes by status, worst first, relative margin and order; runs that no gate needed last."""
         return sorted(
             self.outcomes, key=lambda outcome: (outcome.is_sample and outcome.status == "skipped", _badness(outcome))
         )
 
 
 def grouped_scenarios(outcomes: Iterable[Outcome], gates: Iterable[PlannedGate] = ()) -> list[ScenarioGroup]:
-    """Group outcomes: the variations of a scenario belong together, and so do the runs of a gate.
-
-    `gates`: those of the call; runs of one of them that has no outcome are those of a part.
-    """
+    """Group outcomes: variations of a scenario, runs of a gate; of `gates` without an outcome as in a part."""
     planned = {(gate.file, gate.name): gate for gate in gates}
     found: list[ScenarioGroup] = []
     for (file, name), several in groupby(_with_gates(outcomes), _group_of):
@@ -252,10 +246,7 @@ def _closeness(expected: ExpectationOutcome) -> tuple[float, float]:
 
 
 def relative_margin(expected: ExpectationOutcome) -> float:
-    """Return the margin divided by the limit (the margin itself for a limit of zero); negative if it failed.
-
-    The value is 0 for an undecided expectation (cut off), since its margin is unknown.
-    """
+    """Return the margin by the limit (itself for 0), negative if it failed, 0 if undecided: it is not known."""
     margin, limit = expected.verdict.margin, expected.verdict.limit
     if expected.verdict.cut_off:
         return 0.0

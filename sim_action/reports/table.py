@@ -72,10 +72,7 @@ class Table:
         return (*row.values, *("" for _ in self.columns))[: len(self.columns)]
 
     def lines(self, console: Console, indent: str = "", *, verbose: bool = False) -> Iterator[Line]:
-        """Yield the lines for a terminal: a row with a kind on one line, others with their place and values below.
-
-        `verbose`: the values and notes of all rows are shown.
-        """
+        """Yield the lines for a terminal, with place and values below rows that are not short; `verbose`: of all."""
         width = max((len(row.kind) for row in self.rows), default=0)
         for row in (*self.rows, *self.rest):
             if self.kind:

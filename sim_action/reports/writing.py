@@ -144,10 +144,7 @@ def remove_earlier(request: ReportRequest, kept: AbstractSet[str] = frozenset())
 
 
 def make_ready(options: ReportOptions) -> None:
-    """Import the modules of all reports in advance, while the process waits for something else.
-
-    The imports take a tenth of the time of a short run. They need files, which a report of a fault may lack.
-    """
+    """Import the modules of all reports while the process waits: it takes time, and files that may lack later."""
     # An import that fails now may succeed later; otherwise it is reported as the fault of its report.
     with suppress(OSError, ImportError):
         for name in _enabled_reports(options):
@@ -199,10 +196,7 @@ def _with_existing_files(results: Results, options: ReportOptions) -> Results:
 
 
 def _with_room(name: str, written: Results, options: ReportOptions, results: Results) -> Results:
-    """Write a report, and return the results with the files that are left.
-
-    On a full disk, files of runs make room for a required report, the largest first. Raise the error of the report.
-    """
+    """Write a report, on a full disk in place of files of runs, if required; return the results that are left."""
     while True:
         try:
             _write(name, written, options)
@@ -292,10 +286,7 @@ _TARGETS: Final[Mapping[str, tuple[str, Callable[[ReportOptions], Path | str]]]]
 
 
 def complain_about(unwritten: Mapping[str, Exception], results: Results, options: ReportOptions) -> ExitCode:
-    """Report on standard error why reports are missing, and return the exit code that follows from this.
-
-    Print every verdict on standard output if a required report is missing.
-    """
+    """Report why reports are missing, and every verdict if a required one is; return the exit code for it."""
     codes: list[ExitCode] = []
     for name, error in unwritten.items():
         label, target = _TARGETS[name]
@@ -338,10 +329,7 @@ def _print(text: str, stream: TextIO) -> bool:
 
 
 def _verdicts(results: Results) -> Iterator[str]:
-    """Yield one line for each scenario and gate: the status, the name and, unless it passed, the first reason.
-
-    A gate that passed has its rate instead.
-    """
+    """Yield one line for each scenario and gate: status, name, and the first reason, or the rate if passed."""
     if not results.outcomes:
         yield "there are no verdicts: no scenario was run"
     for group in grouped_scenarios(results.outcomes, results.gates):

@@ -72,10 +72,7 @@ class ChildReport:
 
 
 class OutcomeWriter:
-    """Writes the outcome of this process so that a killed process leaves a whole one, or none.
-
-    It is opened before user code runs: files in memory are mapped, so that they need no descriptor later.
-    """
+    """Writes the outcome of this process whole, or not at all if it is killed; opened before user code runs."""
 
     def __init__(self, place: Place) -> None:
         """Open the file for the outcome. Raise OSError."""

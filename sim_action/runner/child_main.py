@@ -122,10 +122,7 @@ _SIMULATED: Final[frozenset[FailureKind]] = frozenset({"unstable", "missed conta
 
 
 def encoded(outcome: Outcome, inputs: ObservedInputs | None = None) -> bytes:
-    """Return an outcome as JSON, and in a second line the inputs of user code.
-
-    Lone surrogates, which UTF-8 does not have, are escaped.
-    """
+    """Return an outcome as JSON, with lone surrogates escaped, and in a second line the inputs of user code."""
     try:
         written = outcome.model_dump_json().encode()
     except PydanticSerializationError:
@@ -567,10 +564,7 @@ def _say_caller(frame: FrameType, say: Callable[[bytes], None]) -> None:
 
 
 def received_job() -> tuple[Job, ChildFiles]:
-    """Return the job and its files from standard input.
-
-    This imports the parts of installed packages. The process ends if it fails.
-    """
+    """Return the job and its files from standard input, with the parts of packages imported; or end the process."""
     hear_early()
     try:
         received: tuple[Job, ChildFiles] = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent

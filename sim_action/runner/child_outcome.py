@@ -84,10 +84,7 @@ def outcome_of(child: ChildProcess, ending: Ending) -> Outcome:
 
 
 def refusal_of(child: ChildProcess, ending: Ending) -> OSError | None:
-    """Return the error of the system if a child process ended before it could begin; no user code has run then.
-
-    An interpreter that cannot open its files ends with a traceback.
-    """
+    """Return the error of the system if a child process ended before it could begin, even with a traceback."""
     if child.refusal is not None or child.begun or not isinstance(ending, int) or ending <= 0:
         return child.refusal
     *_, number = (0, *map(int, _SYSTEM_ERROR.findall(child.report.output)))
@@ -142,10 +139,7 @@ def not_started(loaded: LoadedScenario, cause: str) -> Outcome:
 
 
 def without_run(loaded: LoadedScenario, interruption: Interruption, *, is_needless: bool) -> Outcome:
-    """Return the outcome of a run that did not start, or was ended by an interruption.
-
-    `is_needless`: its gate was decided without it.
-    """
+    """Return the outcome of a run that did not start or was interrupted; `is_needless`: its gate was decided."""
     if is_needless:
         return skipped(loaded, "not run: its gate was decided before")
     return interrupted(loaded) if interruption.happened else skipped(loaded)

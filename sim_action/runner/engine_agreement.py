@@ -44,10 +44,7 @@ _TOO_LONG: Final = (
 def with_agreement(
     loaded: LoadedScenario, outcomes: tuple[Outcome, ...], motions: Sequence[Path | None]
 ) -> tuple[Outcome, ...]:
-    """Return the outcomes of one scenario in several engines; the last one with a verdict gets the comparisons.
-
-    `motions`: for each outcome, the file of its motion at every step.
-    """
+    """Return the outcomes of several engines, the last one with comparisons; `motions`: the file of each motion."""
     if len(outcomes) == 1:
         return (_alone(outcomes[0]),) if loaded.scenario.agreement else outcomes
     judged = [index for index, outcome in enumerate(outcomes) if outcome.has_verdict]

@@ -24,10 +24,7 @@ Plan = tuple[LoadedScenario, ...] | Refused
 
 
 def refuse_shared_goldens(plans: Iterable[Plan]) -> list[Plan]:
-    """Return the plans, with all moments recorded; plans that would write the same golden file are refused.
-
-    Equal refusals of several variations are given once.
-    """
+    """Return the plans, with all moments recorded, but those that write the same golden file refused, each once."""
     checked = [_with_places(plan) for plan in plans]
     writers: dict[Path, list[str]] = defaultdict(list)
     for plan in checked:

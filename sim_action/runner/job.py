@@ -24,10 +24,7 @@ ENDED_LAST: Final = b"ended last"
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """The order to run one scenario, with the places of its files.
-
-    All paths are absolute: a script may change the current folder, or remove it.
-    """
+    """The order to run one scenario, with absolute paths of its files: a script may change the current folder."""
 
     loaded: LoadedScenario
     trace: Path  # the file for the trace

@@ -41,10 +41,7 @@ _EMPTIES: Final = os.O_TRUNC | os.O_EXCL
 
 
 class ObservedInputs:
-    """The inputs of user code in this process.
-
-    `is_limited`: False if the code may have read anything, for example in another process.
-    """
+    """The inputs of user code here; not `is_limited`: it may have read anything, as in another process."""
 
     def __init__(self, job: Job, scratch: Path) -> None:
         """Take the job and its scratch folder: its own files do not count."""

@@ -31,10 +31,7 @@ from sim_action.state.verdict import Verdict
 
 
 def planned_outcomes(plans: Sequence[Plan], of_patterns: Sequence[Outcome]) -> list[Planned]:
-    """Return the outcomes that a call will have, in the order of its results.
-
-    `of_patterns`: the outcomes of patterns that match no scenario; they come last.
-    """
+    """Return the outcomes that a call will have, in order; last those `of_patterns` without a scenario."""
     outcomes = [Outcome.of_refused(plan) if isinstance(plan, Refused) else originals(plan) for plan in plans]
     every = (each for one in outcomes for each in ([one] if isinstance(one, Outcome) else map(unjudged, one)))
     planned: list[Planned] = []
@@ -229,10 +226,7 @@ _NO_CODE: Final = (
 
 
 def merge_repeats(loaded: LoadedScenario, outcomes: Sequence[Outcome], folder: Path) -> Outcome:
-    """Return one outcome for all runs of a scenario, in their order; a flaky scenario has no verdict.
-
-    `folder`: the folder of the results; traces are named relative to it; of equal runs, one trace is kept.
-    """
+    """Return one outcome for all runs, without a verdict if flaky; traces are named from `folder`, one of equals."""
     if len(outcomes) == 1:
         return outcomes[0]
     # An interruption or an internal error says nothing about the repeatability of the scenario.

@@ -58,10 +58,7 @@ def _text_to(descriptor: int) -> TextIO:
 
 
 def flush_output() -> None:
-    """Write out what Python and native code have printed so far, as far as possible.
-
-    C keeps it in a buffer if standard output is no terminal. A forked process would have a copy of it.
-    """
+    """Write out what Python and native code have printed so far; a forked process would have a copy of it."""
     for stream in (sys.stdout, sys.stderr):
         # A stream on a full disk is no reason not to run.
         with suppress(OSError, ValueError):

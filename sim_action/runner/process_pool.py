@@ -55,10 +55,7 @@ class PoolOptions:
 
 
 def _warmed_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool) -> bool:
-    """Prepare this process for forks; return False if the system refuses it, such as for a lack of descriptors.
-
-    An interpreter of its own then runs each scenario: a package that was imported in part may not be imported again.
-    """
+    """Prepare this process for forks; False if the system refuses: each run then gets a new interpreter."""
     forked = [loaded for loaded in scenarios if not loaded.scenario.runs_user_code]
     try:
         warm_up(forked, formats, replays=replays, preloads=len(forked) > 1)
@@ -70,10 +67,7 @@ def _warmed_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, r
 def warm_up(
     scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool, preloads: bool = True
 ) -> None:
-    """Import and prepare, once for all forks, the engines and the packages that write results.
-
-    `preloads`: modules that only some runs need, too. Raises OSError, ImportError, MemoryError.
-    """
+    """Import once for all forks the engines, reports and `preloads`. Raises OSError, ImportError, MemoryError."""
     ExpectationOutcome.model_rebuild()
     Outcome.model_rebuild()
     if replays:
@@ -136,10 +130,7 @@ class Pool(Scheduler):
             remove_unfinished_files(self._runs.folder)
 
     def _make_ready(self, meanwhile: Callable[[], object]) -> None:
-        """Look up once what all outcomes share, and call `meanwhile`.
-
-        If the system refuses either, such as for a lack of descriptors, it is done again when it is needed.
-        """
+        """Look up what outcomes share, and call `meanwhile`; after a refusal of the system, it is done when needed."""
         with suppress(OSError, ImportError):
             for backend in {loaded.scenario.backend for loaded in self._runs.scenarios}:
                 engine_provenance(backend)

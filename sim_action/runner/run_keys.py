@@ -109,10 +109,7 @@ class RunKeys:
             listing.close()
 
     def of(self, loaded: LoadedScenario, inputs: Iterable[str] | None = ()) -> str | None:
-        """Return the key of a run; None: its outcome may depend on something that is not known.
-
-        `inputs`: the paths of files that its code has read, see `ObservedInputs`; None: it may have read anything.
-        """
+        """Return the key of a run whose code has read these paths; None: its outcome may depend on something else."""
         if self._options.permissions.updates_golden or inputs is None:
             return None
         try:
@@ -165,10 +162,7 @@ class RunKeys:
         return self._trees[root]
 
     def _files_of(self, loaded: LoadedScenario, tree: GitTree | str) -> list[tuple[str, str]] | None:
-        """Return the files that a scenario names, with their contents; None if one is not known.
-
-        The contents of files in `tree` are in its digest.
-        """
+        """Return the contents of the files of a scenario, without those in `tree`; None if one is not known."""
         root, named = loaded.workspace.root, self._named.of(loaded.source)
         if (root, named) not in self._contents:
             self._contents[root, named] = self._contents_of(named, tree, root)

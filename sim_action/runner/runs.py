@@ -75,10 +75,7 @@ class Runs:
         return [index for index in range(len(self)) if self.place_and_turn(index) not in self.ended]
 
     def job(self, index: int, *, memory_is_limited: bool = True, is_fresh: bool = False) -> Job:
-        """Return the job of a run, made when it is asked for: 10,000 jobs with their paths take 20 MB.
-
-        `memory_is_limited`: as in `Job`; `is_fresh`: each run has an interpreter of its own.
-        """
+        """Return the job of a run, made late: 10,000 take 20 MB; `is_fresh`: each run has its own interpreter."""
         turn, number = divmod(index, len(self.scenarios))
         loaded, results = self.scenarios[number], self.folder.absolute()
         files = RunFiles.of(self._stems[index], results, replays=self.replays, formats=self.formats)
@@ -174,10 +171,7 @@ class EarlyStop:
     """
 
     def __init__(self, runs: Sequence[LoadedScenario], places: Sequence[int]) -> None:
-        """Take the runs of a call, and the place of each in the results.
-
-        A gate of which another call has runs is not followed: this call does not see them.
-        """
+        """Take the runs of a call and their places in the results; a gate with runs elsewhere is not followed."""
         gates: dict[tuple[str, str], _FollowedGate] = {}
         for run, place in zip(runs, places, strict=True):
             gate = run.source.gate

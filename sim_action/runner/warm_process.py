@@ -244,10 +244,7 @@ os.register_at_fork(after_in_child=_POOL.forget)
 def call_beside(
     function: Function, arguments: Sequence[Any], listen: Emit, prepare: Callable[..., object] | None = None
 ) -> Any:
-    """Run a function in a fork of a warm process, see `WarmProcess.call`. Several threads may call at the same time.
-
-    Raises InternalError if there can be no such process.
-    """
+    """Run a function in a fork of a warm process, from any thread; see `WarmProcess.call`. Raises InternalError."""
     with _POOL.taken() as process:
         return process.call(function, arguments, listen, prepare)
 

@@ -114,10 +114,7 @@ def _beyond_half_a_turn(agreement: Agreement) -> Findings:
 
 
 def _without_shapes(judged: Sequence[tuple[KeyPath, Assertion]], scene: Scene) -> Findings:
-    """Yield assertions about contacts of a robot without collision shapes, or with links that lack them.
-
-    Only the engine knows the shapes of an MJCF model.
-    """
+    """Yield assertions about contacts of a robot, or links, without shapes; the engine alone knows those of MJCF."""
     model = scene.model
     if not judged or model.mjcf:
         return

@@ -130,10 +130,7 @@ class Expectation:
         return self.assertion.channels.opening_at(self.after)
 
     def signals(self, scene: Scene, start: Observation, trace: Trace) -> tuple[Signal, ...]:
-        """Return the signals that the assertion judged over a whole run, the measured one first.
-
-        The trace may be decimated.
-        """
+        """Return the signals that the assertion judged over a run, maybe decimated, the measured one first."""
         held = self.assertion.held(scene, start, trace, (self.after, self.before), self.span)
         return (*held, *self.assertion.signals(scene, start, trace, self.after, self.before))
 

@@ -333,10 +333,7 @@ class PartReader:
     def _kind(
         self, table: Table[type[Model]], data: Any, path: KeyPath, beside: type[BaseModel] | None = None
     ) -> tuple[str, type[Model]] | None:
-        """Return the one key of `data` that the table knows, and its class. That of a package may be refused.
-
-        `beside`: the class of the keys allowed next to it.
-        """
+        """Return the one key of `data` in the table, and its class; `beside`: the class of keys next to it."""
         key = self._family_key(table, data, path, beside)
         if key is None:
             return None

@@ -42,10 +42,7 @@ def numbered(file: str, numbers: Iterable[int]) -> str:
 
 
 def split(pattern: str) -> tuple[str, frozenset[int] | None]:
-    """Split "FILE::NUMBERS" into the file and its numbers; None means all.
-
-    An existing file of that name counts as a file. Raise UsageError for a range that ends before it begins.
-    """
+    """Split "FILE::NUMBERS" into file and numbers, None for all; an existing file wins. Raise UsageError."""
     found = _NUMBERED.fullmatch(pattern)
     if found is None or os.path.lexists(pattern):
         return pattern, None
@@ -75,10 +72,7 @@ class Selection:
     exclude_tags: tuple[str, ...] = ()  # a scenario must have at least one of the first and none of the second
 
     def takes(self, scenario: Source | Refused, names: AbstractSet[str]) -> bool:
-        """Return True if a scenario is selected; `names`: all names that exist.
-
-        An unreadable scenario may have any tag.
-        """
+        """Return True if a scenario is selected by name or tags, which an unreadable one may have; `names`: of all."""
         if self.only and not any(_is_called(scenario, pattern, names) for pattern in self.only):
             return False
         if any(_is_called(scenario, pattern, names) for pattern in self.exclude):
@@ -117,10 +111,7 @@ class Selected:
 
 
 def selected(files: Sequence[Scenarios], selection: Selection, *, complete: bool = True) -> Selected:
-    """Return the selected scenarios, and each pattern of `only` and tag of `tags` that matches no scenario.
-
-    If `files` is not the complete list, the pattern may be for another file. Raises UsageError if nothing is selected.
-    """
+    """Return the selected scenarios, and patterns and tags that match none of all files. Raises UsageError."""
     names = {name for scenarios in files for scenario in scenarios for name in _names(scenario)}
     chosen = [tuple(scenario for scenario in scenarios if selection.takes(scenario, names)) for scenarios in files]
     if not files or (any(chosen) and not complete):
@@ -223,10 +214,7 @@ class Suite:
     warn: Callable[[str], None] = _ignore  # takes a message for each exclusion that matches no scenario
 
     def read(self, permissions: Permissions, seed: int | None = None) -> Contents:
-        """Return the selected scenarios of all files.
-
-        `seed` draws the variations; None takes the seed of each scenario. Raises UsageError.
-        """
+        """Return the selected scenarios of all files, varied by `seed`, or by their own. Raises UsageError."""
         every = [self._scenarios(path, permissions, seed) for path in self.files]
         every += [each.sources(permissions, seed) for each in self.written]
         # A shard of `matrix` gets some scenarios of the list, which `matrix` has checked.
@@ -272,10 +260,7 @@ def find_suite(
     named_at: Location | None = None,
     warn: Callable[[str], None] = _ignore,
 ) -> Suite:
-    """Return the scenarios behind paths: files, also with numbers (`push.sim.yml::1-15`), globs and folders.
-
-    `outside`: True if links out of the workspace are followed. The others: see `Suite`.
-    """
+    """Return the scenarios of files, also with numbers (`push.sim.yml::1-15`), globs and folders; see `Suite`."""
     named = [split(path) for path in paths]
     found = discover((file for file, _ in named), outside=outside)
     # Two spellings of one path give one outcome.

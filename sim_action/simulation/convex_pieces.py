@@ -48,10 +48,7 @@ _DIRECTIONS: Final = np.vstack((np.eye(3), _directions(64)))
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A convex piece in the frame of its link or body, in m.
-
-    `is_ball`: True if turning it about `centre` changes nothing.
-    """
+    """A convex piece in the frame of its link or body, in m; `is_ball`: it may turn about `centre`."""
 
     points: FloatArray  # (P, 3)
     radius: float  # the rounding

@@ -72,10 +72,7 @@ def _of_free(scene: Scene, clashes: Iterable[Clash]) -> Iterator[Clash]:
 
 
 def opened_on_top(scene: Scene, opened: Callable[[Scene], Engine]) -> tuple[Engine, tuple[str, ...]]:
-    """Open the engine, with the robot on the ground or the fixed bodies that it would start a little inside of.
-
-    Only a robot without a stated z, or with the pose of a world file, is lifted. The notes name the lift.
-    """
+    """Open the engine, with the robot lifted onto what it would start a little inside of, if its z is free."""
     backend = opened(scene)
     if scene.bolted or (scene.placement.z is not None and scene.places.robot is None):
         return backend, ()

@@ -62,10 +62,7 @@ class Curve:
         velocities: ArrayLike | None = None,
         accelerations: ArrayLike | None = None,
     ) -> Self:
-        """Return a smooth curve through points (K,): cubic pieces, or of degree 5 with accelerations.
-
-        Velocities that are None or NaN are those of a spline, which does not overshoot where the values jump.
-        """
+        """Return a smooth curve through points (K,); velocities that are None or NaN are those of a tame spline."""
         at, value = _numbers(times), _numbers(values)
         speed = np.full(len(at), np.nan) if velocities is None else _numbers(velocities).copy()
         if (unknown := np.isnan(speed)).any():
@@ -211,11 +208,7 @@ class JointMotion:
         velocities: ArrayLike | None = None,
         accelerations: ArrayLike | None = None,
     ) -> Self:
-        """Return the motion through rows; see `Curve.through`. Raises ValueError for rows that define no motion.
-
-        :param times: (K,) s, rising.
-        :param positions: (K, J); so have velocities and accelerations.
-        """
+        """Return the motion through (K, J) rows at times (K,) in s; see `Curve.through`. Raises ValueError."""
         joints, at = tuple(names), _numbers(times)
         tables: list[Any] = [
             None if table is None else _numbers(table) for table in (positions, velocities, accelerations)

@@ -265,10 +265,7 @@ class LidarScan:
 
 
 def shifted(reading: Reading, kind: str, offsets: Mapping[str, float | tuple[float, ...]]) -> Reading:
-    """Return a reading of a kind of sensor with offsets added to its columns, within the limits of the sensor.
-
-    What is out of range stays so. Ranges of a scan that get out of its range are infinite, as with noise.
-    """
+    """Return a reading with offsets within the limits of the sensor; ranges beyond them are infinite."""
     values, columns = reading.columns(), columns_of(kind)
     changed: dict[str, Any] = {}
     for name, offset in offsets.items():

@@ -32,10 +32,7 @@ _Message = tuple[int, int, bytes]  # the number of a connection, the time of rec
 
 
 class ScannedLog(ABC):
-    """A reader of one file of a log that needs no index.
-
-    `connections`: of all topics; `cut`: True if the file ends early, or is damaged.
-    """
+    """A reader of one file of a log without an index: `connections` of topics; `cut`: it ends early, or is damaged."""
 
     remedy: str = ""
 

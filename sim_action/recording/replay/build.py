@@ -158,10 +158,7 @@ MAX_PATH_POINTS: Final = 1_000
 def commanded_path(
     scenario: Scenario, start: Observation, twists: CommandedValues | None, time: FloatArray
 ) -> tuple[Place, ...]:
-    """Return the commanded path of the base; empty if no twists were commanded.
-
-    `start` is the settled state at t = 0, `twists` are in the frame of the base, `time` has the moments (T,) in s.
-    """
+    """Return the commanded path of the base from `start`, with `twists` in its frame at `time` (T,); or empty."""
     if twists is None or len(time) < 2:
         return ()
     waypoints = [
@@ -226,10 +223,7 @@ def frames_of(
     sliding: Sequence[bool],
     aims: CommandedValues = NOTHING_COMMANDED,
 ) -> Frames:
-    """Return the frames of a trace and of moving bodies.
-
-    `rate` is the physics rate in Hz; `sliding` is True for each prismatic joint; `aims`: the commanded positions.
-    """
+    """Return the frames of a trace and of moving bodies at `rate` Hz; `sliding`: prismatic joints; `aims`: commands."""
     steps = [_SLIDING if slides else _JOINT for slides in sliding]
     return Frames(
         time=Column.encoded(trace.time, 1 / rate),
@@ -354,10 +348,7 @@ def _golden(scenario: Scenario, scene: Scene) -> Iterator[GoldenData]:
 
 
 def stored_signal(number: int, signal: Signal, frames: FloatArray, rate: float) -> SignalData:
-    """Return a signal of expectation `number` for storage.
-
-    `frames` are the times (T,) of the replay in s, `rate` is the physics rate in Hz.
-    """
+    """Return a signal of expectation `number` at the `frames` (T,) of the replay in s, for storage; `rate` in Hz."""
     shared = np.array_equal(signal.time, frames)
     signal = signal if shared else coarse(signal, rate)
     return SignalData(
@@ -522,10 +513,7 @@ def joined_touches(contacts: Iterable[Contact]) -> list[Touch]:
 def strongest_touches(
     touches: list[Touch], links: Mapping[str, int], bodies: Mapping[str, int], rate: float
 ) -> tuple[tuple[ContactData, ...], int]:
-    """Return the strongest touches in the order of time, and the number of the others.
-
-    `links` and `bodies` map names to indices; `rate`: physics steps per second.
-    """
+    """Return the strongest touches by time, and the number of others; `links`, `bodies`: name -> index."""
     known = [touch for touch in touches if touch.first.link in links and touch.first.body in bodies]
     # A contact without a force comes first: neither of the two gives way.
     most = sorted(known, key=lambda touch: (touch.first.has_force, -touch.force(rate)))[:MAX_CONTACTS]

@@ -97,10 +97,7 @@ class TextColumn(FrozenModel):
 
     @classmethod
     def encoded(cls, values: FloatArray, scale: float) -> TextColumn:
-        """Return the column of values (N,), rounded to steps; values that are not finite become gaps.
-
-        Differences of more than `MAX_DELTA` steps are cut.
-        """
+        """Return the column of values (N,) in steps, with gaps for infinite ones and differences within `MAX_DELTA`."""
         there = np.isfinite(values)
         steps = _steps(values, there, scale)
         deltas = np.clip(np.diff(steps), -MAX_DELTA, MAX_DELTA)

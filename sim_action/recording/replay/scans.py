@@ -140,10 +140,7 @@ def times_of(readings: Iterable[Reading]) -> FloatArray:
 
 
 def thinning(rate: float, scans: int, rays: int, budget: int) -> tuple[int, int]:
-    """Return which part of scans and of rays is kept: every n-th scan first, then every n-th ray.
-
-    `rate`: scans per second in Hz; `budget`: the largest number of ranges.
-    """
+    """Return which part of scans, then rays, is kept, at `rate` Hz within a `budget` of ranges."""
     every_scan = max(1, math.ceil(rate / _MAX_RATE - 1e-9))
     every_ray = -(-rays // MAX_RAYS)
     while True:

@@ -206,10 +206,7 @@ def scenery(scene: Scene, tracks: Sequence[str]) -> SceneData:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shown:
-    """The part of a scene that a replay shows, as a key of a cache.
-
-    Robot and world are compared by identity, because comparing their contents would be slow.
-    """
+    """The part of a scene that a replay shows, as a key: robot and world by identity, which is fast."""
 
     scene: Scene
     tracks: tuple[str, ...]

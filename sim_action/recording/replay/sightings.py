@@ -83,10 +83,7 @@ class ObstacleData(FrozenModel):
 
 
 def obstacles_of(scene: Scene, film: Trace, logs: Mapping[str, ReadingLog]) -> tuple[ObstacleData, ...]:
-    """Return the obstacles of a run; none if no sensor that can see a body was read.
-
-    `film`: the trace at 30 Hz; `logs`: the readings by sensor.
-    """
+    """Return the obstacles of a run if a sensor that sees bodies was read; `film`: at 30 Hz; `logs`: readings."""
     looking = [log for log in logs.values() if any(_looks(reading) for reading in log.readings[:1])][:MAX_SENSORS]
     names = {body.name: number for number, body in enumerate(scene.world.objects)}
     met = [(name, touched) for name, touched in _met(film).items() if name in names][:MAX_OBSTACLES]

@@ -174,10 +174,7 @@ _MIN_STEP_M: Final = 1e-5  # the finest resolution of a mesh
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """The largest number of triangles of each mesh and of all meshes of a replay.
-
-    A triangle takes about 4 bytes of the report, which is packed: 8,000 take 32 kB.
-    """
+    """The largest number of triangles of each mesh and of all of a replay; each takes 4 bytes of the report."""
 
     each: int
     all: int

@@ -24,10 +24,7 @@ _MAX_BYTES: Final = 20_000_000  # the largest mesh file that is read; a larger o
 
 
 class VisualMeshes:
-    """The surfaces of a robot's meshes; each file is read once.
-
-    `unreadable`: name of each file that could not be read -> the reason.
-    """
+    """The surfaces of a robot's meshes, each read once; `unreadable`: name of a file -> the reason."""
 
     def __init__(self, model: RobotModel, most: int) -> None:
         """Simplify each surface to at most `most` triangles."""

@@ -147,10 +147,7 @@ _MAX_CHARTS: Final = 2
 
 
 def _scenario_section(group: ScenarioGroup, options: ReportOptions, *, drawn: bool = False) -> str:
-    """Return the section of one scenario: heading, failures, expectations, and folded details of the run.
-
-    With `drawn`, failed expectations are also shown as charts if the run has stored their signals.
-    """
+    """Return the section of one scenario with folded details; `drawn`: with charts of failed expectations."""
     if group.gate is not None or group.is_part:
         worst = [_outcome_section(run, options, drawn=drawn) for run in group.not_passed[:1]]
         return paragraphs(gate_section(group, options), *(folded("The worst run", section) for section in worst))

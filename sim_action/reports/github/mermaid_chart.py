@@ -34,10 +34,7 @@ _SLIVER: Final = 1e-4  # as a fraction of an axis: an invisible difference
 
 
 def chart(signal: Signal, moment: float | None = None) -> str:
-    """Return a fenced chart of a signal over sim time with a level line for each limit; empty without data.
-
-    The value at the sim time `moment` (s) of the verdict is kept exactly.
-    """
+    """Return a fenced chart of a signal with its limits, exact at the sim time `moment` (s); empty without data."""
     there = np.isfinite(signal.values)
     time, factor, unit = signal.time[there], *_shown_in(signal.unit)
     if len(time) < 2 or not _is_sane(time, signal.values[there]) or not time[-1] - time[0] > _SHORTEST:
@@ -65,10 +62,7 @@ def _is_sane(*columns: FloatArray) -> bool:
 
 
 def sampled(time: FloatArray, values: FloatArray, moment: float | None = None, most: int = _MAX_POINTS) -> list[float]:
-    """Return `most` values at even intervals; the first, the last and the value at `moment` are exact.
-
-    Peaks of a single step stay visible: a value between two samples that clearly exceeds both replaces a sample.
-    """
+    """Return `most` values at even intervals, exact at the ends and at `moment`, with the peaks of single steps."""
     at = np.interp(np.linspace(time[0], time[-1], most), time, values)
     found = at.copy()
     least = _NOTICEABLE * float(np.ptp(values))

@@ -410,10 +410,7 @@ class _Command:
 
 
 def commands_until(ours: Replay, theirs: Replay, until: float) -> str | None:
-    """Return the first command that differs from the earlier run up to a sim time in s, such as "linear x 0.28 m/s".
-
-    The text has both values and the moment. It is empty if the commands are the same, and None if they are not known.
-    """
+    """Return the first command that differs from the earlier run, as "linear x 0.28 m/s"; None: not known."""
     mine, others = _commands(with_zeros(ours, theirs)), _commands(with_zeros(theirs, ours))
     found = []
     for key in mine.keys() & others.keys():

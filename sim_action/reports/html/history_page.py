@@ -74,10 +74,7 @@ class History:
 
 
 def read_runs(places: Sequence[str]) -> list[EarlierRun]:
-    """Return runs in the order of their starts. Raises UsageError.
-
-    A place is a results file, the folder of one, or a folder with a folder for each run; shards are joined.
-    """
+    """Return runs by their start, from results files and folders of them; shards are joined. Raises UsageError."""
     names: list[str] = []
     for place in places:
         is_run = not Path(place).is_dir() or (Path(place) / RESULTS_FILE).is_file()

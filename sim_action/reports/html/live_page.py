@@ -88,10 +88,7 @@ def version(follower: JournalFollower) -> str:
 
 
 def _time_left(recorded: Recorded, elapsed: float) -> float | None:
-    """Return the estimated time in s until the end; None if too little is known.
-
-    Scenarios that wait take as long as those that have finished; outcomes of an earlier call took no time.
-    """
+    """Return the estimated time in s until the end, from scenarios that ran; None if too little is known."""
     done = sum(not record.taken_over for record in recorded.finished.values())
     waiting = len(recorded.header.planned) - len(recorded.finished)
     if not done or elapsed < _MIN_TIME_S:

@@ -53,10 +53,7 @@ class PagePlan:
 
 
 def planned_page(found: Sequence[ScenarioGroup], most: int) -> PagePlan:
-    """Return the plan of a page with at most `most` runs, the worst ones.
-
-    Among runs of one status, those that count come before those of a gate.
-    """
+    """Return the plan of a page with at most `most` runs: the worst ones, first those that count by themselves."""
     groups = worst_first(found)
     everything = [outcome for group in groups for outcome in group.worst_first()]
     runs = sorted(everything, key=lambda run: (WORST_FIRST.index(run.display_status), run.is_sample))[:most]

@@ -94,10 +94,7 @@ def _sweep_id(identity: str) -> str:
 def _run_articles(
     plan: PagePlan, results: Results, options: ReportOptions, blocks: ReplayBlocks, ghosts: GhostSources
 ) -> tuple[dict[str, bytes], dict[int, RunLook]]:
-    """Return the articles of all runs by element id, and by `id()` of the outcome what the table shows of its replay.
-
-    The worst runs come first to the place for replays; the ghosts of a run come after all runs as bad as it.
-    """
+    """Return the articles of all runs by element id, worst first, and by `id()` of the outcome its replay's look."""
     reader, outlines = ReplayReader(), SceneOutlines()
     articles: dict[str, bytes] = {}
     looks: dict[int, RunLook] = {}

@@ -116,10 +116,7 @@ _MAX_MEASUREMENTS = 100
 
 
 def run_reasons(outcome: Outcome, options: ReportOptions, seen: Mapping[str, SightingData]) -> Html:
-    """Return the reasons why a scenario did not pass, with measured value, limit, time and missing margin.
-
-    `seen`: name of a body -> its first sighting.
-    """
+    """Return why a scenario did not pass, with value, limit, time and margin; `seen`: body -> first sighting."""
     sections = failure_sections(outcome, options)
     sections += [_missed_section(outcome, expected, seen.get(expected.verdict.body)) for expected in outcome.not_passed]
     sections += [_warning_section(warning, outcome, options) for warning in outcome.warnings[:_MAX_WARNINGS]]

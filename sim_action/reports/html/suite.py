@@ -223,10 +223,7 @@ def name_cell(outcome: Outcome, identity: str) -> Html:
 
 
 def group_name_cell(group: ScenarioGroup, identity: str) -> Html:
-    """Return the name of a gate or of a scenario that is varied, with its counts and file.
-
-    `identity`: the element id of its article; of its worst run if it has none.
-    """
+    """Return the name of a gate or varied scenario with counts and file; `identity`: its article's, or worst run's."""
     name = one_line(group.gate.name if group.gate is not None else group.name)
     link = element("a", name, href=f"#{identity}")
     file = (group.gate or group.outcomes[0]).file

@@ -151,10 +151,7 @@ _QUANTITIES: Final[tuple[tuple[str, str | None, Callable[[ExpectationOutcome], f
 
 
 def _tightest(run: Outcome) -> float | None:
-    """Return the relative margin of the nearest expectation in per cent; None if nothing was judged.
-
-    It is 0 for a goal that came true: its margin is only how far the last step went beyond its limit.
-    """
+    """Return the relative margin of the nearest expectation in per cent, 0 for a met goal; None without any."""
     expected = nearest_expectation(run)
     if expected is None:
         return None

@@ -51,10 +51,7 @@ class ChildProcess(ABC):
     tasks: ClassVar[int] = 2  # the processes and threads that a child process without user code's own takes, at most
 
     def __init__(self, job: Job, progress: int | socket.socket, former: Former | None = None) -> None:
-        """Take the process of a job; `former`: the files that were there before it started, None: it waits for the job.
-
-        A process that does not wait may have written its files by now.
-        """
+        """Take the process of a job; `former`: the files before it started, None: it waits, and cannot write yet."""
         self.job = job
         self.progress = progress
         self.sim_time = 0.0
@@ -215,10 +212,7 @@ def _identity(path: Path) -> _Identity | None:
 def environment(
     pass_env: Collection[str] = (), stated: Mapping[str, str] | None = None, hash_seed: int | None = None
 ) -> dict[str, str]:
-    """Return the environment of a process of this package that runs code of the repository.
-
-    `pass_env`: names that the caller passes; `stated`: variables of the scenario.
-    """
+    """Return the environment of a process that runs code of the repository; `stated`: by the scenario."""
     variables = code_environment(os.environ, pass_env, stated)
     path = os.pathsep.join(filter(None, (str(PACKAGE_ROOT), os.environ.get("PYTHONPATH"))))
     # With a random hash seed, a controller that iterates over a set would differ in every run.
@@ -226,10 +220,7 @@ def environment(
 
 
 def job_environment(job: Job) -> dict[str, str]:
-    """Return the environment of a fresh interpreter that runs a job.
-
-    A scenario sets variables for its code only: libraries of the interpreter itself would read them, too.
-    """
+    """Return the environment of an interpreter that runs a job; variables of a scenario are for its code only."""
     loaded = job.loaded
     stated = loaded.scenario.environment if loaded.scenario.runs_user_code else None
     return environment(loaded.workspace.pass_env, stated, job.hash_seed)

@@ -69,10 +69,7 @@ _SEALS: Final = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
 
 
 class MemoryFiles:
-    """The files of one child process in memory.
-
-    `output`: the descriptor for printed output; `inherited`: the files as the child process knows them.
-    """
+    """The files of one child process in memory: descriptors, of `output` for text, and as it inherits them."""
 
     def __init__(self, scratch: Path) -> None:
         """Make the files. Raise OSError."""
@@ -238,10 +235,7 @@ class LinuxChild(ChildProcess):
         return SharingStarter(job)
 
     def poll(self) -> int | None:
-        """Return the exit status after the end (negative: the signal that ended it), else None.
-
-        It is not reaped yet: until `close`, its number is not reused for another process.
-        """
+        """Return the exit status after the end (negative: a signal), else None; it is reaped by `close` alone."""
         ended = os.waitid(os.P_PID, self._pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
         if ended is None:
             return None
@@ -306,10 +300,7 @@ class LinuxChild(ChildProcess):
 
 @contextmanager
 def files_of_child() -> Iterator[tuple[tempfile.TemporaryDirectory[str], MemoryFiles]]:
-    """Make the scratch folder and the files of a child process; an error in this context removes them.
-
-    Raise OSError.
-    """
+    """Make the scratch folder and files of a child process; remove them after an error in here. Raise OSError."""
     with ExitStack() as undone:
         scratch = scratch_folder()
         undone.callback(remove, scratch)
@@ -327,10 +318,7 @@ def run_in_fork(job: Job, files: ChildFiles, writer: int, *, is_first: bool = Tr
 
 
 def fork(run: Callable[[ChildFiles, int], object], job: Job, files: MemoryFiles, writer: int) -> int:
-    """Fork this process, and call `run` in the child process with the limits of the job; return its number.
-
-    `writer`: the descriptor for its progress. Raise OSError.
-    """
+    """Fork this process, and call `run` there with the limits of the job; return its number. Raise OSError."""
     flush_output()
     # Existing objects are not garbage of the child: scanning them would take time and copy all their pages.
     gc.freeze()
@@ -416,10 +404,7 @@ class SharedChild(LinuxChild):
     def start_first(
         job_of: Callable[[int], Job], index: int, job: Job, rest: Callable[[SharedChild], None]
     ) -> SharedChild:
-        """Fork this process for a job, and for others of `job_of` later; `rest` takes it when it waits for one.
-
-        Raise OSError.
-        """
+        """Fork this process for a job, and later ones of `job_of`; `rest` takes it when it waits. Raise OSError."""
         former = former_files(job)
         with files_of_child() as (scratch, files):
             # A child that is not shared needs none.

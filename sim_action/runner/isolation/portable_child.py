@@ -101,10 +101,7 @@ class PortableChild(ChildProcess):
             return child
 
     def poll(self) -> int | None:
-        """Return the exit status after the end (negative: the signal that ended it), else None.
-
-        Windows has no signals: a crash gives a positive number there.
-        """
+        """Return the exit status after the end, else None; without signals, a crash on Windows is positive."""
         return self._process.poll()
 
     def kill(self) -> None:
@@ -184,10 +181,7 @@ def _relay(job: bytes, process: subprocess.Popen[bytes], progress: socket.socket
 
 
 def main() -> NoReturn:
-    """Run the child process: a fresh interpreter that has done nothing else.
-
-    The job comes on standard input, which stays open as long as the caller is there; progress goes to standard output.
-    """
+    """Run the child process, a fresh interpreter: the job comes on standard input, progress goes to its output."""
     # only where it is asked for
     from sim_action.runner.child_main import become_child, exit_child, received_job, run_job
 

@@ -65,10 +65,7 @@ class PreloadedInterpreter:
             raise
 
     def fork(self, job: int, progress: int, files: Sequence[int]) -> int:
-        """Return the number of a new supervisor, a child of this process. Raise OSError if there is none.
-
-        The arguments are descriptors; the second of `files` receives printed output.
-        """
+        """Return the number of a new supervisor; arguments: descriptors, the second file for output. Raise OSError."""
         import socket  # few calls have such scenarios
 
         socket.send_fds(self._channel, [b"fork"], (job, progress, *files))
@@ -85,10 +82,7 @@ class PreloadedInterpreter:
 
 
 def main() -> None:
-    """Fork for each message, until the caller closes the channel.
-
-    The arguments are the descriptor of the channel, the number of the caller, and the engine.
-    """
+    """Fork for each message until the channel is closed; arguments: channel, number of the caller, engine."""
     import socket  # `PreloadedInterpreter` needs it later
 
     channel, parent, engine = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3]

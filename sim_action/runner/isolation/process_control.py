@@ -27,10 +27,7 @@ def prctl(option: int, value: int) -> None:
 
 
 def end_with_parent(parent: int, number: signal.Signals) -> None:
-    """Let this process get a signal when its parent ends, also if the parent ended before this call.
-
-    A parent that is killed by SIGKILL cannot end its children.
-    """
+    """Let this process get a signal when its parent ends, even before, and by SIGKILL."""
     prctl(_PR_SET_PDEATHSIG, number)
     if os.getppid() != parent:
         os.kill(os.getpid(), number)
@@ -56,10 +53,7 @@ _M_MMAP_MAX: Final = -4  # constants of glibc's malloc.h
 
 
 def keep_freed_memory() -> None:
-    """Let the allocator of C keep the memory that is freed, for the next run of this process.
-
-    The kernel would otherwise make and clear the same pages for each run. Without effect if the C library is not glibc.
-    """
+    """Let glibc keep freed memory for the next run here: the kernel would make and clear the pages again."""
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:
         mallopt(_M_MMAP_MAX, 0)
@@ -107,10 +101,7 @@ def become_subreaper(parent: int) -> None:
 
 
 def wait_for_child(worker: int) -> int:
-    """Return the exit code of a child (negative: the signal that ended it), or -SIGTERM if this process is to end.
-
-    The child is not reaped yet, so that its number cannot be reused for another group.
-    """
+    """Return the exit code of a child (negative: a signal), or -SIGTERM if this process is to end; do not reap it."""
     while signal.sigwait(AWAITED_SIGNALS) != signal.SIGTERM:
         while ended := os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT):
             if ended.si_pid == worker:

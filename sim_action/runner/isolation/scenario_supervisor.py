@@ -25,19 +25,13 @@ assert sys.platform == "linux"
 
 
 def main() -> NoReturn:
-    """Run in a fresh interpreter: the job comes on standard input.
-
-    The arguments are the progress descriptor and the number of the parent process.
-    """
+    """Run in a fresh interpreter: a job on standard input; arguments: progress descriptor, parent's number."""
     progress, parent = map(int, sys.argv[1:])
     supervise(progress, parent)
 
 
 def supervise(progress: int, parent: int, descriptors: Sequence[int] = ()) -> NoReturn:
-    """Be the supervisor of the job on standard input.
-
-    `descriptors`: those of the files of the child process here; nothing: they are as in the caller.
-    """
+    """Be the supervisor of the job on standard input; `descriptors`: of the child's files here, or as in the caller."""
     process_control.become_subreaper(parent)
     supervisor = os.getpid()
     try:

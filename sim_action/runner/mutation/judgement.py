@@ -121,10 +121,7 @@ def place_of(outcome: Outcome) -> Location | None:
 
 
 def proven(original: Original, mutants: Sequence[JudgedMutant], left_out: int, unfinished: int = 0) -> ProvenScenario:
-    """Return a scenario with the findings on its expectations.
-
-    `left_out`, `unfinished`: the numbers of mutants that were not to run, and that an interruption ended.
-    """
+    """Return a scenario with findings; `left_out`, `unfinished`: mutants that were not to run, and interrupted ones."""
     results = tuple(each.result for each in mutants)
     expectations = tuple(
         _finding(place, expected, results, original.outcome.digest, is_complete=not (left_out or unfinished))
@@ -181,10 +178,7 @@ def _sensitivity(expected: ExpectationOutcome) -> float | None:
 
 
 def next_strengths(original: Original, mutants: Sequence[JudgedMutant]) -> list[Mutant]:
-    """Return the mutants to run next: milder than those that were noticed, or stronger than the others.
-
-    A stronger one also runs while an expectation has noticed nothing: it may be the only one that notices this.
-    """
+    """Return the mutants to run next: milder ones of those noticed, stronger ones of others, or for expectations."""
     noticed = {place for judged_one in mutants for place in judged_one.result.noticed_by}
     idle = any(
         expected.verdict.passed and place not in noticed for place, expected in enumerate(original.outcome.expectations)
@@ -200,10 +194,7 @@ def next_strengths(original: Original, mutants: Sequence[JudgedMutant]) -> list[
 
 
 def with_strengths(mutants: Sequence[JudgedMutant], ran: Sequence[JudgedMutant]) -> list[JudgedMutant]:
-    """Return judged mutants with those of `next_strengths` that ran.
-
-    A milder one takes the place of the one before if it was noticed, else it is dropped. A stronger one follows.
-    """
+    """Return judged mutants with new strengths: a milder one replaces the noticed one, a stronger one follows."""
     by_name = {judged_one.mutant.name: judged_one for judged_one in ran}
     found = list[JudgedMutant]()
     for judged_one in mutants:
@@ -232,10 +223,7 @@ _DIGITS: Final = 6  # rounding must not decide which of two equal changes is tol
 
 
 def path_change(original: Trace, mutant: Trace, sliding: Collection[str] = ()) -> PathChange | None:
-    """Return the greatest change of the motion at equal times, and at the end; None if none is large enough.
-
-    `sliding`: the joints whose positions are in m, not in rad.
-    """
+    """Return the greatest change of the motion, if large enough; `sliding`: joints with positions in m."""
     ours, theirs = _row_pairs(original, mutant)
     apart = mutant.base_position_xyz[theirs] - original.base_position_xyz[ours]
     distances = np.linalg.norm(apart, axis=1).round(_DIGITS)
@@ -289,10 +277,7 @@ def _when(mutant: Trace, theirs: np.ndarray[tuple[int], np.dtype[np.intp]], row:
 
 
 def _where(apart_xyz: list[float], forward: float) -> str:
-    """Return the way from one place to another in words, such as "0.8 m further left", by its greatest component.
-
-    `forward`: the yaw of the robot in rad.
-    """
+    """Return the way between places by its greatest component, as "0.8 m further left"; `forward`: yaw in rad."""
     x, y, z = apart_xyz
     ahead = math.cos(forward) * x + math.sin(forward) * y
     left = math.cos(forward) * y - math.sin(forward) * x

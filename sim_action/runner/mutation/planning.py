@@ -97,10 +97,7 @@ def cost(plans: Iterable[PlannedMutants], jobs: int) -> float:
 
 
 def within(plans: Sequence[PlannedMutants], seconds: float, jobs: int) -> list[PlannedMutants]:
-    """Return the plans with the most telling mutants that take at most a wall time in s.
-
-    The first mutant of each kind comes before the second one of any kind, and scenarios take turns.
-    """
+    """Return the plans with the most telling mutants in a wall time in s, by turns of kinds and scenarios."""
     left = seconds * jobs
     chosen: list[set[str]] = [set() for _ in plans]
     for _, place, mutant in sorted(_ranked(plans), key=lambda each: each[:2]):

@@ -102,10 +102,7 @@ class Search:
 def candidates(
     original: Original, permissions: Permissions, libraries: Libraries, joints: Collection[str] = ()
 ) -> Candidates | None:
-    """Return the candidates for a run that are valid in its scenario; None if there are none.
-
-    `joints`: those that moved most differently in the runs of survivors.
-    """
+    """Return the candidates that are valid in the scenario, if any; `joints`: those that moved most differently."""
     entries = list(_entries(original, joints))
     for kept in (entries, [entry for entry in entries if _with(original, [entry], permissions, libraries) is not None]):
         if kept and (loaded := _with(original, kept, permissions, libraries)) is not None:

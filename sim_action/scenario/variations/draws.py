@@ -98,10 +98,7 @@ class _Pair(Distribution):
 
     @property
     def numbers(self) -> tuple[float, float, str]:
-        """Return both figures in one unit: that of the second, or of the first if the second is a bare 0.
-
-        Raises ValueError.
-        """
+        """Return both figures in the unit of the second, or of the first if that is a bare 0. Raises ValueError."""
         stated, bound = getattr(self, self.key)
         (first, unit), (second, other) = _number(stated), _number(bound)
         if unit == other or (unit and not other and second == 0):

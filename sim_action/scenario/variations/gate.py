@@ -236,10 +236,7 @@ class GateOfScenario:
     may_be_low: bool = False
 
     def planned(self, name: str, group: str, file: str, line: int | None, runs: int) -> PlannedGate:
-        """Return the gate of so many runs; see `PlannedGate`.
-
-        `file`: that of the scenario; the gate may be written in a base file.
-        """
+        """Return the gate of so many runs of a scenario in `file`; see `PlannedGate`."""
         return PlannedGate(
             name=name,
             file=file,
@@ -261,10 +258,7 @@ def refuse_misspelt(document: Document) -> None:
 
 
 class UnattainableGate(InvalidScenario):
-    """A gate that no result of its runs passes.
-
-    `stated`: the gate, for a plan with more runs; `runs`: the number of runs that it has.
-    """
+    """A gate that no result of so many `runs` passes; `stated`: the gate, for a plan with more."""
 
     def __init__(self, problems: Iterable[Problem], stated: GateOfScenario, runs: int) -> None:
         super().__init__(problems)

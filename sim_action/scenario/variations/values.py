@@ -357,10 +357,7 @@ _MULTIPLIERS: Final = (0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6)
 
 
 def scrambled_points(dimension: int, count: int, scramble: int) -> Iterator[float]:
-    """Yield the first points of a dimension, from 0, between 0 and 1, without both.
-
-    :param scramble: a random number of 32 bits.
-    """
+    """Yield the first points of a dimension between 0 and 1, exclusive; `scramble`: a random number of 32 bits."""
     for point in points(dimension, count):
         yield (_reversed(_permuted(_reversed(point), scramble)) + 0.5) / 2**BITS
 
