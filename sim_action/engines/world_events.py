@@ -199,7 +199,7 @@ class _Payload(_Mover):
 
     def __init__(self, control: BodyControl, index: int, load: Disturbance, scene: Scene) -> None:
         self._control, self._index, self._rate = control, index, scene.physics.rate
-        self._link, self._mass = load.link or scene.model.root, load.payload or 0.0
+        self._link, self._mass = load.link or scene.load_link, load.payload or 0.0
         self._is_there = False
         self.follow(scene.world)
 

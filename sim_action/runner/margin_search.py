@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Final
 
 from sim_action.core import units
-from sim_action.core.errors import InvalidScenario, UsageError
+from sim_action.core.errors import ExitCode, InvalidScenario, UsageError
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import did_you_mean, shown
@@ -111,21 +111,13 @@ def _friction(original: Original) -> Iterator[Factor]:
 
 def _payload(original: Original) -> Iterator[Factor]:
     model = original.loaded.model
-    links: dict[str, str] = {}
-    most = _MOST_PAYLOAD_KG
-    if model is not None:
-        masses = {each.name: each.mass for each in model.links if each.mass}
-        moving = original.moving_link[0] if original.moving_link else model.root
-        # Nothing bears a load at a link without a mass, such as the world.
-        links = {"link": moving if moving in masses else next(reversed(masses), moving)}
-        most = 2 * sum(masses.values())
+    # Only the child knows the masses of a robot of xacro and MJCF.
+    most = 2 * model.mass if model is not None and model.mass else _MOST_PAYLOAD_KG
 
     def edits(value: float) -> Edits:
-        yield _added(original, ("world", "disturbances"), {"at": 0, "payload": value, **links})
+        yield _added(original, ("world", "disturbances"), {"at": 0, "payload": value})
 
-    # Only the child knows the links of a robot of xacro and MJCF.
-    if links or not original.is_fixed:
-        yield Factor("payload", "kg", 0.0, 0.0, most, edits)
+    yield Factor("payload", "kg", 0.0, 0.0, most, edits)
 
 
 def _mass(original: Original) -> Iterator[Factor]:
@@ -385,6 +377,9 @@ class Trial:
     def take(self, outcome: Outcome) -> None:
         """Keep what the search needs of the outcome of its run."""
         self.loaded, self.digest = None, outcome.digest
+        if outcome.exit_code == ExitCode.INVALID:  # only the child could check it
+            self.reason = outcome.reasons[0]
+            return
         self.has_passed = outcome.status == "passed"
         first = min(outcome.causes, key=lambda each: each.verdict.time or 0.0, default=None)
         if first is not None:

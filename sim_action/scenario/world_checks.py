@@ -213,7 +213,8 @@ def _target_problems(disturbance: Disturbance, scene: Scene) -> SpecProblems:
     if disturbance.body is not None:
         yield from _body_problems(disturbance, disturbance.body, scene)
         return
-    link = scene.model.link_of(disturbance.link or scene.model.root)
+    default = scene.model.root if disturbance.payload is None else scene.load_link
+    link = scene.model.link_of(disturbance.link or default)
     where = ("link",) if disturbance.link else ()
     if scene.model.mjcf and (actuator := scene.model.mjcf.adhesion.get(disturbance.link or "")):
         if disturbance.adhesion is None:
@@ -242,7 +243,7 @@ def _payload_problems(disturbance: Disturbance, link: str, scene: Scene) -> Spec
     taken = [
         other.payload or 0.0
         for other in scene.world.disturbances
-        if (other.link or scene.model.root) == link and other.at < disturbance.end and disturbance.at < other.end
+        if (other.link or scene.load_link) == link and other.at < disturbance.end and disturbance.at < other.end
     ]
     mass = scene.model.links_by_name[link].mass or 0.0
     if mass + sum(min(0.0, payload) for payload in taken) <= 0.0 and min(taken) < 0.0:

@@ -141,7 +141,10 @@ class Disturbance(FrozenModel):
     ] = None
     link: Annotated[
         Name | None,
-        Field(description="link of the robot; default without 'body': its base link; or an <adhesion> of MJCF"),
+        Field(
+            description="link of the robot; default without 'body': its base, or its last one if a payload loads "
+            "a bolted robot; or an <adhesion> of MJCF"
+        ),
     ] = None
     body: Annotated[Name | None, Field(description="body of the world, instead of a link")] = None
     force: Annotated[

@@ -114,6 +114,13 @@ class Scene:
             waiting += held
         return frozenset(bolted)
 
+    @property
+    def load_link(self) -> str:
+        """The link that bears a payload by default: the base, or the last link that moves if the base is bolted."""
+        bolted, root = self.bolted_links, self.model.root
+        movable = (link.name for link in reversed(self.model.links) if link.mass and link.name not in bolted)
+        return next(movable, root) if bolted else root
+
     def why_not_moved(self, link: str) -> str | None:
         """Return a message if no force can move a link, or if there is no such link; None if a force can."""
         if (problem := why_no_link(self.model, link)) is not None:

@@ -87,7 +87,10 @@ MJCF = """<mujoco><worldbody><body name="l" pos="0 0 1"><joint name="j" axis="0 
 <geom type="box" size="0.1 0.02 0.02" pos="0.4 0 0" mass="0.5" contype="0" conaffinity="0"/>
 <body name="tip" pos="0.6 0 0"><inertial pos="0 0 0" mass="0.5" diaginertia="0.01 0.01 0.01"/></body>
 </body></worldbody><actuator><position name="a" joint="j" kp="2000" kv="20" forcerange="-10 10"/></actuator></mujoco>"""
-FILES = {"arm.urdf": URDF, "arm.xml": MJCF, "box.urdf.xacro": XACRO, "to_place.py": SCRIPT}
+HEAVY = '<mass value="9"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+BASE = f'<link name="base"><inertial>{HEAVY}</inertial></link>'
+BOLTED = URDF.replace('<link name="world"/>', BASE).replace('parent link="world"', 'parent link="base"')
+FILES = {"arm.urdf": URDF, "bolted.urdf.xacro": BOLTED, "arm.xml": MJCF, "box.urdf.xacro": XACRO, "to_place.py": SCRIPT}
 STRAIGHT = "{stay_within: {x: [-1, 0.7], y: [-0.2, 0.2]}}"
 
 PLANTED = {
@@ -118,6 +121,18 @@ PLANTED = {
     "strength that a motor needs": (ARM, "motor-strength", "down", HOLDS / 10),
     "masses that a motor cannot hold": (ARM, "mass", "up", 10 / HOLDS),
     "masses of MJCF that a motor cannot hold": (ARM.replace("arm.urdf", "arm.xml"), "mass", "up", 10 / HOLDS),
+    "payload that a motor of MJCF cannot hold": (
+        ARM.replace("arm.urdf", "arm.xml"),
+        "payload",
+        "up",
+        (10 / G - 0.5) / 0.6,
+    ),
+    "payload that a motor of xacro cannot hold": (
+        ARM.replace("arm.urdf", "bolted.urdf.xacro, base: fixed"),
+        "payload",
+        "up",
+        10 / (G * 0.5) - 1,
+    ),
     "payload with which a robot of xacro stands": (PUSHED_XACRO, "payload", "up", 3 / (0.5 * G) - 0.3),
     "latency from which a controller oscillates": (TO_PLACE, "latency", "up", GROWS),
 }

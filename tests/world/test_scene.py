@@ -67,6 +67,13 @@ def test_links_fixed_to_a_base_that_cannot_move_cannot_either(tmp_path: Path) ->
     # Engines fix a base without a mass.
     weightless = replace(made.model, links=(replace(base, mass=0.0), *others))
     assert replace(made, model=weightless).bolted_links == {"base", "plate"}
+    # Nothing bears a load at a link without a mass.
+    links = (base, *(replace(link, mass=1.0) for link in others), replace(base, name="tool", mass=None))
+    assert [
+        replace(scene(tmp_path, urdf, base=kind), model=replace(made.model, links=several)).load_link
+        for kind in ("free", "fixed")
+        for several in (links, made.model.links)
+    ] == ["base", "base", "arm", "base"]
 
 
 def test_links_that_no_force_can_move_say_why(tmp_path: Path) -> None:
