@@ -55,7 +55,7 @@ _INTEGRATION: Final = {
     "drives": "drives driven_backends driven_paths odometry wheel_limits robots",
     "engines": "backends joint_physics contact_physics physics pybullet clearances rays worlds moving_worlds "
     "mesh_physics engine_tables motor_work driven_backends driven_worlds first_clashes imu lidar camera contact_sensor "
-    "native_robots bolted_contacts contact_limits joint_damping integrator engine_differences",
+    "native_robots bolted_contacts contact_limits joint_damping engine_differences",
     "meshes": "meshes mesh_physics mesh_cache",
     "networks": "policies policy_server",
     "recording": "recordings replays replay replayed_links filming report_in_browser",
@@ -63,13 +63,13 @@ _INTEGRATION: Final = {
     "results": "cli suites shards repeats not_exercised kept_verdicts resume journal",
     "robot": "robots bad_models sdf native_robots meshes inspect allowed templates",
     "ros": "patches ros1_processes ros1_launches ros1_scenarios ros1_losses ros1",
-    "runner": "execution processes repeats golden_runs agreement killers resource_guards shards inspection_process "
+    "runner": "execution processes repeats golden_runs killers resource_guards shards inspection_process "
     "kept_verdicts resume journal interruptions injected_faults",
     "scenario": "cli suites worlds moving_worlds watch checked_nothing check_nothing selecting_nothing",
     "sensors": "imu lidar camera contact_sensor odometry rays",
     "simulation": "execution physics faults driven_worlds odometry templates golden_runs tunnelling pinned_robots "
     "accuracy_notes jumps verdicts_of_runs preloading wall_followers",
-    "state": "repeats golden_runs signals agreement recordings",
+    "state": "repeats golden_runs signals recordings",
     "world": "worlds moving_worlds first_clashes patches meshes",
 }
 

@@ -63,46 +63,6 @@ def look_at(mesh: str, attributes: str = "", scale: str = "1 1 1", flags: int = 
     return {"reach": reached, "hits": hits, "rests_at": z, "mass": pybullet.getDynamicsInfo(body, -1)[0]}
 
 
-def slide(shape: str) -> dict[str, Any]:
-    """How far a body slides that is pushed off at 1 m/s, and how it lies then."""
-    body = load(urdf(shape), 0.3)
-    plane()
-    for _ in range(120):
-        pybullet.stepSimulation()
-    start = pybullet.getBasePositionAndOrientation(body)[0]
-    pybullet.resetBaseVelocity(body, (1, 0, 0))
-    for _ in range(480):
-        pybullet.stepSimulation()
-    end, lies = pybullet.getBasePositionAndOrientation(body)
-    return {"slid": end[0] - start[0], "aside": end[1] - start[1], "z": end[2], "tilt": math.hypot(lies[0], lies[1])}
-
-
-def roll(wheel: str) -> dict[str, Any]:
-    """What a cart rolls for each radian that its two wheels turn, in m."""
-    sides = "".join(
-        f'<joint name="{name}" type="continuous"><parent link="body"/><child link="wheel_{name}"/>'
-        f'<origin xyz="0 {y} 0" rpy="{-math.pi / 2} 0 0"/><axis xyz="0 0 1"/></joint>'
-        f'<link name="wheel_{name}">{INERTIAL.format(0.05, 2e-5)}'
-        f"<collision><geometry>{wheel}</geometry></collision></link>"
-        for name, y in (("left", 0.08), ("right", -0.08))
-    )
-    caster = '<collision><origin xyz="-0.06 0 -0.022"/><geometry><sphere radius="0.0105"/></geometry></collision>'
-    cart = load(
-        f'<robot name="cart"><link name="body">{INERTIAL.format(1, 0.002)}{caster}</link>{sides}</robot>', 0.035
-    )
-    plane()
-    pybullet.changeDynamics(cart, -1, lateralFriction=0)
-    states = []
-    for speed, steps in ((0, 240), (10, 240), (10, 1200)):
-        for joint in range(2):
-            pybullet.setJointMotorControl2(cart, joint, pybullet.VELOCITY_CONTROL, targetVelocity=speed, force=1)
-        for _ in range(steps):
-            pybullet.stepSimulation()
-        states.append((pybullet.getBasePositionAndOrientation(cart)[0][0], pybullet.getJointState(cart, 0)[0]))
-    (x0, angle0), (x1, angle1) = states[1:]
-    return {"radius": (x1 - x0) / (angle1 - angle0)}
-
-
 def survive(folder: str) -> dict[str, Any]:
     """Loads every mesh of a folder and lets it fall; says in how many a number was lost."""
     lost = 0
@@ -117,12 +77,7 @@ def survive(folder: str) -> dict[str, Any]:
     return {"lost": lost}
 
 
-TRIALS: dict[str, Callable[..., dict[str, Any]]] = {
-    "look_at": look_at,
-    "slide": slide,
-    "roll": roll,
-    "survive": survive,
-}
+TRIALS: dict[str, Callable[..., dict[str, Any]]] = {"look_at": look_at, "survive": survive}
 
 
 def main() -> None:

@@ -10,12 +10,28 @@ import pytest
 from sim_action import robot as models
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import simulate
-from tests.integration.engines import on_every_engine
-from tests.integration.test_integrator import BALL, PENDULUM
+from tests.integration.engines import at, on_every_engine, scene_of, travelled
 
 pytestmark = on_every_engine
 
 CUBE = "box: [0.2, 0.2, 0.2]"
+G = 9.80665
+INERTIA = '<inertia ixx="{0}" iyy="{0}" izz="{0}" ixy="0" ixz="0" iyz="0"/>'
+BALL = (
+    f'<robot name="ball"><link name="base"><inertial><mass value="2"/>{INERTIA.format(0.01)}</inertial></link></robot>'
+)
+MOMENT = 0.01  # kg m^2, of a rod about its middle
+
+
+def rod(name: str, parent: str, origin: str) -> str:
+    inertial = f'<inertial><origin xyz="0 0 -0.5"/><mass value="1"/>{INERTIA.format(MOMENT)}</inertial>'
+    ends = f'<parent link="{parent}"/><child link="{name}"/><origin xyz="{origin}"/><axis xyz="0 1 0"/>'
+    return f'<link name="{name}">{inertial}</link><joint name="{name}_joint" type="continuous">{ends}</joint>'
+
+
+PENDULUM = (
+    f'<robot name="it"><link name="base"/>{rod("upper", "base", "0 0 0")}{rod("lower", "upper", "0 0 -1")}</robot>'
+)
 
 
 def notes(
@@ -93,3 +109,13 @@ def test_wheels_with_little_friction_are_told_of_with_their_slip(engine: str, tm
     assert run.travelled <= moved * 1.02
     assert moved < 0.9 * rolled
     assert slid > rolled - moved - 0.02
+
+
+@pytest.mark.parametrize(("rate", "short_mm"), [(240.0, 24.5), (960.0, 6.1)])
+def test_a_fall_is_short_by_half_a_step_of_its_speed(engine: str, rate: float, short_mm: float, tmp_path: Path) -> None:
+    seconds = 1.2
+    trace = travelled(engine, scene_of(tmp_path, BALL, at(50.0), rate=rate), round(seconds * rate))
+    fallen = 50.0 - float(trace.base_position_xyz[-1, 2])
+    assert fallen - G * seconds**2 / 2 == pytest.approx(G * seconds / rate / 2, rel=1e-3)
+    assert 1e3 * (fallen - G * seconds**2 / 2) == pytest.approx(short_mm, abs=0.05)
+    assert trace.base_linear_xyz[-1, 2] == pytest.approx(-G * seconds, rel=1e-6)

@@ -1,4 +1,4 @@
-"""Real robots follow five waypoints, in the real engine; how well they follow twists is in test_drives.py.
+"""Real robots follow five waypoints, in the real engine.
 
 The path turns by 90 deg twice, by 135 deg once, by 45 deg once, where nobody stops, and crosses itself. `off`: how far
 from it the base is at the most, in m. A car cuts corners; who turns on the spot leaves the path where it does not, at
@@ -65,7 +65,7 @@ FOLLOWERS: Final = (
         off={"pybullet": 0.28, "mujoco": 0.2},
         near={"pybullet": 0.02, "mujoco": 0.015},
         end={"pybullet": 0.02, "mujoco": 0.015},
-        # Its wheels have the inertia of flywheels; see test_drives.py.
+        # Its wheels have the inertia of flywheels.
         robot={"drive": {"skid": {**R2D2S, "acceleration": 0.2}}},
     ),
     Follower(
@@ -78,7 +78,7 @@ FOLLOWERS: Final = (
     ),
 )
 KNOWN: Final = {known.name: known for known in (BURGER, *ROBOTS)}
-IN_SOAK: Final = (pytest.mark.pybullet, pytest.mark.soak)  # how those of the soak drive is tried in test_drives.py
+IN_SOAK: Final = (pytest.mark.pybullet, pytest.mark.soak)
 
 
 def run(folder: Path, follower: Follower, engine: str) -> SimulationRun:

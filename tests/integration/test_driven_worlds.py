@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -46,19 +45,6 @@ def came(run: SimulationRun) -> tuple[float, float]:
 def ramp(friction: float, angle: str = "10 deg") -> str:
     shape = f"{{length: 2 m, width: 1 m, angle: {angle}}}"
     return f"{{objects: [{{name: ramp, ramp: {shape}, pose: {{x: 1.3}}, friction: {friction}}}]}}"
-
-
-def test_a_burger_climbs_a_ramp_that_its_wheels_hold_on(engine: str, tmp_path: Path) -> None:
-    ahead, up = came(run(engine, tmp_path, world=ramp(1.0), seconds=7))
-    # From where its wheels touch it, it goes along the slope.
-    assert ahead == pytest.approx(0.3 + (1.38 - 0.3) * math.cos(math.radians(10)), abs=0.03)
-    assert up == pytest.approx((ahead - 0.3) * math.tan(math.radians(10)), abs=0.01)
-
-
-def test_a_burger_slips_where_friction_is_less_than_the_tangent_of_the_slope(engine: str, tmp_path: Path) -> None:
-    friction = 0.8 * math.tan(math.radians(10))
-    _, up = came(run(engine, tmp_path, world=ramp(friction), seconds=7))
-    assert up < 0.06
 
 
 def test_stairs_stop_a_burger_and_are_what_it_touched(engine: str, tmp_path: Path) -> None:

@@ -89,16 +89,6 @@ def test_a_turntable_turns_what_stands_on_it(engine: str, tmp_path: Path) -> Non
 
 
 @on_every_engine
-def test_a_pusher_pushes_at_its_own_speed(engine: str, tmp_path: Path) -> None:
-    path = ({"at": 0.0, "x": -0.5}, {"at": 10.0, "x": 1.5})
-    pusher = {"name": "pusher", "box": (0.1, 0.4, 0.1), "path": path}
-    trace = run(engine, block(tmp_path, world(objects=(pusher,)), friction=0.3), 8.0)
-    assert trace.base_position_xyz[-1, 0] == pytest.approx(-0.5 + 8 * 0.2 + 0.05 + 0.05, abs=0.005)
-    late = trace.time > 4.0
-    assert trace.base_linear_xyz[late, 0].mean() == pytest.approx(0.2, abs=0.002)
-
-
-@on_every_engine
 def test_nothing_stops_a_body_on_a_path(engine: str, tmp_path: Path) -> None:
     ball = {"name": "ball", "sphere": {"radius": 0.1}, "mass": 100.0, "pose": {"x": 0.6}}
     path = ({"at": 0.0, "x": -0.5}, {"at": 2.0, "x": 0.5})

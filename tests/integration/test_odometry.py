@@ -5,7 +5,7 @@ heading, of all turning (in rad on a line). All are as measured, and a little.
 
 What to expect: on a line, everything is as good as its wheels roll. Two wheels and a car know their circle as well as
 they drive it. Skid steer slips sideways and lengthwise when it turns, so that what it believes is off by as much as its
-slip is (see test_drives): the rover by less than 1 % of the turning, husky by up to 4 %. husky, being heavier behind,
+slip is: the rover by less than 1 % of the turning, husky by up to 4 %. husky, being heavier behind,
 also turns about a point behind its middle, which costs it 6 to 8 % of its place. What all of them have, mecanum wheels
 too, is half a step of turning by which the engines' steps are off an arc.
 """

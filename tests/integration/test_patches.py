@@ -7,10 +7,14 @@ from pathlib import Path
 import pytest
 
 from sim_action.world import GRAVITY, Patch, World
-from tests.integration.engines import BALL, advance, at, on_every_engine, push, running, scene_of
-from tests.integration.test_worlds import slippery
+from tests.integration.engines import BALL, CRATE, advance, at, on_every_engine, push, running, scene_of
 
 pytestmark = on_every_engine
+
+
+def slippery(friction: float) -> str:
+    """A crate, flat and heavy."""
+    return CRATE.replace("<collision>", f'<contact><lateral_friction value="{friction}"/></contact><collision>')
 
 
 def stopping(engine: str, folder: Path, world: World, urdf: str, speed: float, **pose: float) -> float:

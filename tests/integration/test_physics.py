@@ -1,4 +1,4 @@
-"""The burger with the plugin of Gazebo, in the tutorial, at rest and while it settles; test_drives.py has more."""
+"""The burger with the plugin of Gazebo, in the tutorial, at rest and while it settles."""
 
 from __future__ import annotations
 

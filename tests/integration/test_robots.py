@@ -34,13 +34,6 @@ def test_it_weighs_what_its_file_says(known: KnownRobot) -> None:
     )
 
 
-@every_robot
-def test_it_rests(known: KnownRobot, tmp_path: Path) -> None:
-    known.resting(tmp_path, seconds=5)
-    ran = sim_action(tmp_path, "run", "--allow-outside", "--no-report")
-    assert ran.returncode == 0, ran.stdout
-
-
 def test_legs_that_cannot_be_straight_begin_bent(tmp_path: Path) -> None:
     """Begun beyond its limits, the robot would be thrown on its back."""
     (known,) = (known for known in ROBOTS if known.name == "a1")

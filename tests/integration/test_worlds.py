@@ -12,20 +12,9 @@ import pytest
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Vector3
 from sim_action.meshes.convex_hull import mass_properties
-from sim_action.world import GRAVITY, Body, Heightfield, MeshFile, OccupancyMap, Ramp, Stairs, World
+from sim_action.world import Body, Heightfield, MeshFile, OccupancyMap, Ramp, Stairs, World
 from sim_action.world.parts import HullPart
-from tests.integration.engines import (
-    BALL,
-    CRATE,
-    advance,
-    at,
-    on_every_engine,
-    one_link,
-    push,
-    running,
-    scene_of,
-    travelled,
-)
+from tests.integration.engines import BALL, advance, at, on_every_engine, one_link, push, running, scene_of, travelled
 from tests.worlds import with_files, write_map
 
 pytestmark = on_every_engine
@@ -35,24 +24,12 @@ SMALL_BALL = one_link('<sphere radius="0.05"/>', moment=0.001)
 CUBE = one_link('<box size="0.1 0.1 0.1"/>', moment=0.002)
 
 
-def slippery(friction: float) -> str:
-    """A crate, flat and heavy."""
-    return CRATE.replace("<collision>", f'<contact><lateral_friction value="{friction}"/></contact><collision>')
-
-
 def resting(engine: str, folder: Path, world: World, urdf: str, steps: int = 960, **pose: float) -> Vector3:
     """Where a robot comes to lie."""
     scene = with_files(scene_of(folder, urdf, at(**pose), world))
     trace = travelled(engine, scene, steps)
     x, y, z = trace.base_position_xyz[-1].tolist()
     return (x, y, z)
-
-
-@pytest.mark.parametrize("gravity", [MOON, 9.80665, 25.0])
-def test_things_fall_as_gravity_says(engine: str, gravity: float, tmp_path: Path) -> None:
-    scene = scene_of(tmp_path, BALL, at(z=10), World(gravity=gravity))
-    trace = travelled(engine, scene, 200)
-    assert trace.base_position_xyz[-1, 2] == pytest.approx(10 - gravity / 240**2 * 200 * 201 / 2, abs=1e-6)
 
 
 def test_gravity_may_point_anywhere_or_be_none(engine: str, tmp_path: Path) -> None:
@@ -64,31 +41,6 @@ def test_gravity_may_point_anywhere_or_be_none(engine: str, tmp_path: Path) -> N
 
 def test_a_ball_lies_on_the_moon_as_high_as_on_earth(engine: str, tmp_path: Path) -> None:
     assert resting(engine, tmp_path, World(gravity=MOON), BALL)[2] == pytest.approx(0.1, abs=1e-4)
-
-
-@pytest.mark.parametrize(("angle", "friction"), [(10, 0.0), (20, 0.1), (30, 0.3)])
-def test_a_crate_slides_down_a_ramp_as_its_angle_says(engine: str, angle: int, friction: float, tmp_path: Path) -> None:
-    slope = math.radians(angle)
-    ramp = Body(name="ramp", ramp=Ramp(length=8, width=2, angle=slope), friction=1.0)
-    # Near its top, which is at x = 4, and turned as the ramp is.
-    x, height = 2.5, (2.5 + 4) * math.tan(slope)
-    robot = at(x=x, z=height + 0.05 / math.cos(slope) + 1e-4, pitch=-slope)
-    scene = scene_of(tmp_path, slippery(friction), robot, World(objects=(ramp,)), rate=1000)
-    with running(engine, scene) as backend:
-        advance(backend, 0, 200)
-        before = backend.observe(0, contacts=False).twist.linear_xyz
-        trace = advance(backend, 200, 500)
-    gained = (trace.speed[-1] - math.hypot(*before)) / 0.5
-    assert gained == pytest.approx(GRAVITY * (math.sin(slope) - friction * math.cos(slope)), rel=0.01)
-
-
-def test_a_ball_rolls_down_a_ramp(engine: str, tmp_path: Path) -> None:
-    slope = math.radians(15)
-    ramp = Body(name="ramp", ramp=Ramp(length=8, width=2, angle=slope), friction=1.0)
-    robot = at(x=2.0, z=6 * math.tan(slope) + 0.1 / math.cos(slope))
-    trace = travelled(engine, scene_of(tmp_path, BALL, robot, World(objects=(ramp,))), 240)
-    # A ball has 5/7 of the acceleration of what slides without friction.
-    assert trace.speed[-1] == pytest.approx(5 / 7 * GRAVITY * math.sin(slope), rel=0.01)
 
 
 def test_a_ramp_turns_with_its_pose_and_begins_at_the_ground(engine: str, tmp_path: Path) -> None:
