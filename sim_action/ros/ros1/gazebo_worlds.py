@@ -1,25 +1,25 @@
 """Gazebo worlds of ROS 1: finding the file, the robot in it, and models that nodes spawn.
 
-`sim_action.world.world_files` reads the files. A loss reports everything that is left out.
+`sim_action.world.world_files` reads the files, in which `load_model` finds the robot by its name.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 
 from sim_action.core.errors import ModelError
 from sim_action.core.geometry import Pose
-from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import Workspace
 from sim_action.robot.documents.packages import Packages
 from sim_action.robot.documents.xml_document import ModelDocument, parse_document, read_document
 from sim_action.robot.reading.sdf.composition import Entry
-from sim_action.world import Body, World
+from sim_action.ros.ros1.gazebo_plugins import DRIVE_PLUGINS
+from sim_action.world import Body
 from sim_action.world.world_files import Loss, WorldFile, plugin_names, read_world_file
 
 _EMPTY_WORLD: Final = Path("worlds/empty.world")
@@ -44,25 +44,6 @@ class MissingWorld(BadWorld):
         super().__init__(f"the world file '{path}' does not exist{near}; {advice}")
 
 
-@dataclass(frozen=True, slots=True)
-class WorldRobot:
-    """The robot of a world, in SDF; `file`: of its description; None if it is in the world file itself."""
-
-    name: str
-    description: str
-    pose: Pose
-    file: Path | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class GazeboWorld:
-    """The content of a .world file; `losses`: what was left out."""
-
-    world: World
-    robot: WorldRobot | None
-    losses: tuple[Loss, ...]
-
-
 def find_world(stated: str) -> Path | None:
     """Return the path of a world file; None for Gazebo's own empty world. Raises MissingWorld."""
     path = Path(stated)
@@ -76,23 +57,9 @@ def find_world(stated: str) -> Path | None:
     raise MissingWorld(path.resolve() if path.is_absolute() else path)
 
 
-def read_world(path: Path, folders: tuple[Path, ...], known: Container[str]) -> GazeboWorld:
-    """Read a .world file; `folders`: for `model://`; `known`: plugins that make a model a robot. Raises BadWorld."""
-    if not path.is_file():
-        raise MissingWorld(path)
-    document = _read(path, path.resolve())
-    found = _converted(path, document, folders, lambda model: _drives(model, known))
-    robot = None
-    if found.robot is not None:
-        entry, version = found.robot.entry, document.root.get("version", "1.6")
-        assert entry.scope is not None
-        # With plugins of the include, the file is not the whole description.
-        is_file = entry.element is not entry.scope.element and not entry.included_plugins
-        file = entry.scope.file.path if is_file else None
-        text = f'<sdf version="{version}">{ET.tostring(entry.whole_model, encoding="unicode")}</sdf>'
-        description = text if file is None else file.read_text(encoding="utf-8")
-        robot = WorldRobot(found.robot.name, description, found.robot.pose, file)
-    return GazeboWorld(found.world, robot, _without_remarks(found))
+def read_world(path: Path) -> WorldFile:
+    """Read a .world file; the first model with a plugin that drives is the robot. Raises BadWorld."""
+    return _converted(path, _read(path, path.resolve()), _drives)
 
 
 def body_of(name: str, description: str, pose: Pose) -> tuple[Body, tuple[Loss, ...]]:
@@ -111,24 +78,16 @@ def body_of(name: str, description: str, pose: Pose) -> tuple[Body, tuple[Loss, 
     root = ET.Element("sdf", version=document.root.get("version", "1.6"))
     root.append(world)
     places = {**document.places, **dict.fromkeys((at, world, root), document.places[model])}
-    found = _converted(Path("spawned"), ModelDocument(root, places), model_folders(), lambda _: False)
+    found = _converted(Path("spawned"), ModelDocument(root, places), lambda _: False)
     bodies = found.world.objects
     if len(bodies) != 1:
         raise BadWorld(f"a model that is spawned must be one body with a collision shape, found {len(bodies)}")
-    return bodies[0].model_copy(update={"name": name}), _without_remarks(found)
+    losses = (loss for loss in found.losses if not loss.is_remark)
+    return bodies[0].model_copy(update={"name": name}), tuple(losses)
 
 
-def model_folders() -> tuple[Path, ...]:
-    """Return the folders in which Gazebo searches for models, from GAZEBO_MODEL_PATH."""
-    return tuple(Path(folder) for folder in os.environ.get("GAZEBO_MODEL_PATH", "").split(os.pathsep) if folder)
-
-
-def _drives(model: Entry, known: Container[str]) -> bool:
-    return model.scope is not None and not model.scope.static and any(name in known for name in plugin_names(model))
-
-
-def _without_remarks(found: WorldFile) -> tuple[Loss, ...]:
-    return tuple(loss for loss in found.losses if not loss.is_remark)
+def _drives(model: Entry) -> bool:
+    return model.scope is not None and not model.scope.static and not DRIVE_PLUGINS.isdisjoint(plugin_names(model))
 
 
 def _read(path: Path, source: Path | bytes) -> ModelDocument:
@@ -138,13 +97,10 @@ def _read(path: Path, source: Path | bytes) -> ModelDocument:
         raise BadWorld(str(error)) from None
 
 
-def _converted(
-    path: Path, document: ModelDocument, folders: Iterable[Path], is_robot: Callable[[Entry], bool]
-) -> WorldFile:
-    environment = {**os.environ, "GAZEBO_MODEL_PATH": os.pathsep.join(map(str, folders))}
+def _converted(path: Path, document: ModelDocument, is_robot: Callable[[Entry], bool]) -> WorldFile:
     # The nodes of the launch run with the rights of the job; they can read any file.
     workspace = Workspace(path.resolve().parent, path.resolve().parent, allow_outside=True)
     try:
-        return read_world_file(path, Packages(workspace, environment=environment), is_robot, document)
+        return read_world_file(path, Packages(workspace), is_robot, document)
     except ModelError as error:
         raise BadWorld(f"{path}: {error}") from None

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.geometry import Pose, compose
-from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, body_of, find_world, model_folders, read_world
+from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, body_of, find_world, read_world
 from sim_action.world import World, placed
 from sim_action.world.parts import CylinderPart
 
@@ -20,11 +20,18 @@ WALL = """
 """
 
 
-def read(folder: Path, inside: str, *models: Path) -> tuple[World, list[str]]:
+@pytest.fixture(autouse=True)
+def models(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "models"
+    monkeypatch.setenv("GAZEBO_MODEL_PATH", str(folder))
+    return folder
+
+
+def read(folder: Path, inside: str) -> tuple[World, list[str]]:
     path = folder / "a.world"
     path.write_text(f'<?xml version="1.0"?><sdf version="1.6"><world name="default">{inside}</world></sdf>')
-    found = read_world(path, models, {"gazebo_ros_diff_drive"})
-    return found.world, [loss.message for loss in found.losses]
+    found = read_world(path)
+    return found.world, [loss.message for loss in found.losses if not loss.is_remark]
 
 
 def test_a_wall(tmp_path: Path) -> None:
@@ -89,7 +96,6 @@ def test_models_that_are_included(tmp_path: Path) -> None:
         """<include><uri>model://ground_plane</uri></include><include><uri>model://sun</uri></include>
         <include><uri>model://wall</uri><name>north</name><pose>0 5 0 0 0 0</pose></include>
         <include><uri>model://house</uri></include>""",
-        tmp_path / "models",
     )
 
     (north,) = world.objects
@@ -122,12 +128,7 @@ def test_what_cannot_be_read_is_said_with_its_file(text: str, message: str, tmp_
     path.write_text(text)
 
     with pytest.raises(BadWorld, match=re.escape(message)):
-        read_world(path, (), ())
-
-
-def test_a_world_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(BadWorld, match=r"none\.world"):
-        read_world(tmp_path / "none.world", (), ())
+        read_world(path)
 
 
 def test_a_world_is_found_by_its_path_or_in_the_folders_of_gazebo(
@@ -172,16 +173,15 @@ def test_a_model_with_a_plugin_that_drives_is_the_robot(tmp_path: Path) -> None:
     path = tmp_path / "a.world"
     path.write_text(f'<sdf version="1.7"><world name="w">{WALL}{ROVER}</world></sdf>')
 
-    found = read_world(path, (), {"gazebo_ros_diff_drive"})
+    found = read_world(path)
 
     assert [body.name for body in found.world.objects] == ["wall"]
     assert found.robot is not None
-    assert (found.robot.name, found.robot.pose.position_xyz, found.robot.file) == ("rover", (1, 0, 0), None)
-    assert found.robot.description.startswith('<sdf version="1.7"><model name="rover">')
+    assert (found.robot.name, found.robot.pose.position_xyz) == ("rover", (1, 0, 0))
     assert found.losses == ()
 
 
-def test_a_robot_that_is_included_keeps_its_file_and_has_the_name_and_the_pose_of_the_include(tmp_path: Path) -> None:
+def test_a_robot_that_is_included_has_the_name_and_the_pose_of_the_include(tmp_path: Path) -> None:
     model = tmp_path / "models/rover/model.sdf"
     model.parent.mkdir(parents=True)
     model.write_text(f'<sdf version="1.6">{ROVER}</sdf>')
@@ -189,10 +189,10 @@ def test_a_robot_that_is_included_keeps_its_file_and_has_the_name_and_the_pose_o
     include = "<include><uri>model://rover</uri><name>one</name><pose>0 2 0 0 0 0</pose></include>"
     path.write_text(f'<sdf version="1.6"><world name="w">{include}</world></sdf>')
 
-    robot = read_world(path, (tmp_path / "models",), {"gazebo_ros_diff_drive"}).robot
+    robot = read_world(path).robot
 
     assert robot is not None
-    assert (robot.name, robot.pose.position_xyz, robot.file) == ("one", (0, 2, 0), model)
+    assert (robot.name, robot.pose.position_xyz) == ("one", (0, 2, 0))
 
 
 def test_what_plugins_cannot_do_is_told(tmp_path: Path) -> None:
@@ -216,7 +216,7 @@ def test_a_loss_has_its_place_also_in_an_included_file(tmp_path: Path) -> None:
         '<sdf version="1.6"><world name="w">\n<actor name="a"/>\n<include><uri>model://pole</uri></include></world></sdf>'
     )
 
-    losses = read_world(path, (tmp_path / "models",), ()).losses
+    losses = read_world(path).losses
 
     assert [(Path(loss.location.file).name, loss.location.line) for loss in losses if loss.location] == [
         ("a.world", 2),
@@ -264,7 +264,7 @@ def test_a_model_that_includes_another_has_its_shapes(tmp_path: Path) -> None:
     nested = "<model name='n'><pose>0 0 1 0 0 0</pose><link name='l'><collision name='c'><geometry><sphere><radius>0.1"
     nested += "</radius></sphere></geometry></collision></link></model>"
     model = f"<model name='yard'><static>1</static><pose>1 0 0 0 0 0</pose>{include}{nested}</model>"
-    world, lost = read(tmp_path, model, tmp_path / "models")
+    world, lost = read(tmp_path, model)
 
     assert lost == []
     (yard,) = world.objects
@@ -280,7 +280,7 @@ def test_an_include_can_fix_a_model(tmp_path: Path) -> None:
     include = "<include><uri>model://wall</uri><static>{}</static></include>"
 
     for stated, mass in (("true", None), ("false", 1.0)):
-        world, _ = read(tmp_path, include.format(stated), tmp_path / "models")
+        world, _ = read(tmp_path, include.format(stated))
         assert [body.mass for body in world.objects] == [mass]
 
 
@@ -295,9 +295,3 @@ def test_a_body_that_is_spawned_is_where_it_was_asked_for() -> None:
 def test_what_cannot_be_spawned_is_refused(text: str) -> None:
     with pytest.raises(BadWorld):
         body_of("wall", text, Pose())
-
-
-def test_folders_of_models(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("GAZEBO_MODEL_PATH", "/a::/b")
-
-    assert model_folders() == (Path("/a"), Path("/b"))

@@ -11,7 +11,6 @@ from contextlib import ExitStack
 from pathlib import Path
 from threading import Event
 from typing import Final, cast
-from xml.etree import ElementTree as ET
 
 from sim_action.commands import ClosedLoop
 from sim_action.core.errors import ControllersFinished, Location
@@ -217,7 +216,7 @@ class EpisodeFactory:
         spawned = models.robot
         workspace = Workspace(self._folder, self._folder, allow_outside=True)
         model = load_model(self._described(spawned), workspace)
-        frame = ModelFrame(base_in_model(ET.fromstring(spawned.description), model.root))  # noqa: S314 - of what is simulated
+        frame = ModelFrame(base_in_model(spawned.root, model.root))
         robot = _driven(self._described(spawned), spawned, model, frame)
         devices, commands = self._devices(spawned, model, frame)
         drive = robot.drive or recognise(model)
@@ -254,7 +253,7 @@ class EpisodeFactory:
         """Return the robot, with only its description."""
         if robot.file is not None:
             return DrivenRobot(model=robot.file, allow=_REPORTED)
-        (self._folder / _DESCRIPTION_FILE).write_text(robot.description, encoding="utf-8")
+        (self._folder / _DESCRIPTION_FILE).write_text(robot.text, encoding="utf-8")
         return DrivenRobot(model=_DESCRIPTION_FILE, allow=_REPORTED)
 
     def _devices(self, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame) -> tuple[list[Device], RobotCommands]:
@@ -268,8 +267,7 @@ class EpisodeFactory:
     def _open(
         self, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame, commands: RobotCommands
     ) -> Iterator[Device]:
-        session = self._session
-        root = ET.fromstring(robot.description)  # noqa: S314 - of the robot that is simulated
+        session, root = self._session, robot.root
         wiring = Wiring(
             model,
             root,

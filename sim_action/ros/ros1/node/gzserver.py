@@ -22,8 +22,8 @@ from sim_action.core.errors import (
     SimulationUnstable,
 )
 from sim_action.results.outcome import Failure
-from sim_action.ros.ros1.gazebo_plugins import DRIVE_PLUGINS
-from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, find_world, model_folders, read_world
+from sim_action.robot.model.robot_spec import IN_WORLD
+from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, find_world, read_world
 from sim_action.ros.ros1.launch.ros_patches import ALONE, TEST_LIMIT
 from sim_action.ros.ros1.launch_request import PROGRESS_FILE, TITLE, End, SimulationRequest, SimulationResult
 from sim_action.ros.ros1.lockstep import Lockstep, TestFinished
@@ -134,13 +134,12 @@ class _Server:
         path = find_world(str(rospy.get_param("/gazebo/world_name", _world_argument())))
         if path is None:
             return WorldModels(World())
-        read = read_world(path, model_folders(), DRIVE_PLUGINS)
-        self._losses += read.losses
-        robot = read.robot
-        if robot is None:
-            return WorldModels(read.world)
-        file = str(robot.file) if robot.file else None
-        return WorldModels(read.world, SpawnedRobot(robot.name, robot.description, robot.pose, file=file))
+        found = read_world(path)
+        self._losses += (loss for loss in found.losses if not loss.is_remark)
+        if (robot := found.robot) is None:
+            return WorldModels(found.world)
+        file = f"{path.resolve()}{IN_WORLD}{robot.name}"
+        return WorldModels(found.world, SpawnedRobot(robot.name, robot.entry.whole_model, robot.pose, file=file))
 
     def _simulate(self) -> End:
         """Simulate to the end. Raises RunError; ControllersFinished if all nodes leave before a robot is spawned."""

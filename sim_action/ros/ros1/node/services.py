@@ -6,7 +6,7 @@ from collections.abc import Callable
 from itertools import count
 from threading import Event
 from typing import Any, Final
-from xml.etree import ElementTree as ET
+from xml.etree.ElementTree import Element
 
 import rospy
 from gazebo_msgs.msg import LinkState, ModelState, ODEPhysics
@@ -47,6 +47,7 @@ from sim_action.ros.ros1.node.world_models import (
     JointEfforts,
     SpawnedRobot,
     WorldModels,
+    description_of,
     link_state,
     refuse_unknown,
     unknown_model_message,
@@ -181,13 +182,11 @@ def frame_of(current: CurrentState, name: str) -> Pose:
 
 def _inertia(model: RobotModel, link: Link) -> tuple[geometry.Quaternion, dict[str, float]]:
     """Return the rotation of the inertia axes in the link, and the moments about them, from the model's URDF."""
-    root = ET.fromstring(model.urdf) if model.urdf else ET.Element("robot")  # noqa: S314 - written by ourselves
-    inertial = next((each.find("inertial") for each in root.iter("link") if each.get("name") == link.name), None)
-    stated = inertial.find("inertia") if inertial is not None else None
-    origin = inertial.find("origin") if inertial is not None else None
-    moments = {name: float(stated.get(name, 0.0)) if stated is not None else 0.0 for name in _INERTIA_KEYS}
-    roll, pitch, yaw = map(float, (origin.get("rpy", "0 0 0") if origin is not None else "0 0 0").split())
-    return quaternion_from_rpy(roll, pitch, yaw), moments
+    links = (each for each in description_of(model.urdf).iter("link") if each.get("name") == link.name)
+    inertial = next((found for each in links if (found := each.find("inertial")) is not None), Element("inertial"))
+    stated, origin = (next(inertial.iter(tag), Element(tag)) for tag in ("inertia", "origin"))
+    moments = {name: float(stated.get(name, 0.0)) for name in _INERTIA_KEYS}
+    return quaternion_from_rpy(*map(float, origin.get("rpy", "0 0 0").split())), moments
 
 
 def _tried(what: Any, asked: Any) -> dict[str, Any]:
@@ -235,13 +234,14 @@ class ModelServices:
             if name in models.names:
                 raise ValueError(f"a model '{name}' already exists")
             pose = self._in_world(pose_of(request.initial_pose), request.reference_frame)
-            if is_robot(request.model_xml):
+            root = description_of(text := request.model_xml)
+            if is_robot(root):
                 if models.robot is not None:
                     raise ValueError(f"only one robot is supported, and '{models.robot.name}' already exists")
                 number, space = next(self._numbers), request.robot_namespace
-                return replace(models, robot=SpawnedRobot(name, request.model_xml, pose, space=space, number=number))
+                return replace(models, robot=SpawnedRobot(name, root, pose, space=space, text=text, number=number))
             try:
-                body, losses = body_of(name, request.model_xml, pose)
+                body, losses = body_of(name, text, pose)
             except BadWorld as error:
                 raise ValueError(f"'{name}' cannot be spawned: {error}") from None
             self.losses += losses
@@ -345,13 +345,9 @@ class ModelServices:
         return refused is None, refused or done
 
 
-def is_robot(description: str) -> bool:
+def is_robot(root: Element) -> bool:
     """Return True for a model with joints or plugins; any other model is a body of the world."""
-    try:
-        root = ET.fromstring(description)  # noqa: S314 - of what is simulated
-    except ET.ParseError:
-        return True  # The reader of models reports what is wrong.
-    return root.tag == "robot" or any(True for _ in root.iter("joint")) or any(True for _ in root.iter("plugin"))
+    return root.tag == "robot" or any(True for tag in ("joint", "plugin") for _ in root.iter(tag))
 
 
 class ForceServices:

@@ -11,6 +11,8 @@ import queue
 import threading
 from collections.abc import Callable, Mapping
 from typing import Final, Self
+from xml.etree import ElementTree as ET
+from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
 from sim_action.core.errors import ControllersFinished
@@ -29,20 +31,29 @@ States = Mapping[str, tuple[Pose, Twist]]
 """Name of a model or a link -> pose and twist, world frame."""
 
 
+def description_of(text: str) -> Element:
+    """Return the root of a description; of one that is not XML, an empty robot: the reader of models explains it."""
+    try:
+        return ET.fromstring(text)  # noqa: S314 - of the robot that is simulated
+    except ET.ParseError:
+        return Element("robot")
+
+
 @dataclass(frozen=True, slots=True)
 class SpawnedRobot:
-    """The robot, as it was spawned, in URDF or SDF; `pose`: of its base link, raised until the robot is on the ground.
+    """The robot, as it was spawned; `root`: of its URDF or SDF, which is in a file, such as a world, or in a text.
 
-    `joints`: positions in rad or m; the others are at home. `space`: namespace of plugins that state none. `file`: of
-    the description, if relative paths start from there. `number`: of its spawn; another spawn is another robot.
+    `pose`: of its base link, raised until the robot is on the ground. `joints`: positions in rad or m; the others are
+    at home. `space`: namespace of plugins that state none. `number`: of its spawn; another spawn is another robot.
     """
 
     name: str
-    description: str
+    root: Element
     pose: Pose
     joints: Mapping[str, float] = field(default_factory=dict)
     space: str = ""
     file: str | None = None
+    text: str = ""
     number: int = 0
 
     def is_same_as(self, other: SpawnedRobot) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from dataclasses import replace
+from xml.etree.ElementTree import Element
 
 import pytest
 from hypothesis import given
@@ -28,7 +29,7 @@ from sim_action.state.observation import JointState
 from sim_action.world import Body, Disturbance, World
 
 HERE, THERE, AWAY = Pose((1.0, 2.0, 0.5)), Pose((3.0, 0.0, 0.5)), Pose((-4.0, 0.0, 0.1))
-ROBOT = SpawnedRobot("rover", "<robot/>", Pose())
+ROBOT = SpawnedRobot("rover", Element("robot"), Pose())
 
 HINGE = Joint("hinge", "continuous", "base", "arm", Pose((0.0, 0.0, 1.0)), (0.0, 0.0, 1.0))
 TIP = Joint("tip", "fixed", "arm", "hand", Pose((2.0, 0.0, 0.0)), (0.0, 0.0, 1.0))
@@ -107,7 +108,7 @@ EMPTY = WorldModels(World())
 
 
 def spawned(name: str) -> SpawnedRobot:
-    return SpawnedRobot(name, "<robot/>", Pose())
+    return SpawnedRobot(name, Element("robot"), Pose())
 
 
 def refusing(_: WorldModels) -> WorldModels:

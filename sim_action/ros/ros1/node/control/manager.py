@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
-from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
 import rospy
@@ -24,6 +23,7 @@ from sim_action.core.wording import did_you_mean
 from sim_action.ros.ros1.gazebo_plugins import Plugin
 from sim_action.ros.ros1.node.control import BadController, Controller, ControllerSetup, Parameters
 from sim_action.ros.ros1.node.plugins import Device, Wiring, schedule_of
+from sim_action.ros.ros1.node.world_models import description_of
 from sim_action.ros.ros1.ros_control import CONTROLLERS, Transmissions, transmissions_of
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
@@ -216,8 +216,5 @@ def _description(plugin: Plugin, spawned: Element) -> Element:
     if spawned.tag == "robot":
         return spawned
     name = plugin.own.text("robotParam", default="robot_description")
-    text = str(rospy.get_param(name if name.startswith("/") else f"{plugin.space}/{name}", default="<robot/>"))
-    try:
-        return ET.fromstring(text)  # noqa: S314 - of the robot that is simulated
-    except ET.ParseError:
-        return ET.Element("robot")
+    name = name if name.startswith("/") else f"{plugin.space}/{name}"
+    return description_of(str(rospy.get_param(name, default="<robot/>")))
