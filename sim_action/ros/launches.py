@@ -1,10 +1,10 @@
-"""Launches of either ROS: keys and commands that request them, events of launchers, and the parts that get lost."""
+"""Launches of either ROS: keys and commands that request them, and events of launchers."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from pathlib import Path, PurePath
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Generic, Literal, TypeVar
 
 from pydantic import Field, GetJsonSchemaHandler, PrivateAttr, model_validator
@@ -175,24 +175,6 @@ class OpenCommands(CommandSource):
     @override
     def open(self, scene: Scene) -> Controller:
         return self._controller
-
-
-def lost_worlds(names: Iterable[str], is_empty: Callable[[PurePath], bool]) -> Iterator[str]:
-    """Yield a message for each world of a launch file, except empty ones."""
-    for world in map(PurePath, filter(None, dict.fromkeys(names))):
-        if not is_empty(world):
-            yield f"the world '{world.name}' of the launch file is not simulated: add its objects to 'world'"
-
-
-def lost_models(spawned: Sequence[tuple[str, bool]]) -> Iterator[str]:
-    """Yield a message for each spawned model that is not the robot; `spawned`: name, and True if it may be an object.
-
-    The robot is the first one that can be no object, else the first one.
-    """
-    robot = next((place for place, (_, may_be_object) in enumerate(spawned) if not may_be_object), 0)
-    for place, (name, _) in enumerate(spawned):
-        if place != robot:
-            yield f"the model '{name}' is not spawned: the scenario has one robot, and its objects are in 'world'"
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,9 +12,9 @@ import shlex
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from itertools import pairwise
+from functools import partial
 from os import path
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -25,7 +25,8 @@ from sim_action.core.field_types import FrozenModel
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.ros import node_start
-from sim_action.ros.launches import EventFile, lost_models, lost_worlds
+from sim_action.ros.launches import EventFile
+from sim_action.ros.lost_parts import LeftOutProgram, lost_parts
 from sim_action.ros.processes import children
 from sim_action.ros.program_failures import error_with_output, signal_name, traceback_location
 from sim_action.ros.ros1.installation import Ros
@@ -53,11 +54,6 @@ _MAX_NOTICE_S: Final = 5.0
 _MAX_SHUTDOWN_S: Final = 5.0
 
 KEY: Final = "ros1"
-
-_EMPTY_WORLD: Final = "empty.world"
-_OTHER_MODEL: Final = frozenset({"-file", "-database", "-sdf"})
-_WITH_VALUES: Final = frozenset({"--namespace", "--timeout", "--shutdown-timeout"})
-_COMMANDS: Final = frozenset({"load", "unload", "start", "stop", "spawn", "kill", "list", "reload-libraries"})
 
 REPLACED_CONTROLLERS: Final[Mapping[str, str]] = {
     "joint_state_controller/JointStateController": "the robot publishes joint_states",
@@ -88,8 +84,8 @@ class LaunchedNodes:
 
     def __init__(self, asked: LaunchSpec) -> None:
         """Launch the nodes, and return at once. Raises UsageError."""
+        self._workspace, self._allows_losses = asked.workspace, asked.allows_losses
         with ExitStack() as undo:
-            self._workspace = asked.workspace
             self.folder = Path(path.realpath(tempfile.mkdtemp(prefix="sim-action-", dir=scratch_parent())))
             undo.callback(shutil.rmtree, self.folder, ignore_errors=True)
             self.overlay = build_overlay(self.folder / "overlay", asked.ros, asked.workspace, os.environ)
@@ -99,11 +95,9 @@ class LaunchedNodes:
             undo.callback(self._launch.close)
             self._closing = undo.pop_all()
         self._words = StderrTail(self._launch.output_stream, _STANDARD_OUTPUT, _MAX_KEPT_BYTES)
-        self._errors = LaunchErrors(asked.workspace, self.overlay, self._words)
         self._exited: set[int] = set()
         self.launcher = 0
         self._core = frozenset[int]()
-        self._allows_losses = asked.allows_losses
         self.notes: list[str] = []
         self.losses: list[str] = []
 
@@ -155,9 +149,11 @@ class LaunchedNodes:
         for event in self._events.new():
             self._take(event)
 
-    def end_error(self) -> Exception:
-        """Return the error for a master that does not answer any more."""
-        return self._errors.of_end(self._launch.poll())
+    def end_error(self) -> ScriptError:
+        """Return the error for a launcher that ended without an event, or a master that does not answer any more."""
+        code = self._launch.poll()
+        how = f" by {signal_name(-code)}" if code is not None and code < 0 else ""
+        return self._error(f"roslaunch ended{how} during the run, and its nodes ended with it")
 
     def close(self) -> None:
         """Interrupt the launch, wait a moment for nodes that save something, and kill the rest."""
@@ -181,16 +177,16 @@ class LaunchedNodes:
             if condition():
                 return
             if is_over:
-                raise self._errors.of_end(self._launch.poll())
+                raise self.end_error()
             if time.monotonic() > deadline:
                 if what:
-                    raise self._errors.of_delay(f"{what} within {seconds:g} s of wall time")
+                    raise self._error(f"{what} within {seconds:g} s of wall time")
                 return
             time.sleep(_POLL_S)
 
     def _take(self, event: Event) -> None:
         if event.is_failure:
-            raise self._errors.of_event(event)
+            raise self._failure(event)
         if event.event == "died":
             self._exited.add(event.pid)
         elif event.event == "started":
@@ -203,46 +199,48 @@ class LaunchedNodes:
                 raise SourceProblem(f"{'; '.join(event.losses)}; to run without it, set allow_losses: true", KEY)
             self.losses += event.losses
 
+    def _failure(self, event: Event) -> ScriptError:
+        """Return the error for a node that has ended, or for a launch file that was refused."""
+        if event.event == "refused":
+            # The launcher is about to leave: its output is complete after that.
+            self._words.close()
+            return self._error(f"nothing was launched: {self._why_refused(event)}")
+        if not event.exit_code:
+            return self._error(f"the node '{event.node}' finished during the run, and it is required")
+        text = cleaned_output(self._words.all())
+        said = last_exception(text, event.program)
+        death = Death(event.node, event.exit_code, event.program)
+        error = self._error(f"{death}{'; it is required' if event.required else ''}{f': {said}' if said else ''}")
+        error.location = traceback_location(_after_mention(text, event.program), self._workspace) if said else None
+        return error
 
-class ReplacedNode(FrozenModel):
-    """A node that is not launched: package and type, and its arguments in one text."""
+    def _why_refused(self, event: Event) -> str:
+        if event.kind == _NOT_FOUND:
+            name = event.message.partition("\n")[0].strip()
+            near = did_you_mean(name, self.overlay.packages)
+            return f"it needs the package '{name}', which is neither in the workspace nor in ROS{near}"
+        text = self._shown(cleaned_output(self._words.all()))
+        return xacro_error(text) or refusal(text) or event.message.strip().partition("\n")[0] or event.kind
 
-    program: str
-    args: str = ""
+    def _shown(self, text: str) -> str:
+        return text.replace(f"{self.overlay.variables['ROS_PACKAGE_PATH']}/", "")
 
-
-def lost_nodes(nodes: Sequence[ReplacedNode], world: str, types: Mapping[str, str]) -> Iterator[str]:
-    """Yield a message for each part of a launch file that the scenario lacks; `types`: of controllers, by name."""
-    worlds = [world, *(word for node in nodes for word in _words(node) if word.endswith(".world"))]
-    yield from lost_worlds(worlds, lambda path: path.name == _EMPTY_WORLD)
-    words = [_words(node) for node in nodes if node.program == "gazebo_ros/spawn_model"]
-    yield from lost_models([(_after(each, "-model"), bool(_OTHER_MODEL.intersection(each))) for each in words])
-    for name in _controllers(nodes):
-        if (kind := types.get(name, "")) not in REPLACED_CONTROLLERS:
-            yield f"the controller '{name}' ({kind or 'without a type'}) does not run: drive joints with other commands"
+    def _error(self, message: str) -> ScriptError:
+        return error_with_output(self._shown(message), self._shown(cleaned_output(self._words.all())))
 
 
-def _controllers(nodes: Sequence[ReplacedNode]) -> Iterator[str]:
-    """Yield the names of the controllers that nodes of the controller manager would load."""
-    for node in nodes:
-        words = _words(node)
-        if node.program == "controller_manager/controller_manager" and words[:1] not in (["spawn"], ["load"]):
-            continue
-        if node.program in {"controller_manager/spawner", "controller_manager/controller_manager"}:
-            options = {index + 1 for index, word in enumerate(words) if word in _WITH_VALUES}
-            kept = (word for index, word in enumerate(words) if index not in options)
-            yield from (word for word in kept if not word.startswith("-") and word not in _COMMANDS)
+def lost_controller(name: str, _: LeftOutProgram, types: Mapping[str, str]) -> str | None:
+    """Return why a controller is lost; None if the scenario replaces it. `types`: of controllers, by name."""
+    if (kind := types.get(name, "")) in REPLACED_CONTROLLERS:
+        return None
+    return f"the controller '{name}' ({kind or 'without a type'}) does not run: drive joints with other commands"
 
 
-def _words(node: ReplacedNode) -> list[str]:
+def _words(args: str) -> list[str]:
     try:
-        return shlex.split(node.args)
+        return shlex.split(args)
     except ValueError:
-        return node.args.split()
-
-
-def _after(words: Sequence[str], option: str) -> str:
-    return next((after for word, after in pairwise(words) if word == option), "")
+        return args.split()
 
 
 class Event(FrozenModel):
@@ -272,68 +270,14 @@ class Event(FrozenModel):
     def losses(self) -> tuple[str, ...]:
         """The parts of the launch file that the scenario does not replace."""
         pairs = zip(self.left_out, self.left_out_args, strict=True)
-        nodes = [ReplacedNode(program=program, args=args) for program, args in pairs]
+        programs = [LeftOutProgram(program, tuple(_words(args))) for program, args in pairs]
         types = dict(text.split("=", 1) for text in self.types)
-        return tuple(lost_nodes(nodes, self.world, types))
-
-    @property
-    def death(self) -> Death:
-        """The ended node of an event "died"."""
-        return Death(self.node, self.exit_code or 0, self.program)
+        return tuple(lost_parts(programs, partial(lost_controller, types=types), [self.world]))
 
     @property
     def is_failure(self) -> bool:
         """True if the event ends the run with an error."""
         return self.event == "refused" or (self.event == "died" and (self.required or self.exit_code != 0))
-
-
-class LaunchErrors:
-    """Makes errors from the ends of launches and nodes, with the last output; `workspace`: of the user's code."""
-
-    def __init__(self, workspace: Path, overlay: Overlay, words: StderrTail) -> None:
-        self._workspace, self._overlay, self._words = workspace, overlay, words
-
-    def of_event(self, event: Event) -> ScriptError:
-        """Return the error for a node that has ended, or for a launch file that was refused."""
-        if event.event == "refused":
-            # The launcher is about to leave: its output is complete after that.
-            self._words.close()
-            return self._error(f"nothing was launched: {self._why_refused(event)}")
-        text, death = self._text(), event.death
-        if not event.exit_code:
-            return self._error(f"the node '{death.node}' finished during the run, and it is required")
-        said = last_exception(text, death.program)
-        required = "; it is required" if event.required else ""
-        where = traceback_location(_after_mention(text, death.program), self._workspace) if said else None
-        error = self._error(f"{death}{required}{f': {said}' if said else ''}")
-        error.location = where
-        return error
-
-    def of_end(self, exit_code: int | None) -> ScriptError:
-        """Return the error for a launcher that ended without an event."""
-        how = f" by {signal_name(-exit_code)}" if exit_code is not None and exit_code < 0 else ""
-        return self._error(f"roslaunch ended{how} during the run, and its nodes ended with it")
-
-    def of_delay(self, what: str) -> ScriptError:
-        """Return the error for a step that takes too long."""
-        return self._error(what)
-
-    def _why_refused(self, event: Event) -> str:
-        if event.kind == _NOT_FOUND:
-            name = event.message.partition("\n")[0].strip()
-            near = did_you_mean(name, self._overlay.packages)
-            return f"it needs the package '{name}', which is neither in the workspace nor in ROS{near}"
-        text = self._shown()
-        return xacro_error(text) or refusal(text) or event.message.strip().partition("\n")[0] or event.kind
-
-    def _text(self) -> str:
-        return cleaned_output(self._words.all())
-
-    def _shown(self, text: str | None = None) -> str:
-        return (self._text() if text is None else text).replace(f"{self._overlay.variables['ROS_PACKAGE_PATH']}/", "")
-
-    def _error(self, message: str) -> ScriptError:
-        return error_with_output(self._shown(message), self._shown())
 
 
 def _after_mention(text: str, program: str) -> str:

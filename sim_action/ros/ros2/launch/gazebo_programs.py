@@ -1,6 +1,4 @@
-"""The programs of Gazebo in a launch file: a scenario replaces most of them, and the others are losses.
-
-The scenario is the robot, the world, the drive and the sensors. Further models and other worlds are missing.
+"""The programs of Gazebo in a launch file, with the stand-ins that run instead.
 
 Launch files also look for packages of Gazebo: a prefix has launch files that start the stand-ins. They hide installed
 packages of the same names. Programs of these packages need no files: the launcher knows them by their names.
@@ -10,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any, Final
 
 import yaml
 
 from sim_action.core.files import read_at_most
-from sim_action.core.records import dataclass
-from sim_action.ros.launches import lost_models, lost_worlds
+from sim_action.ros.lost_parts import LeftOutProgram
 
 _ENDS: Final = ("true",)
 _STAYS: Final = ("sleep", "infinity")
@@ -56,20 +53,6 @@ A program that ends by itself does so at once, because event handlers wait for i
 launch is over.
 """
 
-_SERVERS: Final = frozenset({"gz", "ign", "gazebo", "gzserver"})
-_SPAWNERS: Final = frozenset({"ros_gz_sim/create", "ros_ign_gazebo/create", "gazebo_ros/spawn_entity.py"})
-_CONTROLLER_SPAWNERS: Final = frozenset({"controller_manager/spawner", "controller_manager/spawner.py"})
-_WORLD_SUFFIXES: Final = frozenset({".sdf", ".world"})
-_EMPTY_WORLDS: Final = frozenset({"empty", "empty_world"})
-# Models from these sources are robots as a rule; files hold robots and objects.
-_FROM_FILE: Final = frozenset({"-file", "--file", "-database"})
-_NAMES: Final = ("-name", "--name", "-entity", "entity_name")
-_VALUED: Final = frozenset(
-    {
-        *("-c", "--controller-manager", "-p", "--param-file", "-n", "--namespace", "-t", "--controller-type"),
-        *("--controller-manager-timeout", "--service-call-timeout", "--switch-timeout", "--controller-ros-args"),
-    }
-)
 _PARAMETER_FILES: Final = frozenset({"-p", "--param-file"})
 _MAX_PARAMETER_BYTES: Final = 1_000_000
 _JOINT_STATES: Final = "joint_state_broadcaster"
@@ -111,57 +94,15 @@ def generate_launch_description():
 """
 
 
-@dataclass(frozen=True, slots=True)
-class LeftOutProgram:
-    """A program that is not started; `program`: PACKAGE/PROGRAM, or the program alone."""
-
-    program: str
-    args: tuple[str, ...]
-
-
-def lost_parts(programs: Sequence[LeftOutProgram], command_topics: Collection[str]) -> Iterator[str]:
-    """Yield a message for each part of a launch file that a scenario with these command topics does not replace."""
-    worlds = (world for program in programs for world in _worlds(program))
-    yield from lost_worlds(worlds, lambda path: path.stem in _EMPTY_WORLDS)
-    spawned = [program for program in programs if program.program in _SPAWNERS]
-    yield from lost_models([(_model_name(each), bool(_FROM_FILE.intersection(each.args))) for each in spawned])
-    for each in programs:
-        if each.program in _CONTROLLER_SPAWNERS:
-            yield from _lost_controllers(each, command_topics)
-
-
-def _worlds(program: LeftOutProgram) -> Iterator[str]:
-    if PurePath(program.program).name in _SERVERS:
-        words = (word for argument in program.args for word in argument.split())
-        yield from (word for word in words if PurePath(word).suffix in _WORLD_SUFFIXES)
-
-
-def _model_name(program: LeftOutProgram) -> str:
-    return next((value for option, value in pairwise(program.args) if option in _NAMES), "without a name")
-
-
-def _lost_controllers(program: LeftOutProgram, command_topics: Collection[str]) -> Iterator[str]:
-    types = dict(_types(program.args))
-    for name in _controllers(program.args):
-        kind = types.get(name, "")
-        is_replaced = name == _JOINT_STATES or kind.startswith(f"{_JOINT_STATES}/")
-        if not is_replaced and not any(topic.startswith(f"/{name}/") for topic in command_topics):
-            known = f" ({kind})" if kind else ""
-            yield (
-                f"the controller '{name}'{known} does not run, and the robot takes no commands on /{name}/...: name "
-                "its topic in 'topics'"
-            )
-
-
-def _controllers(args: Sequence[str]) -> Iterator[str]:
-    """Yield the names of the controllers that a spawner would load."""
-    is_value = False
-    for word in args:
-        if word == "--ros-args":
-            return
-        if not is_value and not word.startswith("-"):
-            yield word
-        is_value = word in _VALUED
+def lost_controller(name: str, program: LeftOutProgram, command_topics: Collection[str]) -> str | None:
+    """Return why a controller is lost for a robot with these command topics; None if it is replaced."""
+    kind = dict(_types(program.args)).get(name, "")
+    is_replaced = name == _JOINT_STATES or kind.startswith(f"{_JOINT_STATES}/")
+    if is_replaced or any(topic.startswith(f"/{name}/") for topic in command_topics):
+        return None
+    stated = f"'{name}' ({kind})" if kind else f"'{name}'"
+    where = f"the robot takes no commands on /{name}/...: name its topic in 'topics'"
+    return f"the controller {stated} does not run, and {where}"
 
 
 def _types(args: Sequence[str]) -> Iterator[tuple[str, str]]:

@@ -53,8 +53,8 @@ from sim_action.world.claims import NOT_SIMULATED, AuditWarning
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
+    from sim_action.ros.lost_parts import LeftOutProgram
     from sim_action.ros.ros2.bridge_link import Bridge
-    from sim_action.ros.ros2.launch.gazebo_programs import LeftOutProgram
 
 SPAWNERS: Final = frozenset({"ros_gz_sim/create", "ros_ign_gazebo/create"})
 _SOURCES: Final = ("-topic", "-string", "-file")

@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -23,13 +24,13 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.documents.xml_document import shown_file
 from sim_action.ros.launches import EventFile
+from sim_action.ros.lost_parts import LeftOutProgram, lost_parts
 from sim_action.ros.processes import descendants
 from sim_action.ros.program_failures import ending_of, error_with_output, exit_text
 from sim_action.ros.ros2.launch.gazebo_programs import (
     FRAMES_PROGRAM,
     STAND_INS,
-    LeftOutProgram,
-    lost_parts,
+    lost_controller,
     unheard_bridges,
     write_prefix,
 )
@@ -140,7 +141,7 @@ class LaunchedNodes(NodeGroup):
     @override
     def await_start(self) -> None:
         self.await_programs()
-        losses = list(lost_parts(self._left_out, self.topics.commands))
+        losses = list(lost_parts(self._left_out, partial(lost_controller, command_topics=self.topics.commands)))
         if losses and not self._spec.allows_losses:
             remedy = "set allow_losses: true" if self._spec.results is None else "use --allow-losses"
             raise SourceProblem(f"{'; '.join(losses)}; to run without it, {remedy}", _KEY)

@@ -16,10 +16,10 @@ from sim_action.core.process import Interruption
 from sim_action.reports import ReportRequest
 from sim_action.robot.built_in import FOLDER
 from sim_action.ros.launches import LaunchRequest
+from sim_action.ros.lost_parts import LeftOutProgram
 from sim_action.ros.ros2.bridge_link import Bridge
 from sim_action.ros.ros2.installation import RMW, Ros2
 from sim_action.ros.ros2.launch import launch_test
-from sim_action.ros.ros2.launch.gazebo_programs import LeftOutProgram
 from sim_action.ros.ros2.launch.launch_test import spawned_robot
 from sim_action.state.reproducibility import Transcript
 from tests.ros.ros2.prefixes import source
