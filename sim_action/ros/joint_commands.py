@@ -73,7 +73,9 @@ class JointCurve:
         """The curve through the points; straight ways have ramps at points where they change their speed."""
         times: list[FloatArray] = []
         pieces: list[FloatArray] = []
-        for is_smooth, group in groupby(pairwise(self.points), key=_is_smooth):
+        for is_smooth, group in groupby(
+            pairwise(self.points), lambda way: None not in (way[0].velocity, way[1].velocity)
+        ):
             ways = list(group)
             points = [ways[0][0], *(last for _, last in ways)]
             at, values = [point.time for point in points], [point.position for point in points]
@@ -86,10 +88,6 @@ class JointCurve:
         last = self.points[-1]
         end = held([last.time], [last.position])
         return Curve(np.concatenate([*times, end.times]), np.concatenate([*pieces, end.coefficients]))
-
-
-def _is_smooth(way: tuple[Waypoint, Waypoint]) -> bool:
-    return all(point.velocity is not None for point in way)
 
 
 def _smooth(first: Waypoint, last: Waypoint) -> Curve:
@@ -147,13 +145,14 @@ def joint_curves(
         raise ValueError("all its points are in the past")
     if any(later.time <= earlier.time for earlier, later in pairwise(points)):
         raise ValueError("the times of its points do not increase")
-    if any(len(point.positions) != len(names) or not _fits(point, len(names)) for point in points):
+    count = len(names)
+    fit = (
+        len(each.positions) == count and {len(each.velocities), len(each.accelerations)} <= {0, count}
+        for each in points
+    )
+    if not all(fit):
         raise ValueError(f"each point needs {len(names)} positions, and as many velocities and accelerations or none")
     return {
         name: JointCurve((start[index], *(point.of_joint(index) for point in points)))
         for index, name in enumerate(names)
     }
-
-
-def _fits(point: TrajectoryPoint, count: int) -> bool:
-    return all(len(values) in (0, count) for values in (point.velocities, point.accelerations))

@@ -47,10 +47,6 @@ def _seed(more: str = "") -> int:
     return zlib.crc32("\0".join((os.environ.get(SEED, "0"), *programs, *names, more)).encode())
 
 
-def _seed_random(module: dict[str, Any]) -> None:
-    module["seed"](_seed())
-
-
 def _seed_numpy(module: dict[str, Any]) -> None:
     module["seed"](_seed())
     make, made = module["default_rng"], 0
@@ -176,7 +172,7 @@ def _seed_with_time(time_source: dict[str, Any]) -> None:
 
 
 _REPLACED: dict[str, Patch] = {
-    "random": _seed_random,
+    "random": lambda module: module["seed"](_seed()),
     "numpy.random": _seed_numpy,
     "rclpy.executors": _replace_timeouts,
     "rclpy.time_source": _seed_with_time,

@@ -91,9 +91,10 @@ class LaunchCall:
         try:
             meanwhile()
             stated = self.request.wall_limit
+            usual = sum((tag.time_limit + _STARTING_S) * (1 + tag.retry) for tag in tags) + 2 * _STARTING_S
             watch = Watch(
                 launch,
-                time.monotonic() + (stated or _wall_limit(tags)),
+                time.monotonic() + (stated or usual),
                 waits_for_progress=stated is None,
                 has_tests=self.request.program == "rostest",
             )
@@ -131,10 +132,6 @@ class LaunchCall:
 
     def _invalid(self, message: str) -> InvalidScenario:
         return InvalidScenario([Problem(Location(self.request.file), escaped_line(message))])
-
-
-def _wall_limit(tags: Sequence[TestTag]) -> float:
-    return sum((tag.time_limit + _STARTING_S) * (1 + tag.retry) for tag in tags) + 2 * _STARTING_S
 
 
 def run(request: LaunchRequest, reports: ReportRequest, interruption: Interruption) -> ExitCode:

@@ -153,7 +153,12 @@ class _Bridge:
 
     def types(self, request: Json) -> Json:
         """Return those of the types whose packages are installed."""
-        return {"types": _known_types(request["names"])}
+        known = []
+        for name in request["names"]:
+            with suppress(ImportError, AttributeError):
+                _message_class(name)
+                known.append(name)
+        return {"types": known}
 
     def open(self, request: Json) -> Json:
         """Create publishers and subscriptions; their numbers are their places in all requests."""
@@ -223,7 +228,8 @@ class _Bridge:
                     with client.handle:
                         header, answer = client.handle.take_response(GetParameters.Response)
                     if header is not None and answer is not None:
-                        values[name] = _parameter(answer.values)
+                        found = answer.values
+                        values[name] = found[0].bool_value if found and found[0].type == 1 else None  # else no bool
             time.sleep(_POLL_S)
         return {"values": values}
 
@@ -275,21 +281,6 @@ def _demands(qos: Any) -> list[str]:
     if not is_usual or 0 < qos.liveliness_lease_duration.nanoseconds < _INFINITE_NS:
         found.append("a liveliness")
     return found
-
-
-def _parameter(values: Any) -> Any:
-    """Return the value of a parameter, if it is a bool; else None."""
-    return values[0].bool_value if values and values[0].type == 1 else None
-
-
-def _known_types(names: list[str]) -> list[str]:
-    """Return the types whose packages are installed."""
-    known = []
-    for name in names:
-        with suppress(ImportError, AttributeError):
-            _message_class(name)
-            known.append(name)
-    return known
 
 
 def main(descriptor: int) -> None:

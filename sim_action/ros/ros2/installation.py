@@ -290,7 +290,8 @@ def _checked(place: _Place, variables: Mapping[str, str]) -> Ros2:
     base = _wheel_variables(prefix, variables) if _is_of_wheels(prefix) else _inherited(variables)
     hooked = [path for path in place.prefixes if path != prefix] if _is_of_wheels(prefix) else place.prefixes
     sourced = set_up(hooked, {**variables, **base})
-    changed = {**base, **_names(distribution), **sourced.variables}
+    names = {"ROS_DISTRO": distribution, "ROS_VERSION": "2", "ROS_PYTHON_VERSION": "3", "RMW_IMPLEMENTATION": RMW}
+    changed = {**base, **names, **sourced.variables}
     return Ros2(place.prefixes, python, distribution, RMW, place.source, changed, sourced.unread)
 
 
@@ -372,7 +373,3 @@ def _wheel_variables(prefix: Path, variables: Mapping[str, str]) -> dict[str, st
 def _inherited(variables: Mapping[str, str]) -> dict[str, str]:
     paths = variables.get("PYTHONPATH", "").split(os.pathsep)
     return {"PYTHONPATH": os.pathsep.join(path for path in paths if path and path != _PACKAGE_ROOT)}
-
-
-def _names(distribution: str) -> dict[str, str]:
-    return {"ROS_DISTRO": distribution, "ROS_VERSION": "2", "ROS_PYTHON_VERSION": "3", "RMW_IMPLEMENTATION": RMW}

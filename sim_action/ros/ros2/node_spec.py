@@ -52,10 +52,6 @@ def _graph_name(name: str, pattern: re.Pattern[str] = _GRAPH) -> str:
     return name
 
 
-def _robot_name(name: str) -> str:
-    return _graph_name(name, _ROBOT)
-
-
 def _old_name(name: str) -> str:
     if name.strip("/") == "clock":
         raise ValueError("each node has a clock of its own, so /clock cannot be remapped")
@@ -112,7 +108,7 @@ def _check_value(name: str, value: JsonValue) -> None:
 NodeName = Annotated[str, AfterValidator(_node_name)]
 GraphName = Annotated[str, AfterValidator(_graph_name)]
 OldName = Annotated[str, AfterValidator(_old_name)]
-RobotTopicName = Annotated[str, AfterValidator(_robot_name)]
+RobotTopicName = Annotated[str, AfterValidator(lambda name: _graph_name(name, _ROBOT))]
 Namespace = Annotated[str, AfterValidator(_namespace)]
 Parameters = Annotated[dict[str, JsonValue], BeforeValidator(plain_data), AfterValidator(_parameters)]
 

@@ -256,7 +256,9 @@ def workspace_of(stated: str | None, workspace: Workspace) -> Path:
     the nearest folder around the scenario with an install folder or with packages in its `src`, else the root.
     Raise PathError.
     """
-    return workspace_folder(stated, workspace, _is_workspace)
+    return workspace_folder(
+        stated, workspace, lambda folder: _is_install(folder / INSTALL) or bool(packages_below(folder / "src"))
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -412,10 +414,6 @@ def prefixes_in(folder: Path) -> tuple[Path, ...]:
 
 def _is_install(folder: Path) -> bool:
     return (folder / _LAYOUT_FILE).is_file() or (folder / _INDEX).is_dir()
-
-
-def _is_workspace(folder: Path) -> bool:
-    return _is_install(folder / INSTALL) or bool(packages_below(folder / "src"))
 
 
 def _source_folders(workspace: Path) -> dict[str, Path]:

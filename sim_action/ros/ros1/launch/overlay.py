@@ -16,7 +16,7 @@ import shlex
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -146,7 +146,17 @@ def build_overlay(folder: Path, ros: Ros, workspace: Path, environment: Mapping[
         # A launch file may call it without its package: command="xacro ...".
         if package == "xacro":
             (programs / name).symlink_to(share / package / name)
-    python_path = os.pathsep.join((str(modules), *_modules_of(users), *_paths("PYTHONPATH")))
+    python_path = os.pathsep.join(
+        (
+            str(modules),
+            *(
+                str(path / "src")
+                for path in users.values()
+                if (path / "setup.py").is_file() and (path / "src").is_dir()
+            ),
+            *_paths("PYTHONPATH"),
+        )
+    )
     variables = _variables(folder, ros, workspace, packages)
     return Overlay({**environment, **variables}, python_path, packages)
 
@@ -169,10 +179,6 @@ def _variables(folder: Path, ros: Ros, workspace: Path, packages: Mapping[str, P
 
 def _paths(variable: str) -> list[str]:
     return [path for path in os.environ.get(variable, "").split(os.pathsep) if path and path != PACKAGE_ROOT]
-
-
-def _modules_of(users: Mapping[str, Path]) -> Iterator[str]:
-    return (str(path / "src") for path in users.values() if (path / "setup.py").is_file() and (path / "src").is_dir())
 
 
 def _lay_out(name: str, source: Path, target: Path) -> None:
@@ -198,7 +204,10 @@ def _write_program(path: Path, line: str) -> None:
 
 def generate_messages(packages: Mapping[str, Path], known: Mapping[str, Path], modules: Path, ros: Ros) -> None:
     """Generate the modules of messages and services of packages, which may use all `known` ones. Raises UsageError."""
-    definitions = {name: _definitions(folder) for name, folder in packages.items()}
+    definitions = {
+        name: {kind: [str(file) for file in sorted((folder / kind).glob(f"*.{kind}"))] for kind in _MESSAGE_KINDS}
+        for name, folder in packages.items()
+    }
     written = {name: kinds for name, kinds in definitions.items() if any(kinds.values())}
     for name in written:
         (modules / name).mkdir()
@@ -216,10 +225,6 @@ def generate_messages(packages: Mapping[str, Path], known: Mapping[str, Path], m
     if made.returncode:
         said = (made.stderr.strip() or made.stdout.strip()).splitlines()[-1:]
         raise UsageError(f"genpy cannot generate the messages of {', '.join(written)}: {' '.join(said)}")
-
-
-def _definitions(package: Path) -> dict[str, list[str]]:
-    return {kind: [str(file) for file in sorted((package / kind).glob(f"*.{kind}"))] for kind in _MESSAGE_KINDS}
 
 
 def scratch_parent() -> str:

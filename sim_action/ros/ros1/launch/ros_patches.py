@@ -112,10 +112,6 @@ def _awaiting(pool: type[Any]) -> type[Any]:
     return Pool
 
 
-def _replace_waiting(client: dict[str, Any]) -> None:
-    client["wait_for_message"] = wait_for_message
-
-
 def _replace_delays(connections: dict[str, Any]) -> None:
     configure, listener = connections["_configure_pub_socket"], connections["TCPROSSub"]
     fields = listener.get_header_fields
@@ -165,10 +161,6 @@ def _log_errors_of_threads() -> None:
         hook(raised)
 
     threading.excepthook = log_and_print
-
-
-def _replace_pool(threadpool: dict[str, Any]) -> None:
-    threadpool["MarkedThreadPool"] = _awaiting(threadpool["MarkedThreadPool"])
 
 
 def _replace_results(runner: dict[str, Any]) -> None:
@@ -292,12 +284,12 @@ def _write(folder: str, name: str, text: str) -> None:
 
 # Module of ROS -> function that patches its namespace.
 _REPLACED = {
-    "rospy.client": _replace_waiting,
+    "rospy.client": lambda client: client.update(wait_for_message=wait_for_message),
     "rospy.topics": _replace_subscribers,
     "rospy.impl.tcpros_pubsub": _replace_delays,
     "rospy.impl.tcpros_service": _replace_service_errors,
     "rosunit.xmlrunner": _replace_results,
-    "rosmaster.threadpool": _replace_pool,
+    "rosmaster.threadpool": lambda pool: pool.update(MarkedThreadPool=_awaiting(pool["MarkedThreadPool"])),
     "roslaunch.parent": _replace_loading,
     "rostest.runner": _replace_limits,
 }

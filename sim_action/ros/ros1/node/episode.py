@@ -15,7 +15,6 @@ from typing import Final, cast
 from sim_action.commands import ClosedLoop
 from sim_action.core.errors import ControllersFinished, Location
 from sim_action.core.field_types import Placement
-from sim_action.core.geometry import Pose, Twist
 from sim_action.core.records import dataclass
 from sim_action.core.workspace import Workspace
 from sim_action.drives import recognise
@@ -168,14 +167,14 @@ class Bridge:
         bodies = {f"{name}::link": state for name, state in states.bodies.items()}
         links = {f"{self._robot}::{name}": state for name, state in states.links.items()}
         current.time = seconds
-        current.model_states = {**states.bodies, self._robot: self._model_state(seen)}
+        current.model_states = {
+            **states.bodies,
+            self._robot: (self._frame.pose(seen.pose), self._frame.twist(seen.pose, seen.twist)),
+        }
         current.base = seen.pose, seen.twist
         # A node may have subscribed after the links were read.
         current.link_states = {**bodies, **links} if links else {}
         current.joints = dict(seen.joints)
-
-    def _model_state(self, seen: Observation) -> tuple[Pose, Twist]:
-        return self._frame.pose(seen.pose), self._frame.twist(seen.pose, seen.twist)
 
     def _stand_still(self, seconds: float) -> None:
         session = self._session

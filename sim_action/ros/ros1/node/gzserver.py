@@ -131,7 +131,8 @@ class _Server:
 
     def _populated(self) -> WorldModels:
         """Return the models of the world file, or of Gazebo's own empty world. Raises BadWorld, MissingWorld."""
-        path = find_world(str(rospy.get_param("/gazebo/world_name", _world_argument())))
+        argument = next((word for word in rospy.myargv()[1:] if word.endswith(".world")), "worlds/empty.world")
+        path = find_world(str(rospy.get_param("/gazebo/world_name", argument)))
         if path is None:
             return WorldModels(World())
         found = read_world(path)
@@ -234,10 +235,6 @@ def _sim_time_limit(request: SimulationRequest) -> float | None:
         with suppress(OSError):
             return float(Path(os.environ["ROS_LOG_DIR"], TEST_LIMIT).read_text())
     return request.sim_time_limit
-
-
-def _world_argument() -> str:
-    return next((word for word in rospy.myargv()[1:] if word.endswith(".world")), "worlds/empty.world")
 
 
 def _end_of(over: ControllersFinished | None) -> End:

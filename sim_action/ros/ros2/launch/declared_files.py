@@ -242,10 +242,6 @@ def _pairs(word: str, *names: str) -> Any:
     return add
 
 
-def _choice(child: _Element, words: dict[str, Any]) -> None:
-    words.setdefault("choices", []).append(child.take("value")[0])
-
-
 def _environment(word: str) -> Any:
     def add(child: _Element, words: dict[str, Any]) -> None:
         name, value = child.take("name", "value")
@@ -255,7 +251,7 @@ def _environment(word: str) -> Any:
 
 
 _CHILDREN = {
-    "choices": _choice,
+    "choices": lambda child, words: words.setdefault("choices", []).append(child.take("value")[0]),
     "remappings": _pairs("remappings", "from", "to"),
     "launch_arguments": _pairs("launch_arguments", "name", "value"),
     "additional_env": _environment("additional_env"),

@@ -10,7 +10,7 @@ import inspect
 import os
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -224,13 +224,11 @@ class Part(Substitution):
 
     def add_action(self, action: Any) -> None:
         """Add an action to a launch description."""
-        self._words["initial_entities"] = [*self._entities(), action]
+        entities = (self._args[0] if self._args else self._words.get("initial_entities")) or ()
+        self._words["initial_entities"] = [*entities, action]
         self._args = ()
 
     add_entity = add_action
-
-    def _entities(self) -> Iterable[Any]:
-        return (self._args[0] if self._args else self._words.get("initial_entities")) or ()
 
 
 KINDS: dict[str, Kind] = {}  # module and class in Python -> its row

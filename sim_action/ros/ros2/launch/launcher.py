@@ -144,14 +144,12 @@ class _Launcher:
         self._owes_calm = False
         # A launch test reads its arguments by itself, too.
         is_checked = not self._has_started and not self._task["results"]
-        unknown = sorted(self._given() - self._declared - self._read) if is_checked else []
+        given = {argument.partition(":=")[0] for argument in self._task["arguments"]}
+        unknown = sorted(given - self._declared - self._read) if is_checked else []
         self._has_started = True
         if unknown:
             self._events.tell("refused", kind="argument", name=unknown[0], names=sorted(self._declared))
         self._events.tell("calm", time=self._time.now, pid=os.getpid())
-
-    def _given(self) -> set[str]:
-        return {argument.partition(":=")[0] for argument in self._task["arguments"]}
 
     def _answer_time(self, fired: int) -> None:
         self._firing += fired

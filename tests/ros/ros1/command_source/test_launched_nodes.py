@@ -24,6 +24,7 @@ def test_who_has_ended_well_is_told_from_who_has_not(tmp_path: Path) -> None:
 
 
 def test_arguments_with_an_open_quote_are_words() -> None:
-    about = {"left_out": ("gazebo_ros/gzserver",), "left_out_args": ("-e 'ode /a/yard.world",), "world": "empty.world"}
-    (message,) = Event(event="read", **about).losses
+    left_out = ("gazebo_ros/gzserver",), ("-e 'ode /a/yard.world",)
+    event = Event(event="read", left_out=left_out[0], left_out_args=left_out[1], world="empty.world")
+    (message,) = event.losses
     assert message.startswith("the world 'yard.world' of the launch file is not simulated")

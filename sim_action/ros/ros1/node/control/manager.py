@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from typing import Any, Final
 from xml.etree.ElementTree import Element
 
@@ -56,9 +56,14 @@ class ControllerManager:
 
     def offer(self) -> None:
         """Open the services, until the robot is deleted."""
+        types = list(CONTROLLERS)
         for name, kind, answer in (
             ("list_controllers", ListControllers, self._list),
-            ("list_controller_types", ListControllerTypes, self._list_types),
+            (
+                "list_controller_types",
+                ListControllerTypes,
+                lambda _: (types, ["controller_interface::ControllerBase"] * len(types)),
+            ),
             ("load_controller", LoadController, lambda asked: self._tried(self._load, asked.name)),
             ("unload_controller", UnloadController, lambda asked: self._tried(self._unload, asked.name)),
             ("switch_controller", SwitchController, self._switch),
@@ -147,7 +152,8 @@ class ControllerManager:
             for name in names:
                 if strictly:
                     self._refuse_unknown(name)
-                    self._refuse_unswitchable(name, wanted[name], runs=runs)
+                    if wanted[name].runs != runs:
+                        raise BadController(f"the controller '{name}' is {'not' if runs else 'already'} running")
                 if name in wanted and wanted[name].runs == runs:
                     wanted[name] = replace(wanted[name], state=state)
         _refuse_conflicts(wanted)
@@ -158,10 +164,6 @@ class ControllerManager:
             there = ", ".join(self._loaded) or "none"
             raise BadController(f"no controller '{name}' is loaded; loaded controllers: {there}")
 
-    def _refuse_unswitchable(self, name: str, loaded: Loaded, *, runs: bool) -> None:
-        if loaded.runs != runs:
-            raise BadController(f"the controller '{name}' {'is not running' if runs else 'is already running'}")
-
     def _list(self, _: Any) -> tuple[list[ControllerState]]:
         return (
             [
@@ -169,9 +171,6 @@ class ControllerManager:
                 for name, loaded in self._loaded.items()
             ],
         )
-
-    def _list_types(self, _: Any) -> tuple[list[str], list[str]]:
-        return list(CONTROLLERS), ["controller_interface::ControllerBase"] * len(list(CONTROLLERS))
 
 
 def _claims(controller: Controller) -> HardwareInterfaceResources:
@@ -181,14 +180,11 @@ def _claims(controller: Controller) -> HardwareInterfaceResources:
 def _refuse_conflicts(wanted: dict[str, Loaded]) -> None:
     """Raise BadController if two running controllers would move the same joint."""
     owners: dict[str, str] = {}
-    for name, joint in _claimed(wanted):
+    running = {name: loaded.controller.joints for name, loaded in wanted.items() if loaded.runs}
+    for name, joint in ((name, joint) for name, joints in running.items() for joint in joints):
         owner = owners.setdefault(joint, name)
         if owner != name:
             raise BadController(f"'{owner}' and '{name}' would both move the joint '{joint}'")
-
-
-def _claimed(wanted: dict[str, Loaded]) -> Iterator[tuple[str, str]]:
-    return ((name, joint) for name, loaded in wanted.items() if loaded.runs for joint in loaded.controller.joints)
 
 
 @dataclass(frozen=True, slots=True)
