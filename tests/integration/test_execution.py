@@ -122,41 +122,6 @@ def processes_of(marker: Path) -> list[int]:
     return found
 
 
-DEATHS: Mapping[str, tuple[str, str, str, float]] = {
-    "segfault": ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "crash", "SIGSEGV", 60),
-    "abort": ("import os; print('last words', flush=True); os.abort()", "crash", "SIGABRT", 60),
-    "exit zero": ("import os; os._exit(0)", "crash", "exit code 0", 60),
-    "hang": ("import time; time.sleep(600)", "wall limit", "after 2 s of wall time", 2),
-    "hog": ("hog = [bytearray(1 << 28) for _ in range(1000)]", "memory", "MemoryError", 60),
-    "raise": ("return 1 / 0", "script", "ZeroDivisionError", 60),
-    "sys exit": ("import sys; sys.exit(0)", "script", "SystemExit", 60),
-    "nonsense": ("return 'forward'", "script", "returned a str", 60),
-    "not a number": ("return Twist.planar(float('nan'))", "script", "has a value that is not finite", 60),
-    "unknown joint": ("return JointTargets(velocity={'wheel_lft_joint': 1.0})", "script", "wheel_left_joint", 60),
-}
-
-
-# The second way has such scripts in tests/integration/test_other_systems.py, too.
-def test_a_dead_child_is_an_error_with_its_cause_and_the_others_pass(tmp_path: Path, run: Run) -> None:
-    # Where nothing holds a script to its limit, one would take the memory of this machine.
-    deaths = {name: death for name, death in DEATHS.items() if death[1] != "memory" or run.way.limits_memory}
-    # Each of those that die has one beside it that does not.
-    paths = [scenario(tmp_path, "good")]
-    for number, (name, (body, _, _, wall_limit)) in enumerate(deaths.items()):
-        path = script(tmp_path, name.replace(" ", "_"), body, wall_limit)
-        path.write_text(path.read_text() + "memory_limit: 1 GiB\n")
-        paths += [path, *([scenario(tmp_path, f"good {number}")] if number % 3 == 2 else [])]
-    outcomes = {outcome.name: outcome for outcome in run(paths, tmp_path)}
-    for name, (_, kind, cause, _) in deaths.items():
-        killer = outcomes.pop(name.replace(" ", "_"))
-        assert killer.status == "error"
-        (failure,) = killer.failures
-        assert (name, failure.kind) == (name, kind)
-        assert cause in f"{failure.title} {failure.message}"
-    assert len(outcomes) == len(deaths) // 3 + 1
-    assert {outcome.status for outcome in outcomes.values()} == {"passed"}
-
-
 def test_where_no_controller_runs_none_is_stuck(tmp_path: Path, run: Run) -> None:
     (tmp_path / "endless.xacro").write_text(
         '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="${9**9**9}"/></robot>'

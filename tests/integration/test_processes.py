@@ -213,34 +213,11 @@ BAD: Final = {
         "script",
         "exited with code 1 before the end of the run; its last line on standard error: KeyError: 'speed'",
     ),
-    "a gigabyte on stdout": ("while True: sys.stdout.write('x' * 65536)", "script", "a line of more than 1 MB"),
-    "a gigabyte of lines": (
-        # Many at once: each for itself might be the answer to a later question.
-        "while True: os.write(1, b'{}\\n' * 3000)",
-        "script",
-        "wrote an unexpected line, '{}'",
-    ),
     "a gigabyte on stderr": (
         "while True: sys.stderr.write('x' * 65536)",
         "crash",
         "more than 1 MB were printed (output_limit)",
     ),
-    "nonsense": (
-        "sys.stdin.readline(); print('forward', flush=True)\nanswers(900)",
-        "script",
-        "answered 'forward': it is not JSON",
-    ),
-    "not a number": (
-        "sys.stdin.readline(); print(json.dumps({'twist': {'linear': float('nan')}}), flush=True)\nanswers(900)",
-        "script",
-        ": it contains NaN, which is neither JSON nor a valid target",
-    ),
-    "unknown joint": (
-        "sys.stdin.readline(); print(json.dumps({'velocity': {'wheel_lft_joint': 1}}), flush=True)\nanswers(900)",
-        "script",
-        "no moving joint 'wheel_lft_joint'; did you mean 'wheel_left_joint'?",
-    ),
-    "exits early": ("sys.exit(0)", "script", "exited with code 0 before the end of the run"),
     "killed": ("os.kill(os.getpid(), signal.SIGSEGV)", "script", "was killed by SIGSEGV"),
     "kills its group": ("os.kill(0, signal.SIGKILL)", "script", "was killed by SIGKILL"),
     "kills its parent": ("os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(600)", "crash", "ended by SIGKILL"),
@@ -250,8 +227,6 @@ BAD: Final = {
         "script",
         "did not answer within 1 s of wall time (answer_within)",
     ),
-    "closes stdout": ("os.close(1)\ntime.sleep(600)", "script", "closed its standard output, but is still running"),
-    "stops": ("os.kill(os.getpid(), signal.SIGSTOP)", "script", "did not answer within 1 s"),
 }
 NEVER_READS: Final = "import time\ntime.sleep(600)\n"
 
@@ -262,9 +237,6 @@ BAD_STARTS: Final = {
         "import nowhere_to_be_found",
         "exited with code 1 before the end of the run; its last line on standard error: Modul",
     ),
-    "exits early": ("", "exited with code 0 before the end of the run"),
-    "nonsense": ("print('ready', flush=True)\ninput()\ninput()", "'ready'"),
-    "commands": ("input()\nprint('{\"twist\": {}}', flush=True)\ninput()", "answer reset with {}"),
     "forks": (f"import os, time\n{LEAVE}os._exit(7)", "exited with code 7"),
 }
 
@@ -307,9 +279,7 @@ def test_programs_that_misbehave_cost_their_own_scenario_and_nothing_else(tmp_pa
         assert (name, failure.kind) == (name, kind), failure
         assert cause in failure.message
         if kind == "script":
-            # A flood may come with the last answer, or after it.
-            times = ("0.05", "0.1") if name == "a gigabyte of lines" else ("0.1",)
-            assert failure.message.startswith(tuple(f"at {time} s of sim time, the process" for time in times))
+            assert failure.message.startswith("at 0.1 s of sim time, the process")
             assert failure.location == Location(f"{name}.sim.yml", 4, 12)
     (failure,) = outcomes["never reads"].failures
     assert failure.message.startswith("the process")
