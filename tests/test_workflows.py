@@ -1,4 +1,4 @@
-"""Actions, workflows, templates: pinned, with few rights, no expression in a shell; and what checks them can fail."""
+"""Actions, workflows, templates: pinned, with few rights, no expression in a shell."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import pytest
 import yaml
@@ -229,83 +229,6 @@ def test_the_actions_that_simulate_nothing_install_the_same_versions_without_eng
 def test_the_lock_file_of_the_checks_has_hashes_and_no_addresses() -> None:
     packages = json.loads((ROOT / "tools/workflows/package-lock.json").read_text(encoding="utf-8"))["packages"]
     assert all("integrity" in package and "resolved" not in package for path, package in packages.items() if path)
-
-
-# What `make lint` runs refuses what it is there to refuse: each time, a good file with one thing wrong.
-
-
-def lint_workflows(*options: str, **files: str) -> subprocess.CompletedProcess[str]:
-    """`make lint-workflows` with other files in place of the repository's; it installs nothing."""
-    command = ["make", "lint-workflows", f"VENV={VENV}", f"--old-file={VENV}/.dev", f"--old-file={VENV}/.node"]
-    command += [*options, *(f"{variable}={paths}" for variable, paths in files.items())]
-    # `make test` would hand its own flags on.
-    environment = {key: value for key, value in os.environ.items() if not key.startswith(("MAKE", "MFLAGS"))}
-    return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
-
-
-def spoiled(file: Path, folder: Path, good: str, bad: str) -> Path:
-    text = file.read_text(encoding="utf-8")
-    assert good in text
-    copy = folder / file.name
-    folder.mkdir(exist_ok=True)
-    copy.write_text(text.replace(good, bad, 1), encoding="utf-8")
-    return copy
-
-
-SHARDED: Final = "examples/workflows/sharded.yml"
-SPOILED: Final = [
-    ("WORKFLOWS", SHARDED, "timeout-minutes: 30", "timeout-minuts: 30", "'timeout-minuts' was unexpected"),
-    (
-        "WORKFLOWS",
-        SHARDED,
-        "plan.outputs.matrix)",
-        "plan.outputs.matrx)",
-        ":15: Context access might be invalid: matrx",
-    ),
-    (
-        "WORKFLOWS",
-        SHARDED,
-        "runs-on: ubuntu-latest",
-        "runs-on: ubuntu-lastest",
-        ':14: label "ubuntu-lastest" is unknown',
-    ),
-    ("ACTIONS", "action.yml", "default:", "defalt:", "'defalt' was unexpected"),
-    (
-        "ACTIONS",
-        "action.yml",
-        "${{ inputs.scenario }}",
-        "${{ secrets.scenario }}",
-        ": Unrecognized named-value: 'secrets'",
-    ),
-    ("GITLAB", "examples/gitlab/.gitlab-ci.yml", "always", "allways", "'allways' is not one of"),
-    ("ISSUE_FORMS", ".github/ISSUE_TEMPLATE/bug.yml", "type: input", "type: inputs", "'inputs' is not one of"),
-    ("ISSUE_CONFIG", ".github/ISSUE_TEMPLATE/config.yml", "about:", "abut:", "'about' is a required property"),
-    ("DEPENDABOT", ".github/dependabot.yml", "interval: weekly", "interval: often", "'often' is not one of"),
-]
-"""Variable of the Makefile, file, good text, bad text and the complaint."""
-
-
-@pytest.mark.process
-def test_bad_files_are_refused(tmp_path: Path) -> None:
-    """All in one call, in which make goes on after each tool that fails, and says that it did."""
-    files: dict[str, str] = {}
-    for number, (variable, file, good, bad, _) in enumerate(SPOILED):
-        copy = spoiled(ROOT / file, tmp_path / f"{number}", good, bad)
-        files[variable] = f"{files.get(variable, '')} {copy}"
-    ran = lint_workflows("--ignore-errors", **files)
-    printed = ran.stdout + ran.stderr
-    assert [complaint for *_, complaint in SPOILED if complaint not in printed] == []
-    # Six schemas, the parsers, and zizmor, which cannot read all of them.
-    assert len(re.findall(r"lint-workflows\] Error \d+ \(ignored\)", printed)) == 8, printed
-
-
-@pytest.mark.process
-def test_a_workflow_that_is_not_safe_is_refused(tmp_path: Path) -> None:
-    """Where nothing but the last tool complains, make fails."""
-    workflow = spoiled(ROOT / SHARDED, tmp_path, "3d3c42e5aac5ba805825da76410c181273ba90b1 # v7.0.1", "v7")
-    ran = lint_workflows(WORKFLOWS=str(workflow))
-    assert ran.returncode != 0
-    assert "unpinned-uses" in ran.stdout + ran.stderr
 
 
 def check_workflows(*files: Path) -> subprocess.CompletedProcess[str]:

@@ -11,7 +11,6 @@ import pytest
 from sim_action import GateOutcome, Results, Scenario, load, run, validate
 from sim_action.errors import InvalidScenario, UsageError
 from sim_action.parts import Lidar, Travel
-from tests.integration.engines import on_every_engine
 
 RUNS = 7
 
@@ -121,43 +120,3 @@ def test_a_gate_over_noise_alone_needs_no_variations() -> None:
 def test_a_wrong_gate_is_refused() -> None:
     with pytest.raises(InvalidScenario, match="it needs 29: write 'runs: 29' or more"):
         validate(slips(gate={"passes": {"at_least": "90 %"}, "runs": 20}))
-
-
-COSTUMES: dict[str, dict[str, Any]] = {
-    "a friction that makes no difference": {"variations": {"world.ground.friction": {"uniform": [0.9, 1.0]}}},
-    "a wall that is never reached": {
-        "world": {"objects": [{"name": "wall", "box": [0.1, 2.0, 0.5], "pose": {"x": 9.0}}]},
-        "variations": {"world.objects.wall.pose.x": {"uniform": [8.0, 9.0]}},
-    },
-    "a sensor that nobody reads": {
-        "sensors": [{"name": "imu", "imu": {"gyro_noise": 0.1}, "rate": 10}],
-        "variations": None,
-    },
-    "another place to start": {"variations": {"robot.pose.x": {"uniform": [0, 1]}}},
-}
-
-
-@on_every_engine
-@pytest.mark.parametrize("costume", COSTUMES)
-def test_one_run_in_several_costumes_is_one_sample(costume: str, engine: Any) -> None:
-    (gate,) = run(slips(**COSTUMES[costume]), backend=engine, report=False)
-    assert gate.status == "error"
-    assert gate.failures[0].message.startswith("all 7 runs are the same run for the rate")
-
-
-@on_every_engine
-def test_samples_that_differ_are_several(engine: Any) -> None:
-    (gate,) = run(
-        slips(variations={"commands.twist.0.linear": {"uniform": [0.195, 0.205]}}), backend=engine, report=False
-    )
-    assert gate.passed
-
-
-@on_every_engine
-def test_a_quantile_alone_does_not_pass_while_every_run_fails(engine: Any) -> None:
-    gate = {"quantile": {"of": "travel.measured", "q": "50 %", "at_least": "1 cm"}, "runs": RUNS}
-    ways = {"variations": {"commands.twist.0.linear": {"uniform": [0.05, 0.1]}}, "gate": gate}
-    (refused,) = run(slips(**ways), backend=engine, report=False)
-    assert (refused.status, len(refused.errors)) == ("failed", 0)
-    (allowed,) = run(slips(**ways, allow=["low-gate"]), backend=engine, report=False)
-    assert allowed.passed
