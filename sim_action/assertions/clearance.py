@@ -190,9 +190,7 @@ class ClearanceMonitor(Monitor):
 
     Attributes:
         at_goal, at_worst: the least distances at the steps of the two folds.
-        steps: the steps since the first distance.
         is_known: True if a distance was recorded before them.
-        end: sim time of the last step, in s.
     """
 
     spec: Clearance

@@ -133,7 +133,6 @@ class NoCollisionMonitor(Monitor):
     The run ends at that contact, so there is no mean force yet, and the force of one step depends on the rate.
 
     Attributes:
-        step: s of sim time.
         has_limb: True for an arm or a leg, whose links can touch each other.
     """
 

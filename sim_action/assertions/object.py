@@ -264,12 +264,8 @@ class ObjectMonitor(Monitor):
     """The monitor of the motion of an object: that of the base of a trace, which gets the motion of the object.
 
     Attributes:
-        start: the state of the robot at t = 0.
-        appears: sim time in s at which the object appears.
         monitor: the monitor of its motion; None until the object is there.
         known: time and pose (8,) at the last two steps at which it was there, as far as they are known.
-        steps: the steps at which it was judged.
-        end: sim time of the last step, in s.
     """
 
     spec: ObjectAssertion

@@ -18,6 +18,7 @@ from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.state.golden_trajectory import wrapped
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.claims import HEADINGS, Ceiling, Findings, JudgedRun
@@ -125,11 +126,8 @@ class OdometryMonitor(Monitor):
     """The fold of odometry errors. It keeps the true pose of the last step, because readings follow later.
 
     Attributes:
-        limits: the limit of each error, by name.
-        folds: the fold of each margin.
         true_pose: (4,) the last step: sim time in s, x and y in m, yaw in rad.
         way: distance travelled on the ground since t = 0, in m.
-        readings: the readings that were judged; the one at t = 0 has no error by definition.
     """
 
     sensor: str
@@ -236,17 +234,18 @@ def _shown(error: float, limit: float, unit: str) -> tuple[str, str]:
 
 def _errors(record: SensorRecord, truths: FloatArray, ways: FloatArray) -> dict[str, FloatArray]:
     """Return (N,) errors of the readings, by name. The true pose is interpolated between the steps of the trace."""
+    from sim_action.state.trace import yaw_angles  # `validate` does without it
+
     before, after, share = _around(record.time, truths[:, 0])
     (x, y), (to_x, to_y) = truths[before, 1:3].T, truths[after, 1:3].T
-    yaw = truths[before, 3] + share * _turn(truths[after, 3] - truths[before, 3])
+    yaw = truths[before, 3] + share * wrapped(truths[after, 3] - truths[before, 3])
     way = ways[before] + share * (ways[after] - ways[before])
     told = record.columns["position_xyz"]
     position = np.hypot(told[:, 0] - x - share * (to_x - x), told[:, 1] - y - share * (to_y - y))
-    qx, qy, qz, qw = record.columns["orientation_xyzw"].T
-    told_yaw = np.arctan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
+    told_yaw = yaw_angles(record.columns["orientation_xyzw"])
     return {
         "position": position,
-        "yaw": np.abs(_turn(told_yaw - yaw)),
+        "yaw": np.abs(wrapped(told_yaw - yaw)),
         "drift": position / np.maximum(way, _MIN_DISTANCE_M),
     }
 
@@ -261,9 +260,3 @@ def _around(wanted: FloatArray, time: FloatArray) -> tuple[NDArray[np.intp], NDA
     before = np.where(time[after] > wanted + _SAME_TIME_S, np.maximum(after - 1, 0), after)
     span = time[after] - time[before]
     return before, after, np.where(span > 0, (wanted - time[before]) / np.where(span > 0, span, 1.0), 0.0)
-
-
-def _turn(angle: FloatArray) -> FloatArray:
-    """Return the angles wrapped to [-pi, pi)."""
-    turned: FloatArray = np.remainder(angle + np.pi, 2 * np.pi) - np.pi
-    return turned

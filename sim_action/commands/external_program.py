@@ -13,7 +13,7 @@ import os
 import re
 import shlex
 import shutil
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, NoReturn
@@ -24,7 +24,7 @@ from typing_extensions import override
 from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.commands.controller_answers import Saturation, answer_problem
 from sim_action.commands.line_protocol import AnswerLimit, LineProcess
-from sim_action.commands.robot_description import JointDescription, RobotDescription
+from sim_action.commands.robot_description import RobotDescription
 from sim_action.core.errors import ScriptError
 from sim_action.core.field_types import NamesFile, PositiveSeconds
 from sim_action.core.geometry import Pose, Twist, Vector3
@@ -291,7 +291,7 @@ def observation_json(observation: Observation, links: Collection[str] = ()) -> J
         "twist": _twist(observation.twist),
         "joints": {name: state._asdict() for name, state in observation.joints.items()},
         "contacts": [_contact(contact) for contact in observation.contacts],
-        "sensors": {name: _reading(reading) for name, reading in observation.sensors.items()},
+        "sensors": {name: _record(reading, _value) for name, reading in observation.sensors.items()},
     }
     if links:
         states = {name: observation.links[name] for name in links}
@@ -301,16 +301,12 @@ def observation_json(observation: Observation, links: Collection[str] = ()) -> J
 
 def robot_json(robot: RobotDescription) -> Json:
     """Return the description of the robot as JSON values, without rate and seed."""
-    return {
-        "name": robot.name,
-        "base": robot.base,
-        "links": list(robot.links),
-        "joints": {name: _joint(joint) for name, joint in robot.joints.items()},
-    }
+    joints = {name: _record(joint, _limit) for name, joint in robot.joints.items()}
+    return {"name": robot.name, "base": robot.base, "links": robot.links, "joints": joints}
 
 
-def _reading(reading: Any) -> Json:
-    return {field.name: _value(getattr(reading, field.name)) for field in fields(reading)}
+def _record(record: Any, as_json: Callable[[Any], Any]) -> Json:
+    return {field.name: as_json(getattr(record, field.name)) for field in fields(record)}
 
 
 def _value(value: Any) -> Any:
@@ -343,38 +339,19 @@ def _array(array: Any) -> Any:
 
 
 def _pose(pose: Pose) -> Json:
-    return {"position_xyz": list(pose.position_xyz), "orientation_xyzw": list(pose.orientation_xyzw), "yaw": pose.yaw}
+    return {"position_xyz": pose.position_xyz, "orientation_xyzw": pose.orientation_xyzw, "yaw": pose.yaw}
 
 
 def _twist(twist: Twist) -> Json:
-    return {"linear_xyz": list(twist.linear_xyz), "angular_xyz": list(twist.angular_xyz)}
+    return {"linear_xyz": twist.linear_xyz, "angular_xyz": twist.angular_xyz}
 
 
 def _contact(contact: Contact) -> Json:
-    return {
-        "link": contact.link,
-        "body": contact.body,
-        "position_xyz": list(contact.position_xyz),
-        "force": contact.force,
-        "has_force": contact.has_force,
-        "depth": contact.depth,
-    }
+    return {name: value for name, value in contact._asdict().items() if name not in ("time", "normal_xyz")}
 
 
-def _joint(joint: JointDescription) -> Json:
-    return {
-        "type": joint.type,
-        "moves": joint.moves,
-        "lower": _limit(joint.lower),
-        "upper": _limit(joint.upper),
-        "max_effort": _limit(joint.max_effort),
-        "max_velocity": _limit(joint.max_velocity),
-        "mimics": joint.mimics,
-    }
-
-
-def _limit(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
+def _limit(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 class AnswerError(ValueError):

@@ -37,15 +37,8 @@ class JointDescription:
     @classmethod
     def of(cls, joint: Joint) -> Self:
         """Return the description of a joint."""
-        return cls(
-            type=joint.type,
-            moves=joint.moves,
-            lower=joint.lower,
-            upper=joint.upper,
-            max_effort=joint.max_effort,
-            max_velocity=joint.max_velocity,
-            mimics=joint.mimic.joint if joint.mimic else None,
-        )
+        limits = (joint.lower, joint.upper, joint.max_effort, joint.max_velocity)
+        return cls(joint.type, joint.moves, *limits, joint.mimic.joint if joint.mimic else None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,12 +67,6 @@ class RobotDescription:
     def of(cls, scene: Scene, rate: float, purpose: str) -> Self:
         """Return the robot of a scene; `purpose` selects the stream of random numbers."""
         model = scene.model
-        return cls(
-            name=model.name,
-            base=model.root,
-            links=tuple(link.name for link in model.links),
-            joints={joint.name: JointDescription.of(joint) for joint in model.joints},
-            rate=rate,
-            seed=scene.seed,
-            random=scene.generator(purpose),
-        )
+        joints = {joint.name: JointDescription.of(joint) for joint in model.joints}
+        links, random = tuple(link.name for link in model.links), scene.generator(purpose)
+        return cls(model.name, model.root, links, joints, rate, scene.seed, random)

@@ -106,9 +106,7 @@ class WaypointCommands(CommandSource):
 
     @override
     def open(self, scene: Scene) -> Controller:
-        pursuit = Pursuit(self.speed, self.lookahead, self.tolerance, self.max_turn_rate)
-        points = [(waypoint.x, waypoint.y) for waypoint in self.waypoints]
-        follower = PathFollower(points, pursuit, scene.mobility)
+        follower = PathFollower(self, scene.mobility)
         return ClosedLoop(follower.command, senses=False, marks=follower.marks)
 
 
@@ -199,16 +197,6 @@ def braking_speed(distance: float, deceleration: float) -> float:
     return math.sqrt(2 * deceleration * distance)
 
 
-@dataclass(frozen=True, slots=True)
-class Pursuit:
-    """The parameters of path following, in m/s, m, m and rad/s."""
-
-    speed: float
-    lookahead: float
-    tolerance: float
-    max_turn_rate: float
-
-
 class PathFollower:
     """Follows a path leg by leg; the next leg begins when a waypoint is passed.
 
@@ -216,10 +204,8 @@ class PathFollower:
         marks: the waypoints that it has passed.
     """
 
-    def __init__(self, waypoints: Sequence[Point], pursuit: Pursuit, mobility: Mobility) -> None:
-        """Create a follower; `waypoints` are one or more points in the world frame."""
+    def __init__(self, pursuit: WaypointCommands, mobility: Mobility) -> None:
         self.marks: list[TimeMark] = []
-        self._waypoints = waypoints
         self._pursuit = pursuit
         self._mobility = mobility
         cuts_corners = not mobility.turns_in_place
@@ -234,12 +220,13 @@ class PathFollower:
         """Return the twist at a tick. It must be called at every tick, because it keeps its progress."""
         place, heading = seen.pose.position_xyz[:2], seen.pose.yaw + self._mobility.heading
         if self._legs is None:
-            self._legs = [Leg(*ends) for ends in pairwise((place, *self._waypoints))]
+            points = ((waypoint.x, waypoint.y) for waypoint in self._pursuit.waypoints)
+            self._legs = [Leg(*ends) for ends in pairwise((place, *points))]
             self._to_stop = self._distances_to_stop(self._legs)
         while self._legs and self._is_passed(self._legs[0].end, place, heading):
             del self._legs[0], self._to_stop[0]
-            passed = len(self._waypoints) - len(self._legs)
-            self.marks.append(waypoint_mark(seen.time, passed, len(self._waypoints)))
+            count = len(self._pursuit.waypoints)
+            self.marks.append(waypoint_mark(seen.time, count - len(self._legs), count))
         if not self._legs:
             return Twist()
         ahead, left = in_robot_frame(place, heading, self._legs[0].lookahead_point(place, self._pursuit.lookahead))

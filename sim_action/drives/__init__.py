@@ -8,6 +8,8 @@ from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self
 
+from pydantic import ValidationError
+
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Twist
 from sim_action.core.records import replace
@@ -16,6 +18,7 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives.plugins import (
     Kind,
     NoDrive,
+    Stated,
     base_mover,
     plugins_of_kind,
     source_of,
@@ -80,8 +83,27 @@ class Drive(FrozenModel):
 
     @classmethod
     @abstractmethod
+    def statements(cls, model: RobotModel) -> Stated | None:
+        """Return the statements of a plugin or a controller about such a drive, else None."""
+
+    @classmethod
     def statement(cls, model: RobotModel) -> Self | None:
         """Return the drive that a plugin or a controller states, which may not fit the model, else None."""
+        stated = cls.statements(model)
+        return cls.as_stated(model, stated) if stated else None
+
+    @classmethod
+    def as_stated(cls, model: RobotModel, stated: Stated) -> Self | None:  # noqa: ARG003 - some look at the wheels
+        """Return the drive that a plugin states; None if it is invalid, for example with three steered wheels."""
+        try:
+            return cls.model_validate(stated.keys)
+        except ValidationError:
+            return None
+
+    def origin(self, model: RobotModel) -> Stated | None:
+        """Return the statements that this drive was made of, if any."""
+        stated = self.statements(model)
+        return stated if stated and self == self.as_stated(model, stated) else None
 
     @classmethod
     @abstractmethod
@@ -90,7 +112,10 @@ class Drive(FrozenModel):
 
     def source(self, model: RobotModel) -> str:
         """Return the statements of the model that this drive was recognised from."""
-        return "geometry"
+        from sim_action.drives.undercarriage import undercarriage  # it imports this module
+
+        stated = self.origin(model)
+        return stated.source if stated else undercarriage(model).source or "geometry"
 
     def plugin(self, model: RobotModel) -> str:
         """Return the plugin whose wheels turn as in Gazebo, whatever their axes are; empty without one."""
@@ -108,9 +133,18 @@ class Drive(FrozenModel):
     def wheel_motion(self, model: RobotModel) -> WheelMotion | None:
         """Return the forward kinematics of the wheels; None if there are none."""
 
-    @abstractmethod
     def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
-        """Return one line of text with all parameters, including those read from the model."""
+        """Return one line of text with all parameters, including those read from the model, and remarks on a plugin."""
+        return "; ".join((self.figures(model, gravity), *self.remarks(model)))
+
+    def remarks(self, model: RobotModel) -> tuple[str, ...]:
+        """Return remarks on the plugin that states the drive."""
+        stated = self.origin(model)
+        return stated.remarks if stated else ()
+
+    @abstractmethod
+    def figures(self, model: RobotModel, gravity: float) -> str:
+        """Return all parameters as text."""
 
     @abstractmethod
     def mobility(self, model: RobotModel) -> Mobility:

@@ -7,11 +7,12 @@ rate over forward speed.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from statistics import fmean
 from typing import Annotated, ClassVar, Final, Self
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 from typing_extensions import override
 
 from sim_action.core import units
@@ -22,12 +23,12 @@ from sim_action.core.field_types import (
     PositiveRadiansPerSecond,
 )
 from sim_action.core.geometry import Twist
-from sim_action.core.records import dataclass
+from sim_action.core.records import dataclass, field
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import NOT_PLANAR, Drive, DriveMotion, is_planar
 from sim_action.drives.diff import JointNames
-from sim_action.drives.plugins import StatedSteering, steering_by_plugin
-from sim_action.drives.undercarriage import car_joints, undercarriage
+from sim_action.drives.plugins import Stated, steering_by_plugin
+from sim_action.drives.undercarriage import car_joints
 from sim_action.drives.wheel_settings import (
     Heading,
     MotorTorque,
@@ -37,7 +38,6 @@ from sim_action.drives.wheel_settings import (
     length_problems,
     radius_text,
     ramp_towards,
-    remarked,
     torque_text,
     why_no_wheel,
 )
@@ -109,30 +109,14 @@ class AckermannDrive(Drive):
 
     @classmethod
     @override
-    def statement(cls, model: RobotModel) -> Self | None:
-        stated = steering_by_plugin(model)
-        return cls._of(stated) if stated else None
+    def statements(cls, model: RobotModel) -> Stated | None:
+        return steering_by_plugin(model)
 
     @classmethod
     def by_wheels(cls, model: RobotModel) -> Self:
         """Two wheels are steered, by joints with limits, and two are fixed: the driven ones."""
         steering, wheels = car_joints(model)
         return cls(steering=steering, wheels=wheels)
-
-    @override
-    def source(self, model: RobotModel) -> str:
-        stated = steering_by_plugin(model)
-        if stated and self == self._of(stated):
-            return stated.source
-        return undercarriage(model).source or super().source(model)
-
-    @classmethod
-    def _of(cls, stated: StatedSteering) -> Self | None:
-        """Return the drive that a plugin states; None if it is invalid, for example with three steered wheels."""
-        try:
-            return cls.model_validate({"steering": stated.steering, "wheels": stated.wheels, **stated.figures})
-        except ValidationError:
-            return None
 
     def problems(self, model: RobotModel) -> SpecProblems:
         """Yield unknown joints, joints that do not steer, wheels that do not roll, and missing lengths."""
@@ -154,15 +138,15 @@ class AckermannDrive(Drive):
 
     @override
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> AckermannMotion:
-        limit = self._limit(model)
+        limit, pins = self._limit(model), self._kingpins(model)
         return AckermannMotion(
-            kingpins=self._kingpins(model),
-            wheels=self._driven(model),
-            steering_limit=limit.angle,
+            pins,
+            self._driven(model),
+            tightest(pins, limit.angle),
             most_steering=limit.rate / rate,
             most_speed=self.acceleration / rate,
             speeds=WheelSpeeds(model, self.wheels),
-            torque=self.torque,
+            max_effort={} if self.torque is None else dict.fromkeys(self.wheels, self.torque),
         )
 
     @override
@@ -182,18 +166,16 @@ class AckermannDrive(Drive):
         )
 
     @override
-    def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
+    def figures(self, model: RobotModel, gravity: float) -> str:
         pins, driven = self._kingpins(model), self._driven(model)
         track = f", track {abs(pins[0].left - pins[1].left):.4g} m" if len(pins) > 1 else ""
-        figures = (
+        return (
             f"ackermann: steering {', '.join(self.steering)} {self._limit(model).text}; driven "
             f"{', '.join(self.wheels)}; {radius_text([abs(found.gear) for found in driven])}, "
             f"wheelbase {abs(fmean(pin.ahead for pin in pins)):.4g} m{track}, "
             f"acceleration {self.acceleration:.4g} m/s^2{torque_text(self.torque, model, self.wheels)}"
             f"{heading_text(self._forward(model))}"
         )
-        stated = steering_by_plugin(model)
-        return remarked(figures, stated.remarks if stated and self == self._of(stated) else ())
 
     def _unknown_joints(self, model: RobotModel) -> SpecProblems:
         for index, name in enumerate(self.steering):
@@ -225,83 +207,70 @@ class AckermannDrive(Drive):
         return fmean(rolling(found, heading).ahead for found in self._fixed_wheels(model) or [STRAIGHT])
 
     def _kingpins(self, model: RobotModel) -> tuple[Kingpin, ...]:
-        return tuple(self._each_kingpin(model))
-
-    def _each_kingpin(self, model: RobotModel) -> Iterator[Kingpin]:
-        heading, axle = self._forward(model), self._axle(model)
+        heading, axle, found = self._forward(model), self._axle(model), list[Kingpin]()
         for name in self.steering:
             place = rolling(wheel(model, name), heading)
             ahead = place.ahead - axle
             if self.wheelbase is not None:
                 ahead = math.copysign(self.wheelbase, ahead)
-            yield Kingpin(name, ahead, self._lateral(place.left), upright(model, name))
+            found.append(Kingpin(name, ahead, self._lateral(place.left), upright(model, name)))
+        return tuple(found)
 
     def _driven(self, model: RobotModel) -> tuple[DrivenWheel, ...]:
-        heading = self._forward(model)
+        heading, driven = self._forward(model), list[DrivenWheel]()
         pins = {pin.joint: pin for pin in self._kingpins(model)}
-        return tuple(self._driven_wheel(model, wheel(model, name), heading, pins) for name in self.wheels)
-
-    def _driven_wheel(self, model: RobotModel, found: Wheel, heading: float, pins: dict[str, Kingpin]) -> DrivenWheel:
-        place, above = rolling(found, heading), steering_joint(model, found.joint)
-        radius = self.radius or found.radius
-        assert radius is not None, "problems() reports a missing radius"
-        pin = pins.get(above.name) if above else None
-        return DrivenWheel(found.joint, place.turns * radius, self._lateral(place.left), pin)
+        for found in (wheel(model, name) for name in self.wheels):
+            place, above = rolling(found, heading), steering_joint(model, found.joint)
+            radius = self.radius or found.radius
+            assert radius is not None, "problems() reports a missing radius"
+            pin = pins.get(above.name) if above else None
+            driven.append(DrivenWheel(found.joint, place.turns * radius, self._lateral(place.left), pin))
+        return tuple(driven)
 
     def _lateral(self, left: float) -> float:
         is_amid = self.track is None or abs(left) < _MIN_WHEELBASE_M
         return left if is_amid or self.track is None else math.copysign(self.track / 2, left)
 
 
+@dataclass(eq=False)
 class AckermannMotion(DriveMotion):
     """Forward speed and curvature, each with a ramp towards the last twist.
 
     Wheel speeds follow the current steering angle, not the angle that the steering is moving to.
     """
 
-    def __init__(
-        self,
-        kingpins: tuple[Kingpin, ...],
-        wheels: tuple[DrivenWheel, ...],
-        *,
-        steering_limit: float,
-        most_steering: float,
-        most_speed: float,
-        speeds: WheelSpeeds,
-        torque: float | None,
-    ) -> None:
-        """`most_steering` is in rad per step, `most_speed` in m/s per step."""
-        self._kingpins = kingpins
-        self._wheels = wheels
-        self._tightest = tightest(kingpins, steering_limit)
-        self._most_steering = most_steering
-        self._most_speed = most_speed
-        self._speeds = speeds
-        self._max_effort = {} if torque is None else {found.joint: torque for found in wheels}
-        self._speed = self._curvature = 0.0
-        self._notes: dict[str, None] = {}
+    kingpins: tuple[Kingpin, ...]
+    wheels: tuple[DrivenWheel, ...]
+    tightest: float
+    most_steering: float  # rad per step
+    most_speed: float  # m/s per step
+    speeds: WheelSpeeds
+    max_effort: Mapping[str, float]
+    _speed: float = 0.0
+    _curvature: float = 0.0
+    _notes: dict[str, None] = field(default_factory=dict)
 
-    @property
+    @cached_property
     @override
     def joints(self) -> frozenset[str]:
-        return frozenset([*(pin.joint for pin in self._kingpins), *(found.joint for found in self._wheels)])
+        return frozenset([*(pin.joint for pin in self.kingpins), *(found.joint for found in self.wheels)])
 
     @property
     @override
     def notes(self) -> tuple[str, ...]:
-        return (*self._notes, *self._speeds.notes)
+        return (*self._notes, *self.speeds.notes)
 
     @override
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
         if not is_planar(twist):
             self._notes[NOT_PLANAR] = None
         curvature = self._wanted_curvature(twist)
-        speed = twist.linear_xyz[0] * self._speeds.told_share(self._wheel_speeds(twist.linear_xyz[0], curvature))
+        speed = twist.linear_xyz[0] * self.speeds.told_share(self._wheel_speeds(twist.linear_xyz[0], curvature))
         planned = []
         for _ in range(steps):
             before = (self._speed, self._curvature)
-            self._curvature = steered(self._kingpins, self._curvature, curvature, self._most_steering)
-            self._speed = self._within_limits(ramp_towards(speed, self._speed, self._most_speed))
+            self._curvature = steered(self.kingpins, self._curvature, curvature, self.most_steering)
+            self._speed = self._within_limits(ramp_towards(speed, self._speed, self.most_speed))
             planned.append(self._joint_targets())
             if before == (self._speed, self._curvature):
                 break
@@ -314,22 +283,22 @@ class AckermannMotion(DriveMotion):
                 self._notes[ON_THE_SPOT] = None
             # A robot that stops keeps its steering angle.
             return self._curvature
-        if abs(turn) > self._tightest * abs(speed):
+        if abs(turn) > self.tightest * abs(speed):
             self._notes[TOO_TIGHT] = None
-            return self._tightest if turn * speed > 0 else -self._tightest
+            return self.tightest if turn * speed > 0 else -self.tightest
         return turn / speed
 
     def _within_limits(self, speed: float) -> float:
-        return speed * self._speeds.share(self._wheel_speeds(speed, self._curvature))
+        return speed * self.speeds.share(self._wheel_speeds(speed, self._curvature))
 
     def _wheel_speeds(self, speed: float, curvature: float) -> dict[str, float]:
-        return {found.joint: speed * found.way(curvature) / found.gear for found in self._wheels}
+        return {found.joint: speed * found.way(curvature) / found.gear for found in self.wheels}
 
     def _joint_targets(self) -> JointTargets:
         return JointTargets(
-            position={pin.joint: pin.turns * pin.angle(self._curvature) for pin in self._kingpins},
+            position={pin.joint: pin.turns * pin.angle(self._curvature) for pin in self.kingpins},
             velocity=self._wheel_speeds(self._speed, self._curvature),
-            max_effort=self._max_effort,
+            max_effort=self.max_effort,
         )
 
 

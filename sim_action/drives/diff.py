@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import fsum
 from typing import Annotated, ClassVar, Final, Self
 
@@ -16,8 +16,8 @@ from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import NOT_PLANAR, Drive, DriveMotion, is_planar
-from sim_action.drives.plugins import DIFF_PLUGINS, Kind, NoDrive, StatedSides, sides_by_plugin
-from sim_action.drives.undercarriage import driven_pair, undercarriage
+from sim_action.drives.plugins import DIFF_PLUGINS, Kind, NoDrive, Stated, sides_by_plugin
+from sim_action.drives.undercarriage import driven_pair
 from sim_action.drives.wheel_settings import (
     MIN_LENGTH_M,
     Heading,
@@ -29,7 +29,6 @@ from sim_action.drives.wheel_settings import (
     length_problems,
     radius_text,
     ramp_towards,
-    remarked,
     torque_text,
 )
 from sim_action.drives.wheels import Rolling, Wheel, along, axle_problems, heading_of, rolling, turned_forward, wheel
@@ -70,9 +69,8 @@ class TwoSidedDrive(Drive):
 
     @classmethod
     @override
-    def statement(cls, model: RobotModel) -> Self | None:
-        stated = sides_by_plugin(model, cls.plugins)
-        return cls.as_stated(model, stated) if stated else None
+    def statements(cls, model: RobotModel) -> Stated | None:
+        return sides_by_plugin(model, cls.plugins)
 
     @classmethod
     def stated(cls, model: RobotModel) -> Self | None:
@@ -87,9 +85,9 @@ class TwoSidedDrive(Drive):
         return abs(way[0]) >= _MAX_STATED_DEVIATION * math.hypot(*way)
 
     @classmethod
-    def as_stated(cls, model: RobotModel, stated: StatedSides) -> Self:
+    def as_stated(cls, model: RobotModel, stated: Stated) -> Self:
         """Return the drive that a plugin states. In Gazebo, positive joint velocity means forward on both sides."""
-        drive = cls(left=stated.left, right=stated.right, **stated.figures)
+        drive = cls(**stated.keys)
         heading = turned_forward(drive._wheels(model))
         if heading is None or (abs(heading) <= _BACKWARD and math.cos(heading - drive.forward(model)) > 0):
             return drive
@@ -124,14 +122,9 @@ class TwoSidedDrive(Drive):
     @override
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> TwoSidedMotion:
         gears = self._gears(model)
-        return TwoSidedMotion(
-            left={name: gears[name] for name in self.left},
-            right={name: gears[name] for name in self.right},
-            separation=self._effective_separation(model),
-            most_change=self.acceleration / rate,
-            speeds=WheelSpeeds(model, gears),
-            torque=self.torque,
-        )
+        left, right = (tuple((name, gears[name]) for name in side) for side in (self.left, self.right))
+        separation, most_change = self._effective_separation(model), self.acceleration / rate
+        return TwoSidedMotion((left, right), separation, most_change, WheelSpeeds(model, gears), self.torque)
 
     @override
     def wheel_motion(self, model: RobotModel) -> TwoSidedOdometry:
@@ -153,31 +146,23 @@ class TwoSidedDrive(Drive):
         )
 
     @override
-    def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
+    def figures(self, model: RobotModel, gravity: float) -> str:
         sides = f"left {', '.join(self.left)}; right {', '.join(self.right)}"
         separation = f"separation {self.separation_in(model):.4g} m{self.slip_text(model)}"
         torque = torque_text(self.torque, model, (*self.left, *self.right))
-        figures = (
+        return (
             f"{self.title}: {sides}; {radius_text([*self.radii(model).values()])}, {separation}, "
             f"acceleration {self.acceleration:.4g} m/s^2{torque}{heading_text(self.forward(model))}"
         )
-        stated = self._statement(model)
-        return remarked(figures, (*stated.remarks, *self._deviations(model)) if stated else ())
 
     @override
-    def source(self, model: RobotModel) -> str:
-        if (stated := self._statement(model)) is not None:
-            return stated.source
-        return undercarriage(model).source or super().source(model)
+    def remarks(self, model: RobotModel) -> tuple[str, ...]:
+        return (*super().remarks(model), *(self._deviations(model) if self.origin(model) else ()))
 
     @override
     def plugin(self, model: RobotModel) -> str:
-        stated = self._statement(model)
-        return stated.source if stated is not None else ""
-
-    def _statement(self, model: RobotModel) -> StatedSides | None:
-        stated = sides_by_plugin(model, self.plugins)
-        return stated if stated and self == self.as_stated(model, stated) else None
+        stated = self.origin(model)
+        return stated.source if stated else ""
 
     def _deviations(self, model: RobotModel) -> Iterator[str]:
         """Yield stated lengths that differ from the wheels of the model."""
@@ -277,56 +262,42 @@ class DiffDrive(TwoSidedDrive):
         return cls(left=(right,), right=(left,)) if cls(left=(left,), right=(right,)).is_swapped(model) else None
 
 
+@dataclass(eq=False)
 class TwoSidedMotion(DriveMotion):
     """Rim speeds of both sides, each with a ramp towards the last twist."""
 
-    def __init__(
-        self,
-        left: Mapping[str, float],
-        right: Mapping[str, float],
-        *,
-        separation: float,
-        most_change: float,
-        speeds: WheelSpeeds,
-        torque: float | None,
-    ) -> None:
-        """`left` and `right` map each joint to the distance in m that its wheel rolls forward per rad.
+    gears: _Gears  # each joint with the distance in m that its wheel rolls forward per rad
+    separation: float
+    most_change: float  # of a rim speed, in m/s per step
+    speeds: WheelSpeeds
+    torque: float | None
+    _rims: _Rims = (0.0, 0.0)
+    _was_planar: bool = True
 
-        `separation` is the effective one in m; `most_change` is the change of a rim speed in m/s per step.
-        """
-        self._gears = tuple(left.items()), tuple(right.items())
-        self._half_separation = separation / 2
-        self._most_change = most_change
-        self._speeds = speeds
-        self._torque = torque
-        self._rims = (0.0, 0.0)
-        self._was_planar = True
-        self._joints = frozenset((*left, *right))
-
-    @property
+    @cached_property
     @override
     def joints(self) -> frozenset[str]:
-        return self._joints
+        return frozenset(name for side in self.gears for name, _ in side)
 
     @property
     @override
     def notes(self) -> tuple[str, ...]:
-        return (*(() if self._was_planar else (NOT_PLANAR,)), *self._speeds.notes)
+        return (*(() if self._was_planar else (NOT_PLANAR,)), *self.speeds.notes)
 
     @override
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
         self._was_planar &= is_planar(twist)
         rims = self._wanted(twist)
         planned, self._rims = _ramp(
-            self._gears, self._torque, self._rims, rims, most_change=self._most_change, steps=steps
+            self.gears, self.torque, self._rims, rims, most_change=self.most_change, steps=steps
         )
         return list(planned)
 
     def _wanted(self, twist: Twist) -> _Rims:
         """Return the rim speeds on the left and right in m/s, within the limits of the motors."""
-        turn = twist.angular_xyz[2] * self._half_separation
+        turn = twist.angular_xyz[2] * self.separation / 2
         left, right = twist.linear_xyz[0] - turn, twist.linear_xyz[0] + turn
-        share = self._speeds.told_share(_joint_speeds(self._gears, left, right))
+        share = self.speeds.told_share(_joint_speeds(self.gears, left, right))
         # Adding 0 turns a negative zero into 0, so that equal speeds have the same ramp.
         return share * left + 0.0, share * right + 0.0
 

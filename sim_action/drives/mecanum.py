@@ -18,7 +18,7 @@ from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, DriveMotion, is_level
-from sim_action.drives.plugins import NoDrive, StatedSides, corners_by_plugin
+from sim_action.drives.plugins import NoDrive, Stated, corners_by_plugin
 from sim_action.drives.wheel_settings import (
     Heading,
     WheelRadius,
@@ -27,7 +27,6 @@ from sim_action.drives.wheel_settings import (
     joint_problems,
     length_problems,
     radius_text,
-    remarked,
 )
 from sim_action.drives.wheels import (
     Rolling,
@@ -83,10 +82,9 @@ class MecanumDrive(Drive):
     heading: Heading = None
 
     @classmethod
-    def statement(cls, model: RobotModel) -> Self | None:
+    def statements(cls, model: RobotModel) -> Stated | None:
         """By their looks alone, such wheels are those of skid steer."""
-        stated = corners_by_plugin(model)
-        return cls._of(stated) if stated else None
+        return corners_by_plugin(model)
 
     @classmethod
     def by_wheels(cls, model: RobotModel) -> Self:
@@ -97,11 +95,7 @@ class MecanumDrive(Drive):
     @override
     def source(self, model: RobotModel) -> str:
         stated = corners_by_plugin(model)
-        return stated.source if stated else super().source(model)
-
-    @classmethod
-    def _of(cls, stated: StatedSides) -> Self:
-        return cls(left=stated.left, right=stated.right, **stated.figures)
+        return stated.source if stated else "geometry"
 
     def problems(self, model: RobotModel) -> SpecProblems:
         """Yield unknown joints, wheels that do not roll, and wheels that are not at the corners."""
@@ -127,14 +121,14 @@ class MecanumDrive(Drive):
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> MecanumMotion:
         x, y, _ = centre_of_mass(model)
         lowest = min(found.position_xyz[2] - radius for found, radius in self._tyres(model))
-        point: Vector3 = (x, y, lowest)
         return MecanumMotion(
             self._rollers(model),
-            heading=self._forward(model),
+            self._forward(model),
+            arm(self._placed(model)),
             most_change=self.acceleration / rate,
             speeds=WheelSpeeds(model, (*self.left, *self.right)),
             force=self._force(model, gravity),
-            point_xyz=point,
+            point_xyz=(x, y, lowest),
         )
 
     @override
@@ -142,19 +136,17 @@ class MecanumDrive(Drive):
         return MecanumOdometry(self._rollers(model), self._forward(model))
 
     @override
-    def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
+    def figures(self, model: RobotModel, gravity: float) -> str:
         front_left, rear_left, front_right, _ = self._placed(model)
         wheelbase, separation = front_left.ahead - rear_left.ahead, front_left.left - front_right.left
         assumed = "" if self.force else " (0.7 of its weight)"
-        figures = (
+        return (
             f"mecanum drive, kinematic: left {', '.join(self.left)}; right {', '.join(self.right)}; "
             f"{radius_text([radius for _, radius in self._tyres(model)])}, wheelbase {wheelbase:.4g} m, "
             f"separation {separation:.4g} m, acceleration {self.acceleration:.4g} m/s^2, wheels without friction, "
             f"pushed by up to {units.display(self._force(model, gravity), 'N')}{assumed}"
             f"{heading_text(self._forward(model))}"
         )
-        stated = corners_by_plugin(model)
-        return remarked(figures, stated.remarks if stated and self == self._of(stated) else ())
 
     @override
     def mobility(self, model: RobotModel) -> Mobility:
@@ -225,39 +217,31 @@ def arm(wheels: Sequence[Rolling]) -> float:
     return fmean(math.hypot(placed.ahead, placed.left) for placed in wheels)
 
 
+@dataclass(eq=False)
 class MecanumMotion(DriveMotion):
     """Velocity over the ground and turn rate, with a ramp towards the last twist."""
 
-    def __init__(
-        self,
-        wheels: Sequence[Roller],
-        *,
-        heading: float,
-        most_change: float,
-        speeds: WheelSpeeds,
-        force: float,
-        point_xyz: Vector3,
-    ) -> None:
-        """`most_change`: change in m/s per step, of the velocity and of the rim speed due to turning."""
-        self._wheels = tuple(wheels)
-        self._heading = heading
-        self._most_change = most_change
-        self._speeds = speeds
-        self._force = force
-        self._point_xyz = point_xyz
-        self._arm = arm([found.place for found in wheels])
-        self._ahead = self._left = self._turn = 0.0
-        self._was_level = True
+    wheels: Sequence[Roller]
+    heading: float
+    arm: float  # m, the mean distance of the wheels from the base's origin
+    most_change: float  # in m/s per step, of the velocity and of the rim speed due to turning
+    speeds: WheelSpeeds
+    force: float
+    point_xyz: Vector3
+    _ahead: float = 0.0
+    _left: float = 0.0
+    _turn: float = 0.0
+    _was_level: bool = True
 
-    @property
+    @cached_property
     @override
     def joints(self) -> frozenset[str]:
-        return frozenset(found.place.joint for found in self._wheels)
+        return frozenset(found.place.joint for found in self.wheels)
 
     @property
     @override
     def notes(self) -> tuple[str, ...]:
-        return (*(() if self._was_level else (NOT_LEVEL,)), *self._speeds.notes)
+        return (*(() if self._was_level else (NOT_LEVEL,)), *self.speeds.notes)
 
     @property
     @override
@@ -279,29 +263,29 @@ class MecanumMotion(DriveMotion):
 
     def _wanted(self, twist: Twist) -> tuple[float, float, float]:
         (ahead, left, _), turn = twist.linear_xyz, twist.angular_xyz[2]
-        share = self._speeds.told_share(self._joint_speeds(ahead, left, turn))
+        share = self.speeds.told_share(self._joint_speeds(ahead, left, turn))
         return share * ahead, share * left, share * turn
 
     def _step(self, ahead: float, left: float, turn: float) -> None:
         """Change all three by the same share, so that the curve keeps its shape."""
-        change = math.hypot(ahead - self._ahead, left - self._left) + self._arm * abs(turn - self._turn)
-        if change <= self._most_change:
+        change = math.hypot(ahead - self._ahead, left - self._left) + self.arm * abs(turn - self._turn)
+        if change <= self.most_change:
             self._ahead, self._left, self._turn = ahead, left, turn
             return
-        part = self._most_change / change
+        part = self.most_change / change
         self._ahead += part * (ahead - self._ahead)
         self._left += part * (left - self._left)
         self._turn += part * (turn - self._turn)
 
     def _joint_targets(self) -> JointTargets:
-        velocity_xy = along(self._heading, self._ahead, self._left)
+        velocity_xy = along(self.heading, self._ahead, self._left)
         return JointTargets(
             velocity=self._joint_speeds(self._ahead, self._left, self._turn),
-            base=BasePush(velocity_xy, self._turn, self._point_xyz, self._force, self._force * self._arm),
+            base=BasePush(velocity_xy, self._turn, self.point_xyz, self.force, self.force * self.arm),
         )
 
     def _joint_speeds(self, ahead: float, left: float, turn: float) -> dict[str, float]:
-        return {found.place.joint: found.speed(ahead, left, turn) for found in self._wheels}
+        return {found.place.joint: found.speed(ahead, left, turn) for found in self.wheels}
 
 
 @dataclass(frozen=True)

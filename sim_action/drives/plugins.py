@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 from sim_action.core.records import dataclass
 from sim_action.robot.model.robot_model import Plugin, RobotModel
@@ -127,25 +127,18 @@ class NoDrive(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class StatedSides:
-    """The statements of a plugin: joints, parameters by YAML key, remarks on their interpretation, and its place."""
+class Stated:
+    """The statements of a plugin."""
 
-    left: tuple[str, ...]
-    right: tuple[str, ...]
-    figures: dict[str, float]
-    remarks: tuple[str, ...] = ()
-    source: str = ""
+    joints: Mapping[str, tuple[str, ...]]  # by key of the drive
+    figures: dict[str, float]  # parameters, by key of the drive
+    remarks: tuple[str, ...] = ()  # on their interpretation
+    source: str = ""  # the name and the place of the plugin
 
-
-@dataclass(frozen=True, slots=True)
-class StatedSteering:
-    """The statements of a plugin: steering joints, wheel joints, parameters, remarks, and its place."""
-
-    steering: tuple[str, ...]
-    wheels: tuple[str, ...]
-    figures: dict[str, float]
-    remarks: tuple[str, ...] = ()
-    source: str = ""
+    @property
+    def keys(self) -> dict[str, Any]:
+        """The keys of the drive."""
+        return {**self.joints, **self.figures}
 
 
 def kind_of(plugin: Plugin) -> Kind | None:
@@ -175,7 +168,7 @@ def base_mover(model: RobotModel) -> Plugin | None:
     return next(iter(plugins_of_kind(model, "mover")), None)
 
 
-def sides_by_plugin(model: RobotModel, kinds: Sequence[Kind]) -> StatedSides | None:
+def sides_by_plugin(model: RobotModel, kinds: Sequence[Kind]) -> Stated | None:
     """Return the statements of the first plugin of these kinds whose joints exist in the model, else None."""
     for plugin in plugins_of_kind(model, *kinds):
         left, right = _joints(model, plugin, _LEFT), _joints(model, plugin, _RIGHT)
@@ -184,25 +177,25 @@ def sides_by_plugin(model: RobotModel, kinds: Sequence[Kind]) -> StatedSides | N
     return None
 
 
-def steering_by_plugin(model: RobotModel) -> StatedSteering | None:
+def steering_by_plugin(model: RobotModel) -> Stated | None:
     """Return the statements of the first Ackermann plugin whose joints exist in the model, else None."""
     for plugin in plugins_of_kind(model, "ackermann"):
         steering, wheels = _steering_and_wheels(model, plugin)
         if steering and wheels and _drivable(model, (*steering, *wheels)):
             figures = _figures(plugin, {**_STEERING_FIGURES, **_axle_figures(plugin)})
-            return StatedSteering(steering, wheels, figures, _unlimited(figures, _NO_LIMIT_AHEAD), source_of(plugin))
+            joints = {"steering": steering, "wheels": wheels}
+            return Stated(joints, figures, _unlimited(figures, _NO_LIMIT_AHEAD), source_of(plugin))
     return None
 
 
-def corners_by_plugin(model: RobotModel) -> StatedSides | None:
+def corners_by_plugin(model: RobotModel) -> Stated | None:
     """Return the statements of the first mecanum plugin whose joints exist in the model, else None."""
     for plugin in plugins_of_kind(model, "mecanum"):
         corners = [name for tags in _CORNERS for name in _joints(model, plugin, tags)]
         if len(corners) == len(_CORNERS) and _drivable(model, corners):
             figures = _figures(plugin, _MECANUM_FIGURES)
-            remarks = _unlimited(figures, _NO_LIMIT_AHEAD)
-            left, right = (corners[0], corners[2]), (corners[1], corners[3])
-            return StatedSides(left, right, figures, remarks, source_of(plugin))
+            joints = {"left": (corners[0], corners[2]), "right": (corners[1], corners[3])}
+            return Stated(joints, figures, _unlimited(figures, _NO_LIMIT_AHEAD), source_of(plugin))
     return None
 
 
@@ -254,14 +247,14 @@ def _axle_figures(plugin: Plugin) -> dict[str, tuple[str, float]]:
     return {f"{driven}_wheels_radius": ("radius", 1.0), f"{driven}_wheel_radius": ("radius", 1.0)}
 
 
-def _meant(plugin: Plugin, left: tuple[str, ...], right: tuple[str, ...]) -> StatedSides:
+def _meant(plugin: Plugin, left: tuple[str, ...], right: tuple[str, ...]) -> Stated:
     torques = _TORQUES.get(plugin.name, ())
     figures, remarks = _corrected(plugin, _figures(plugin, {**_FIGURES, **dict.fromkeys(torques, ("torque", 1.0))}))
     remarks += tuple(_unread_torques(plugin, torques))
     remarks += _unlimited(figures, _NO_LIMIT)
     if _swaps_sides(plugin):
-        return StatedSides(right, left, figures, (_SWAPPED, *remarks), source_of(plugin))
-    return StatedSides(left, right, figures, remarks, source_of(plugin))
+        left, right, remarks = right, left, (_SWAPPED, *remarks)
+    return Stated({"left": left, "right": right}, figures, remarks, source_of(plugin))
 
 
 def _unread_torques(plugin: Plugin, read: Sequence[str]) -> Iterator[str]:

@@ -16,7 +16,7 @@ from sim_action.core.field_types import NonNegativeKilogramSquareMetres, Positiv
 from sim_action.core.geometry import Vector3
 from sim_action.core.records import dataclass, replace
 from sim_action.drives.diff import TwoSidedDrive
-from sim_action.drives.plugins import SKID_PLUGINS, Kind, NoDrive, StatedSides
+from sim_action.drives.plugins import SKID_PLUGINS, Kind, NoDrive, Stated
 from sim_action.drives.undercarriage import named, refuse_other_than_fixed, undercarriage
 from sim_action.drives.wheels import MAX_AXLE_DEVIATION, Wheel, centre_of_mass, rolling, wheel
 from sim_action.robot.model.robot_model import RobotModel
@@ -82,7 +82,7 @@ class SkidSteer(TwoSidedDrive):
         return ratio < 1 and super()._is_far(ratio)
 
     @classmethod
-    def as_stated(cls, model: RobotModel, stated: StatedSides) -> Self:
+    def as_stated(cls, model: RobotModel, stated: Stated) -> Self:
         """The separation of a plugin is the effective one."""
         drive = super().as_stated(model, stated)
         return drive.model_copy(update={"slip": 1.0}) if "separation" in stated.figures else drive

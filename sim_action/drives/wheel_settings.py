@@ -119,11 +119,6 @@ def torque_text(torque: float | None, model: RobotModel, names: Sequence[str]) -
     return f", torque {' and '.join(told)}" if told else ""
 
 
-def remarked(figures: str, remarks: Sequence[str]) -> str:
-    """Return the description of a drive with remarks on its plugin."""
-    return "; ".join((figures, *remarks))
-
-
 def ramp_towards(wanted: float, value: float, most: float) -> float:
     """Return the value after one step towards `wanted`, changed by `most` at most."""
     # Called at every step of a ramp: comparisons are faster than `min` and `max`.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sim_action.core.files import open_regular
 from sim_action.core.records import dataclass, field
-from sim_action.state.trace import FloatArray
+from sim_action.state.trace import FloatArray, yaw_angles
 from sim_action.state.trace_storage import TraceError, refuse_too_large, save_arrays
 
 _POSE: Final = 7
@@ -25,12 +25,9 @@ class MotionRecord:
     """The motion at T moments: t = 0 and each physics step after it.
 
     Attributes:
-        time: (T,) s, rising.
         base: (T, 7) the pose of the base link in the world frame: position in m, and unit quaternion x, y, z, w.
         joints: joint name -> its positions (T,) in rad, or m if prismatic.
-        units: joint name -> "rad" or "m".
         links, bodies: name -> poses (T, 7) in the world frame, for those that are compared.
-        bolted: True if the base is fixed.
     """
 
     time: FloatArray
@@ -59,9 +56,7 @@ class MotionRecord:
     @property
     def yaw(self) -> FloatArray:
         """The heading of the base about the world's z axis, (T,) rad in (-pi, pi]."""
-        x, y, z, w = self.base[:, 3:].T
-        yaw: FloatArray = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        return yaw
+        return yaw_angles(self.base[:, 3:])
 
     @property
     def is_finite(self) -> bool:

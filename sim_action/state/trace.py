@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, Final, Self, TypeVar
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,6 @@ from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.state.trace_records import BodyRecord, ClearanceRecord, ContactRecord, SensorRecord
 
 FloatArray = NDArray[np.float64]
-
-_Key = TypeVar("_Key")
-_Record = TypeVar("_Record")
 
 COLUMNS: Final = (
     "time",
@@ -37,6 +34,10 @@ COLUMNS: Final = (
 """The columns of a state, and the arrays of a stored trace."""
 
 _WIDTHS: Final = {"base_position_xyz": 3, "base_orientation_xyzw": 4, "base_linear_xyz": 3, "base_angular_xyz": 3}
+
+
+_CONTACTS: Final = ("contacts", "self_contacts")
+_RECORDS: Final = ("sensors", "clearances", "bodies", "objects", "link_contacts")
 
 
 def _no_links(_: Trace) -> Mapping[str, Any]:
@@ -102,16 +103,11 @@ class Trace:
     @classmethod
     def concatenate(cls, traces: Sequence[Self]) -> Self:
         """Return traces of the same robot, joined in their order."""
-        contacts = tuple(contact for trace in traces for contact in trace.contacts)
-        sensors = _joined([trace.sensors for trace in traces], SensorRecord.concatenate)
-        clearances = _joined([trace.clearances for trace in traces], ClearanceRecord.concatenate)
-        bodies = _joined([trace.bodies for trace in traces], BodyRecord.concatenate)
-        objects = _joined([trace.objects for trace in traces], BodyRecord.concatenate)
-        touches = _joined([trace.link_contacts for trace in traces], ContactRecord.concatenate)
-        state = np.concatenate([trace.state for trace in traces])
-        self_contacts = tuple(contact for trace in traces for contact in trace.self_contacts)
-        names = traces[0].joint_names
-        return cls(names, state, contacts, sensors, clearances, bodies, objects, touches, self_contacts)
+        touches: dict[str, Any] = {
+            name: tuple(one for trace in traces for one in getattr(trace, name)) for name in _CONTACTS
+        }
+        records = {name: _joined([getattr(trace, name) for trace in traces]) for name in _RECORDS}
+        return cls(traces[0].joint_names, np.concatenate([trace.state for trace in traces]), **touches, **records)
 
     @property
     def time(self) -> FloatArray:
@@ -253,8 +249,7 @@ class Trace:
     @cached_property
     def yaw(self) -> FloatArray:
         """The heading of the base about the world's z axis, (T,) rad in (-pi, pi]."""
-        x, y, z, w = self.base_orientation_xyzw.T
-        return _array(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+        return yaw_angles(self.base_orientation_xyzw)
 
     @cached_property
     def tilt(self) -> FloatArray:
@@ -285,6 +280,13 @@ class Trace:
         return np.cumsum(np.concatenate(([length], _norm(np.diff(path, axis=0)))))[1:]
 
 
+def yaw_angles(orientation_xyzw: FloatArray) -> FloatArray:
+    """Return the headings of unit quaternions (T, 4) about the z axis, (T,) rad in (-pi, pi]."""
+    x, y, z, w = orientation_xyzw.T
+    yaw: FloatArray = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return yaw
+
+
 def rotation_angles(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return the angles of the rotations between unit quaternions (T, 4), (T,) rad in [0, pi]."""
     # A quaternion and its negative are the same orientation. Arc cosines would lose small angles.
@@ -292,9 +294,11 @@ def rotation_angles(first: FloatArray, second: FloatArray) -> FloatArray:
     return _array(4 * np.arcsin(np.minimum(np.minimum(*chords) / 2, 1.0)))
 
 
-def _joined(several: Sequence[Mapping[_Key, _Record]], join: Callable[[list[_Record]], _Record]) -> dict[_Key, _Record]:
-    keys = dict.fromkeys(key for records in several for key in records)
-    return {key: join([records[key] for records in several if key in records]) for key in keys}
+def _joined(several: Sequence[Mapping[Any, Any]]) -> Any:
+    """Return the records of all traces by their names, each joined."""
+    names = dict.fromkeys(name for records in several for name in records)
+    found = {name: [records[name] for records in several if name in records] for name in names}
+    return {name: type(pieces[0]).concatenate(pieces) for name, pieces in found.items()}
 
 
 def _array(values: Any) -> FloatArray:

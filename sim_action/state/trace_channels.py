@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import fields
 from functools import reduce
 from operator import or_
 from typing import Self
@@ -19,7 +20,6 @@ class ClearanceWatch:
     """A request for the smallest distance between some links of the robot and some bodies.
 
     Attributes:
-        links: links of the robot; None: all.
         bodies: bodies of the world; None: all except the ground.
         within: the largest reported distance in m.
         always: True to report every step; else only steps with a new minimum.
@@ -36,15 +36,11 @@ class Channels:
     """The requested channels; `|` joins two requests.
 
     Attributes:
-        contacts: True if `Trace.contacts` is needed.
         ground: True if `Trace.contacts` must have those with the ground, too.
-        clearances: the entries of `Trace.clearances` that are needed.
-        sensors: the names of sensors that monitors need in `Trace.sensors`.
         bodies: the names of bodies that are needed in `Trace.bodies`, 30 poses per second.
         objects: the names of bodies that are needed in `Trace.objects`, a pose at every step.
         link_contacts: the names or patterns of links whose contacts are needed in `Trace.link_contacts`.
         openings: sim times in s at which an observation begins, and the minimum of a clearance is reset.
-        self_contacts: True if `Trace.self_contacts` is needed.
     """
 
     contacts: bool = False
@@ -63,18 +59,8 @@ class Channels:
         return reduce(or_, several, cls())
 
     def __or__(self, other: Self) -> Self:
-        return replace(
-            self,
-            contacts=self.contacts or other.contacts,
-            clearances=self.clearances | other.clearances,
-            sensors=self.sensors | other.sensors,
-            bodies=self.bodies | other.bodies,
-            objects=self.objects | other.objects,
-            link_contacts=self.link_contacts | other.link_contacts,
-            openings=self.openings | other.openings,
-            self_contacts=self.self_contacts or other.self_contacts,
-            ground=self.ground or other.ground,
-        )
+        joined = {one.name: getattr(self, one.name) | getattr(other, one.name) for one in fields(self)}
+        return type(self)(**joined)
 
     def opening_at(self, time: float) -> Self:
         """Return the same request, observed from a sim time on."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Final, NamedTuple, Self
+from typing import Any, ClassVar, Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,40 +26,66 @@ def frame_stride(rate: float) -> int:
     return max(1, round(rate / FRAME_RATE))
 
 
-@dataclass(frozen=True, eq=False)
-class BodyRecord:
-    """The poses of one body in the world frame, at N moments.
+class _Table:
+    """The base class of records: columns with a row for each of N moments, some with an index into a list of names."""
 
-    Attributes:
-        time: (N,) s, rising.
-        position_xyz: (N, 3) m, the origin of its frame, as `pose` in the scenario.
-        orientation_xyzw: (N, 4) unit quaternions.
-    """
-
+    widths: ClassVar[Mapping[str, int]]  # column -> the number of numbers in a row of it; 0 for a single one
+    names: ClassVar[str] = ""  # the field with the names; empty if there are none
+    index: ClassVar[str] = ""  # the column with the index into the names
     time: NDArray[np.float64]
-    position_xyz: NDArray[np.float64]
-    orientation_xyzw: NDArray[np.float64]
 
     def __len__(self) -> int:
         return len(self.time)
 
     @classmethod
     def concatenate(cls, records: Sequence[Self]) -> Self:
-        """Return records of the same body, joined in their order."""
-        return cls(
-            np.concatenate([record.time for record in records]),
-            np.concatenate([record.position_xyz for record in records]),
-            np.concatenate([record.orientation_xyzw for record in records]),
-        )
+        """Return records of the same thing, joined in their order."""
+        columns: dict[str, Any] = {column: [getattr(record, column) for record in records] for column in cls.widths}
+        fields: dict[str, Any] = {}
+        if cls.names:
+            lists = [getattr(record, cls.names) for record in records]
+            fields[cls.names] = known = tuple(dict.fromkeys(name for names in lists for name in names))
+            places = [np.array([known.index(name) for name in names], dtype=np.int64) for names in lists]
+            columns[cls.index] = [place[rows] for place, rows in zip(places, columns[cls.index], strict=True)]
+        fields |= {column: np.concatenate(pieces) for column, pieces in columns.items()}
+        # Events set times that the earlier ones could not know.
+        last: Any = records[-1]
+        joined: Self = replace(last, **fields)
+        return joined
 
     def between(self, start: float, end: float) -> Self:
         """Return the moments with start <= time <= end."""
         first, last = np.searchsorted(self.time, (start - TIME_EPSILON_S, end + TIME_EPSILON_S))
         return self.rows(slice(int(first), int(last)))
 
-    def rows(self, wanted: slice | NDArray[np.intp]) -> Self:
+    def rows(self, wanted: slice | NDArray[np.intp] | NDArray[np.bool_]) -> Self:
         """Return some of the moments."""
-        return type(self)(self.time[wanted], self.position_xyz[wanted], self.orientation_xyzw[wanted])
+        whole: Any = self
+        part: Self = replace(whole, **{column: getattr(self, column)[wanted] for column in self.widths})
+        return part
+
+    @property
+    def is_whole(self) -> bool:
+        """True if the columns have the same length, and index names that exist."""
+        shapes = [getattr(self, column).shape for column in self.widths]
+        wanted = [(len(self.time), width) if width else (len(self.time),) for width in self.widths.values()]
+        index = getattr(self, self.index) if self.names else np.zeros(0)
+        return shapes == wanted and bool((index >= 0).all()) and not (index >= len(getattr(self, self.names, ()))).any()
+
+
+@dataclass(frozen=True, eq=False)
+class BodyRecord(_Table):
+    """The poses of one body in the world frame, at N moments.
+
+    Attributes:
+        position_xyz: (N, 3) m, the origin of its frame, as `pose` in the scenario.
+    """
+
+    widths: ClassVar[Mapping[str, int]] = {"time": 0, "position_xyz": 3, "orientation_xyzw": 4}
+
+    time: NDArray[np.float64]
+    position_xyz: NDArray[np.float64]
+    orientation_xyzw: NDArray[np.float64]
 
     def within(self, first: float, gone: float = math.inf) -> Self:
         """Return the record of a body that is there from a sim time in s to another one; else its poses are NaN."""
@@ -70,21 +96,9 @@ class BodyRecord:
         position_xyz[absent], orientation_xyzw[absent] = math.nan, math.nan
         return type(self)(self.time, position_xyz, orientation_xyzw)
 
-    @property
-    def is_whole(self) -> bool:
-        """True if the columns have the same length."""
-        count = len(self.time)
-        shapes = (self.time.shape, self.position_xyz.shape, self.orientation_xyzw.shape)
-        return shapes == ((count,), (count, 3), (count, 4))
-
 
 class LinkTouch(NamedTuple):
-    """One contact point of a link with a body of the world or the ground, in the world frame.
-
-    Attributes:
-        normal_xyz: the unit normal of the surfaces, from the body to the link.
-        force: the normal force in N.
-    """
+    """One contact point of a link with a body of the world or the ground, in the world frame."""
 
     link: str
     body: str
@@ -94,17 +108,17 @@ class LinkTouch(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ContactRecord:
+class ContactRecord(_Table):
     """The contacts of one link with bodies of the world and the ground, at the moments of a trace, in the world frame.
 
     Attributes:
-        bodies: the names of the bodies that it touched.
         time: (N,) s, not falling; a moment has as many rows as contact points.
-        body: (N,) the index into `bodies`.
-        position_xyz: (N, 3) m.
         normal_xyz: (N, 3) unit normals of the surfaces, from the body to the link.
-        force: (N,) N, the normal force.
     """
+
+    widths: ClassVar[Mapping[str, int]] = {"time": 0, "body": 0, "position_xyz": 3, "normal_xyz": 3, "force": 0}
+    names: ClassVar[str] = "bodies"
+    index: ClassVar[str] = "body"
 
     bodies: tuple[str, ...]
     time: NDArray[np.float64]
@@ -112,9 +126,6 @@ class ContactRecord:
     position_xyz: NDArray[np.float64]
     normal_xyz: NDArray[np.float64]
     force: NDArray[np.float64]
-
-    def __len__(self) -> int:
-        return len(self.time)
 
     @classmethod
     def of(cls, found: Sequence[tuple[float, LinkTouch]]) -> Self:
@@ -129,20 +140,6 @@ class ContactRecord:
             np.array([touch.force for _, touch in found], dtype=np.float64),
         )
 
-    @classmethod
-    def concatenate(cls, records: Sequence[Self]) -> Self:
-        """Return records of the same link, joined in their order."""
-        bodies = tuple(dict.fromkeys(body for record in records for body in record.bodies))
-        places = [np.array([bodies.index(body) for body in record.bodies], dtype=np.int64) for record in records]
-        return cls(
-            bodies,
-            np.concatenate([record.time for record in records]),
-            np.concatenate([place[record.body] for place, record in zip(places, records, strict=True)]),
-            np.concatenate([record.position_xyz for record in records]),
-            np.concatenate([record.normal_xyz for record in records]),
-            np.concatenate([record.force for record in records]),
-        )
-
     def at(self, moments: NDArray[np.float64]) -> Self:
         """Return the contacts at some moments, (T,) s, rising."""
         return self.rows(self.moment(moments) >= 0)
@@ -153,25 +150,6 @@ class ContactRecord:
             return np.full(len(self), -1, dtype=np.intp)
         index = np.searchsorted(moments, self.time - TIME_EPSILON_S).clip(max=len(moments) - 1)
         return np.where(np.abs(moments[index] - self.time) <= TIME_EPSILON_S, index, -1)
-
-    def rows(self, wanted: NDArray[np.bool_]) -> Self:
-        """Return some of the contacts."""
-        return type(self)(
-            self.bodies,
-            self.time[wanted],
-            self.body[wanted],
-            self.position_xyz[wanted],
-            self.normal_xyz[wanted],
-            self.force[wanted],
-        )
-
-    @property
-    def is_whole(self) -> bool:
-        """True if the columns have the same length and name bodies that exist."""
-        count = len(self.time)
-        shapes = [column.shape for column in (self.time, self.body, self.force, self.position_xyz, self.normal_xyz)]
-        known = (self.body >= 0) & (self.body < len(self.bodies))
-        return shapes == [(count,), (count,), (count,), (count, 3), (count, 3)] and bool(known.all())
 
 
 class Nearness(NamedTuple):
@@ -184,25 +162,24 @@ class Nearness(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ClearanceRecord:
+class ClearanceRecord(_Table):
     """The distances at N moments: at all steps, or at each step that is nearer than all before.
 
     Attributes:
         pairs: the pairs (link, body) that were nearest at some moment.
-        time: (N,) s, rising.
         distance: (N,) m, negative for an overlap.
-        pair: (N,) the index into `pairs`.
         presence: the times in s between which at least one of the bodies is there.
     """
+
+    widths: ClassVar[Mapping[str, int]] = {"time": 0, "distance": 0, "pair": 0}
+    names: ClassVar[str] = "pairs"
+    index: ClassVar[str] = "pair"
 
     pairs: tuple[tuple[str, str], ...]
     time: NDArray[np.float64]
     distance: NDArray[np.float64]
     pair: NDArray[np.int64]
     presence: tuple[tuple[float, float], ...] = (ALWAYS,)
-
-    def __len__(self) -> int:
-        return len(self.time)
 
     @classmethod
     def of(cls, found: Sequence[Nearness], presence: tuple[tuple[float, float], ...] = (ALWAYS,)) -> Self:
@@ -217,41 +194,12 @@ class ClearanceRecord:
             presence,
         )
 
-    @classmethod
-    def concatenate(cls, records: Sequence[Self]) -> Self:
-        """Return records of the same watch, joined in their order."""
-        pairs = tuple(dict.fromkeys(pair for record in records for pair in record.pairs))
-        places = [np.array([pairs.index(pair) for pair in record.pairs], dtype=np.int64) for record in records]
-        return cls(
-            pairs,
-            np.concatenate([record.time for record in records]),
-            np.concatenate([record.distance for record in records]),
-            np.concatenate([place[record.pair] for place, record in zip(places, records, strict=True)]),
-            # Events set times that the earlier ones could not know.
-            records[-1].presence,
-        )
-
-    def between(self, start: float, end: float) -> Self:
-        """Return the moments with start <= time <= end."""
-        first, last = np.searchsorted(self.time, (start - TIME_EPSILON_S, end + TIME_EPSILON_S))
-        return self.rows(slice(int(first), int(last)))
-
-    def rows(self, wanted: slice | NDArray[np.intp]) -> Self:
-        """Return some of the moments."""
-        return replace(self, time=self.time[wanted], distance=self.distance[wanted], pair=self.pair[wanted])
-
     def there(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return those of some times in s at which a body is there."""
         if self.presence == (ALWAYS,):
             return time
         spans = [(time >= first - TIME_EPSILON_S) & (time < gone - TIME_EPSILON_S) for first, gone in self.presence]
         return time[np.logical_or.reduce(spans)]
-
-    @property
-    def is_whole(self) -> bool:
-        """True if the columns have the same length and name pairs that exist."""
-        shapes = {self.time.shape, self.distance.shape, self.pair.shape}
-        return shapes == {(len(self.time),)} and bool(((self.pair >= 0) & (self.pair < len(self.pairs))).all())
 
     def at(self, index: int) -> Nearness:
         """Return one of the moments."""
@@ -263,8 +211,6 @@ class SensorRecord:
     """The readings of one sensor, at its own rate.
 
     Attributes:
-        kind: the kind of sensor, as scenarios name it.
-        time: (N,) s, rising.
         columns: column name -> (N, ...) numbers; see READING_COLUMNS.
     """
 
@@ -304,7 +250,6 @@ class CommandedTwists:
     """The twists that the base was commanded, in their order.
 
     Attributes:
-        time: (N,) s, rising.
         values: (N, 6) linear x, y, z in m/s and angular x, y, z in rad/s, in the frame of the base.
     """
 
@@ -326,7 +271,6 @@ class CommandedValues:
     """Quantities that controllers commanded, for example the positions of joints.
 
     Attributes:
-        time: (N,) s, rising.
         values: name, for example of a joint -> (N,) what was commanded from that time on, in SI units; NaN without it.
     """
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -16,12 +16,10 @@ from sim_action.state.trace import COLUMNS, Trace
 from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.state.trace_records import ALWAYS, BodyRecord, ClearanceRecord, ContactRecord, SensorRecord
 
-_BODY_COLUMNS: Final = ("time", "position_xyz", "orientation_xyzw")
-_LINK_CONTACT_COLUMNS: Final = ("time", "body", "position_xyz", "normal_xyz", "force")
-_CLEARANCE_COLUMNS: Final = ("time", "distance", "pair")
 # Fields that older traces lack; the last one is in none.
 _ADDED: Final = ("has_force", "depth", "normal_xyz")
 _MAX_BYTES: Final = 2_000_000_000
+_Record = TypeVar("_Record", BodyRecord, ContactRecord, ClearanceRecord)
 
 
 class TraceError(ValueError):
@@ -36,9 +34,9 @@ def save_trace(trace: Trace, path: Path, marks: Sequence[TimeMark] = ()) -> None
         **_self_contact_arrays(trace),
         **_sensor_arrays(trace.sensors),
         **_clearance_arrays(trace.clearances),
-        **_body_arrays("body", trace.bodies),
-        **_body_arrays("object", trace.objects),
-        **_link_contact_arrays(trace.link_contacts),
+        **_arrays("body", trace.bodies),
+        **_arrays("object", trace.objects),
+        **_arrays("touching", trace.link_contacts),
     }
     if marks:
         told["mark_time"] = np.array([mark.time for mark in marks], dtype=np.float64)
@@ -58,9 +56,11 @@ def load_trace(path: Path) -> Trace:
             contacts = zip(*(stored[f"contact_{field}"].tolist() for field in fields), strict=True)
             trace = Trace.of_columns(names, tuple(_contact(*row) for row in contacts), **columns)
             sensors, clearances = _sensor_records(stored), _clearance_records(stored)
-            bodies, objects = _body_records("body", stored), _object_records(stored, trace)
+            bodies, objects = (_records(kind, BodyRecord, stored) for kind in ("body", "object"))
+            _refuse_other_times(objects, trace)
+            touches = _records("touching", ContactRecord, stored)
             told = replace(trace, sensors=sensors, clearances=clearances, bodies=bodies, objects=objects)
-            return replace(told, self_contacts=_self_contacts(stored), link_contacts=_link_contact_records(stored))
+            return replace(told, self_contacts=_self_contacts(stored), link_contacts=touches)
     except Exception as error:  # noqa: BLE001 - numpy and zipfile raise many types for damaged files
         raise TraceError(f"{path}: not a trace: {error}") from None
 
@@ -141,7 +141,7 @@ def _clearance_arrays(clearances: Mapping[ClearanceWatch, ClearanceRecord]) -> d
     arrays: dict[str, Any] = {}
     for index, (watch, record) in enumerate(clearances.items()):
         start = f"clearance_{index}_"
-        arrays |= {f"{start}{name}": getattr(record, name) for name in _CLEARANCE_COLUMNS}
+        arrays |= {f"{start}{name}": getattr(record, name) for name in record.widths}
         arrays[f"{start}pairs"] = np.array(record.pairs, dtype=np.str_).reshape(-1, 2)
         if record.presence != (ALWAYS,):
             arrays[f"{start}presence"] = np.array(record.presence, dtype=np.float64)
@@ -164,63 +164,50 @@ def _clearance_records(stored: Mapping[str, Any]) -> dict[ClearanceWatch, Cleara
         pairs = tuple((link, body) for link, body in stored[f"{start}pairs"].tolist())
         spans = stored[f"{start}presence"].tolist() if f"{start}presence" in stored else [ALWAYS]
         presence = tuple((first, gone) for first, gone in spans)
-        time, distance, pair = (stored[f"{start}{name}"] for name in _CLEARANCE_COLUMNS)
-        record = ClearanceRecord(pairs, time, distance, pair, presence)
-        if not record.is_whole:
-            raise ValueError(f"the columns of '{start}' have different lengths")
+        time, distance, pair = (stored[f"{start}{name}"] for name in ClearanceRecord.widths)
+        record = _whole(ClearanceRecord(pairs, time, distance, pair, presence), start)
         records[ClearanceWatch(links, bodies, within, bool(always))] = record
         index += 1
     return records
 
 
-def _body_arrays(kind: str, bodies: Mapping[str, BodyRecord]) -> dict[str, Any]:
-    """Return the arrays of all bodies of a kind, numbered."""
-    arrays: dict[str, Any] = {f"{kind}_names": np.array(list(bodies), dtype=np.str_)} if bodies else {}
-    for index, record in enumerate(bodies.values()):
-        arrays |= {f"{kind}_{index}_{name}": getattr(record, name) for name in _BODY_COLUMNS}
-    return arrays
-
-
-def _body_records(kind: str, stored: Mapping[str, Any]) -> dict[str, BodyRecord]:
-    """Return the records from the arrays that `_body_arrays` made."""
-    records = {}
-    for index, name in enumerate(stored[f"{kind}_names"].tolist() if f"{kind}_names" in stored else ()):
-        record = BodyRecord(*(stored[f"{kind}_{index}_{column}"] for column in _BODY_COLUMNS))
-        if not record.is_whole:
-            raise ValueError(f"the columns of '{kind}_{index}' have different lengths")
-        records[str(name)] = record
-    return records
-
-
-def _object_records(stored: Mapping[str, Any], trace: Trace) -> dict[str, BodyRecord]:
-    """Return the objects of a trace; raise ValueError if they have no pose for each of its moments."""
-    records = _body_records("object", stored)
-    for name, record in records.items():
+def _refuse_other_times(objects: Mapping[str, BodyRecord], trace: Trace) -> None:
+    for name, record in objects.items():
         if not np.array_equal(record.time, trace.time):
             raise ValueError(f"the object '{name}' has other times than the trace")
-    return records
 
 
-def _link_contact_arrays(contacts: Mapping[str, ContactRecord]) -> dict[str, Any]:
-    """Return the arrays of the contacts of all links, numbered."""
-    arrays: dict[str, Any] = {"touching_links": np.array(list(contacts), dtype=np.str_)} if contacts else {}
-    for index, record in enumerate(contacts.values()):
-        arrays[f"touching_{index}_bodies"] = np.array(record.bodies, dtype=np.str_)
-        arrays |= {f"touching_{index}_{name}": getattr(record, name) for name in _LINK_CONTACT_COLUMNS}
+# The array with the names of what the records of a kind are about.
+_NAMES: Final = {"body": "body_names", "object": "object_names", "touching": "touching_links"}
+
+
+def _arrays(kind: str, records: Mapping[str, BodyRecord] | Mapping[str, ContactRecord]) -> dict[str, Any]:
+    """Return the arrays of all records of a kind, numbered."""
+    arrays: dict[str, Any] = {_NAMES[kind]: np.array(list(records), dtype=np.str_)} if records else {}
+    for index, record in enumerate(records.values()):
+        start = f"{kind}_{index}_"
+        if record.names:
+            arrays[f"{start}{record.names}"] = np.array(getattr(record, record.names), dtype=np.str_)
+        arrays |= {f"{start}{name}": getattr(record, name) for name in record.widths}
     return arrays
 
 
-def _link_contact_records(stored: Mapping[str, Any]) -> dict[str, ContactRecord]:
-    """Return the records from the arrays that `_link_contact_arrays` made."""
+def _records(kind: str, made: type[_Record], stored: Mapping[str, Any]) -> dict[str, _Record]:
+    """Return the records from the arrays that `_arrays` made."""
     records = {}
-    for index, link in enumerate(stored["touching_links"].tolist() if "touching_links" in stored else ()):
-        start = f"touching_{index}_"
-        bodies = tuple(stored[f"{start}bodies"].tolist())
-        record = ContactRecord(bodies, *(stored[f"{start}{column}"] for column in _LINK_CONTACT_COLUMNS))
-        if not record.is_whole:
-            raise ValueError(f"the columns of '{start}' have different lengths")
-        records[str(link)] = record
+    for index, name in enumerate(stored[_NAMES[kind]].tolist() if _NAMES[kind] in stored else ()):
+        start = f"{kind}_{index}_"
+        names: dict[str, Any] = {made.names: tuple(stored[f"{start}{made.names}"].tolist())} if made.names else {}
+        records[str(name)] = _whole(
+            made(**names, **{column: stored[f"{start}{column}"] for column in made.widths}), start
+        )
     return records
+
+
+def _whole(record: _Record, start: str) -> _Record:
+    if not record.is_whole:
+        raise ValueError(f"the columns of '{start}' have different lengths")
+    return record
 
 
 def save_arrays(arrays: Mapping[str, Any], path: Path) -> None:

@@ -63,8 +63,6 @@ class Line(Generic[Message]):
     key does not change the draws of another.
 
     Attributes:
-        sent: number of messages so far.
-        lost: number of these that will not arrive.
         first_sent, first_arrival, first_lost: the physics steps of the first message, of the first arrival, and of the
             first loss; inf without one.
     """

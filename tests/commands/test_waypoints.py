@@ -19,7 +19,7 @@ from sim_action.commands.waypoints import (
     Leg,
     PathFollower,
     Point,
-    Pursuit,
+    Waypoint,
     WaypointCommands,
     braking_speed,
     curvature_to,
@@ -235,7 +235,7 @@ def test_who_brakes_evenly_stands_still_in_time() -> None:
     assert braking_speed(0.0, 1.0) == 0.0
 
 
-PURSUIT = Pursuit(speed=0.5, lookahead=0.3, tolerance=0.05, max_turn_rate=2.0)
+PURSUIT = WaypointCommands.model_construct(waypoints=(), speed=0.5, lookahead=0.3, tolerance=0.05, max_turn_rate=2.0)
 SPOT = Mobility(acceleration=1.0, turn_acceleration=5.0)
 CAR = Mobility(tightest=2.0, acceleration=1.0)
 
@@ -285,9 +285,15 @@ def ramped(now: float, wanted: float, most: float) -> float:
     return now + max(-most, min(most, wanted - now))
 
 
-def driven(robot: Robot, waypoints: Sequence[Point], pursuit: Pursuit, seconds: float) -> Iterator[tuple[Point, Twist]]:
+def through(points: Sequence[Point], pursuit: WaypointCommands) -> WaypointCommands:
+    return pursuit.model_copy(update={"waypoints": tuple(Waypoint(x=x, y=y) for x, y in points)})
+
+
+def driven(
+    robot: Robot, waypoints: Sequence[Point], pursuit: WaypointCommands, seconds: float
+) -> Iterator[tuple[Point, Twist]]:
     """Where the robot is at each tick, and what it is told, until it is told to stand still and does."""
-    follower = PathFollower(waypoints, pursuit, robot.mobility)
+    follower = PathFollower(through(waypoints, pursuit), robot.mobility)
     for tick in range(round(seconds / TICK)):
         twist = follower.command(dataclasses.replace(START, time=tick * TICK, pose=robot.pose))
         yield robot.origin, twist
@@ -405,7 +411,7 @@ def test_on_its_way_it_keeps_its_speed_and_a_straight_line() -> None:
 
 
 def test_it_slows_down_to_turn_on_the_spot_but_not_for_a_bend() -> None:
-    fast = dataclasses.replace(PURSUIT, speed=1.0)
+    fast = PURSUIT.model_copy(update={"speed": 1.0})
 
     def to_corner_and_on(waypoint: Point) -> list[tuple[Point, Twist]]:
         return list(driven(Robot(SPOT), [(2.0, 0.0), waypoint], fast, 60))
@@ -416,7 +422,7 @@ def test_it_slows_down_to_turn_on_the_spot_but_not_for_a_bend() -> None:
 
 
 def test_where_it_stops_it_is_nearer_than_it_has_to_be() -> None:
-    slow = dataclasses.replace(PURSUIT, speed=0.1)
+    slow = PURSUIT.model_copy(update={"speed": 0.1})
     places = [place for place, _ in driven(Robot(SPOT), [(1.0, 0.0), (1.0, 1.0)], slow, 60)]
     for waypoint in ((1.0, 0.0), (1.0, 1.0)):
         assert min(math.dist(place, waypoint) for place in places) <= PURSUIT.tolerance / 4
@@ -432,7 +438,7 @@ def test_it_takes_the_arc_of_what_is_to_arrive() -> None:
 
 def test_it_begins_to_brake_at_half_of_what_the_drive_can_do() -> None:
     """From 1 m/s at 0.5 m/s^2: 1 m before the end."""
-    fast = dataclasses.replace(PURSUIT, speed=1.0)
+    fast = PURSUIT.model_copy(update={"speed": 1.0})
     seen = list(driven(Robot(SPOT), [(1.5, 0.0), (3.0, 0.0)], fast, 60))
     braking = next(place[0] for place, twist in seen if place[0] > 1 and twist.linear_xyz[0] < 1)
     assert braking == pytest.approx(2.0, abs=0.06)
@@ -444,13 +450,13 @@ def test_who_begins_at_its_waypoint_stays_there() -> None:
 
 
 def test_who_has_arrived_stays_even_if_it_is_pushed_away() -> None:
-    follower = PathFollower([(0.0, 0.0)], PURSUIT, SPOT)
+    follower = PathFollower(through([(0.0, 0.0)], PURSUIT), SPOT)
     away = Pose((1.0, 0.0, 0.1))
     assert [follower.command(dataclasses.replace(START, pose=pose)) for pose in (Pose(), away)] == [Twist(), Twist()]
 
 
 def test_no_curve_turns_faster_than_it_may() -> None:
-    slow = dataclasses.replace(PURSUIT, max_turn_rate=0.5)
+    slow = PURSUIT.model_copy(update={"max_turn_rate": 0.5})
     seen = list(driven(Robot(SPOT, yaw=0.7), [(1.0, 0.0), (2.0, 0.9)], slow, 60))
     rates = [abs(twist.angular_xyz[2]) for _, twist in seen]
     assert 0.45 < max(rates) <= 0.5 + 1e-12

@@ -22,7 +22,7 @@ from sim_action.core.units import TIME_EPSILON_S
 from sim_action.robot.model.link_motion import LinkMotion, link_motion
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.observation import Contact, Observation
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import FloatArray, Trace, yaw_angles
 from sim_action.state.trace_records import BodyRecord
 from sim_action.world.scene import Scene
 
@@ -35,14 +35,7 @@ _UNREACHED: Final = 1e9
 
 @dataclass(frozen=True, slots=True)
 class SignalReader:
-    """Reads the signals of a formula.
-
-    Attributes:
-        start_xy: m, the origin of `travel`.
-        motion: the motion of the base before the next step.
-        forces: the mean contact force so far, for each signal of one.
-        readings: the last reading so far, for each signal of a sensor.
-    """
+    """Reads the signals of a formula."""
 
     signals: tuple[Signal, ...]
     model: RobotModel
@@ -170,14 +163,14 @@ def _which(signal: Signal) -> str | None:
 
 def _angle(orientations: FloatArray, name: str) -> FloatArray:
     """Return (T,) rad: an angle of URDF's convention (roll about x, then pitch about y, then yaw about z), or tilt."""
+    if name == "yaw":
+        return yaw_angles(orientations)
     x, y, z, w = orientations.T
     match name:
         case "roll":
             found = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
         case "pitch":
             found = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
-        case "yaw":
-            found = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
         case _:
             found = np.arccos(np.clip(1 - 2 * (x * x + y * y), -1.0, 1.0))
     return np.asarray(found, dtype=np.float64)

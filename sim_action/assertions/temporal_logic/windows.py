@@ -32,14 +32,7 @@ _DIGITS: Final = 9
 
 @dataclass(frozen=True, slots=True)
 class Window(Monitor):
-    """A monitor that passes on the steps from `after` to `before` only. When it closes, a pending goal is judged.
-
-    Attributes:
-        after: begin of the window, in s of sim time.
-        before: end of the window, in s of sim time; infinite if there is none.
-        over: True if the window has closed.
-        steps: the steps that were passed on.
-    """
+    """A monitor that passes on the steps from `after` to `before` only. When it closes, a pending goal is judged."""
 
     monitor: Monitor
     after: float = 0.0
@@ -109,7 +102,6 @@ class HoldTime:
     """A goal: a condition holds without interruption for a given time.
 
     Attributes:
-        wanted: the required duration in s.
         since: sim time in s since which the condition holds; None if it does not hold at the last step.
         goal: the fold of the duration. Its time is the end of the longest interval.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple, get_args
 
 from sim_action.commands.logs import KINDS, Content, JointColumn, JointRow, Kind, Steering, Trajectory, TrajectoryPoint
 from sim_action.core.geometry import Twist, Vector3
@@ -21,14 +21,7 @@ MessageType = Literal[
     "std_msgs/msg/Float64MultiArray",
 ]
 
-TWISTS: Final[frozenset[str]] = frozenset(
-    {
-        "geometry_msgs/msg/Twist",
-        "geometry_msgs/msg/TwistStamped",
-        "ackermann_msgs/msg/AckermannDrive",
-        "ackermann_msgs/msg/AckermannDriveStamped",
-    }
-)
+TWISTS: Final = frozenset(name for name in get_args(MessageType) if name.startswith(("geometry", "ackermann")))
 """The message types that command a base."""
 
 Stamps = Literal["receipt", "header", "clock"]
@@ -52,16 +45,11 @@ class MessageError(ValueError):
 
 
 def _twist(message: Any, _: Wanted) -> Twist:
-    numbers = [_vector(message, "linear"), _vector(message, "angular")]
-    return Twist(*numbers)
+    return Twist(_vector(message.linear, "linear"), _vector(message.angular, "angular"))
 
 
-def _vector(message: Any, group: str) -> Vector3:
-    vector = {"linear": message.linear, "angular": message.angular}[group]
-    x, y, z = (
-        _finite(number, f"{group}.{axis}") for axis, number in zip("xyz", (vector.x, vector.y, vector.z), strict=True)
-    )
-    return x, y, z
+def _vector(vector: Any, group: str) -> Vector3:
+    return _finite(vector.x, f"{group}.x"), _finite(vector.y, f"{group}.y"), _finite(vector.z, f"{group}.z")
 
 
 def _finite(number: float, place: str) -> float:
@@ -70,23 +58,14 @@ def _finite(number: float, place: str) -> float:
     return float(number)
 
 
-def _stamped_twist(message: Any, wanted: Wanted) -> Twist:
-    return _twist(message.twist, wanted)
-
-
 def _steering(message: Any, _: Wanted) -> Steering:
     return Steering(_finite(message.speed, "speed"), _finite(message.steering_angle, "steering_angle"))
 
 
-def _stamped_steering(message: Any, wanted: Wanted) -> Steering:
-    return _steering(message.drive, wanted)
-
-
 def _joint_state(message: Any, _: Wanted) -> JointRow | None:
-    groups = {"position": message.position, "velocity": message.velocity, "effort": message.effort}
     values: dict[JointColumn, float] = {}
     for kind in KINDS:
-        values |= _row(list(message.name), kind, groups[kind].tolist())
+        values |= _row(list(message.name), kind, getattr(message, kind).tolist())
     return values or None
 
 
@@ -116,12 +95,8 @@ def _trajectory(message: Any, _: Wanted) -> Trajectory:
     points: list[TrajectoryPoint] = []
     for index, point in enumerate(message.points):
         place, numbers = f"points[{index}]", []
-        groups = (
-            ("positions", point.positions),
-            ("velocities", point.velocities),
-            ("accelerations", point.accelerations),
-        )
-        for group, values in groups:
+        for group in ("positions", "velocities", "accelerations"):
+            values = getattr(point, group)
             if len(values) not in ((len(names),) if group == "positions" else (0, len(names))):
                 raise MessageError(f"{place} has {len(values)} {group} for {len(names)} joints")
             numbers.append(tuple(_finite(value, f"{place}.{group}") for value in values.tolist()))
@@ -142,9 +117,11 @@ class _Kind(NamedTuple):
 TYPES: Final[Mapping[str, _Kind]] = MappingProxyType(
     {
         "geometry_msgs/msg/Twist": _Kind(_twist, has_header=False),
-        "geometry_msgs/msg/TwistStamped": _Kind(_stamped_twist, has_header=True),
+        "geometry_msgs/msg/TwistStamped": _Kind(lambda message, wanted: _twist(message.twist, wanted), has_header=True),
         "ackermann_msgs/msg/AckermannDrive": _Kind(_steering, has_header=False),
-        "ackermann_msgs/msg/AckermannDriveStamped": _Kind(_stamped_steering, has_header=True),
+        "ackermann_msgs/msg/AckermannDriveStamped": _Kind(
+            lambda message, wanted: _steering(message.drive, wanted), has_header=True
+        ),
         "sensor_msgs/msg/JointState": _Kind(_joint_state, has_header=True),
         "trajectory_msgs/msg/JointTrajectory": _Kind(_trajectory, has_header=True),
         ARRAY: _Kind(_array, has_header=False),

@@ -18,7 +18,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, is_level
 from sim_action.drives.mecanum import NOT_LEVEL
-from sim_action.drives.plugins import NoDrive
+from sim_action.drives.plugins import NoDrive, Stated
 from sim_action.drives.wheels import centre_of_mass
 from sim_action.robot.model.kinematics import Mobility
 from sim_action.robot.model.robot_model import RobotModel
@@ -149,8 +149,8 @@ class PlanarMove(Drive):
 
     @classmethod
     @override
-    def statement(cls, model: RobotModel) -> Self | None:
-        return cls() if any(plugin.name == PLUGIN for plugin in model.plugins) else None
+    def statements(cls, model: RobotModel) -> Stated | None:
+        return Stated({}, {}, source="geometry") if any(plugin.name == PLUGIN for plugin in model.plugins) else None
 
     @classmethod
     def by_wheels(cls, model: RobotModel) -> Self:
@@ -169,7 +169,7 @@ class PlanarMove(Drive):
         """See Drive.wheel_motion."""
 
     @override
-    def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
+    def figures(self, model: RobotModel, gravity: float) -> str:
         return "planar move (kinematic): the base takes the commanded velocity at once, and its links have no friction"
 
     @override
