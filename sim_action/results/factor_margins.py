@@ -147,15 +147,18 @@ class ScenarioMargins(FrozenModel):
 
     def shown_by(self, outcome: Outcome) -> Outcome:
         """Return the outcome of the nominal run with the margins in place of its expectations, if there are any."""
+        asked = {each.factor: units.display(each.asked, each.unit) for each in self.margins if each.asked is not None}
+        options = (f"--at-least={factor}={amount}" for factor, amount in asked.items())
         # Their files do not stay.
         outcome = outcome.model_copy(
-            update={"trace": None, "replay": None, "call": ("sim-action", "margins", self.file)}
+            update={"trace": None, "replay": None, "call": ("sim-action", "margins", *options, self.file)}
         )
         if self.reason:
             return outcome.model_copy(update={"notes": (*outcome.notes, self.reason)})
         place = outcome.location or Location(self.file)
+        places = {each.name: each.location for each in outcome.expectations}
         ordered = sorted(self.margins, key=lambda margin: (margin.is_kept, margin.share))
-        expectations = tuple(margin.expected(place) for margin in ordered)
+        expectations = tuple(margin.expected(places.get(margin.expectation, place)) for margin in ordered)
         changed = outcome.model_copy(update={"expectations": expectations, "measurements": self._tornado()})
         return changed.model_copy(update={"status": changed.judged_status()})
 

@@ -14,6 +14,7 @@ from xml.etree import ElementTree as ET
 import pytest
 import yaml
 
+from tests.app.test_margins import PUSHED
 from tests.integration.conftest import (
     ACTION,
     ASSERTION_LINE,
@@ -102,6 +103,23 @@ def test_failures_can_be_forgiven_and_reports_left_out(runner: Runner) -> None:
     case = ET.parse(runner.workspace / "a/b.xml").getroot().find(".//testcase")
     assert case is not None
     assert "file" not in case.attrib
+
+
+def test_the_input_margins_is_a_gate_with_reports_of_its_own(runner: Runner) -> None:
+    write(runner.workspace / "push.sim.yml", f"name: push\n{PUSHED}")
+    kept, missed = (runner.run(ACTION, {"margins": f"friction={share}%\npush"}) for share in (20, 80))
+    assert (kept.exit_code, kept.outputs["conclusion"], kept.annotations) == (0, "success", ())
+    assert (missed.exit_code, missed.outputs["conclusion"]) == (1, "failure"), missed.log
+    assert counts(missed) == {"total": "1", "passed": "0", "failed": "1", "errors": "0"}
+    folder = Path(missed.outputs["output-directory"])
+    assert folder == runner.workspace / "sim-results-2/margins"
+    assert {"margins.json", "report.html", "results.json"} <= {path.name for path in folder.iterdir()}
+    assert ET.parse(missed.outputs["junit-path"]).getroot().get("failures") == "1"
+    [annotation] = missed.annotations
+    assert (annotation.file, annotation.line) == ("push.sim.yml", 6)
+    assert annotation.message.startswith("fails already at 0.3057, 38.9 % below 0.5; 80 % below 0.5 was asked: object")
+    for told in (annotation.message, "margin of push: `", "sim-action margins --at-least=friction=0.4 push.sim.yml"):
+        assert told in missed.summary
 
 
 def test_crash_of_a_scenario_is_an_error_of_its_own(runner: Runner) -> None:
