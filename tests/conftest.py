@@ -13,6 +13,7 @@ from collections.abc import Generator, Iterator
 
 import pytest
 
+from sim_action.core.process import BEFORE_IMPORTS
 from sim_action.engines import installed
 from sim_action.ros.ros2.installation import PYTHON_VARIABLE
 from tests.ros.ros2.nodes import WHEELS
@@ -27,6 +28,8 @@ def cache_of_the_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[N
     """What is kept between runs is not the user's, and ROS 2 is the one of `make test`."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        # As the command line does: interpreters with several threads cannot be forked for user code.
+        patch.setenv("OPENBLAS_NUM_THREADS", BEFORE_IMPORTS["OPENBLAS_NUM_THREADS"])
         if WHEELS.exists() and PYTHON_VARIABLE not in os.environ:
             patch.setenv(PYTHON_VARIABLE, str(WHEELS))
         yield

@@ -118,8 +118,6 @@ def test_runs_with_user_code_share_an_interpreter_without_their_traces(
 
     monkeypatch.setattr(PreloadedInterpreter, "__init__", counted)
     monkeypatch.setattr(linux_child, "_spawn", spawned)
-    # As the command line has it: the interpreter must have one thread.
-    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")
     (tmp_path / "c.py").write_text(ALONE)
     scenarios = loaded(tmp_path, ["", *(f"commands: {{script: c.py}}\n{each}" for each in more), ""])
     # Those without user code are forks of this process; the first of them ends before a script begins.
