@@ -17,7 +17,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.engines import ENGINES, chosen
 from sim_action.recording.export import EXPORTS
 from sim_action.results.events import Listener, Progressed
-from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.results.outcome import ExpectationOutcome, Outcome, Scope
 from sim_action.results.output_folder import remove_unfinished_files
 from sim_action.runner.child_outcome import (
     Ending,
@@ -68,8 +68,8 @@ def warm_up(
     scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool, preloads: bool = True
 ) -> None:
     """Import once for all forks the engines, reports and `preloads`. Raises OSError, ImportError, MemoryError."""
-    ExpectationOutcome.model_rebuild()
-    Outcome.model_rebuild()
+    for model in (Scope, ExpectationOutcome, Outcome):
+        model.model_rebuild()
     if replays:
         from sim_action.recording.replay import build  # a usual run does without it
 

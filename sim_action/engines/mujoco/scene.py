@@ -198,13 +198,13 @@ class _Last:
     Variations of a scenario often are. A run changes its model, so each one gets a copy, in a tenth of the time.
     """
 
-    _known: ClassVar[tuple[RobotModel | None, str, CompiledScene | None]] = (None, "", None)
+    _known: ClassVar[tuple[Scene, CompiledScene | None] | None] = None
 
     @classmethod
     def copied(cls, scene: Scene) -> CompiledScene | None:
         """Return a copy of the last compiled scene, before its state is set, if it is that of this scene."""
-        robot, rest, kept = cls._known
-        if kept is None or scene.model is not robot or _all_but_state(scene) != rest:
+        before, kept = cls._known or (scene, None)
+        if kept is None or not _is_again(scene, before):
             return None
         found = replace(kept, model=copy.copy(kept.model))
         data = found.spare_data()
@@ -214,17 +214,23 @@ class _Last:
     @classmethod
     def keep(cls, scene: Scene, compiled: CompiledScene) -> CompiledScene:
         """Return a scene that was compiled, before its state is set; keep a copy if the one before was equal."""
-        (robot, before, _), rest = cls._known, _all_but_state(scene)
-        # The text does not have the parts that were read from files.
-        is_again = scene.model is robot and rest == before and not scene.parts
-        cls._known = scene.model, rest, replace(compiled, model=copy.copy(compiled.model)) if is_again else None
+        is_again = cls._known is not None and _is_again(scene, cls._known[0])
+        cls._known = scene, replace(compiled, model=copy.copy(compiled.model)) if is_again else None
         return compiled
 
 
-def _all_but_state(scene: Scene) -> str:
+def _is_again(scene: Scene, before: Scene) -> bool:
+    """Return True if two scenes are equal apart from the state in which they begin, and read no parts from files."""
+    if scene.model is not before.model or scene.parts or _all_but_state(scene) != _all_but_state(before):
+        return False
+    # Variations of something else share their world. Unlike `==`, the text shows the sign of zeros.
+    return scene.world is before.world or repr(scene.world) == repr(before.world)
+
+
+def _all_but_state(scene: Scene) -> tuple[object, ...]:
     physics = scene.physics.rate, scene.physics.speculative
     actors = [(id(actor.model), dict(actor.rotors)) for actor in scene.actors.values()]
-    return repr((scene.world, physics, scene.bolted, dict(scene.rotors), scene.robot.self_collision, actors))
+    return physics, scene.bolted, dict(scene.rotors), scene.robot.self_collision, actors
 
 
 def _empty(rate: float, gravity_xyz: Vector3) -> Any:

@@ -66,7 +66,7 @@ class Column(FrozenModel):
     def rises(self) -> bool:
         """True if these can be times in s: each is later than the one before, and the last one is a time."""
         end = self.scale * (abs(self.first) + sum(self.deltas))
-        return not self.gaps and end <= _MAX_TIME_S and all(delta > 0 for delta in self.deltas)
+        return not self.gaps and end <= _MAX_TIME_S and min(self.deltas, default=1) > 0
 
     @property
     def is_motion(self) -> bool:

@@ -80,11 +80,11 @@ _ICON: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """The parts of a page."""
+    """The parts of a page, which are read once."""
 
     title: str
     failed: bool
-    body: Sequence[bytes]  # the encoded parts of the body
+    body: Iterable[bytes]  # the encoded parts of the body
     index: str  # JSON for the script
     blocks: Mapping[str, str]  # element id -> packed data
     has_replays: bool  # True if one of the blocks is a replay, which needs the 3D viewer

@@ -5,7 +5,8 @@ This module assembles the page: head, list of scenarios, an article for each, an
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from itertools import chain
 from math import isfinite
 from typing import TYPE_CHECKING, Final
 
@@ -54,17 +55,15 @@ def page(results: Results, options: ReportOptions) -> Page:
     ghosts = GhostSources(results.runs, plan.ids, options.folder, base)
     articles, looks = _run_articles(plan, results, options, blocks, ghosts)
     plots = _group_articles(plan, options, blocks, articles, ghosts)
-    form = packed_article if len(plan.entries) > MAX_PARSED_ARTICLES else bytes
     main = Html('<main id="main" tabindex="-1">' if plan.has_suite else "<main>")
     head = f'{page_head(results, base)}\n<div class="layout">{joined(scenario_list(plan, results), main)}'
-    written = [form(articles[entry.identity]) + b"\n" for entry in plan.entries]
+    form = packed_article if len(plan.entries) > MAX_PARSED_ARTICLES else bytes
+    parts: Iterable[bytes] = (form(articles.pop(entry.identity)) for entry in plan.entries)
     if plan.has_suite:
         from sim_action.reports.html.suite import suite_article  # a usual run does without it
 
-        written.insert(0, encoded(f"{suite_article(plan, looks, ghosts.changes)}\n"))
-    if written:
-        written[-1] = written[-1].removesuffix(b"\n")
-    body = (encoded(head), *written, b"</main></div>")
+        parts = chain([encoded(suite_article(plan, looks, ghosts.changes))], parts)
+    body = chain([encoded(head)], _lines(parts), [b"</main></div>"])
     shared = {"meshes": blocks.shared} if blocks.meshes else {}
     title = f"{run_headline(results)[1]} · sim-action"
     index = page_json(
@@ -76,6 +75,12 @@ def page(results: Results, options: ReportOptions) -> Page:
     )
     carried = blocks.blocks | shared | {_sweep_id(identity): block for identity, block in plots.items()}
     return Page(title, results.conclusion != "success", body, index, carried, has_replays=bool(blocks.blocks))
+
+
+def _lines(parts: Iterable[bytes]) -> Iterator[bytes]:
+    """Yield parts with a line break between two of them."""
+    for number, part in enumerate(parts):
+        yield b"\n%b" % part if number else part
 
 
 def _base_run(results: Results, options: ReportOptions) -> Base | None:

@@ -36,7 +36,7 @@ def forgotten() -> Iterator[None]:
     """Compiles every scene anew, and forgets those of the context."""
     from sim_action.engines.mujoco.scene import _Last
 
-    before, _Last._known = _Last._known, (None, "", None)
+    before, _Last._known = _Last._known, None
     yield
     _Last._known = before
 
