@@ -15,13 +15,14 @@ from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor
 from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.workspace import Workspace
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
 from sim_action.scenario.model import DrivenRobot, Expectation, Scenario
 from sim_action.state.observation import Contact, Observation
-from sim_action.state.trace import COLUMNS, FloatArray, Trace
+from sim_action.state.trace import COLUMNS, Trace
 from sim_action.state.verdict import Verdict
 from sim_action.world import Body, Physics, Sphere, World
 from sim_action.world.scene import Scene

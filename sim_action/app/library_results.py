@@ -23,6 +23,7 @@ from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.outcome import ExpectationOutcome, Failure, Status
 from sim_action.results.outcome import Outcome as RecordedOutcome
 from sim_action.results.written_files import JUNIT_FILE
+from sim_action.state.trace import Trace
 from sim_action.state.trace_storage import load_trace
 
 if TYPE_CHECKING:
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
     from sim_action.core.errors import Location
     from sim_action.results.outcome import GateStatistics
-    from sim_action.state.trace import Trace
 
 _MAX_EMBEDDED_BYTES: Final = 8_000_000
 _MAX_CAUSE: Final = 150  # pytest cuts longer reprs

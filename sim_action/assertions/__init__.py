@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Self
+from typing import ClassVar, Final, NamedTuple, Self
 
 from sim_action.assertions.monitors import AdaptedMonitor, Monitor
 from sim_action.assertions.temporal_logic.becoming import BecomingTrue, becoming_true
@@ -19,15 +19,12 @@ from sim_action.core.registry import Table
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
+from sim_action.state.verdict import Mark, Signal
 from sim_action.world.claims import Ceiling, ClaimFinding, Findings, JudgedRun, Setting
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import Trace
-    from sim_action.state.verdict import Mark, Signal
-
 
 _MAX_TITLE: Final = 100
 

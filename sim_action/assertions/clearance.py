@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -21,18 +21,16 @@ from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import FirstFew, did_you_mean, quoted
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import links_with_shapes
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch
+from sim_action.state.trace_records import ClearanceRecord, Nearness
 from sim_action.state.verdict import Judged, Mark, Polyline, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.distance_lines import distance_lines
 from sim_action.world.ground import GROUND
 from sim_action.world.out_of_reach import out_of_reach
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import Trace
-    from sim_action.state.trace_records import ClearanceRecord, Nearness
 
 
 class Clearance(Assertion):

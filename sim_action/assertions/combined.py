@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from pydantic import Field
@@ -13,11 +13,14 @@ from typing_extensions import override
 from sim_action.assertions import Assertion, Reference, shortened_title
 from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.temporal_logic.combination import AtOnceMonitor, Combination, NegationMonitor
+from sim_action.assertions.temporal_logic.formula import And, Not, Or, quoted
 from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Mark, Signal
 from sim_action.world.claims import ClaimFinding, Findings
@@ -25,13 +28,10 @@ from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.assertions.temporal_logic.formula import Formula
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import Trace
 
 
 def formula_of(assertion: Assertion, scene: Scene) -> Formula:
     """Return an assertion as a formula; one without a meaning is a signal of its own, which is positive or not."""
-    from sim_action.assertions.temporal_logic.formula import quoted  # `validate` does without it
     from sim_action.assertions.temporal_logic.parser import parse  # `validate` does without it
 
     if isinstance(assertion, Joined | Negation):
@@ -117,23 +117,22 @@ class Combined(Assertion):
         """Return the marks of all parts."""
         return tuple(mark for _, part in self.placed_parts for mark in part.marks(scene, start))
 
+    def _below(self, problems: Callable[[Assertion], SpecProblems]) -> SpecProblems:
+        """Yield the problems of all parts, each with its place."""
+        for place, part in self.placed_parts:
+            yield from (((*place, part.key, *path), message) for path, message in problems(part))
+
+    @override
     def problems(self, scene: Scene) -> SpecProblems:
-        """Yield the problems of all parts."""
-        for place, part in self.placed_parts:
-            for path, message in part.problems(scene):
-                yield (*place, part.key, *path), message
+        yield from self._below(lambda part: part.problems(scene))
 
+    @override
     def sensor_problems(self, kinds: Mapping[str, str]) -> SpecProblems:
-        """Yield the sensor problems of all parts."""
-        for place, part in self.placed_parts:
-            for path, message in part.sensor_problems(kinds):
-                yield (*place, part.key, *path), message
+        yield from self._below(lambda part: part.sensor_problems(kinds))
 
+    @override
     def file_problems(self, workspace: Workspace) -> SpecProblems:
-        """Yield the file problems of all parts."""
-        for place, part in self.placed_parts:
-            for path, message in part.file_problems(workspace):
-                yield (*place, part.key, *path), message
+        yield from self._below(lambda part: part.file_problems(workspace))
 
 
 class Several(Combined):
@@ -191,8 +190,6 @@ class Joined(Several):
 
     def as_formula(self, scene: Scene) -> Formula:
         """Return the assertion as a formula made of those of its parts."""
-        from sim_action.assertions.temporal_logic.formula import And, Or  # `validate` does without it
-
         parts = tuple(formula_of(part, scene) for part in self.parts)
         return parts[0] if len(parts) == 1 else And(parts) if self.every else Or(parts)
 
@@ -342,8 +339,6 @@ class Negation(Combined):
 
     def as_formula(self, scene: Scene) -> Formula:
         """Return the assertion as a formula made of those of its parts."""
-        from sim_action.assertions.temporal_logic.formula import Not  # `validate` does without it
-
         return Not(formula_of(self.part, scene))
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
+from typing import Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -26,25 +26,21 @@ from sim_action.assertions.monitors.proximity import (
 from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import units
 from sim_action.core.field_types import FrozenModel, PositiveNewtons, PositiveNewtonSeconds, PositiveSeconds
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import STEP_EPSILON
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import links_with_shapes, matches_name
+from sim_action.state.observation import Contact, Observation
+from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch
+from sim_action.state.trace_records import Nearness
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world import MAX_PHYSICS_RATE_HZ
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from sim_action.state.observation import Contact, Observation
-    from sim_action.state.trace import FloatArray, Trace
-    from sim_action.state.trace_records import Nearness
 
 _PATTERN: Final = re.compile(r"[*?\[]")
 

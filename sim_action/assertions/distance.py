@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -21,15 +21,14 @@ from sim_action.assertions.monitors.bounds import (
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core.field_types import NonNegativeMetres, PositiveMetres
 from sim_action.core.geometry import Vector3
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, replace
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
 from sim_action.state.verdict import Circle, Mark, Signal
 from sim_action.world.claims import UNSTABLE, Ceiling, Findings, JudgedRun
 from sim_action.world.link_range import ROUNDING_M, LinkRange
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import FloatArray, Trace
 
 
 class LengthBounds(MotionAssertion):

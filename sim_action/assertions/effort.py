@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from operator import ge, itemgetter
-from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -15,7 +15,7 @@ from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.bounds import AllLimits, Bounds, SignalMonitor
 from sim_action.core import units
 from sim_action.core.field_types import JointEffort
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import (
@@ -27,14 +27,12 @@ from sim_action.robot.model.joint_selection import (
     unit_problem,
 )
 from sim_action.robot.model.robot_model import READINGS
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings
 from sim_action.world.link_range import joint_range
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import FloatArray, Trace
 
 
 class Effort(Assertion):

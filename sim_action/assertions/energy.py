@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field
 from typing_extensions import override
@@ -13,18 +13,15 @@ from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.monitors.bounds import Bounds, BoundsMonitor
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeJoules
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import choice_problems, chosen, motor_problems
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import FloatArray, Trace
-
 
 Braking = Literal["free", "costs", "regained"]
 

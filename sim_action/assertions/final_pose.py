@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -16,16 +16,14 @@ from sim_action.assertions.monitors.watched import Watched
 from sim_action.assertions.reach import PoseTarget, TargetAngle
 from sim_action.core import geometry, units
 from sim_action.core.geometry import Pose
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
 from sim_action.state.verdict import Mark, Signal, Verdict, line
 from sim_action.world.claims import Findings
 from sim_action.world.link_range import ROUNDING_M, LinkRange
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import FloatArray, Trace
 
 
 class FinalPose(PoseTarget):

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final, NamedTuple, Self
+from typing import Annotated, ClassVar, Final, NamedTuple, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -22,19 +22,17 @@ from sim_action.core import units
 from sim_action.core.errors import FileProblem
 from sim_action.core.field_types import FrozenModel, Metres, NamesFile, PositiveMetres
 from sim_action.core.files import read_at_most
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
 from sim_action.state.verdict import Circle, Mark, Polyline, Signal, Verdict
 from sim_action.world.claims import COVERED_SHARE, ClaimFinding, Findings, JudgedRun
 from sim_action.world.link_range import LinkRange
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import FloatArray, Trace
 
 _MAX_POINTS: Final = 10_000
 _MAX_DRAWN: Final = 2_000
@@ -365,12 +363,11 @@ def _at(time: float, points: Sequence[Point], knots: Sequence[float]) -> Point:
     # The knots between which each of the three rows above the points interpolates.
     for spans in (((0, 1), (1, 2), (2, 3)), ((0, 2), (1, 3)), ((1, 2),)):
         shares = ((time - knots[first]) / (knots[last] - knots[first]) for first, last in spans)
-        points = [_between(*pair, share) for pair, share in zip(pairwise(points), shares, strict=True)]
+        points = [
+            tuple(here + share * (there - here) for here, there in zip(*pair, strict=True))
+            for pair, share in zip(pairwise(points), shares, strict=True)
+        ]
     return points[0]
-
-
-def _between(one: Point, other: Point, share: float) -> Point:
-    return tuple(here + share * (there - here) for here, there in zip(one, other, strict=True))
 
 
 # Maximum progress per step, relative to motion plus error: enough for a corner that the robot cuts.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
+from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field
 from typing_extensions import override
@@ -14,22 +14,19 @@ from sim_action.assertions.monitors.goals import Goal
 from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import geometry, units
 from sim_action.core.field_types import PositiveMetresPerSecond, PositiveNewtons, PositiveSeconds
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import link_name_problems, links_named
+from sim_action.robot.model.link_motion import link_motion
 from sim_action.robot.model.robot_model import RobotModel
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import FloatArray, Trace
 
 # Of the forces of all links, at least this share must cancel: two equal forces do so from 120 deg on.
 _MIN_BALANCE: Final = 0.5
@@ -300,8 +297,6 @@ class GraspMonitor(Monitor):
         return _Grip(strength > 0, strength.sum(axis=1), np.sqrt((vector * vector).sum(axis=1)), slip)
 
     def _sample(self, trace: Trace) -> _Sample:
-        from sim_action.robot.model.link_motion import link_motion  # `validate` does without it
-
         at = trace.objects[self.spec.object].position_xyz
         forces, places = [], []
         for link in self.links:

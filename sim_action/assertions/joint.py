@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -22,6 +22,7 @@ from sim_action.assertions.monitors.bounds import (
 from sim_action.assertions.monitors.goals import ClosestApproach
 from sim_action.core import units
 from sim_action.core.field_types import JointEffort, JointPosition, JointQuantity, JointVelocity
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
@@ -35,15 +36,12 @@ from sim_action.robot.model.joint_selection import (
 )
 from sim_action.robot.model.kinematics import beyond_limits
 from sim_action.robot.model.robot_model import READINGS, Joint, Reading
-from sim_action.state.verdict import Signal
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
+from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, beyond
 from sim_action.world.link_range import beyond_motor, beyond_time, joint_range
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import FloatArray, Trace
-    from sim_action.state.verdict import Verdict
 
 
 class JointReading(Assertion):

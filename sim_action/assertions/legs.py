@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
+from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -15,25 +15,22 @@ from sim_action.assertions.monitors.goals import Invariant, joined
 from sim_action.core import geometry, units
 from sim_action.core.field_types import Metres
 from sim_action.core.geometry import Pose, Vector3
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import link_name_problems, links_named
 from sim_action.robot.model.kinematics import link_poses
+from sim_action.robot.model.link_motion import centre_of_mass
 from sim_action.robot.model.robot_model import RobotModel
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.ground import GROUND
 from sim_action.world.physics import Disturbance
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import FloatArray, Trace
 
 _SETTLE: Final = "; without physics.settle the robot is still in the air at t = 0: set 'after'"
 
@@ -407,8 +404,6 @@ class SupportMonitor(Monitor):
         return (Signal("support margin", "m", trace.time, shown, lower=self.at_least),)
 
     def _margins(self, trace: Trace) -> FloatArray:
-        from sim_action.robot.model.link_motion import centre_of_mass  # `validate` does without it
-
         if not self.footing.is_known(trace):
             return np.full(len(trace), -np.inf)
         moment, points = self.footing.points(trace)

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
+from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -24,7 +24,7 @@ from sim_action.core.field_types import (
     PositiveMetres,
     PositiveRadians,
 )
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import shown
 from sim_action.core.workspace import PathError
@@ -41,12 +41,10 @@ from sim_action.state.golden_trajectory import (
     wrapped,
 )
 from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
 from sim_action.state.verdict import Judged, Mark, Polyline, Signal, Verdict
 from sim_action.world.claims import COVERED_SHARE, HEADINGS, SINGLE_ROW, Ceiling, ClaimFinding, Findings, JudgedRun
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.trace import FloatArray, Trace
 
 # A tolerance must be greater than the rounding of the file.
 _MIN_TOLERANCE: Final = 2 * RESOLUTION
@@ -328,8 +326,6 @@ class MatchesMonitor(Monitor):
         cls, name: str, golden: Golden, asked: tuple[Tolerance, ...], duration: float, start: Observation
     ) -> Self:
         """Return the monitor before the first step."""
-        from sim_action.state.trace import Trace  # `validate` does without it
-
         before = rows_of(Trace.of_observation(start), golden.form.joint_names)
         return cls(name, golden, duration, before, tuple(map(Deviation, asked)))
 

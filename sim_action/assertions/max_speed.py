@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -14,15 +14,14 @@ from sim_action.assertions.monitors.bounds import AllLimits, Bounds, BoundsMonit
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetresPerSecond, NonNegativeRadiansPerSecond
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, replace
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
+from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import UNSTABLE, Ceiling, ClaimFinding, Findings, JudgedRun
 from sim_action.world.link_range import ROUNDING_M, LinkRange
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import FloatArray, Trace
-    from sim_action.state.verdict import Signal, Verdict
 
 
 class MaxSpeed(MotionAssertion):

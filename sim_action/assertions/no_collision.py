@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+from collections.abc import Sequence
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field
 from typing_extensions import override
@@ -16,19 +17,15 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.link_pairs import has_limb
+from sim_action.state.observation import Contact, Observation
 from sim_action.state.timeline import is_late
+from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
 from sim_action.world.ground import GROUND
 from sim_action.world.out_of_reach import out_of_reach
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from sim_action.state.observation import Contact, Observation
-    from sim_action.state.trace import Trace
 
 
 class NoCollision(Assertion):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
+from typing import Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -19,23 +19,22 @@ from sim_action.assertions.upright import Upright
 from sim_action.core import geometry, units
 from sim_action.core.field_types import NonNegativeMetres, PositiveMetres, Without
 from sim_action.core.geometry import Pose, Twist
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.kinematics import link_of_frame, why_no_frame
+from sim_action.robot.model.link_motion import LinkMotion, link_motion
 from sim_action.robot.model.robot_model import WORLD
+from sim_action.state.observation import Observation
 from sim_action.state.timeline import waits
+from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Mark, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
 from sim_action.world.out_of_reach import passed_by
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import FloatArray, Trace
 
 _OF_ROBOT: Final = Without(frozenset({"link"}))
 _KINDS: Final = ("reach", "stay_within", "upright", "settled", "moved")
@@ -371,8 +370,6 @@ def motion_of(spec: ObjectAssertion, scene: Scene, trace: Trace, known: tuple[tu
 
     Their base has the motion of the object. Its speed is the distance from the step before.
     """
-    from sim_action.robot.model.link_motion import LinkMotion, link_motion  # `validate` does without it
-
     here = _present(trace, spec.name)
     if not len(here):
         return here

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
+from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -14,23 +14,18 @@ from sim_action.assertions.monitors.goals import Invariant, joined
 from sim_action.assertions.sensor import MORE_READINGS
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetres, PositiveRadians, PositiveShare
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.golden_trajectory import wrapped
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace, yaw_angles
 from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import SensorRecord
 from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.claims import HEADINGS, Ceiling, Findings, JudgedRun
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import FloatArray, Trace
-    from sim_action.state.trace_records import SensorRecord
-
 
 # A shorter distance gives no meaningful drift.
 _MIN_DISTANCE_M: Final = 1.0
@@ -69,20 +64,23 @@ class OdometryError(Assertion):
 
     @model_validator(mode="after")
     def _asks_for_something(self) -> Self:
-        if self.position is None and self.yaw is None and self.drift is None:
+        if not self.limits:
             raise ValueError("give 'position', 'yaw', 'drift' or several of them")
         return self
 
     @property
+    def limits(self) -> dict[str, float]:
+        """The limits that are given, by the name of the error."""
+        return {name: limit for name in _NAMES if (limit := getattr(self, name)) is not None}
+
+    @property
     @override
     def title(self) -> str:
-        drift = None if self.drift is None else _percent(self.drift)
-        told = (
-            ("position", None if self.position is None else units.display(self.position, "m")),
-            ("yaw", None if self.yaw is None else units.display(self.yaw, "rad")),
-            ("drift", drift),
-        )
-        return f"odometry_error {', '.join(f'{name} at most {limit}' for name, limit in told if limit is not None)}"
+        texts = {
+            name: units.display(limit, unit) if (unit := _UNITS[name]) else f"{100 * limit:.4g} %"
+            for name, limit in self.limits.items()
+        }
+        return f"odometry_error {', '.join(f'{name} at most {limit}' for name, limit in texts.items())}"
 
     @property
     @override
@@ -112,13 +110,9 @@ class OdometryError(Assertion):
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        return OdometryMonitor.opened(
-            self.name, {"position": self.position, "yaw": self.yaw, "drift": self.drift}, start
-        )
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.4g} %"
+        x, y, _ = start.pose.position_xyz
+        folds = (Invariant(),) * len(self.limits)
+        return OdometryMonitor(self.name, tuple(self.limits.items()), folds, (start.time, x, y, start.pose.yaw))
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,13 +130,6 @@ class OdometryMonitor(Monitor):
     true_pose: tuple[float, float, float, float]
     way: float = 0.0
     readings: Judged = Judged()
-
-    @classmethod
-    def opened(cls, sensor: str, limits: Mapping[str, float | None], start: Observation) -> Self:
-        """Return the monitor before the first step."""
-        asked = tuple((name, limit) for name, limit in limits.items() if limit is not None)
-        x, y, _ = start.pose.position_xyz
-        return cls(sensor, asked, (Invariant(),) * len(asked), (start.time, x, y, start.pose.yaw))
 
     @property
     @override
@@ -234,8 +221,6 @@ def _shown(error: float, limit: float, unit: str) -> tuple[str, str]:
 
 def _errors(record: SensorRecord, truths: FloatArray, ways: FloatArray) -> dict[str, FloatArray]:
     """Return (N,) errors of the readings, by name. The true pose is interpolated between the steps of the trace."""
-    from sim_action.state.trace import yaw_angles  # `validate` does without it
-
     before, after, share = _around(record.time, truths[:, 0])
     (x, y), (to_x, to_y) = truths[before, 1:3].T, truths[after, 1:3].T
     yaw = truths[before, 3] + share * wrapped(truths[after, 3] - truths[before, 3])

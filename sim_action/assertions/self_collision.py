@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
+from typing import Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, field_validator
 from typing_extensions import override
@@ -19,16 +19,13 @@ from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import matches_name
 from sim_action.robot.model.link_pairs import NO_PAIRS, touchable_pairs
+from sim_action.state.observation import Observation, SelfContact
+from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings
 from sim_action.world.link_range import least_distance
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation, SelfContact
-    from sim_action.state.trace import Trace
-
 
 _PAIRS: Final = "expected a list of pairs"
 _NOT_JUDGED: Final = "they are neighbours, parts of one rigid body, without a collision shape, or disabled by the model"

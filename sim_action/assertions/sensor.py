@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Self
+from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -13,26 +13,24 @@ from sim_action.assertions import NO_READING, Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import bounds_formula, check_bounds
 from sim_action.assertions.monitors.goals import Goal, Invariant
+from sim_action.assertions.temporal_logic.formula import quoted
 from sim_action.core import units
 from sim_action.core.field_types import SensorQuantity
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import as_written
 from sim_action.sensors import sensor_named
+from sim_action.state.observation import Observation
 from sim_action.state.readings import DISTANCES, READING_COLUMNS, ReadingColumn, columns_of
+from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import SensorRecord
 from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, nothing_in_range
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import FloatArray, Trace
-    from sim_action.state.trace_records import SensorRecord
-
 
 Which = Literal["min", "max", "mean", "norm", "x", "y", "z", "w"]
 
@@ -131,8 +129,6 @@ class SensorReading(Assertion):
 
     @override
     def meaning(self, scene: Scene) -> str:
-        from sim_action.assertions.temporal_logic.formula import quoted  # `validate` does without it
-
         quantity = ".".join((quoted(self.name), self.reading, *([self.which] if self.which else [])))
         least, most = (self._magnitude(bound) for bound in (self.at_least, self.at_most))
         if not self.once:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, Self
+from typing import Annotated, ClassVar, NamedTuple, Self
 
 from annotated_types import Gt
 from pydantic import Field
@@ -17,17 +17,13 @@ from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetresPerSecond, PositiveSeconds, Quantity
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, replace
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import UNSTABLE, Ceiling, ClaimFinding, Findings
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import FloatArray, Trace
 
 RestRadiansPerSecond = Annotated[float, Gt(0), Quantity((units.ANGULAR_SPEED,), most_bare=1.0)]
 """An angular speed of a robot at rest: from 1 rad/s on, a number without a unit is probably in deg/s."""
@@ -184,15 +180,13 @@ class SettledMonitor(Monitor):
         if self.end is None:
             return Verdict(False, None, rest.wanted, None, "s", None, "no physics step to measure")
         longest, wanted = units.display_apart(rest.longest, rest.wanted, "s")
+        when = f", from {rest.began:.2f} s on" if rest.longest else ""
         message = (
             f"at rest from {rest.began:.2f} s on, for {longest}"
             if passed
-            else f"at rest for {longest} of {wanted}{self._when()}; at {self.end:.2f} s {self.last}"
+            else f"at rest for {longest} of {wanted}{when}; at {self.end:.2f} s {self.last}"
         )
         return Verdict(passed, rest.longest, rest.wanted, rest.longest - rest.wanted, "s", rest.goal.time, message)
-
-    def _when(self) -> str:
-        return f", from {self.rest.began:.2f} s on" if self.rest.longest else ""
 
 
 def _are_slow(motions: Sequence[Motion]) -> NDArray[np.bool_]:

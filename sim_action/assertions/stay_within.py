@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+from functools import partial
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -14,14 +14,13 @@ from sim_action.assertions.monitors.bounds import Interval, IntervalsMonitor, bo
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import Metres
+from sim_action.core.lazy_numpy import FloatArray
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
 from sim_action.state.verdict import Mark, box, line, rectangle
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.link_range import LinkRange
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import FloatArray, Trace
 
 Range = tuple[Metres, Metres]
 
@@ -101,7 +100,8 @@ class StayWithin(MotionAssertion):
     @override
     def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
         intervals = (
-            Interval(axis, "m", *bounds, _coordinate("xyz".index(axis))) for axis, bounds in self.intervals.items()
+            Interval(axis, "m", *bounds, partial(_coordinate, "xyz".index(axis)))
+            for axis, bounds in self.intervals.items()
         )
         return IntervalsMonitor(tuple(side for interval in intervals for side in interval.sides()))
 
@@ -116,5 +116,5 @@ class StayWithin(MotionAssertion):
         return tuple(line(axis, at, (x, y)) for axis, at in bounds)
 
 
-def _coordinate(column: int) -> Callable[[Trace], FloatArray]:
-    return lambda trace: trace.base_position_xyz[:, column]
+def _coordinate(column: int, trace: Trace) -> FloatArray:
+    return trace.base_position_xyz[:, column]

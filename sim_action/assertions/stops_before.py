@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -16,22 +16,18 @@ from sim_action.assertions.settled import AtRest
 from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetres
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.state.observation import Contact, Observation
+from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch
+from sim_action.state.trace_records import Nearness
 from sim_action.state.verdict import Mark, Polyline, Signal, Verdict
 from sim_action.world.distance_lines import distance_lines
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from sim_action.state.observation import Contact, Observation
-    from sim_action.state.trace import FloatArray, Trace
-    from sim_action.state.trace_records import Nearness
 
 
 class StopsBefore(AtRest):

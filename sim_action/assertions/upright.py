@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 from typing_extensions import override
@@ -14,11 +14,9 @@ from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor, bounds_
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import PositiveRadians
+from sim_action.state.observation import Observation
 from sim_action.world.claims import Ceiling
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
 
 
 class Upright(MotionAssertion):

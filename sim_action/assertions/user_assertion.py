@@ -16,7 +16,7 @@ from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.field_types import NamesFile
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.user_scripts import ANYTHING, ScriptProblem, read_script, run_file, script_error, script_errors_at
 from sim_action.core.wording import did_you_mean, escaped_line, shown, with_article
@@ -24,6 +24,8 @@ from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import plain_data
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.link_motion import LinkMotions
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict, VerdictStatus
 from sim_action.world.ground import GROUND
@@ -31,8 +33,6 @@ from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.robot.model.robot_model import RobotModel
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import FloatArray, Trace
 
 
 Kind = Literal["end", "invariant", "goal"]
@@ -310,8 +310,6 @@ class History:
 
     def followed_by(self, trace: Trace) -> Self:
         """Return the history after more steps; this one does not change."""
-        from sim_action.state.trace import Trace  # `validate` does without it
-
         beside = Trace.concatenate((self.beside, _beside(trace)))
         store = self._store.added(self._count, trace.state)
         return replace(self, _store=store, _count=self._count + len(trace), beside=beside)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
 from types import ModuleType
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 import click
 from typing_extensions import override
@@ -20,9 +20,6 @@ from sim_action.core.errors import ExitCode, SimActionError, SystemRefusal, is_r
 from sim_action.core.process import BEFORE_IMPORTS, forgive_closed_output, release_signals
 from sim_action.core.version import __version__
 from sim_action.core.wording import escaped_line
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 
 def main() -> NoReturn:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import click
 
 from sim_action.cli import options
 from sim_action.core.errors import ExitCode
 from sim_action.core.records import replace
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 
 @click.command()

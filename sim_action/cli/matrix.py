@@ -23,8 +23,6 @@ from sim_action.results.results_json import Results, balanced
 from sim_action.scenario.selection import numbered
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from sim_action.scenario.selection import Suite
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import click
 
@@ -33,9 +33,6 @@ from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import RESULTS_FILE, Results, ResultsFile, find_all, read_all
 from sim_action.results.shard_results import Entry, Listing, gates_of, merge_shards
 from sim_action.scenario.variations.gate import PlannedGate
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 
 @click.command()

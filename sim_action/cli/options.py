@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -17,8 +17,6 @@ from sim_action.core.wording import counted, escaped_line, log_line, nearest, no
 from sim_action.engines import ENGINES
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from sim_action.core.permissions import Permissions
     from sim_action.core.workspace import Workspace
     from sim_action.reports import ReportRequest

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from sim_action.cli import options
 from sim_action.core.errors import ExitCode
 from sim_action.core.records import replace
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 
 @click.command()

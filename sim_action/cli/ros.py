@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import click
@@ -16,8 +16,6 @@ from sim_action.core.wording import log_line
 from sim_action.engines import ENGINES
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from sim_action.ros.launches import Program
 
 Command = Callable[..., ExitCode]

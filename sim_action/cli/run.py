@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import click
@@ -12,8 +13,6 @@ from sim_action.core.records import replace
 from sim_action.engines import ENGINES
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from sim_action.runner.run_plan import PlanRequest
     from sim_action.scenario.model import ConfidenceKind, Unexercised
     from sim_action.scenario.selection import Unmatched

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -14,9 +14,6 @@ from sim_action.core.permissions import Permissions, scripts_refused
 from sim_action.core.wording import log_line
 from sim_action.scenario.loading import load_all
 from sim_action.scenario.source import Refused
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 
 @click.command()

@@ -17,6 +17,8 @@ from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import Answer, JointTargets
+from sim_action.state.observation import Observation
+from sim_action.state.reproducibility import Transcript
 from sim_action.state.timeline import TimeMark
 from sim_action.state.transmission import Transmission
 from sim_action.world.claims import Findings, Setting
@@ -24,8 +26,6 @@ from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.sensors import MountedSensor
-    from sim_action.state.observation import Observation
-    from sim_action.state.reproducibility import Transcript
 
 
 _MAX_PLANNED_MARKS: Final = 12  # the marks of the commands of one source that a timeline has room for

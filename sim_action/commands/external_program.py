@@ -16,7 +16,7 @@ import shutil
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, NoReturn
+from typing import Annotated, Any, ClassVar, Final, NoReturn
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 from typing_extensions import override
@@ -33,10 +33,8 @@ from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.kinematics import why_no_link
 from sim_action.state.command import WORLD_FRAME, Answer, Command, JointTargets, LinkWrench
+from sim_action.state.observation import Contact, Observation
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Contact, Observation
 
 VERSION: Final = 1
 """The version of the protocol."""

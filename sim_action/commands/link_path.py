@@ -6,18 +6,15 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from itertools import accumulate, takewhile
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from sim_action.commands.joints import Blend
 from sim_action.core import geometry, units
 from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.robot.model.inverse_kinematics import REACHED_M, Chain, Solution, Values, reach, search
 from sim_action.state.joint_motion import RAMP_S, Curve, JointMotion, straight
-
-if TYPE_CHECKING:
-    from sim_action.state.trace import FloatArray
 
 # Joint positions are found before the run once per this distance in m, and per this angle in rad. The line between two
 # of them is straight within micrometres.

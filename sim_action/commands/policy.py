@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
+from typing import Annotated, Any, ClassVar, Final, Self
 
 from pydantic import BeforeValidator, Field
 from typing_extensions import override
@@ -27,6 +27,7 @@ from sim_action.commands.policy_terms import Layout, Term, selected, selection_p
 from sim_action.commands.twist import TwistSegment
 from sim_action.core.errors import SourceProblem
 from sim_action.core.field_types import NamesFile, PositiveHertz
+from sim_action.core.lazy_numpy import NDArray
 from sim_action.core.units import UnitError
 from sim_action.core.wording import counted, did_you_mean, escaped_line, shown
 from sim_action.core.workspace import PathError, Workspace
@@ -45,12 +46,8 @@ from sim_action.networks.onnx_network import (
 )
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import Answer
+from sim_action.state.observation import Observation
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from sim_action.state.observation import Observation
 
 _NUMBER: Final[dict[str, Any]] = {"type": "number"}
 _TEXT: Final[dict[str, Any]] = {"type": "string"}

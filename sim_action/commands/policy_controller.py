@@ -15,18 +15,15 @@ from sim_action.commands.policy_terms import Layout, Offset, PerJoint, Reader, T
 from sim_action.commands.twist import TwistSegment
 from sim_action.core.errors import ScriptError
 from sim_action.core.field_types import FrozenModel
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import counted
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.networks.onnx_network import FLOATS, NetworkProblem, Session, Tensor
 from sim_action.state.command import JointTargets
+from sim_action.state.observation import Observation
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from sim_action.state.observation import Observation
-
     Vector = NDArray[np.float64]
 
 

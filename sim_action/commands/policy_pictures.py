@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
 from sim_action.core.field_types import FrozenModel
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.networks.onnx_network import FLOATS, Tensor
 from sim_action.sensors.camera import Camera
+from sim_action.state.observation import Observation
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from sim_action.state.observation import Observation
 
 _COLOURS: Final = 3
 

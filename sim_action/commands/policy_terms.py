@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
 
@@ -16,11 +16,9 @@ from sim_action.core.wording import FirstFew, counted, did_you_mean, shown
 from sim_action.core.yaml_errors import SpecProblem, SpecProblems
 from sim_action.robot.model.joint_selection import chosen, matches_name, name_problem
 from sim_action.robot.model.robot_model import Joint, RobotModel
+from sim_action.state.observation import Observation
 from sim_action.state.readings import columns_of
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
 
 _OF_JOINTS: Final = ("joints.position", "joints.velocity", "joints.effort")
 _PHASES: Final = ("phase.sin", "phase.cos")

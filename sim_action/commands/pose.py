@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from itertools import islice
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, Self
+from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -31,12 +31,10 @@ from sim_action.robot.model.inverse_kinematics import Chain, Values
 from sim_action.robot.model.kinematics import link_poses, robot_box, why_no_link
 from sim_action.state.command import JointTargets
 from sim_action.state.joint_motion import RAMP_S, JointMotion
+from sim_action.state.observation import Observation
 from sim_action.state.timeline import TimeMark, waypoint_mark
 from sim_action.world.claims import Findings, Setting, late_points
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
 
 _ANGLES: Final = ("roll", "pitch", "yaw")
 

@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path, PurePath
 from posixpath import normpath
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, Self
+from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import Field, PrivateAttr
 from typing_extensions import override
@@ -25,7 +25,7 @@ from sim_action.commands.logs.ros_messages import TWISTS, MessageType, Stamps, W
 from sim_action.core.errors import RecordingError
 from sim_action.core.field_types import NamesFile, NonNegativeSeconds, PositiveHertz, PositiveSeconds, Seconds
 from sim_action.core.geometry import Twist
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import replace
 from sim_action.core.wording import did_you_mean, escaped_line
 from sim_action.core.workspace import PathError, Workspace
@@ -37,9 +37,6 @@ from sim_action.state.joint_motion import Curve, JointMotion, held, regular, str
 from sim_action.state.timeline import TimeMark
 from sim_action.world.claims import ClaimFinding, Findings, Setting
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.trace import FloatArray
 
 _CSV: Final = ".csv"
 

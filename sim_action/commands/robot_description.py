@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
+from sim_action.core.lazy_numpy import Generator
 from sim_action.core.records import dataclass
 from sim_action.robot.model.robot_model import Joint, JointType
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from numpy.random import Generator
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ import random
 from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, cast
+from typing import Annotated, Any, ClassVar, Final, cast
 
 from pydantic import Field
 from typing_extensions import override
@@ -31,11 +31,8 @@ from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import plain_data
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import Answer
+from sim_action.state.observation import Observation
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
-
 
 _WORD: Final = 2**32 - 1
 _CONTROLLER: Final = "the controller"

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final
+from typing import Annotated, ClassVar, Final
 
 from pydantic import Field
 from typing_extensions import override
@@ -30,13 +30,11 @@ from sim_action.core.records import dataclass
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.kinematics import Mobility
+from sim_action.state.observation import Observation
 from sim_action.state.timeline import TimeMark, waypoint_mark
 from sim_action.world import MAX_PHYSICS_RATE_HZ
 from sim_action.world.claims import ClaimFinding, Findings, Setting
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
 
 # Beyond this, squared coordinates no longer resolve millimetres.
 _MAX_COORDINATE_M: Final = 1e6

@@ -6,6 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import numpy as np
+    from numpy.random import Generator
+    from numpy.typing import ArrayLike, NDArray
+
+    FloatArray = NDArray[np.float64]
 else:
 
     class _Later:
@@ -19,5 +23,7 @@ else:
             return value
 
     np = _Later()
+    # Annotations are not evaluated.
+    ArrayLike = FloatArray = Generator = NDArray = None
 
-__all__ = ["np"]
+__all__ = ["ArrayLike", "FloatArray", "Generator", "NDArray", "np"]

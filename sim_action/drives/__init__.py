@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
-from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self
+from typing import ClassVar, Final, Protocol, Self
 
 from pydantic import ValidationError
 
@@ -28,11 +28,9 @@ from sim_action.drives.plugins import (
 from sim_action.robot.model.kinematics import Mobility, SameModel
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import JointTargets
+from sim_action.state.sensor_inputs import WheelMotion
 from sim_action.world.physics import GRAVITY
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.sensor_inputs import WheelMotion
 
 
 class DriveMotion(Protocol):

@@ -10,17 +10,14 @@ import math
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.records import dataclass
 from sim_action.robot.model.kinematics import shape_points
 from sim_action.robot.model.robot_model import Joint, Link, Shape
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 MAX_UNROUNDNESS: Final = 0.03
 """Maximum deviation of a corner of the outline from a circle about the axis, as a share of its radius."""

@@ -16,11 +16,11 @@ from typing import Final
 
 import numpy as np
 
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, field
 from sim_action.core.units import first_step
 from sim_action.engines.motion_bound import BodyMotionBound, RobotMotionBound
 from sim_action.engines.observers import presences
-from sim_action.state.trace import FloatArray
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.trace_records import ALWAYS, ClearanceRecord, Nearness
 from sim_action.world import Body, World

@@ -10,8 +10,8 @@ import numpy as np
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Vector3
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.robot.model.robot_model import Joint, RobotModel, Shape
-from sim_action.state.trace import FloatArray
 
 # Factor that covers rounding errors, and how far beyond its limits a prismatic joint may be pushed.
 _ROUNDING = 1 + 1e-9

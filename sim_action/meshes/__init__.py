@@ -14,12 +14,12 @@ import re
 from array import array
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from sim_action.core.content_cache import Entry
 from sim_action.core.files import read_at_most
 from sim_action.core.geometry import Vector3
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.wording import shown
 from sim_action.meshes.collada import read_collada
 from sim_action.meshes.collision_hulls import MeshFacts, facts_of
@@ -36,9 +36,6 @@ from sim_action.meshes.mesh import (
     refuse_more_points,
     refuse_more_triangles,
 )
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = [
     "MAX_BYTES",

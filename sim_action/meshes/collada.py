@@ -10,11 +10,11 @@ of its own. A material file is opened only beside its mesh, and no link is follo
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Final
 from xml.etree.ElementTree import Element
 
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.meshes.mesh import (
     Mesh,
     MeshError,
@@ -25,10 +25,6 @@ from sim_action.meshes.mesh import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from numpy.typing import NDArray
-
     Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
     """The points (P, 3) and the triangles (T, 3), which are rows of the points."""
 

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final, Literal
 
 from sim_action.core.geometry import Vector3
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.records import dataclass
 from sim_action.meshes.mesh import Mesh, compacted
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 MAX_HULLS: Final = 256  # Limit of hulls per mesh. A mesh with more parts becomes one hull.
 

@@ -6,17 +6,14 @@ import hashlib
 import json
 from collections.abc import Iterable
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from sim_action.core.content_cache import Entry
 from sim_action.core.geometry import Box, Vector3
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.records import dataclass
 from sim_action.meshes.collision_hulls import MeshFacts, hulls_of, unshrunk
 from sim_action.meshes.mesh import Mesh, MeshError
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 FORMAT: Final = 2  # the version of the text and its facts; a new number makes older cache entries unused
 

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.records import dataclass
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 MAX_BYTES: Final = 110_000_000  # Limit per file. Text formats need up to 300 bytes per triangle, binary STL 50.
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from sim_action.core.lazy_numpy import NDArray
 
+if TYPE_CHECKING:
     Coordinates = NDArray[np.floating[Any]]
 
 _CHUNK: Final = 1 << 15  # points at a time: the temporary arrays stay in the processor's cache

@@ -11,16 +11,13 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from sim_action.core.files import open_regular
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import escaped_line, shown
 from sim_action.core.workspace import PathError, Workspace
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 PACKAGE: Final = "onnxruntime"
 INSTALL_HINT: Final = (

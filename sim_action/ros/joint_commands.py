@@ -6,17 +6,13 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import groupby, pairwise
-from typing import TYPE_CHECKING
 
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass
 from sim_action.robot.model.robot_model import Joint, Reading
 from sim_action.state.command import JointTargets
 from sim_action.state.joint_motion import Curve, JointMotion, held, straight
 from sim_action.state.observation import JointState
-
-if TYPE_CHECKING:
-    from sim_action.state.trace import FloatArray
 
 
 def targets(reading: Reading, values: Mapping[str, float]) -> JointTargets:

@@ -7,16 +7,14 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
+from sim_action.core.lazy_numpy import NDArray
 from sim_action.ros.robot_topics import PlacedFrame, diagonal, pinhole_of, seconds_and_nanoseconds
 from sim_action.sensors.camera import Camera
 from sim_action.state.observation import JointState
 from sim_action.state.readings import ImuReading, LidarScan
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 Message = dict[str, Any]
 """A message: field -> number, text, message, list of messages, or array of numbers."""

@@ -14,13 +14,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from sim_action.core import units
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass
 from sim_action.core.yaml_document import KeyPath
 from sim_action.results.outcome import ExpectationOutcome, Measurement, Outcome
 from sim_action.robot.model.joint_selection import matches_name
 from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, LoadedScenario, PoseAgreement
 from sim_action.state.motion_record import MotionRecord
-from sim_action.state.trace import FloatArray
 from sim_action.state.trace_storage import TraceError
 from sim_action.state.verdict import Judged, Verdict, VerdictStatus
 

@@ -11,11 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from sim_action.core import units
 from sim_action.core.errors import ExitCode, InvalidScenario, UsageError
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import shortened
@@ -24,11 +24,9 @@ from sim_action.results.outcome import ExpectationOutcome, Measurement, Outcome,
 from sim_action.robot.model.robot_model import WORLD
 from sim_action.scenario.model import ConfidenceKind, LoadedScenario, Scenario
 from sim_action.scenario.mutation import Mutation
+from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from sim_action.world import MAX_PHYSICS_RATE_HZ
-
-if TYPE_CHECKING:
-    from sim_action.state.trace import FloatArray, Trace
 
 _MAX_ENDING: Final = 1_000
 _TURN: Final = math.radians(1)

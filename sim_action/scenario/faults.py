@@ -21,12 +21,12 @@ from sim_action.core.geometry import Twist
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, recognise
+from sim_action.state.readings import ReadingColumn
 from sim_action.state.timeline import TimeMark, late_problems
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.sensors import MountedSensor
-    from sim_action.state.readings import ReadingColumn
 
 FaultKind = Literal["off", "stuck", "weak", "frozen", "silent", "biased"]
 

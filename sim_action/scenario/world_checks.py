@@ -16,6 +16,7 @@ from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import links_with_shapes
 from sim_action.scenario.model import Scenario
+from sim_action.state.observation import Clash
 from sim_action.state.timeline import is_late, late_problems
 from sim_action.world import GROUND, Body, Disturbance, Physics, World, placed
 from sim_action.world.body_path import placements
@@ -23,7 +24,6 @@ from sim_action.world.claims import OVERLAPPING_BODIES
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.state.observation import Clash
     from sim_action.world.parts import Part
 
 DEPTH: Final = 0.005

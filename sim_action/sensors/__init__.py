@@ -10,24 +10,21 @@ import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final
+from typing import Annotated, ClassVar, Final
 
 from pydantic import Field
 
 from sim_action.core.field_types import FrozenModel, Name, PositiveHertz, RelativePose
 from sim_action.core.geometry import Pose
+from sim_action.core.lazy_numpy import Generator
 from sim_action.core.records import dataclass
 from sim_action.core.registry import Table
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.state.observation import Observation
+from sim_action.state.readings import Reading, ReadingColumn, columns_of, know_columns
+from sim_action.state.sensor_inputs import EngineQueries, WheelMotion
 from sim_action.state.transmission import PERFECT, Transmission
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from numpy.random import Generator
-
-    from sim_action.state.observation import Observation
-    from sim_action.state.readings import Reading, ReadingColumn
-    from sim_action.state.sensor_inputs import EngineQueries, WheelMotion
 
 
 @dataclass(frozen=True)
@@ -81,8 +78,6 @@ class Sensor(FrozenModel):
     def __pydantic_init_subclass__(cls, **_: object) -> None:
         """Let the sensors of installed packages count as user code, and make their columns known."""
         if not cls.__module__.startswith("sim_action."):
-            from sim_action.state.readings import know_columns  # `validate` does without it
-
             cls.runs_user_code = True
             know_columns(getattr(cls, "key", ""), cls.columns)
 
@@ -101,8 +96,6 @@ class Sensor(FrozenModel):
 
     def limits(self, reading: str, which: str | None) -> tuple[float, float]:
         """Return the least and the greatest value that a reading can have; `which`: as in the assertion `sensor`."""
-        from sim_action.state.readings import columns_of  # `validate` does without it
-
         column = columns_of(self.key).get(reading)
         return (-math.inf, math.inf) if column is None else column.limits(which)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -13,9 +13,7 @@ from sim_action.core.field_types import Metres, PositiveRadians
 from sim_action.core.geometry import compose
 from sim_action.sensors import Measure, Mount, Sensor, Sight
 from sim_action.state.readings import CameraImage
-
-if TYPE_CHECKING:
-    from sim_action.state.sensor_inputs import EngineQueries
+from sim_action.state.sensor_inputs import EngineQueries
 
 
 class Camera(Sensor):

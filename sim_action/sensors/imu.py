@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 from typing_extensions import override
@@ -10,11 +10,9 @@ from typing_extensions import override
 from sim_action.core import geometry
 from sim_action.core.field_types import NonNegativeMetresPerSecondSquared, NonNegativeRadiansPerSecond
 from sim_action.core.geometry import Pose, Quaternion, Vector3
+from sim_action.core.lazy_numpy import Generator
 from sim_action.sensors import Measure, Mount, Sensor, Sight
 from sim_action.state.readings import ImuReading
-
-if TYPE_CHECKING:
-    from numpy.random import Generator
 
 
 class Imu(Sensor):

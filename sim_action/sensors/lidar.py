@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final
+from typing import Annotated, ClassVar, Final
 
 from pydantic import Field
 from typing_extensions import override
 
 from sim_action.core.field_types import NonNegativeMetres, PositiveMetres, PositiveRadians, Radians
 from sim_action.core.geometry import compose, rotate
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import Generator, NDArray, np
 from sim_action.core.units import display
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.sensors import Measure, Mount, Sensor, Sight
 from sim_action.state.readings import LidarScan
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from numpy.random import Generator
-    from numpy.typing import NDArray
 
 _FULL_CIRCLE: Final = 2 * math.pi
 _ROUNDING: Final = 1e-9

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 from typing_extensions import override
@@ -13,11 +13,9 @@ from sim_action.core import geometry
 from sim_action.core.field_types import NonNegativeMetres, Ratio
 from sim_action.core.geometry import Pose
 from sim_action.sensors import Measure, Mount, Sensor, Sight
+from sim_action.state.observation import Observation
 from sim_action.state.readings import OdometryReading
 from sim_action.state.sensor_inputs import PlanarWay, WheelMotion
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
 
 ErrorRatio = Annotated[Ratio, Field(gt=-1, le=100)]  # at -1 the believed radius is 0; below, it is negative
 

@@ -6,11 +6,11 @@ import math
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core.records import dataclass, field
+from sim_action.state.readings import Reading
 from sim_action.state.trace_records import FRAME_RATE
 
 if TYPE_CHECKING:
     from sim_action.sensors import MountedSensor
-    from sim_action.state.readings import Reading
 
 _PICTURE_RATE: Final = 2.0
 _MAX_BYTES: Final = 32_000_000

@@ -9,11 +9,12 @@ import numpy as np
 from typing_extensions import override
 
 from sim_action.core import geometry, units
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.drives import Drive
 from sim_action.drives.wheels import steering_joint, wheel
 from sim_action.simulation.guards import Guard
 from sim_action.state.observation import Clash, Overlap
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 from sim_action.world import GROUND
 from sim_action.world.scene import Scene
 

@@ -14,6 +14,7 @@ import numpy as np
 from typing_extensions import override
 
 from sim_action.core.errors import BadSource, ControllersFinished, RunError, ScriptError
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import replace
 from sim_action.engines.engine import Engine, RobotQueries
 from sim_action.robot.model.link_motion import link_motion
@@ -24,7 +25,7 @@ from sim_action.simulation.sensors import Sensing
 from sim_action.simulation.start_checks import about_drive, drive_of
 from sim_action.state.command import JointTargets
 from sim_action.state.timeline import TimeMark
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 from sim_action.state.trace_records import BodyRecord, frame_stride
 from sim_action.world.scene import Scene
 

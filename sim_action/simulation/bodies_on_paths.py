@@ -25,13 +25,14 @@ from sim_action.core import geometry, units
 from sim_action.core.convex import hull_distance
 from sim_action.core.errors import RunError, SimulationUnstable
 from sim_action.core.geometry import Pose
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass
 from sim_action.core.units import first_step
 from sim_action.scenario.world_checks import DEPTH
 from sim_action.simulation.convex_pieces import Obstacle, Piece, part_pieces, part_soups, turned
 from sim_action.simulation.guards import NO_BODIES, Guard
 from sim_action.state.observation import Contact
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 from sim_action.state.trace_records import FRAME_RATE
 from sim_action.world import GROUND, Body, path_of, placed
 from sim_action.world.body_path import PosePath

@@ -16,7 +16,7 @@ from sim_action.commands import ClosedLoop, CommandSource, Controller, OpenLoop
 from sim_action.core import units
 from sim_action.core.errors import BadSource, ScriptError, SourceProblem
 from sim_action.core.geometry import Twist
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, field, replace
 from sim_action.drives import DriveMotion
 from sim_action.scenario.model import Scenario
@@ -35,7 +35,6 @@ from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.scenario.events import Event
-    from sim_action.state.trace import FloatArray
 
 Look = Callable[[int], Observation]
 """Returns the observation of the present step; called only if a controller needs it."""

@@ -28,11 +28,12 @@ from typing_extensions import override
 
 from sim_action.core import units
 from sim_action.core.errors import MissedContact, RunError, SimulationUnstable
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass
 from sim_action.robot.model.robot_model import Joint, RobotModel
 from sim_action.simulation.fast_motion import Block, Miss, Parts
 from sim_action.state.observation import Clash, Observation, Overlap
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 from sim_action.world import MAX_PHYSICS_RATE_HZ, MAX_SPEED, Physics
 from sim_action.world.scene import Scene
 

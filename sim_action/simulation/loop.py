@@ -13,6 +13,7 @@ import numpy as np
 
 from sim_action.assertions.temporal_logic.becoming import MOVED_M, Rest
 from sim_action.core.errors import ControllersFinished, RunError
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, field, replace
 from sim_action.drives import Drive
 from sim_action.engines import ENGINES, chosen
@@ -44,7 +45,7 @@ from sim_action.simulation.start_checks import (
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Digest
 from sim_action.state.timeline import TimeMark, in_order, nearest_causes, waits
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import BodyRecord
 from sim_action.state.verdict import Verdict

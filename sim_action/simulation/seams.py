@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Final
 
+from sim_action.state.command import JointTargets
+from sim_action.state.observation import Observation
+
 if TYPE_CHECKING:
     from sim_action.commands import Controller
     from sim_action.drives import DriveMotion
     from sim_action.scenario.faults import Fault
     from sim_action.sensors import Measure
-    from sim_action.state.command import JointTargets
-    from sim_action.state.observation import Observation
     from sim_action.world.scene import Scene
 
 

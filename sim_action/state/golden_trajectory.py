@@ -13,16 +13,13 @@ import io
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NoReturn, Self
+from typing import Final, NoReturn, Self
 
 from sim_action.core.files import read_at_most, whole_file
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line, shown
-
-if TYPE_CHECKING:
-    from sim_action.state.trace import FloatArray, Trace
-
+from sim_action.state.trace import Trace
 
 RESOLUTION: Final = 1e-4  # the resolution of values, in m and rad
 

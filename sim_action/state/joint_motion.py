@@ -14,16 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import Any, Final, Self
 
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import ArrayLike, FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from sim_action.state.trace import FloatArray
 
 RAMP_S: Final = 0.02
 """The time in s in which a straight motion changes its speed at a point; less where points are closer together."""

@@ -9,12 +9,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sim_action.core.files import open_regular
+from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, field
-from sim_action.state.trace import FloatArray, yaw_angles
+from sim_action.state.trace import yaw_angles
 from sim_action.state.trace_storage import TraceError, refuse_too_large, save_arrays
 
 _POSE: Final = 7

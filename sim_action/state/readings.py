@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import Any, Final, Protocol
 
 from sim_action.core import units
 from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import ArrayLike, NDArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import Dimension
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,8 +6,7 @@ import hashlib
 import struct
 from collections.abc import Iterator
 
-import numpy as np
-
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass
 from sim_action.state.trace import COLUMNS, Trace
 

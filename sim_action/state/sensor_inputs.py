@@ -7,14 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from sim_action.core.geometry import Pose, Twist, Vector3, quaternion_from_rpy
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.records import dataclass
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 
 class EngineQueries(Protocol):

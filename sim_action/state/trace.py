@@ -9,17 +9,13 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, Final, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sim_action.core.geometry import Quaternion, Vector3
+from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.observation import Contact, Observation, SelfContact
 from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.state.trace_records import BodyRecord, ClearanceRecord, ContactRecord, SensorRecord
-
-FloatArray = NDArray[np.float64]
 
 COLUMNS: Final = (
     "time",

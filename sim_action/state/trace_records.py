@@ -6,10 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Final, NamedTuple, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sim_action.core.geometry import Twist, Vector3
+from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.readings import Reading

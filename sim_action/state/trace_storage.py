@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-import numpy as np
-
 from sim_action.core.files import open_regular, whole_file
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import replace
 from sim_action.state.observation import Contact, SelfContact
 from sim_action.state.timeline import TimeMark

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Final, Generic, TypeVar
+from typing import Annotated, Final, Generic, TypeVar
 
 from pydantic import Field
 
 from sim_action.core.field_types import FrozenModel, NonNegativeSeconds, NonNegativeShare
+from sim_action.core.lazy_numpy import Generator
 from sim_action.core.units import display, first_step
 from sim_action.state.timeline import TimeMark
-
-if TYPE_CHECKING:
-    from numpy.random import Generator
 
 Message = TypeVar("Message")
 

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeAlias
+from typing import Any, Final, Literal, Self, TypeAlias
 
 from sim_action.core.geometry import AXES, Quaternion, rotate
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 VerdictStatus = Literal["passed", "failed", "inconclusive", "not_exercised"]
 """The status of a verdict.

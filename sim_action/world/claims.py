@@ -22,12 +22,12 @@ from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.state.trace import Trace
+from sim_action.state.verdict import Verdict
 from sim_action.world import GRAVITY, Physics, World
 from sim_action.world.physics import FELT_SHARE
 
 if TYPE_CHECKING:
-    from sim_action.state.trace import Trace
-    from sim_action.state.verdict import Verdict
     from sim_action.world.scene import Scene
 
 

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from sim_action.core import geometry
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.wording import quoted
 from sim_action.state.timeline import TimeMark
+from sim_action.state.trace import Trace
 from sim_action.world.body import Body, placed
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.ground import Patch
 from sim_action.world.parts import lowest, reach
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from sim_action.state.trace import FloatArray, Trace
 
 _PASSED_M: Final = 0.5  # m: a robot that came so near to an object has passed it
 _DRIVEN_M: Final = 0.1  # m: a robot that came nearer by less has not passed anything

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Final, Self
+from typing import Annotated, Final, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -23,11 +23,8 @@ from sim_action.core.field_types import (
     RadiansPerSecond,
 )
 from sim_action.core.geometry import Vector3
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.state.timeline import TimeMark
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 MAX_PHYSICS_RATE_HZ: Final = 100_000.0
 """The greatest rate of physics steps in Hz, which also limits all other rates."""

@@ -11,7 +11,7 @@ from sim_action.core import units
 from sim_action.core.errors import Location
 from sim_action.core.field_types import FrozenModel, Placement
 from sim_action.core.geometry import Pose, rpy_from_quaternion
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import Generator, np
 from sim_action.core.records import dataclass, field
 from sim_action.core.workspace import Workspace
 from sim_action.robot.model.kinematics import Mobility, link_poses, why_no_link
@@ -20,8 +20,6 @@ from sim_action.robot.model.robot_spec import Robot
 from sim_action.world import Body, Physics, World
 
 if TYPE_CHECKING:
-    from numpy.random import Generator
-
     from sim_action.robot.model.robot_model import Keyframe
     from sim_action.world.parts import Part
 

@@ -39,8 +39,9 @@ from sim_action.assertions.stops_before import StopsBefore
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.assertions.upright import Upright
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.state.observation import Contact, JointState, SelfContact
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.trace_records import BodyRecord, ClearanceRecord, ContactRecord, LinkTouch, Nearness, SensorRecord
 from tests.assertions.limits import further_specs

@@ -16,10 +16,11 @@ from hypothesis import strategies as st
 from sim_action.assertions.matches import Matches
 from sim_action.assertions.monitors import State
 from sim_action.assertions.temporal_logic.windows import Window
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.workspace import Workspace
 from sim_action.state.golden_trajectory import Golden
 from sim_action.state.observation import JointState
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 from sim_action.state.verdict import Judged, Polyline, Verdict
 from sim_action.world.scene import Scene
 from tests.soak import examples

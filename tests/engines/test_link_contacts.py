@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.workspace import Workspace
 from sim_action.engines.link_contacts import SelfWatch, reaches
 from sim_action.engines.observers import Nearest
@@ -19,7 +20,6 @@ from sim_action.robot.model.link_pairs import touchable_pairs
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
-from sim_action.state.trace import FloatArray
 from tests.soak import examples
 
 ARM = load_model(Robot(model="ur5e_gripper"), Workspace(Path("/"), Path("/")))

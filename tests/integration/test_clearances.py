@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from sim_action.core.field_types import Placement
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.engines import ENGINES
 from sim_action.engines.clearances import ClearanceRecorder
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.state.command import JointTargets
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.trace_records import ClearanceRecord, Nearness
 from sim_action.world import Body, Cylinder, PathPoint, Sphere, World

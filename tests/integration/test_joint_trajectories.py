@@ -18,8 +18,9 @@ from typing import Final
 import numpy as np
 import pytest
 
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.scenario.loading import build_scene
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 from tests.integration.engines import on_every_engine
 from tests.simulated import simulated
 from tools.bench.robots import ROBOTS

@@ -20,8 +20,8 @@ from typing import Final
 import numpy as np
 import pytest
 
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.simulation.loop import SimulationRun
-from sim_action.state.trace import FloatArray
 from tests.integration.engines import BALL, on_every_engine
 from tests.scenarios import LEAST, told
 from tests.simulated import simulated

@@ -9,7 +9,8 @@ import numpy as np
 import pybullet
 import pytest
 
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.core.lazy_numpy import FloatArray
+from sim_action.state.trace import Trace
 from tests.integration.engines import inertia, on_every_engine
 from tests.integration.test_joint_trajectories import ARMS, KNOWN, TIMES, Arm, wanted
 from tests.simulated import simulated

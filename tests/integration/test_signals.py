@@ -15,6 +15,7 @@ from sim_action.assertions.combined import AtOnce, Combined, Negation
 from sim_action.assertions.monitors import State
 from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core.geometry import Pose, Twist
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.permissions import Permissions
 from sim_action.reports import ReportOptions
 from sim_action.reports.github.mermaid_chart import chart, load_replay, signal_of_verdict
@@ -23,7 +24,7 @@ from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.scenario.model import Expectation
 from sim_action.simulation.loop import simulate
 from sim_action.state.observation import JointState, Observation
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.scene import Scene
 from tests.integration.test_examples import ROOT, in_failing_form, sim_action

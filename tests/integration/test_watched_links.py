@@ -14,8 +14,9 @@ from typing import Any, Final
 import numpy as np
 
 from sim_action.core.geometry import Vector3
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.simulation.loop import SimulationRun
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 from tests.integration.engines import on_every_engine
 from tests.integration.test_probe import INERTIAL
 from tests.simulated import simulated

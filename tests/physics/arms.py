@@ -8,7 +8,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from sim_action.state.trace import FloatArray
+from sim_action.core.lazy_numpy import FloatArray
 from tests.physics.case import Case, Run, Setup
 from tests.physics.measures import GRAVITY, Measure
 from tests.physics.oracles import pendulum_period

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sim_action.core.geometry import Vector3
-from sim_action.state.trace import FloatArray
+from sim_action.core.lazy_numpy import FloatArray
 from tests.physics.case import Run
 
 Measure = Callable[[Run], float]

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from sim_action.core import geometry
-from sim_action.state.trace import FloatArray
+from sim_action.core.lazy_numpy import FloatArray
 from tests.physics.case import Run, Setup, run_on
 from tests.physics.oracles import GRAVITY, Vector, pendulum_period, runge_kutta
 from tests.physics.robots import ball_inertia, inertial, link, robot

@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.core.geometry import Pose, Vector3, compose, quaternion_from_rpy
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.engines.motion_bound import motion_factors
 from sim_action.robot.model.kinematics import link_poses
 from sim_action.robot.model.link_motion import frames_of, link_frames
@@ -20,7 +21,7 @@ from sim_action.robot.model.robot_model import Joint, Link, RobotModel, Shape
 from sim_action.simulation.convex_pieces import Obstacle, link_pieces, part_pieces, part_soups
 from sim_action.simulation.fast_motion import Block, Parts
 from sim_action.simulation.swept_search import _is_driven
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 from sim_action.state.trace_records import ALWAYS
 from sim_action.world import Body, PathPoint, World
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, SpherePart, SurfacePart

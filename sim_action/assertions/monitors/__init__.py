@@ -8,18 +8,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from enum import Enum
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
+from typing import Any, Final, NamedTuple, Self
 
 from typing_extensions import override
 
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, replace
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from sim_action.state.trace import FloatArray, Trace
-    from sim_action.state.verdict import Signal, Verdict
+from sim_action.state.trace import Trace
+from sim_action.state.verdict import Signal, Verdict
 
 FORCE_WINDOW_S: Final = 0.05
 """The time over which reports average contact forces, and assertions, too, if a scenario states no other."""

@@ -8,17 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final, Self
+from typing import Final, Self
 
 from sim_action.core import geometry, units
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace, rotation_angles
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import FloatArray, Trace
 
 # The velocities explain their way times this factor, plus a constant for corrections at contacts. In the examples, on
 # both engines, at most 0.01 mm and 0.0001 deg of a step are not explained.
@@ -114,8 +112,6 @@ def _distances(before: FloatArray, after: FloatArray) -> FloatArray:
 
 
 def _angles(before: FloatArray, after: FloatArray) -> FloatArray:
-    from sim_action.state.trace import rotation_angles  # `validate` does without it
-
     return rotation_angles(before[:, 4:8], after[:, 4:8])
 
 

@@ -5,19 +5,17 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from typing_extensions import override
 
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.goals import Goal, Invariant, joined
 from sim_action.core import units
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
+from sim_action.state.trace import Trace
 from sim_action.state.verdict import Signal, Verdict
-
-if TYPE_CHECKING:
-    from sim_action.state.trace import FloatArray, Trace
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,17 +9,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Final, NamedTuple, Self
+from typing import Final, NamedTuple, Self
 
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import STEP_EPSILON
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from sim_action.state.observation import Contact, SelfContact
-    from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.observation import Contact, SelfContact
+from sim_action.state.trace import Trace
 
 _DIGITS: Final = 9  # in N: sums of forces differ by rounding
 

@@ -6,15 +6,13 @@ A margin is the distance of a signal to its limit. It is positive on the allowed
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
 from sim_action.assertions.monitors import State, Truth
 from sim_action.core import units
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Signal, Verdict
-
-if TYPE_CHECKING:
-    from sim_action.state.trace import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

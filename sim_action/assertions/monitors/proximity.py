@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from sim_action.assertions.monitors import Truth
+from sim_action.assertions.temporal_logic.formula import quoted
 from sim_action.core import units
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.units import TIME_EPSILON_S
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Contact
-    from sim_action.state.trace import FloatArray, Trace
-    from sim_action.state.trace_channels import ClearanceWatch
-    from sim_action.state.trace_records import ClearanceRecord, Nearness
+from sim_action.state.observation import Contact
+from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import ClearanceWatch
+from sim_action.state.trace_records import ClearanceRecord, Nearness
 
 
 def nearest_of(trace: Trace, watch: ClearanceWatch | None, before: Nearness | None) -> Nearness | None:
@@ -27,8 +26,6 @@ def nearest_of(trace: Trace, watch: ClearanceWatch | None, before: Nearness | No
 
 def recorded(trace: Trace, *watches: ClearanceWatch) -> ClearanceRecord:
     """Return all moments that several watches of the same bodies recorded."""
-    from sim_action.state.trace_records import ClearanceRecord  # `validate` does without it
-
     records = [trace.clearances[watch] for watch in watches if watch in trace.clearances]
     if len(records) < 2:
         return records[0] if records else ClearanceRecord.of(())
@@ -65,8 +62,6 @@ NO_FORCE: Final = "with no computed force (neither gives way)"
 
 def clearance_signal(body: str) -> str:
     """Return the distance of the robot from a body as a formula writes it: 0 or less where they touch."""
-    from sim_action.assertions.temporal_logic.formula import quoted  # `validate` does without it
-
     return f"clearance({quoted(body)})"
 
 

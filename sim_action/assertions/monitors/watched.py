@@ -16,13 +16,17 @@ from typing_extensions import override
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import AdaptedMonitor, Monitor, State, Truth
 from sim_action.assertions.temporal_logic.becoming import Rest
+from sim_action.assertions.temporal_logic.formula import quoted
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.kinematics import link_of_frame, why_no_frame, why_no_link
+from sim_action.robot.model.link_motion import motion_in
 from sim_action.robot.model.link_pairs import rigid_bodies
 from sim_action.robot.model.robot_model import WORLD
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
 from sim_action.state.verdict import Mark, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
 from sim_action.world.link_range import LinkRange, joints_between, range_of
@@ -30,8 +34,6 @@ from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.robot.model.link_motion import LinkMotion
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import Trace
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +73,6 @@ class Watched:
         """Return the state at t = 0 with the pose and the twist of the frame in place of those of the base."""
         if self.motion is None:
             return start
-        from sim_action.state.trace import Trace  # `validate` does without it
-
         row = self.seen(Trace.of_observation(start)).state[0].tolist()
         x, y, z, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = row[1:14]
         return replace(start, pose=Pose((x, y, z), (qx, qy, qz, qw)), twist=Twist((vx, vy, vz), (wx, wy, wz)))
@@ -115,8 +115,6 @@ class MotionAssertion(Assertion):
 
     def quantity(self, name: str, signal: str = "") -> str:
         """Return a quantity of the frame as a formula writes it; `signal`: that of the base in formulas, if any."""
-        from sim_action.assertions.temporal_logic.formula import quoted  # `validate` does without it
-
         if self.watches_base and signal:
             return signal
         inside = self.frame == WORLD and self.link is not None and bool(signal)
@@ -182,8 +180,6 @@ class MotionAssertion(Assertion):
         link = self.link or scene.model.root
 
         def motion(trace: Trace) -> LinkMotion:
-            from sim_action.robot.model.link_motion import motion_in  # `validate` does without it
-
             return motion_in(scene.model, trace, link, self.frame)
 
         return Watched(self.link or "", self.frame, motion)

@@ -16,16 +16,14 @@ from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.goals import joined
 from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import units
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
 from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import Trace
     from sim_action.world.scene import Scene
 
 HOLD_S: Final = 1.0  # the time in s for which a goal that is true from t = 0 on must hold if nothing acts on the robot

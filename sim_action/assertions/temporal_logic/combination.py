@@ -9,22 +9,17 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import Any, Final, Self
 
 from typing_extensions import override
 
 from sim_action.assertions.monitors import Fold, Monitor, State, Truth
 from sim_action.assertions.monitors.goals import Goal
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
-from sim_action.state.verdict import Judged, Signal, Verdict
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from sim_action.state.trace import Trace
-    from sim_action.state.verdict import VerdictStatus
+from sim_action.state.trace import Trace
+from sim_action.state.verdict import Judged, Signal, Verdict, VerdictStatus
 
 
 class Junction(Fold):

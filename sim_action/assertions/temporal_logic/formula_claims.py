@@ -48,12 +48,12 @@ from sim_action.robot.model.link_pairs import rigid_bodies
 from sim_action.robot.model.robot_model import WORLD, RobotModel
 from sim_action.sensors import sensor_named
 from sim_action.state.readings import DISTANCES, ReadingColumn
+from sim_action.state.trace import Trace
 from sim_action.world import GROUND, Physics
 from sim_action.world.claims import IN_RANGE, ClaimFinding, Findings, JudgedRun, Setting
 from sim_action.world.link_range import ROUNDING_M, joint_range, joint_range_in, range_of
 
 if TYPE_CHECKING:
-    from sim_action.state.trace import Trace
     from sim_action.world.scene import Scene
 
 _AXES: Final = "xyz"

@@ -43,14 +43,14 @@ from sim_action.assertions.temporal_logic.robustness import (
 )
 from sim_action.assertions.temporal_logic.signal_reader import SignalReader
 from sim_action.core import units
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, replace
-from sim_action.state.trace import FloatArray
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
 from sim_action.state.verdict import Judged, Verdict
 from sim_action.state.verdict import Signal as Curve
 
 if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
-    from sim_action.state.trace import Trace
     from sim_action.world.scene import Scene
 
 _MAX_POINTS: Final = 60  # a formula that is judged at the end is computed again for each point of the curve

@@ -340,14 +340,16 @@ class _Parser:
         operator = self._advance()
         if strength == _IMPLIES:
             premise = self._joined(left, first, operator)
-            start = self._next
-            return Implies(premise, self._joined(self._expression(_IMPLIES), start, operator))
+            return Implies(premise, self._joined_next(_IMPLIES, operator))
         items = [self._joined(left, first, operator)]
         while True:
-            start = self._next
-            items.append(self._joined(self._expression(strength + 1), start, operator))
+            items.append(self._joined_next(strength + 1, operator))
             if self._accept(operator.text) is None:
                 return And(tuple(items)) if strength == _AND else Or(tuple(items))
+
+    def _joined_next(self, least: int, operator: Token) -> Formula:
+        start = self._next
+        return self._joined(self._expression(least), start, operator)
 
     def _joined(self, found: Formula | Term, first: Token, operator: Token) -> Formula:
         if isinstance(found, Until) and found is self._open:
@@ -365,15 +367,13 @@ class _Parser:
 
     def _until(self, before: Formula) -> Formula:
         self._advance()
-        interval, start = self._interval(), self._next
-        then = self._as_formula(self._expression(_COMPARE), start)
-        self._open = Until(before, then, interval)
+        interval = self._interval()
+        self._open = Until(before, self._formula(_COMPARE), interval)
         return self._open
 
     def _comparison(self, left: Formula | Term, first: Token) -> Comparison:
         operator = self._advance()
-        start = self._next
-        right = self._as_term(self._expression(_ADD), start)
+        right = self._term(_ADD)
         found = Comparison(self._as_term(left, first), cast("Relation", operator.text), right, first.at)
         if self._next.text in get_args(Relation):
             self._refuse(self._next, "comparisons cannot be chained; join two with 'and'")
@@ -384,16 +384,14 @@ class _Parser:
     def _sum(self, left: Formula | Term, first: Token) -> Sum:
         terms = [self._as_term(left, first)]
         while (operator := self._accept("+", "-")) is not None:
-            start = self._next
-            term = self._as_term(self._expression(_MULTIPLY), start)
+            term = self._term(_MULTIPLY)
             terms.append(term if operator.text == "+" else Negative(term, operator.at))
         return Sum(tuple(terms), first.at)
 
     def _product(self, left: Formula | Term, first: Token) -> Product:
         factors = [self._as_term(left, first)]
         while self._accept("*") is not None:
-            start = self._next
-            factors.append(self._as_term(self._expression(_MULTIPLY + 1), start))
+            factors.append(self._term(_MULTIPLY + 1))
         return Product(tuple(factors), first.at)
 
     def _operand(self) -> Formula | Term:
@@ -404,8 +402,7 @@ class _Parser:
             case "(":
                 return self._parenthesis()
             case "-":
-                start = self._next
-                return Negative(self._as_term(self._expression(_MULTIPLY + 1), start), token.at)
+                return Negative(self._term(_MULTIPLY + 1), token.at)
             case "abs":
                 return self._absolute(token)
             case "not" | "always" | "eventually":
@@ -423,15 +420,14 @@ class _Parser:
 
     def _absolute(self, token: Token) -> Absolute:
         self._expect("(", "after 'abs'")
-        start = self._next
-        term = self._as_term(self._expression(_ADD), start)
+        term = self._term(_ADD)
         self._expect(")", "to close the parenthesis")
         return Absolute(term, token.at)
 
     def _prefixed(self, token: Token) -> Formula:
         interval = ALL_TIME if token.text == "not" else self._interval()
         begin, start = self._position, self._next
-        formula = self._as_formula(self._expression(_COMPARE), start)
+        formula = self._formula(_COMPARE)
         # An operand that ends with its parenthesis is not ambiguous.
         closed = self._ends.get(begin) == self._position
         inherits = start.text in ("not", "always", "eventually")
@@ -501,6 +497,14 @@ class _Parser:
     def _odd_name(self, token: Token) -> str:
         found = _ODD_NAME.match(self._text, token.at)
         return "" if found is None else f"; write such a name in quotes: '{found[1]}'.{found[2]}"
+
+    def _formula(self, least: int) -> Formula:
+        start = self._next
+        return self._as_formula(self._expression(least), start)
+
+    def _term(self, least: int) -> Term:
+        start = self._next
+        return self._as_term(self._expression(least), start)
 
     def _as_formula(self, found: Formula | Term, first: Token) -> Formula:
         if isinstance(found, Term):

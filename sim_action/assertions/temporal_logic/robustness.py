@@ -32,9 +32,9 @@ from sim_action.assertions.temporal_logic.formula import (
     signed_parts,
 )
 from sim_action.assertions.temporal_logic.windows import NOTHING_LEAST, greatest_of_windows, least_of_windows, until
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
-from sim_action.state.trace import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,8 @@ A step is left out as long as a signal is unknown: before the first reading of a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Final, Self
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Final, Self
 
 import numpy as np
 
@@ -17,17 +17,15 @@ from sim_action.assertions.sensor import picked
 from sim_action.assertions.temporal_logic.formula import Signal
 from sim_action.assertions.temporal_logic.formula_signals import watch_of
 from sim_action.assertions.temporal_logic.robustness import Samples
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.robot.model.link_motion import LinkMotion, link_motion
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.observation import Contact, Observation
-from sim_action.state.trace import FloatArray, Trace, yaw_angles
+from sim_action.state.trace import Trace, yaw_angles
 from sim_action.state.trace_records import BodyRecord
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
 
 _UNREACHED: Final = 1e9
 """The value of an infinite reading, such as the range of a ray that hits nothing."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
+from typing import Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -40,12 +40,10 @@ from sim_action.assertions.temporal_logic.formula_signals import (
 from sim_action.assertions.temporal_logic.parser import parse, place
 from sim_action.core.wording import shown
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.state.observation import Observation
 from sim_action.state.trace_channels import Channels
 from sim_action.world.claims import Findings, JudgedRun, Setting
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
 
 _STEP_ROUNDING: Final = 1e-6
 

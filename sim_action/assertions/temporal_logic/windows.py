@@ -12,18 +12,14 @@ from typing_extensions import override
 
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.goals import Goal
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.timeline import waits
-from sim_action.state.verdict import Judged, Signal
+from sim_action.state.trace import Trace
+from sim_action.state.verdict import Judged, Signal, Verdict
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from sim_action.state.trace import FloatArray, Trace
-    from sim_action.state.verdict import Verdict
-
     Indices = NDArray[np.intp]
 
 # Sim time is step / rate: equal durations differ by rounding.

@@ -23,6 +23,7 @@ from typing_extensions import override
 from sim_action.core import geometry
 from sim_action.core.errors import EngineError
 from sim_action.core.geometry import Pose, Twist, Vector3
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import replace
 from sim_action.engines import named_version
 from sim_action.engines.body_control import HeldWrenches
@@ -42,7 +43,7 @@ from sim_action.robot.model.link_motion import LinkStates
 from sim_action.robot.model.robot_model import RobotModel, ball_angles
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import ByName, Clash, Contact, JointState, Observation, Overlap
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import ContactRecord
 from sim_action.world import World

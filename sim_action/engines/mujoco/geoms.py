@@ -18,11 +18,11 @@ import mujoco
 import numpy as np
 
 from sim_action.core.geometry import Pose, Quaternion
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.engines.mujoco.contact_pairs import Collider
 from sim_action.engines.mujoco.names import object_name
 from sim_action.meshes.hull_file import read_unshrunk_points
 from sim_action.robot.model.robot_model import ENGINE_MARGIN_M, Surface
-from sim_action.state.trace import FloatArray
 from sim_action.world import GROUND, Body, World
 from sim_action.world.ground import ground_tiles
 from sim_action.world.mass_properties import MassProperties, mass_properties_of

@@ -21,12 +21,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.drives.wheels import held_joints
 from sim_action.engines.engine import UNLIMITED_EFFORT
 from sim_action.engines.mujoco.scene import IMPEDANCE, STEPS_TO_CONVERGE, CompiledScene, solver_parameters
 from sim_action.robot.model.robot_model import FOLLOWED, Joint, MotorKind, Reading, RobotModel
 from sim_action.state.command import JointTargets
-from sim_action.state.trace import FloatArray
 from sim_action.world.scene import Scene
 
 _SERVO_SHARE: Final = 0.1  # share of its error that a position servo corrects in one step: PyBullet's default

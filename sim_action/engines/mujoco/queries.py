@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.engines.mujoco.geoms import wxyz
 from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.engines.observers import Nearest, ReadPoses
 from sim_action.state.observation import Clash, Contact, Overlap
-from sim_action.state.trace import FloatArray
 from sim_action.state.trace_records import LinkTouch
 from sim_action.world import GROUND
 

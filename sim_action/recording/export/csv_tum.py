@@ -10,10 +10,10 @@ from typing import BinaryIO, ClassVar, Final
 import numpy as np
 
 from sim_action.core.geometry import rpy_from_quaternion
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.robot.model.link_motion import link_motion
 from sim_action.robot.model.robot_model import Reading
-from sim_action.state.trace import FloatArray
 
 # Names of columns, each with its unit.
 _POSE: Final = (("x", "m"), ("y", "m"), ("z", "m"), ("qx", ""), ("qy", ""), ("qz", ""), ("qw", ""))

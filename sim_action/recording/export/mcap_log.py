@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from sim_action.core import geometry
 from sim_action.core.geometry import ZERO, Pose, Quaternion, Vector3
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import free_name
@@ -30,7 +31,7 @@ from sim_action.robot.model.robot_model import Joint, RobotModel
 from sim_action.sensors import MountedSensor
 from sim_action.sensors.lidar import Lidar
 from sim_action.state.command import WORLD_FRAME, LinkWrench
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 from sim_action.state.trace_records import SensorRecord
 from sim_action.world import placed
 

@@ -9,12 +9,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.scenario.model import Scenario
 from sim_action.sensors import MountedSensor
 from sim_action.state.command import LinkWrench
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 from sim_action.state.trace_records import CommandedTwists
 from sim_action.world import Body, placed
 from sim_action.world.scene import Scene

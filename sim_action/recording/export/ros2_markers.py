@@ -11,6 +11,7 @@ import numpy as np
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.meshes.convex_hull import hull_faces
@@ -18,7 +19,6 @@ from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2_messages import CdrForm, Frames, Topic, nanoseconds, stamps
 from sim_action.robot.model.robot_model import Joint, Link, RobotModel, Shape
 from sim_action.sensors.rendering import PALETTE, ROBOT
-from sim_action.state.trace import FloatArray
 from sim_action.world.parts import (
     BoxPart,
     CylinderPart,

@@ -13,10 +13,10 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import free_name
 from sim_action.recording.export.recorded_run import RecordedRun
-from sim_action.state.trace import FloatArray
 
 # The header of the plain little-endian encoding (OMG DDSI-RTPS 10.2); alignment is relative to its end.
 _HEADER: Final = b"\x00\x01\x00\x00"

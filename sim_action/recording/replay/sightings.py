@@ -15,6 +15,7 @@ from pydantic import Field
 from sim_action.core import geometry
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Pose
+from sim_action.core.lazy_numpy import NDArray
 from sim_action.core.records import dataclass
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.replay.columns import FloatArray, Index, steady
@@ -22,14 +23,12 @@ from sim_action.recording.replay.scans import MAX_SENSORS, SensorName, scans_unt
 from sim_action.recording.replay.scene_data import Length, Number
 from sim_action.recording.replay.surfaces import Triangles, hull_surface
 from sim_action.state.readings import ContactReading, LidarScan
+from sim_action.state.trace import Trace
 from sim_action.world import placed
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, grid_surface, reach
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from sim_action.sensors.reading_log import ReadingLog
-    from sim_action.state.trace import Trace
     from sim_action.world.scene import Scene
 
 MAX_OBSTACLES: Final = 50

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from sim_action.core import units
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.wording import shortened
 from sim_action.recording.replay.replay_data import Replay, SignalData
 from sim_action.recording.replay.replay_file import ReplayError, read_replay
@@ -18,7 +19,6 @@ from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.results.artifacts import stored_file
 from sim_action.results.outcome import Outcome
-from sim_action.state.trace import FloatArray
 from sim_action.state.verdict import Signal, Verdict
 
 _MAX_POINTS: Final = 60

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 import numpy as np
 
 from sim_action.core import units
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import shortened
 from sim_action.recording.replay.columns import Column, TextColumn, steady
@@ -26,7 +27,6 @@ from sim_action.reports.formatting import moment, quantity
 from sim_action.reports.html.document import Html, element, joined, text
 from sim_action.reports.html.replay_blocks import MAX_REPLAY_BYTES, PackedReplay, ReplayBlocks, replay_id, stored_replay
 from sim_action.results.outcome import Outcome, repetition_name
-from sim_action.state.trace import FloatArray
 
 if TYPE_CHECKING:
     from sim_action.reports.html.base_run import Base, ScenarioChange

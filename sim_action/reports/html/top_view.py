@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.scene_data import (
@@ -31,7 +32,6 @@ from sim_action.recording.replay.scene_data import (
 )
 from sim_action.reports.html.document import Html, element
 from sim_action.results.outcome import DisplayStatus, ExpectationOutcome, Outcome
-from sim_action.state.trace import FloatArray
 
 if TYPE_CHECKING:
     from sim_action.recording.replay.sightings import SightingData

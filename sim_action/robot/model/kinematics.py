@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from sim_action.core import geometry, units
 from sim_action.core.geometry import ZERO, Box, Pose, Vector3
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.model.robot_model import ENGINE_MARGIN_M, WORLD, Joint, Reading, RobotModel, Shape
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 # The largest part of a quaternion, beyond which a rotation moves no point by more than 1e-7 of its distance.
 _UNTURNED: Final = 1 - 1e-15

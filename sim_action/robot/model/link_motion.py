@@ -8,21 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from types import ModuleType
+from typing import Any, Final
 from weakref import WeakKeyDictionary
 
 from sim_action.core import geometry
 from sim_action.core.geometry import ZERO, Pose, Quaternion, Twist, Vector3
-from sim_action.core.lazy_numpy import np
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass
 from sim_action.robot.model.kinematics import link_of_frame, why_no_link
 from sim_action.robot.model.robot_model import WORLD, Joint, RobotModel
 from sim_action.state.observation import ByName, JointState, LinkState
-
-if TYPE_CHECKING:
-    from types import ModuleType
-
-    from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 
 _POLE: Final = 1e-30  # keeps the rates of a ball joint finite where its angles about x and z cannot be told apart
 

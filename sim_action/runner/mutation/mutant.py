@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, replace
 from sim_action.results.outcome import Outcome
 from sim_action.robot.model.link_motion import link_motion
 from sim_action.robot.model.robot_model import WORLD
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.scenario.mutation import Mutation
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from sim_action.world.parts import Part
 
 _NO_FAULT: Final = Mutation()

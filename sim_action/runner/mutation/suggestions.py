@@ -14,6 +14,7 @@ import numpy as np
 import yaml
 
 from sim_action.core.errors import InvalidScenario
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, replace
 from sim_action.results.outcome import ExpectationOutcome, Outcome
@@ -22,7 +23,6 @@ from sim_action.runner.mutation.mutant import Original
 from sim_action.scenario.loading import Libraries, checked
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.mutation import Mutation
-from sim_action.state.trace import FloatArray
 
 MOST_TRIALS: Final = 3  # the number of candidates that are run alone, for each survivor
 

@@ -10,7 +10,8 @@ from pydantic import ValidationError
 from sim_action.assertions.distance import PathLength, Travel
 from sim_action.assertions.monitors import State
 from sim_action.assertions.monitors.bounds import AllLimits, Bounds, Interval, IntervalsMonitor, SignalMonitor
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.core.lazy_numpy import FloatArray
+from sim_action.state.trace import Trace
 from tests.traces import trace
 
 both = pytest.mark.parametrize("kind", [Travel, PathLength])

@@ -21,7 +21,8 @@ from sim_action.assertions.settled import Settled
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.upright import Upright
 from sim_action.core.geometry import quaternion_from_rpy
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.core.lazy_numpy import FloatArray
+from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from tests.assertions.test_cuts import random_trace
 from tests.soak import examples

@@ -14,8 +14,9 @@ from sim_action.assertions.temporal_logic.parser import parse
 from sim_action.assertions.temporal_logic.signal_reader import SignalReader
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.core.geometry import Pose, compose, quaternion_from_rpy
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.robot.model.kinematics import link_poses
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.trace_records import BodyRecord, ClearanceRecord, Nearness, SensorRecord
 from sim_action.state.verdict import Verdict

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.state.command import JointTargets
-from sim_action.state.trace import FloatArray
 from tests import traces
 from tests.integration.engines import running
 

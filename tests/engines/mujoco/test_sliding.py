@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Vector3
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.state.command import JointTargets
-from sim_action.state.trace import FloatArray
 from sim_action.world import Body, World
 from tests import traces
 from tests.integration.engines import advance, at, push, running, scene_of

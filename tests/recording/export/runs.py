@@ -9,12 +9,12 @@ import numpy as np
 
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, quaternion_from_rpy
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.sensors import MountedSensor
 from sim_action.sensors.imu import Imu
 from sim_action.sensors.lidar import Lidar
 from sim_action.sensors.odometry import Odometry
-from sim_action.state.trace import FloatArray
 from sim_action.state.trace_records import BodyRecord, CommandedTwists, SensorRecord
 from sim_action.world.scene import Scene
 from tests.outcomes import like

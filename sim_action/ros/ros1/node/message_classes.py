@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
@@ -13,13 +13,11 @@ from sensor_msgs.msg import PointField
 from std_msgs.msg import Header
 
 from sim_action.core import geometry
+from sim_action.core.lazy_numpy import NDArray
 from sim_action.ros import messages
 from sim_action.ros.messages import Message
 from sim_action.ros.robot_topics import pinhole_of, seconds_and_nanoseconds
 from sim_action.sensors.camera import Camera
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 # As the Point Cloud Library lays out a point with a colour.
 _OFFSETS: Final = {"x": 0, "y": 4, "z": 8, "rgb": 16}
