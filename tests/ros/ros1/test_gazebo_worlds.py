@@ -34,16 +34,6 @@ def read(folder: Path, inside: str) -> tuple[World, list[str]]:
     return found.world, [loss.message for loss in found.losses if not loss.is_remark]
 
 
-def test_a_wall(tmp_path: Path) -> None:
-    world, notes = read(tmp_path, WALL)
-
-    (wall,) = world.objects
-    assert notes == []
-    assert (wall.name, wall.box, wall.mass) == ("wall", (0.1, 3.0, 1.0), None)
-    assert (wall.pose.x, wall.pose.y, wall.pose.z) == (2.0, 0.0, 0.5)
-    assert wall.pose.yaw == pytest.approx(1.5)
-
-
 def test_poses_of_model_link_and_collision_are_put_together(tmp_path: Path) -> None:
     turned = math.pi / 2
     world, _ = read(
@@ -60,32 +50,6 @@ def test_poses_of_model_link_and_collision_are_put_together(tmp_path: Path) -> N
     assert isinstance(part, CylinderPart)
     assert compose(placed(pole, (part,)), part.pose).position_xyz == pytest.approx((1, 3, 0.4))
     assert (part.radius, part.height) == (0.1, 0.8)
-
-
-def test_several_shapes_of_a_model_are_one_body_and_what_has_no_shape_of_ours_is_told(tmp_path: Path) -> None:
-    world, notes = read(
-        tmp_path,
-        """<model name="m"><static>1</static><link name="l">
-        <collision name="a"><geometry><sphere><radius>0.2</radius></sphere></geometry></collision>
-        <collision name="b"><geometry><box><size>1 1 1</size></box></geometry></collision>
-        <collision name="c"><geometry><mesh><uri>model://x/y.dae</uri></mesh></geometry></collision>
-        <collision name="d"><geometry><plane><normal>0 0 1</normal></plane></geometry></collision>
-        </link></model>""",
-    )
-
-    (body,) = world.objects
-    assert (body.name, [shape.kind for shape in body.shapes or ()]) == ("m", ["sphere", "box"])
-    (note,) = notes
-    assert note.startswith("the mesh 'model://x/y.dae' of 'm' was not found; it is left out: ")
-
-
-def test_a_model_of_several_shapes_moves_as_one(tmp_path: Path) -> None:
-    collision = "<collision name='{}'><geometry><sphere><radius>0.2</radius></sphere></geometry></collision>"
-    link = f"<link name='l'>{collision.format('a')}{collision.format('b')}</link>"
-    world, notes = read(tmp_path, f"<model name='m'>{link}</model>")
-
-    (body,) = world.objects
-    assert (body.mass, len(body.shapes or ()), notes) == (1.0, 2, [])
 
 
 def test_models_that_are_included(tmp_path: Path) -> None:
@@ -106,21 +70,12 @@ def test_models_that_are_included(tmp_path: Path) -> None:
     assert str(tmp_path / "models") in note
 
 
-def test_gravity(tmp_path: Path) -> None:
-    assert read(tmp_path, "<gravity>0 0 -1.6</gravity>")[0].gravity == (0, 0, -1.6)
-    assert read(tmp_path, "")[0] == World()
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("<sdf/>", "has no <world>"),
         ("<sdf", "a.world"),
         (f"<world>{WALL.replace('0.1 3 1', 'wide')}</world>", "a.world"),
-        (f"<world>{WALL.replace('0.1 3 1', '0.1 3')}</world>", "a.world"),
-        (f"<world>{WALL.replace('2 0 0.5 0 0 1.5', '2 0')}</world>", "a.world"),
-        (f"<world>{WALL.replace('0.1 3 1', '-1 3 1')}</world>", "a.world"),
-        ("<world><gravity>down</gravity></world>", "a.world"),
     ],
 )
 def test_what_cannot_be_read_is_said_with_its_file(text: str, message: str, tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ from sim_action.ros.ros1.lockstep import Lockstep, TestFinished
 from sim_action.ros.ros1.master import Master
 from sim_action.ros.ros1.node.episode import Episode, EpisodeFactory, Pace, Session
 from sim_action.ros.ros1.node.episode_record import EpisodeRecord
-from sim_action.ros.ros1.node.services import ForceServices, ModelServices, QueryServices
+from sim_action.ros.ros1.node.services import GazeboServices
 from sim_action.ros.ros1.node.topics import GazeboTopics, Traffic
 from sim_action.ros.ros1.node.world_models import (
     ChangeQueue,
@@ -83,7 +83,7 @@ class _Server:
         self._notes: list[str] = []
         self._losses: list[Loss] = []
         self._missing_world: str | None = None
-        self._services: ModelServices | None = None
+        self._services: GazeboServices | None = None
         self._record = EpisodeRecord()
         self._traffic = Traffic()
         self._changes, self._current = ChangeQueue(), CurrentState(WorldModels(World()))
@@ -111,9 +111,9 @@ class _Server:
         try:
             self._current.world_models = self._populated()
             session = self._session
-            self._services = ModelServices(self._current, self._changes, session.paused, session.efforts)
-            self._pressing = ForceServices(self._current, self._changes, session.efforts)
-            self._inquiries = QueryServices(self._current, session.paused, self._request.physics_rate)
+            self._services = GazeboServices(
+                self._current, self._changes, session.paused, session.efforts, self._request.physics_rate
+            )
             end = self._simulate()
             self._lockstep.await_leavers(_MAX_LEAVING_S)
         except TestFinished:

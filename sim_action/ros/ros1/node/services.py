@@ -37,7 +37,8 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
 from sim_action.core.records import replace
 from sim_action.core.wording import did_you_mean
-from sim_action.robot.model.robot_model import JointType, Link, RobotModel
+from sim_action.robot.model.robot_model import Joint, JointType, Link, RobotModel
+from sim_action.ros.robot_topics import in_frame_of
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, body_of
 from sim_action.ros.ros1.node.message_classes import header, pose_message, pose_of, twist_message, twist_of
 from sim_action.ros.ros1.node.world_models import (
@@ -70,139 +71,14 @@ _BODY_LINK: Final = "link"
 _FOREVER_S: Final = 1e5
 
 
-class QueryServices:
-    """The query services, open as long as the node lives; `rate`: physics steps per second, in Hz."""
+class GazeboServices:
+    """The services, open as long as the node lives; `rate`: physics steps per second, in Hz."""
 
-    def __init__(self, current: CurrentState, paused: Event, rate: float) -> None:
-        self._current, self._paused, self._rate = current, paused, rate
-        for name, kind, answer in (
-            ("get_link_state", GetLinkState, lambda asked: _tried(self._link_state, asked)),
-            ("get_link_properties", GetLinkProperties, lambda asked: _tried(self._link, asked.link_name)),
-            ("get_joint_properties", GetJointProperties, lambda asked: _tried(self._joint, asked.joint_name)),
-            ("get_model_properties", GetModelProperties, lambda asked: _tried(self._model, asked.model_name)),
-            ("get_physics_properties", GetPhysicsProperties, self._physics),
-        ):
-            rospy.Service(f"~{name}", kind, answer)
-
-    def _link_state(self, asked: Any) -> dict[str, Any]:
-        """Return the state of a link. Raises LookupError."""
-        pose, twist = state_of(self._current, asked.link_name)
-        frame = asked.reference_frame
-        if frame not in WORLD_FRAMES:
-            other = frame_of(self._current, frame)
-            pose = geometry.compose(geometry.inverse(other), pose)
-            back = geometry.conjugate(other.orientation_xyzw)
-            twist = Twist(geometry.rotate(back, twist.linear_xyz), geometry.rotate(back, twist.angular_xyz))
-        state = LinkState(asked.link_name, pose_message(pose), twist_message(twist), frame or "world")
-        return {"link_state": state}
-
-    def _link(self, name: str) -> dict[str, Any]:
-        """Return the properties of a link. Raises LookupError."""
-        model, short = robot_model(self._current), name.rpartition("::")[2]
-        link = model.links_by_name.get(short)
-        if link is None:
-            raise LookupError(f"the robot has no link '{short}'{did_you_mean(short, model.links_by_name)}")
-        turned, moments = _inertia(model, link)
-        com = pose_message(Pose(link.centre_of_mass_xyz, turned))
-        return {"com": com, "gravity_mode": True, "mass": link.mass or 0.0, **moments}
-
-    def _joint(self, name: str) -> dict[str, Any]:
-        """Return the properties of a joint. Raises LookupError."""
-        joint = robot_joint(robot_model(self._current), name)
-        found = robot_model(self._current).joints_by_name[joint]
-        state = self._current.joints.get(joint)
-        moving = {"position": [state.position], "rate": [state.velocity]} if state else {}
-        return {"type": _TYPES[found.type], "damping": [], **moving}
-
-    def _model(self, name: str) -> dict[str, Any]:
-        """Return the properties of a model. Raises LookupError."""
-        models, model = self._current.world_models, self._current.model
-        if models.robot is not None and models.robot.name == name and model is not None:
-            geoms = [f"{link.name}_collision" for link in model.links if link.collisions]
-            return {
-                "canonical_body_name": model.root,
-                "body_names": [link.name for link in model.links],
-                "geom_names": geoms,
-                "joint_names": [joint.name for joint in model.joints],
-            }
-        for body in models.world.objects:
-            if body.name == name:
-                fixed = body.mass is None
-                return {
-                    "canonical_body_name": _BODY_LINK,
-                    "body_names": [_BODY_LINK],
-                    "geom_names": [_BODY_LINK],
-                    "is_static": fixed,
-                }
-        raise LookupError(unknown_model_message(name, models))
-
-    def _physics(self, _: Any) -> dict[str, Any]:
-        return {
-            "time_step": 1 / self._rate,
-            "pause": self._paused.is_set(),
-            "max_update_rate": 0.0,
-            "gravity": Vector3(*self._current.world_models.world.gravity_xyz),
-            "ode_config": ODEPhysics(),
-            "success": True,
-            "status_message": "the engine is not ODE: ode_config has no meaning here",
-        }
-
-
-def robot_model(current: CurrentState) -> RobotModel:
-    """Return the model of the robot. Raises LookupError."""
-    if current.model is None or current.world_models.robot is None:
-        raise LookupError("there is no robot")
-    return current.model
-
-
-def robot_joint(model: RobotModel, name: str) -> str:
-    """Return a joint's name, without the name of its model. Raises LookupError."""
-    short = name.rpartition("::")[2]
-    if short not in model.joints_by_name:
-        raise LookupError(f"the robot has no joint '{short}'{did_you_mean(short, model.joints_by_name)}")
-    return short
-
-
-def state_of(current: CurrentState, name: str) -> tuple[Pose, Twist]:
-    """Return the state of `model::link`, or of a link of the robot by its own name. Raises LookupError."""
-    model, separator, link = name.rpartition("::")
-    robot = current.world_models.robot
-    if separator and (robot is None or model != robot.name) and model in current.model_states:
-        return current.model_states[model]
-    described = robot_model(current)
-    if (separator and robot is not None and model != robot.name) or link not in described.links_by_name:
-        raise LookupError(f"there is no link '{name}'{did_you_mean(link, described.links_by_name)}")
-    return link_state(described, current.base, current.joints, link)
-
-
-def frame_of(current: CurrentState, name: str) -> Pose:
-    """Return the pose of a model or of a link in the world. Raises LookupError."""
-    return current.model_states[name][0] if name in current.model_states else state_of(current, name)[0]
-
-
-def _inertia(model: RobotModel, link: Link) -> tuple[geometry.Quaternion, dict[str, float]]:
-    """Return the rotation of the inertia axes in the link, and the moments about them, from the model's URDF."""
-    links = (each for each in description_of(model.urdf).iter("link") if each.get("name") == link.name)
-    inertial = next((found for each in links if (found := each.find("inertial")) is not None), Element("inertial"))
-    stated, origin = (next(inertial.iter(tag), Element(tag)) for tag in ("inertia", "origin"))
-    moments = {name: float(stated.get(name, 0.0)) for name in _INERTIA_KEYS}
-    return quaternion_from_rpy(*map(float, origin.get("rpy", "0 0 0").split())), moments
-
-
-def _tried(what: Any, asked: Any) -> dict[str, Any]:
-    """Return the answer of a service, or the reason of its failure."""
-    try:
-        return {**what(asked), "success": True}
-    except LookupError as error:
-        return {"success": False, "status_message": str(error.args[0])}
-
-
-class ModelServices:
-    """The services on models and on the world, open as long as the node lives."""
-
-    def __init__(self, current: CurrentState, changes: ChangeQueue, paused: Event, efforts: JointEfforts) -> None:
+    def __init__(
+        self, current: CurrentState, changes: ChangeQueue, paused: Event, efforts: JointEfforts, rate: float
+    ) -> None:
         self._current, self._changes, self._paused, self._efforts = current, changes, paused, efforts
-        self._numbers = count(1)
+        self._rate, self._numbers = rate, count(1)
         self.losses: list[Loss] = []
         for name, kind, answer in (
             ("spawn_urdf_model", SpawnModel, self._spawn),
@@ -214,18 +90,23 @@ class ModelServices:
             ("set_model_configuration", SetModelConfiguration, self._set_joints),
             ("get_model_state", GetModelState, self._get_state),
             ("get_world_properties", GetWorldProperties, self._properties),
+            ("get_link_state", GetLinkState, lambda asked: _tried(self._link_state, asked)),
+            ("get_link_properties", GetLinkProperties, lambda asked: _tried(self._link, asked.link_name)),
+            ("get_joint_properties", GetJointProperties, lambda asked: _tried(self._joint, asked.joint_name)),
+            ("get_model_properties", GetModelProperties, lambda asked: _tried(self._model, asked.model_name)),
+            ("get_physics_properties", GetPhysicsProperties, self._physics),
             ("reset_world", Empty, lambda _: self._reset(restarts=False)),
             ("reset_simulation", Empty, lambda _: self._reset(restarts=True)),
-            ("pause_physics", Empty, lambda _: self._pause(self._paused.set)),
-            ("unpause_physics", Empty, lambda _: self._pause(self._paused.clear)),
+            ("pause_physics", Empty, lambda _: _done(paused.set)),
+            ("unpause_physics", Empty, lambda _: _done(paused.clear)),
+            ("apply_body_wrench", ApplyBodyWrench, self._press),
+            ("clear_body_wrenches", BodyRequest, self._release),
+            ("apply_joint_effort", ApplyJointEffort, self._turn),
+            ("clear_joint_forces", JointRequest, lambda asked: _done(efforts.clear, _short(asked.joint_name))),
         ):
             rospy.Service(f"~{name}", kind, answer)
         rospy.Subscriber("~set_model_state", ModelState, self._set_state, queue_size=1, tcp_nodelay=True)
         rospy.Subscriber("~set_link_state", LinkState, self._set_link, queue_size=1, tcp_nodelay=True)
-
-    def _pause(self, change: Callable[[], None]) -> tuple[()]:
-        change()
-        return ()
 
     def _spawn(self, request: Any) -> tuple[bool, str]:
         name = request.model_name
@@ -308,17 +189,14 @@ class ModelServices:
         return ()
 
     def _get_state(self, request: Any) -> Any:
-        found = self._current.model_states.get(request.model_name)
-        if found is None:
-            return {
-                "success": False,
-                "status_message": unknown_model_message(request.model_name, self._current.world_models),
-            }
-        pose, twist = found
-        other = request.relative_entity_name
+        known, other = self._current.model_states, request.relative_entity_name
+        if request.model_name not in known:
+            why = unknown_model_message(request.model_name, self._current.world_models)
+            return {"success": False, "status_message": why}
+        pose, twist = known[request.model_name]
         if other not in WORLD_FRAMES:
             try:
-                pose = geometry.compose(geometry.inverse(frame_of(self._current, other)), pose)
+                pose = geometry.compose(geometry.inverse(self._frame_of(other)), pose)
             except LookupError:
                 return {"success": False, "status_message": f"there is no model or link '{other}'"}
         return {
@@ -336,7 +214,7 @@ class ModelServices:
     def _in_world(self, pose: Pose, frame: str) -> Pose:
         """Return a pose in the world frame. Raises ValueError for an unknown frame."""
         try:
-            return pose if frame in WORLD_FRAMES else geometry.compose(frame_of(self._current, frame), pose)
+            return pose if frame in WORLD_FRAMES else geometry.compose(self._frame_of(frame), pose)
         except LookupError:
             raise ValueError(f"there is no frame '{frame}'; a frame is a model, or a link of the robot") from None
 
@@ -344,24 +222,61 @@ class ModelServices:
         refused = self._changes.request(alter)
         return refused is None, refused or done
 
+    def _link_state(self, asked: Any) -> dict[str, Any]:
+        """Return the state of a link. Raises LookupError."""
+        pose, twist = self._state_of(asked.link_name)
+        frame = asked.reference_frame
+        if frame not in WORLD_FRAMES:
+            other = self._frame_of(frame)
+            pose = geometry.compose(geometry.inverse(other), pose)
+            twist = in_frame_of(other, twist)
+        state = LinkState(asked.link_name, pose_message(pose), twist_message(twist), frame or "world")
+        return {"link_state": state}
 
-def is_robot(root: Element) -> bool:
-    """Return True for a model with joints or plugins; any other model is a body of the world."""
-    return root.tag == "robot" or any(True for tag in ("joint", "plugin") for _ in root.iter(tag))
+    def _link(self, name: str) -> dict[str, Any]:
+        """Return the properties of a link. Raises LookupError."""
+        model, short = self._robot, _short(name)
+        link = model.links_by_name.get(short)
+        if link is None:
+            raise LookupError(f"the robot has no link '{short}'{did_you_mean(short, model.links_by_name)}")
+        turned, moments = _inertia(model, link)
+        com = pose_message(Pose(link.centre_of_mass_xyz, turned))
+        return {"com": com, "gravity_mode": True, "mass": link.mass or 0.0, **moments}
 
+    def _joint(self, name: str) -> dict[str, Any]:
+        """Return the properties of a joint. Raises LookupError."""
+        joint = self._robot_joint(name)
+        state = self._current.joints.get(joint.name)
+        moving = {"position": [state.position], "rate": [state.velocity]} if state else {}
+        return {"type": _TYPES[joint.type], "damping": [], **moving}
 
-class ForceServices:
-    """The services that apply wrenches and joint efforts for a time, open as long as the node lives."""
+    def _model(self, name: str) -> dict[str, Any]:
+        """Return the properties of a model. Raises LookupError."""
+        models, model = self._current.world_models, self._current.model
+        if models.robot is not None and models.robot.name == name and model is not None:
+            geoms = [f"{link.name}_collision" for link in model.links if link.collisions]
+            return {
+                "canonical_body_name": model.root,
+                "body_names": [link.name for link in model.links],
+                "geom_names": geoms,
+                "joint_names": [joint.name for joint in model.joints],
+            }
+        for body in models.world.objects:
+            if body.name == name:
+                names = {"body_names": [_BODY_LINK], "geom_names": [_BODY_LINK]}
+                return {"canonical_body_name": _BODY_LINK, "is_static": body.mass is None, **names}
+        raise LookupError(unknown_model_message(name, models))
 
-    def __init__(self, current: CurrentState, changes: ChangeQueue, efforts: JointEfforts) -> None:
-        self._current, self._changes, self._efforts = current, changes, efforts
-        for name, kind, answer in (
-            ("apply_body_wrench", ApplyBodyWrench, self._press),
-            ("clear_body_wrenches", BodyRequest, self._release),
-            ("apply_joint_effort", ApplyJointEffort, self._turn),
-            ("clear_joint_forces", JointRequest, self._let_go),
-        ):
-            rospy.Service(f"~{name}", kind, answer)
+    def _physics(self, _: Any) -> dict[str, Any]:
+        return {
+            "time_step": 1 / self._rate,
+            "pause": self._paused.is_set(),
+            "max_update_rate": 0.0,
+            "gravity": Vector3(*self._current.world_models.world.gravity_xyz),
+            "ode_config": ODEPhysics(),
+            "success": True,
+            "status_message": "the engine is not ODE: ode_config has no meaning here",
+        }
 
     def _press(self, request: Any) -> tuple[bool, str]:
         model, _, link = request.body_name.partition("::")
@@ -372,7 +287,8 @@ class ForceServices:
             refuse_unknown(model, models)
             robot = models.robot
             is_robot = robot is not None and robot.name == model
-            if is_robot and link and link not in self._link_names():
+            described = self._current.model
+            if is_robot and link and link not in (described.links_by_name if described else ()):
                 raise ValueError(f"there is no link '{link}' in '{model}'")
             if seconds == 0:
                 raise ValueError("a wrench needs a duration; a negative duration means forever")
@@ -387,12 +303,9 @@ class ForceServices:
                     **({"point": (point.x, point.y, point.z)} if any((point.x, point.y, point.z)) else {}),
                 }
             )
-            world = models.world
-            changed = world.model_copy(update={"disturbances": (*world.disturbances, disturbance)})
-            return replace(models, world=changed)
+            return models.with_disturbance(disturbance)
 
-        refused = self._changes.request(alter)
-        return refused is None, refused or "the wrench is applied"
+        return self._answer(alter, "the wrench is applied")
 
     def _release(self, request: Any) -> tuple[()]:
         model, _, link = request.body_name.partition("::")
@@ -408,19 +321,73 @@ class ForceServices:
     def _turn(self, request: Any) -> tuple[bool, str]:
         seconds = request.duration.to_sec()
         try:
-            joint = robot_joint(robot_model(self._current), request.joint_name)
+            joint = self._robot_joint(request.joint_name)
         except LookupError as error:
             return False, str(error.args[0])
         if seconds == 0:
             return False, "an effort needs a duration; a negative duration means forever"
         begins = max(self._current.time, request.start_time.to_sec())
-        self._efforts.apply(joint, request.effort, begins, seconds)
+        self._efforts.apply(joint.name, request.effort, begins, seconds)
         return True, "the effort is applied"
 
-    def _let_go(self, request: Any) -> tuple[()]:
-        self._efforts.clear(request.joint_name.rpartition("::")[2])
-        return ()
+    @property
+    def _robot(self) -> RobotModel:
+        """The model of the robot. Raises LookupError."""
+        if self._current.model is None or self._current.world_models.robot is None:
+            raise LookupError("there is no robot")
+        return self._current.model
 
-    def _link_names(self) -> frozenset[str]:
-        model = self._current.model
-        return frozenset(model.links_by_name) if model else frozenset()
+    def _robot_joint(self, name: str) -> Joint:
+        """Return a joint, by its name with or without that of its model. Raises LookupError."""
+        short, joints = _short(name), self._robot.joints_by_name
+        if short not in joints:
+            raise LookupError(f"the robot has no joint '{short}'{did_you_mean(short, joints)}")
+        return joints[short]
+
+    def _state_of(self, name: str) -> tuple[Pose, Twist]:
+        """Return the state of `model::link`, or of a link of the robot by its own name. Raises LookupError."""
+        model, separator, link = name.rpartition("::")
+        robot, states = self._current.world_models.robot, self._current.model_states
+        if separator and (robot is None or model != robot.name) and model in states:
+            return states[model]
+        described = self._robot
+        if (separator and robot is not None and model != robot.name) or link not in described.links_by_name:
+            raise LookupError(f"there is no link '{name}'{did_you_mean(link, described.links_by_name)}")
+        return link_state(described, self._current.base, self._current.joints, link)
+
+    def _frame_of(self, name: str) -> Pose:
+        """Return the pose of a model or of a link in the world. Raises LookupError."""
+        states = self._current.model_states
+        return states[name][0] if name in states else self._state_of(name)[0]
+
+
+def _done(change: Callable[..., None], *arguments: str) -> tuple[()]:
+    change(*arguments)
+    return ()
+
+
+def _short(name: str) -> str:
+    """Return the name of a link or joint without that of its model."""
+    return name.rpartition("::")[2]
+
+
+def _inertia(model: RobotModel, link: Link) -> tuple[geometry.Quaternion, dict[str, float]]:
+    """Return the rotation of the inertia axes in the link, and the moments about them, from the model's URDF."""
+    links = (each for each in description_of(model.urdf).iter("link") if each.get("name") == link.name)
+    inertial = next((found for each in links if (found := each.find("inertial")) is not None), Element("inertial"))
+    stated, origin = (next(inertial.iter(tag), Element(tag)) for tag in ("inertia", "origin"))
+    moments = {name: float(stated.get(name, 0.0)) for name in _INERTIA_KEYS}
+    return quaternion_from_rpy(*map(float, origin.get("rpy", "0 0 0").split())), moments
+
+
+def _tried(what: Any, asked: Any) -> dict[str, Any]:
+    """Return the answer of a service, or the reason of its failure."""
+    try:
+        return {**what(asked), "success": True}
+    except LookupError as error:
+        return {"success": False, "status_message": str(error.args[0])}
+
+
+def is_robot(root: Element) -> bool:
+    """Return True for a model with joints or plugins; any other model is a body of the world."""
+    return root.tag == "robot" or any(True for tag in ("joint", "plugin") for _ in root.iter(tag))

@@ -10,7 +10,7 @@ import math
 import queue
 import threading
 from collections.abc import Callable, Mapping
-from typing import Final, Self
+from typing import Any, Final, Self
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
@@ -78,8 +78,7 @@ class WorldModels:
     def with_body(self, body: Body) -> Self:
         """Return the models with a new body, which replaces a model of the same name."""
         others = self.without(body.name)
-        objects = (*others.world.objects, body)
-        return replace(others, world=others.world.model_copy(update={"objects": objects}))
+        return others.with_world(objects=(*others.world.objects, body))
 
     def without(self, name: str) -> Self:
         """Return the models without one."""
@@ -87,7 +86,7 @@ class WorldModels:
         if self.robot is not None and self.robot.name == name:
             return replace(self, robot=None, spawn_poses=spawn_poses)
         others = tuple(each for each in self.world.objects if each.name != name)
-        return replace(self, world=self.world.model_copy(update={"objects": others}), spawn_poses=spawn_poses)
+        return replace(self.with_world(objects=others), spawn_poses=spawn_poses)
 
     def moved(self, poses: Mapping[str, Pose], joints: Mapping[str, float] | None = None) -> Self:
         """Return the models with new poses of some; `joints`: joint positions of the robot."""
@@ -101,8 +100,7 @@ class WorldModels:
             spawn_poses[robot.name] = robot.pose
             at = poses.get(robot.name, robot.pose)
             robot = replace(robot, pose=at, joints=robot.joints if joints is None else joints)
-        world = self.world.model_copy(update={"objects": objects})
-        return replace(self, world=world, robot=robot, spawn_poses={**spawn_poses, **self.spawn_poses})
+        return replace(self.with_world(objects=objects), robot=robot, spawn_poses={**spawn_poses, **self.spawn_poses})
 
     def can_move(self, name: str) -> bool:
         """Return True if a model has a mass: the robot, and some bodies."""
@@ -112,25 +110,31 @@ class WorldModels:
         """Return the models with a start velocity of one, in m/s, world frame."""
         is_robot = self.robot is not None and self.robot.name == name
         push = Disturbance.model_validate({"at": 0.0, "velocity": velocity_xyz, **({} if is_robot else {"body": name})})
-        disturbances = (*self.world.disturbances, push)
-        return replace(self, world=self.world.model_copy(update={"disturbances": disturbances}))
+        return self.with_disturbance(push)
+
+    def with_disturbance(self, push: Disturbance) -> Self:
+        """Return the models with one more disturbance."""
+        return self.with_world(disturbances=(*self.world.disturbances, push))
+
+    def with_world(self, **changes: Any) -> Self:
+        """Return the models with other keys of the world."""
+        return replace(self, world=self.world.model_copy(update=changes))
 
     def without_wrench(self, body: str | None, link: str) -> Self:
         """Return the models without the wrenches on a body; body None: on a link of the robot, "" its base link."""
         left = tuple(
             each for each in self.world.disturbances if (each.body, each.link or "") != (body, "" if body else link)
         )
-        return replace(self, world=self.world.model_copy(update={"disturbances": left}))
+        return self.with_world(disturbances=left)
 
     def after(self, seconds: float) -> Self:
         """Return the models after a time in s, with the remaining part of each disturbance."""
         left = (_push_after(push, seconds) for push in self.world.disturbances if push.end > seconds)
-        return replace(self, world=self.world.model_copy(update={"disturbances": tuple(left)}))
+        return self.with_world(disturbances=tuple(left))
 
     def at_spawn_poses(self) -> Self:
         """Return the models at their first poses, without disturbances."""
-        back = self.moved(self.spawn_poses, {})
-        return replace(back, world=back.world.model_copy(update={"disturbances": ()}))
+        return self.moved(self.spawn_poses, {}).with_world(disturbances=())
 
 
 def _push_after(push: Disturbance, seconds: float) -> Disturbance:
