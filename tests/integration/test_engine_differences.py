@@ -235,11 +235,15 @@ RAISES = "def control(observation):\n    raise ValueError('no')\n"
 HANGS = "import time\ndef control(observation):\n    time.sleep(600)\n"
 
 
-@pytest.mark.parametrize("backend", ["auto", *ENGINE_NAMES])
 @pytest.mark.parametrize(
-    ("script", "title"),
-    [(CRASH, "exit 3"), (RAISES, "script error"), (HANGS, "wall limit")],
-    ids=["exit", "raise", "hang"],
+    ("script", "title", "backend"),
+    [
+        (CRASH, "exit 3", ENGINE_NAMES[0]),
+        (RAISES, "script error", "auto"),
+        (RAISES, "script error", ENGINE_NAMES[-1]),
+        (HANGS, "wall limit", ENGINE_NAMES[-1]),
+    ],
+    ids=["exit", "raise", "raise in another", "hang"],
 )
 def test_an_error_names_the_engine_that_ran(script: str, title: str, backend: str, tmp_path: Path) -> None:
     (tmp_path / "ctl.py").write_text(script)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -158,32 +159,42 @@ def test_what_is_no_file_holds_nobody_up(tmp_path: Path) -> None:
 HEADER = b" " * 80
 TRIANGLE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 
-LARGE: dict[str, tuple[str, bytes, str]] = {
+LARGE: dict[str, tuple[str, Callable[[], bytes], str]] = {
     "STL triangles": (
         "a.stl",
-        HEADER + struct.pack("<I", MAX_BINARY_TRIANGLES + 1) + bytes(50 * (MAX_BINARY_TRIANGLES + 1)),
+        lambda: HEADER + struct.pack("<I", MAX_BINARY_TRIANGLES + 1) + bytes(50 * (MAX_BINARY_TRIANGLES + 1)),
         "has 2,100,001 triangles or more; at most 2,100,000 are read",
     ),
-    "ASCII solids": ("a.stl", b"solid\nendsolid\n" * 10_001, "10,001 parts"),
-    "OBJ triangles": ("a.obj", TRIANGLE + b"f 1 2 3\n" * (MAX_TRIANGLES + 1), "500,001 triangles"),
-    "OBJ one face": ("a.obj", TRIANGLE + b"f" + b" 1" * 499_000 + b"\nf" + b" 1" * 499_000, "997,996 triangles"),
-    "OBJ points": ("a.obj", b"v 0 0 0\n" * 1_500_001, "1,500,001 points"),
-    "OBJ objects": ("a.obj", TRIANGLE + b"o a\nf 1 2 3\n" * 10_001, "10,001 parts"),
-    "OBJ lines": ("a.obj", b"\n" * 5_000_001, "more than 5,000,000 lines"),
-    "OBJ one line": ("a.obj", b"v " + b"1" * 1_000_000, "line 1: a statement of more than 1,000,000 characters"),
-    "OBJ continued": ("a.obj", b"v" + b" 1 \\\n" * 1_000_002, "a statement of more than 1,000,000 characters"),
-    "DAE elements": ("a.dae", b"<COLLADA>" + b"<a/>" * 200_001, "more than 200,000 elements"),
-    "DAE attributes": ("a.dae", b"<COLLADA " + b'a="" ' * 1_000_001, "more than 1,000,000 attributes"),
-    "DAE triangles": ("a.dae", dae(SURFACE.format("0 1 2 " * (MAX_TRIANGLES + 1))), "500,001 triangles"),
-    "DAE instances": ("a.dae", dae(SURFACE.format("0 1 2 " * 100), SHOWN * 5_001), "500,100 triangles"),
-    "DAE parts": ("a.dae", dae(SURFACE.format("0 1 2"), SHOWN * 10_001), "10,001 parts"),
-    "DAE nodes": ("a.dae", dae(node=("<node><node/></node>" * 10_001)), "more than 20,000 nodes"),
+    "ASCII solids": ("a.stl", lambda: b"solid\nendsolid\n" * 10_001, "10,001 parts"),
+    "OBJ triangles": ("a.obj", lambda: TRIANGLE + b"f 1 2 3\n" * (MAX_TRIANGLES + 1), "500,001 triangles"),
+    "OBJ one face": (
+        "a.obj",
+        lambda: TRIANGLE + b"f" + b" 1" * 499_000 + b"\nf" + b" 1" * 499_000,
+        "997,996 triangles",
+    ),
+    "OBJ points": ("a.obj", lambda: b"v 0 0 0\n" * 1_500_001, "1,500,001 points"),
+    "OBJ objects": ("a.obj", lambda: TRIANGLE + b"o a\nf 1 2 3\n" * 10_001, "10,001 parts"),
+    "OBJ lines": ("a.obj", lambda: b"\n" * 5_000_001, "more than 5,000,000 lines"),
+    "OBJ one line": (
+        "a.obj",
+        lambda: b"v " + b"1" * 1_000_000,
+        "line 1: a statement of more than 1,000,000 characters",
+    ),
+    "OBJ continued": ("a.obj", lambda: b"v" + b" 1 \\\n" * 1_000_002, "a statement of more than 1,000,000 characters"),
+    "DAE elements": ("a.dae", lambda: b"<COLLADA>" + b"<a/>" * 200_001, "more than 200,000 elements"),
+    "DAE attributes": ("a.dae", lambda: b"<COLLADA " + b'a="" ' * 1_000_001, "more than 1,000,000 attributes"),
+    "DAE triangles": ("a.dae", lambda: dae(SURFACE.format("0 1 2 " * (MAX_TRIANGLES + 1))), "500,001 triangles"),
+    "DAE instances": ("a.dae", lambda: dae(SURFACE.format("0 1 2 " * 100), SHOWN * 5_001), "500,100 triangles"),
+    "DAE parts": ("a.dae", lambda: dae(SURFACE.format("0 1 2"), SHOWN * 10_001), "10,001 parts"),
+    "DAE nodes": ("a.dae", lambda: dae(node=("<node><node/></node>" * 10_001)), "more than 20,000 nodes"),
 }
 
 
-@pytest.mark.parametrize(("name", "data", "message"), LARGE.values(), ids=LARGE)
-def test_what_is_too_large_is_refused_as_that(name: str, data: bytes, message: str, tmp_path: Path) -> None:
-    error = refusal(tmp_path, name, data)
+@pytest.mark.parametrize(("name", "made", "message"), LARGE.values(), ids=LARGE)
+def test_what_is_too_large_is_refused_as_that(
+    name: str, made: Callable[[], bytes], message: str, tmp_path: Path
+) -> None:
+    error = refusal(tmp_path, name, made())
     assert error.rule == "too-large-mesh"
     assert message in str(error)
 
