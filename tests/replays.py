@@ -103,6 +103,23 @@ def seen(name: str = "front") -> Replay:
     )
 
 
+def passed_by(y: float = 3.0, *, appears: float | None = None) -> Replay:
+    """The same drive of 1 m, while a body comes from an y in m to the robot, and another one moves 50 m away."""
+    replay = drive()
+    count = replay.frames.count
+    still, share = Column(scale=1e-4, first=0), np.linspace(0, 1, count)
+    upright = (still, still, still, still, Column(scale=1e-4, first=10_000))
+    tracks = tuple(
+        (Column(scale=1e-4, first=5_000), Column.encoded(column, 1e-4), *upright)
+        for column in (y * (1 - share), share + 50)
+    )
+    shape = BoxShape(kind="box", pose=HERE, color=GREY, size=(0.1, 0.1, 0.1))
+    at = [(0.5, place, 0.0, 0.0, 0.0, 0.0, 1.0) for place in (y, 50.0)]
+    near, far = (BodyData(name=f"cart {n}", pose=at[n], shapes=(shape,), track=n, appears=appears) for n in range(2))
+    scene = replay.scene.model_copy(update={"bodies": (*replay.scene.bodies, near, far)})
+    return replay.model_copy(update={"scene": scene, "frames": replay.frames.model_copy(update={"tracks": tracks})})
+
+
 def kept(replay: Replay, folder: Path, name: str) -> str:
     """Stores it as a run does; how results name it."""
     write_replay(replay, folder / "replays" / f"{name}.json.gz")

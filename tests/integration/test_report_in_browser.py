@@ -34,7 +34,7 @@ from tests.integration.test_examples import sim_action
 from tests.integration.test_live import serving
 from tests.outcomes import outcome, report_options, results
 from tests.patience import PATIENCE
-from tests.replays import drive, kept, seen
+from tests.replays import drive, kept, passed_by, seen
 from tests.reports.html.gates import grid_of_runs, inconclusive_gate
 
 ROOT = Path(__file__).parents[2]
@@ -322,6 +322,13 @@ def test_what_the_robot_saw(tmp_path: Path) -> None:
         "a phone has no sideways scroll",
     ]
     assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
+
+
+def test_bodies_that_come_from_aside(tmp_path: Path) -> None:
+    ran = outcome("a.sim.yml").model_copy(update={"name": "a", "replay": kept(passed_by(), tmp_path, "a")})
+    write_html(results(ran), report_options(tmp_path))
+    check = "a body that comes from aside is in view"
+    assert looked(tmp_path / "report.html", check) == {check: ""}
 
 
 def test_runs_of_one_name(tmp_path: Path) -> None:

@@ -39,6 +39,9 @@ if TYPE_CHECKING:
 _MAX_POINTS: Final = 120
 _MAX_SOLIDS: Final = 200
 _ARROW_M: Final = 0.3
+# A body that moves by more is in view where it is nearer to the way of the robot than so many lengths of this way.
+_MOVED_M: Final = 0.05
+_NEAR: Final = 3
 _MIN_MARGIN_M: Final = 0.35  # the margin in m around everything that is drawn
 
 
@@ -78,7 +81,7 @@ def drawing(replay: Replay, outcome: Outcome, outlines: SceneOutlines | None = N
     first, last = _postures(replay, 0, replay.frames.count - 1)
     start, end = outlines.robot(replay.scene, first), _outlines(replay.scene, last)
     marks = _marks_in_world(replay)
-    x, y, width, height = _view(np.concatenate([way, *start, *end, *_mark_points(marks)]))
+    x, y, width, height = _view(np.concatenate([way, *start, *end, *_mark_points(marks), *_passages(replay, way)]))
     box = (x, y, x + width, y + height)
     failed = frozenset(number for number, expected in enumerate(outcome.expectations) if _missed(expected))
     return element(
@@ -106,6 +109,25 @@ def _way(replay: Replay) -> FloatArray:
     places = np.column_stack([column.decoded(count) for column in replay.frames.base[:2]])
     rows = np.linspace(0, count - 1, min(count, _MAX_POINTS)).astype(int)
     return np.asarray(places[rows])
+
+
+def _passages(replay: Replay, way: FloatArray) -> Iterator[FloatArray]:
+    """Yield the places (N, 2) of each body that moves, as far as it comes near the way of the robot.
+
+    The views of the player are framed in the same way, see `passages` in player/motion.js.
+    """
+    count = replay.frames.count
+    rows = np.linspace(0, count - 1, min(count, _MAX_POINTS)).astype(int)
+    time = replay.frames.time.decoded(count)[rows]
+    low, high = way.min(axis=0), way.max(axis=0)
+    reach = _NEAR * max(_LEAST_EXTENT_M, float(np.linalg.norm(high - low)))
+    for body in replay.scene.bodies:
+        if body.track is None:
+            continue
+        places = np.column_stack([column.decoded(count)[rows] for column in replay.frames.tracks[body.track][:2]])
+        present = (time >= (body.appears or -math.inf)) & (time < (body.disappears or math.inf))
+        if np.ptp(places[present], axis=0).max(initial=0) > _MOVED_M:
+            yield places[present & ((places > low - reach) & (places < high + reach)).all(axis=1)]
 
 
 def _view(points: FloatArray) -> tuple[float, float, float, float]:

@@ -22,7 +22,7 @@ from sim_action.recording.replay.scene_data import (
 )
 from sim_action.reports.html.top_view import Frame, SceneOutlines, drawing, outline
 from tests.outcomes import like, outcome
-from tests.replays import GREY, HERE, MESH, drive
+from tests.replays import GREY, HERE, MESH, drive, passed_by
 
 
 def drawn(*, holds: bool = False, distance: float = 1.0) -> ET.Element:
@@ -94,6 +94,16 @@ def test_marks_that_move_with_a_link_are_drawn_where_they_are_at_the_end() -> No
     assert points(svg, "goal path") == [[(3.0, -1.0), (4.0, -1.0)], [(3.0, -2.0), (3.3, -2.0)]]
     [region] = [shape for shape in svg if shape.tag == "polygon" and shape.get("class") == "goal"]
     assert region.attrib["points"] == "3,0 4,0 4,-1"
+
+
+@pytest.mark.parametrize(
+    ("y", "appears", "highest"), [(3.0, None, 3.0), (3.0, 1.0, 1.5), (0.04, None, 0.8), (40.0, None, 3.0)]
+)
+def test_bodies_that_move_are_in_view_where_they_are_near(y: float, appears: float | None, highest: float) -> None:
+    """From 1 s on, the first one is half way; far away, or if it hardly moves, it does not widen the view."""
+    svg = ET.fromstring(drawing(passed_by(y, appears=appears), outcome("a.sim.yml")))
+    margin = 0.35
+    assert -float(svg.attrib["viewBox"].split()[1]) == pytest.approx(highest + margin, abs=0.35)
 
 
 ORIGIN = Frame.of(HERE)

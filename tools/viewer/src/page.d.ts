@@ -40,6 +40,8 @@ interface Run {
   at(time: number): Moment;
   /** x, y and z of the origin of a link in m at each moment. */
   trail(link: number): Float64Array[];
+  /** The places in m of bodies that move, as far as they come near the way of the robot. */
+  passages(): { body: number; place: number[] }[];
 }
 
 /** Another run, drawn as a ghost; implemented by `GhostMotion` of the page. */

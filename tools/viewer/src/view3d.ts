@@ -249,6 +249,8 @@ class View3D implements View {
       if (isGoal) all.union(box);
       else if (!box.isEmpty() && near.intersectsBox(box)) all.union(box.intersect(near));
     }
+    const sizes = this.bodies.map((body) => new Box3().setFromObject(body).getSize(new Vector3()));
+    for (const { body, place } of this.run.passages()) all.union(new Box3().setFromCenterAndSize(new Vector3().fromArray(place), sizes[body]));
     return all;
   }
 }

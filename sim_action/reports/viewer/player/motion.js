@@ -87,6 +87,24 @@ class Motion {
     return points;
   }
 
+  /**
+   * @returns {{body: number, place: number[]}[]} the places in m of bodies that move, as far as they come near the way of the robot
+   */
+  passages() {
+    const way = [0, 1, 2].map((axis) => extent(this.base[axis]));
+    const reach = 3 * Math.max(0.5, Math.hypot(...way.map(([low, high]) => high - low)));
+    const stride = Math.ceil(this.count / 60);
+    return this.scene.bodies.flatMap(({ track, appears = -Infinity, disappears = Infinity }, body) => {
+      if (track === undefined) return [];
+      const columns = this.tracks[track];
+      const present = [...this.times.keys()].filter((row) => row % stride === 0 && this.times[row] >= appears && this.times[row] < disappears);
+      const places = present.map((row) => columns.slice(0, 3).map((column) => column[row]));
+      const moves = [0, 1].some((axis) => ((low, high) => high - low)(...extent(places.map((place) => place[axis]))) > 0.05);
+      const isNear = (/** @type {number[]} */ place) => way.every(([low, high], axis) => place[axis] > low - reach && place[axis] < high + reach);
+      return moves ? places.filter(isNear).map((place) => ({ body, place })) : [];
+    });
+  }
+
   /** @param {JointMotion} joint @param {number} row @param {number} share */
   moveJoint(joint, row, share) {
     const column = this.joints[joint.column];

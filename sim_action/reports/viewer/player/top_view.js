@@ -39,10 +39,12 @@ class TopView {
     this.grab();
   }
 
-  /** Shows the whole path of the robot, and of the ghost. */
+  /** Shows the whole path of the robot, of the ghost, and of bodies that pass. */
   home() {
     const paths = [this.motion.base, ...(this.ghost ? [this.ghost.base] : [])];
-    const [x0, x1] = extent(paths.flatMap(([x]) => extent(x))), [y0, y1] = extent(paths.flatMap(([, y]) => extent(y)));
+    const others = this.motion.passages().map(({ place }) => place);
+    const [[x0, x1], [y0, y1]] = [0, 1].map((axis) =>
+      extent([...paths.flatMap((path) => extent(path[axis])), ...others.map((place) => place[axis])]));
     this.centre = [(x0 + x1) / 2, (y0 + y1) / 2];
     this.span = Math.max(1.2, 1.25 * (x1 - x0) + 0.8, 1.8 * (y1 - y0) + 0.8);
   }

@@ -32,6 +32,21 @@ export const CAMERAS = {
       assert.ok(Math.abs(Number(said[1]) - Number(there) - Number(said[3])) < 0.01);
     },
   },
+  "a body that comes from aside is in view": {
+    hash: "#scenario=a&t=0&view=top",
+    look: async (page) => {
+      for (const side of ["top", "drawing"]) {
+        await ready(page);
+        await page.selectOption("select[aria-label=View]", side);
+        const box = await page.locator(".view canvas").boundingBox();
+        assert.ok(box);
+        await page.mouse.move(box.x + box.width / 2, box.y + 1);
+        const [, y] = /y (-?[\d.]+) m/.exec((await page.textContent(".place")) ?? "") ?? [];
+        // It begins at 3 m; another one is 50 m away.
+        assert.ok(Number(y) > 2.9 && Number(y) < 6, `${side}: ${y}`);
+      }
+    },
+  },
   "the address tells the camera": {
     hash: "#scenario=burger%20drives%20straight&t=0.5",
     look: async (page) => {
