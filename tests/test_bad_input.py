@@ -13,7 +13,7 @@ from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import Scenario
-from tests.scenarios import LEAST, load, told
+from tests.scenarios import LEAST, told
 
 MODEL = "model: turtlebot3_burger"
 JOINTS = "(allowed: wheel_left_joint, wheel_right_joint)"
@@ -32,35 +32,20 @@ def only(folder: Path, text: str | bytes) -> str:
     ("text", "problem"),
     [
         ("", "1:1: the file is empty; a scenario starts with 'name:', 'robot:', 'expect:' and 'time_limit:'"),
-        ("# nothing yet\n", "1:1: the file is empty; a scenario starts with"),
         ("just words\n", "1:1: the file is not a map of keys; a scenario starts with"),
-        ("- a\n- b\n", "1:1: the file is not a map of keys; a scenario starts with"),
         ("name: [a\nrobot: b\n", "2:6: not valid YAML: while parsing a flow sequence expected ',' or ']'"),
-        ("name: {{ name }}", "1:8: a key must be text; this is a map, a list or an alias"),
-        ("\x7fELF\x02\x01", "1:1: the control character U+007F is not allowed; remove it"),
         (LEAST + "name: again\n", "11:1: the key 'name' is used twice"),
         (LEAST + "---\n" + LEAST, "11:1: found a second YAML document; a file holds one scenario"),
-        (LEAST.replace("burger drives", "!!str burger drives"), "1:7: the tag '!!str' is not supported; remove it"),
         ("a: !!python/object/apply:os.system [id]", "1:4: the tag '!!python/object/apply:os.system' is not supported"),
-        (LEAST + "1: a\n", "11:1: a key must be text; put it in quotes: '1'"),
-        ("[" * 20_000 + "]" * 20_000, "1:42: more than 40 nested maps and lists"),
-        ("[" * 20_000, "1:42: more than 40 nested maps and lists"),
         (LEAST + f"x: {'[' * 20_000}", "11:44: more than 40 nested maps and lists"),
         (
             LEAST.replace("burger drives", "caf\xe9").encode("latin-1"),
             "1:10: the byte 0xe9 is not UTF-8 text; save the",
         ),
-        (LEAST.encode("utf-16"), "1:1: the byte 0xff is not UTF-8 text; save the file as UTF-8"),
     ],
 )
 def test_a_file_that_is_no_strict_yaml(text: str | bytes, problem: str, tmp_path: Path) -> None:
     assert only(tmp_path, text).startswith(problem)
-
-
-def test_an_alias_bomb(tmp_path: Path) -> None:
-    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
-    lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 20)]
-    assert only(tmp_path, "\n".join(lines)).startswith("5:10: a4.0: more than 20000 values in this file; ")
 
 
 @pytest.mark.parametrize(
@@ -100,15 +85,9 @@ def test_an_alias_bomb(tmp_path: Path) -> None:
         ("30 s", "[30 s]", "10:1: time_limit: expected time such as '1 s', found a list of 1"),
         ("30 s", "1:30", "10:1: time_limit: ':30' is not a unit of time; use one of: s, ms, us, min, h"),
         # Numbers
-        ("30 s", "-30 s", "10:1: time_limit: must be greater than 0, found '-30 s'"),
-        ("30 s", "2 days", "10:1: time_limit: 'days' is not a unit of time; use one of: s, ms, us, min, h"),
         ("30 s", "48 h", "10:1: time_limit: must be at most 86,400 s, found '48 h'"),
         ("30 s", ".nan", "10:1: time_limit: expected a finite time such as '1 s', found nan"),
-        ("30 s", "nan", "10:1: time_limit: expected time such as '1 s', found 'nan'"),
-        ("30 s", ".inf", "10:1: time_limit: expected a finite time such as '1 s', found inf"),
-        ("30 s", "1e999 s", "10:1: time_limit: expected a finite time such as '1 s', found '1e999 s'"),
         ("30 s", "0x" + "f" * 9000, "10:13: a number of 9002 digits; the maximum is 400"),
-        ("30 s", "0x" + "f" * 300, "10:1: time_limit: expected a finite time such as '1 s', found "),
         ("1.5 m", ".nan", "9:14: expect.0.travel.at_least: expected a finite length such as '1 m', found nan"),
         # Units
         ("10 Hz", "10 s", "5:3: commands.rate: 's' is not a unit of frequency; use one of: Hz, kHz"),
@@ -215,16 +194,8 @@ def test_joints_to_begin_with_are_those_of_the_model(tmp_path: Path) -> None:
     [
         ('"a\\nb"', "'a\\nb' has a control character, a line break, or a space at its beginning or end"),
         ('"a\\r\\n::error::b"', "contains '::'"),
-        ('"a\\x07b"', "'a\\x07b' has a control character"),
-        ('"\\x1b[31mred"', "'\\x1b[31mred' has a control character"),
-        ('"a\\u202Eb"', "'a\\u202eb' has a control character"),
         ("|\n  a\n  b", "'a\\nb\\n' has a control character"),
-        ("'::error::a'", "'::error::a' contains '::'"),
-        ("'##[error]a'", "'##[error]a' contains '##['"),
-        ("a]]>b", "'a]]>b' contains ']]>'"),
         ("'${{ a }}'", "'${{ a }}' contains '${{'"),
-        ("' a'", "' a' has a control character, a line break, or a space at its beginning or end"),
-        ('""', "must not be empty"),
         ("x" * 121, "must have at most 120 characters"),
     ],
 )
@@ -238,10 +209,6 @@ def test_a_name_that_would_act_in_a_report(name: str, why: str, tmp_path: Path) 
 
 def test_a_key_that_would_act_in_a_report(tmp_path: Path) -> None:
     assert only(tmp_path, LEAST + '"a\\n::error::b\\x1b": c\n') == f"11:1: a\\n::error::b\\x1b: unknown key {KEYS}"
-
-
-def test_a_long_key_is_cut(tmp_path: Path) -> None:
-    assert len(only(tmp_path, LEAST + f"? {'k' * 100_000}\n: 1\n")) < 2100
 
 
 def refusal(path: Path) -> str:
@@ -283,10 +250,6 @@ def test_a_script_that_cannot_run(script: str, tmp_path: Path) -> None:
     found = only(tmp_path, text)
     assert found.startswith("6:3: commands.script: ")
     assert script in found
-
-
-def test_the_text_that_all_of_these_are_made_from_is_valid(tmp_path: Path) -> None:
-    assert load(tmp_path, LEAST).scenario.name == "burger drives straight"
 
 
 @pytest.mark.parametrize("linked", ["s.sim.yml", "folder"])
