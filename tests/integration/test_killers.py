@@ -1,29 +1,24 @@
 """A suite with ten scenarios that kill, hang, hog, flood and hide: real processes, two at a time.
 
-Everyone else gets a verdict, each of the ten an error with its cause, and nothing is left: no process, no memory.
+Everyone else gets a verdict, each of the ten an error with its cause, and no process is left.
 """
 
 from __future__ import annotations
 
 import os
-import statistics
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 import junitparser
-import pytest
 
 from sim_action.engines import installed
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from tests.patience import PATIENCE, wait_until
-from tests.soak import soaked
 
 ROOT: Final = Path(__file__).parents[2]
-SHORT, LONG = 40, 200  # how many scenarios there are in the short form, and in the long one
 
 HONEST: Final = """\
 name: honest {number}
@@ -143,26 +138,10 @@ def is_of(process: int, folder: Path) -> bool:
     return f"ROS_KILLERS={folder}".encode() in variables
 
 
-def resident_megabytes(process: int) -> float:
-    (line,) = (line for line in Path(f"/proc/{process}/status").read_text().splitlines() if line.startswith("VmRSS:"))
-    return int(line.split()[1]) / 1024
-
-
-def resident_after_each(run: subprocess.Popen[str], total: int) -> Iterator[float]:
-    """MB of the caller, measured when it reports a scenario."""
-    assert run.stdout is not None
-    for line in run.stdout:
-        if line.startswith("["):
-            yield resident_megabytes(run.pid)
-        if line.startswith(f"[{total}/"):
-            return
-
-
-@pytest.mark.parametrize("total", soaked([SHORT, LONG], short=[SHORT]))
-def test_ten_killers_cost_ten_scenarios_and_nothing_else(tmp_path: Path, total: int) -> None:
+def test_ten_killers_cost_ten_scenarios_and_nothing_else(tmp_path: Path) -> None:
+    total = 2 * len(KILLERS)
     write_suite(tmp_path, total)
     run = start(tmp_path)
-    resident = list(resident_after_each(run, total))
     run.communicate(timeout=PATIENCE)
     assert run.returncode == 1
     # Asked at once: the call itself must have waited for all of them.
@@ -180,11 +159,6 @@ def test_ten_killers_cost_ten_scenarios_and_nothing_else(tmp_path: Path, total: 
     junit = junitparser.JUnitXml.fromfile(str(tmp_path / "sim-results/junit.xml"))
     assert (junit.tests, junit.errors, junit.failures) == (total, len(KILLERS), 0)
     assert len(list(junit)) == total
-
-    assert len(resident) == total
-    early, late = statistics.median(resident[10:25]), statistics.median(resident[-15:])
-    # An outcome is kept of each: a few kB. A trace or an output that stays would be more.
-    assert late - early < 4.0, f"grew from {early:.1f} to {late:.1f} MB"
 
 
 CLASS: Final = """\

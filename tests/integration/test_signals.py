@@ -132,13 +132,19 @@ def check_formula(curves: list[Shown], verdict: Verdict) -> None:
     assert min(near) <= 1.0
 
 
+@pytest.fixture(scope="module")
+def examples(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return shutil.copytree(ROOT / "examples", tmp_path_factory.mktemp("copy") / "examples")
+
+
 @pytest.mark.parametrize("fails", [False, True], ids=["holds", "fails"])
 @pytest.mark.parametrize("key", [key for key in ASSERTIONS if key != "assertion"])
-def test_a_curve_passes_its_limit_where_the_verdict_says_so(key: str, fails: bool, tmp_path: Path) -> None:
-    shutil.copytree(ROOT / "examples", tmp_path / "examples")
-    path = tmp_path / f"examples/assertions/{key}.sim.yml"
+def test_a_curve_passes_its_limit_where_the_verdict_says_so(key: str, fails: bool, examples: Path) -> None:
+    path = examples / f"assertions/{key}.sim.yml"
     if fails:
-        path.write_text(in_failing_form(path.read_text())[0])
+        text = in_failing_form(path.read_text())[0]
+        path = path.with_name(f"{key}-fails.sim.yml")
+        path.write_text(text)
     loaded = load_scenario(path, Permissions(outside=True))
     # What assertions read of sensors is not stored otherwise.
     kept = tuple(replace(mounted, trace=True) for mounted in loaded.scenario.sensors)

@@ -12,7 +12,6 @@ from typing import Final
 import pytest
 
 from sim_action.engines import installed
-from tests.integration.conftest import sim_action
 from tests.integration.test_checked_nothing import BURGER, WALL, run
 
 ARM_URDF: Final = """\
@@ -118,21 +117,3 @@ def test_scenarios_that_are_right_pass(engine: str, tmp_path: Path) -> None:
     assert (code, set(outcomes)) == (0, set(GREEN))
     judged = [expectation.verdict.judged for outcome in outcomes.values() for expectation in outcome.expectations]
     assert all(each is not None and each.moments > 0 for each in judged)
-
-
-GOLDEN: Final = f"""\
-name: golden
-{BURGER}commands: {{twist: [{{linear: 0.3, for: 0.5 s}}, {{linear: 0.3, angular: 1}}]}}
-expect: [{{matches: {{trace: golden.csv, position: 1 cm, yaw: 2 deg}}}}]
-time_limit: 1 s
-"""
-
-
-def test_a_golden_run_passes_and_another_one_fails(tmp_path: Path) -> None:
-    (tmp_path / ".git").mkdir()
-    (tmp_path / "golden.sim.yml").write_text(GOLDEN)
-    assert sim_action(tmp_path, "run", "--no-report", "--update-golden").returncode == 0
-    again = sim_action(tmp_path, "run", "--no-report")
-    assert (again.returncode, "1 passed" in again.stdout) == (0, True), again.stdout
-    (tmp_path / "golden.sim.yml").write_text(GOLDEN.replace("angular: 1", "angular: -1"))
-    assert sim_action(tmp_path, "run", "--no-report").returncode == 1

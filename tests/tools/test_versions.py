@@ -10,17 +10,7 @@ import pytest
 import tools.release.__main__ as release
 from sim_action import __version__
 from sim_action.cli import init
-from tools.release.__main__ import (
-    MAX_NOTES_LENGTH,
-    ReleaseError,
-    cut,
-    main,
-    moving_tag,
-    notes,
-    problems,
-    read_version,
-    sections,
-)
+from tools.release.__main__ import ReleaseError, cut, moving_tag, notes, problems, read_version, sections
 
 VERSION_FILE = "sim_action/core/version.py"
 
@@ -115,19 +105,6 @@ def test_each_disagreement_is_reported_with_its_line(
     assert found(root) == [f'{name}:{line}: {expected}, because __version__ is "0.9.0"']
 
 
-@pytest.mark.parametrize("version", ["0.9", "0.9.0rc1", "v0.9.0", "0.09.0", ""])
-def test_a_version_has_three_numbers(root: Path, version: str) -> None:
-    write(root, VERSION_FILE, f'__version__ = "{version}"\n')
-    assert found(root)[0].startswith(f'{VERSION_FILE}:1: "{version}" is not a version')
-    with pytest.raises(ReleaseError, match="three numbers"):
-        cut(root, version, "2026-11-30")
-
-
-def test_a_package_without_a_version_is_a_problem(root: Path) -> None:
-    write(root, VERSION_FILE, "")
-    assert found(root) == [f'{VERSION_FILE}:1: there is no line such as __version__ = "1.2.3"']
-
-
 def test_the_newest_section_of_the_changelog_has_the_version(root: Path) -> None:
     write(root, "CHANGELOG.md", CHANGES + OLDER)
     assert found(root) == ['CHANGELOG.md:19: the newest version is 0.8.0, but __version__ is "0.9.0"']
@@ -135,14 +112,6 @@ def test_the_newest_section_of_the_changelog_has_the_version(root: Path) -> None
     assert found(root) == []
     write(root, "CHANGELOG.md", "# Changelog\n")
     assert found(root) == ['CHANGELOG.md:1: there is neither a section "Unreleased" nor one for 0.9.0']
-
-
-def test_an_unknown_heading_in_the_changelog_is_reported(root: Path) -> None:
-    write(root, "CHANGELOG.md", CHANGES.replace("### Added", "### Adeed"))
-    (only,) = found(root)
-    assert only.startswith('CHANGELOG.md:11: the heading "Adeed" is not one of Added, Changed, ')
-    with pytest.raises(ReleaseError, match='"Adeed" is not one of'):
-        cut(root, "0.10.0", "2026-11-30")
 
 
 def test_a_tag_needs_its_version_its_section_and_nothing_unreleased(root: Path) -> None:
@@ -172,13 +141,6 @@ def test_cut_makes_everything_agree_on_the_new_version(root: Path) -> None:
     assert "## 1.0.0 (2026-11-30)\n" in changelog
 
 
-def test_cut_orders_and_joins_the_parts(root: Path) -> None:
-    write(root, "CHANGELOG.md", CHANGES.replace("## Unreleased\n", "## Unreleased\n\nAn overview.\n"))
-    cut(root, "0.9.0", "2026-11-30")
-    text = notes((root / "CHANGELOG.md").read_text(encoding="utf-8"), "0.9.0")
-    assert text == "An overview.\n\n### Added\n\n- B.\n\n### Changed\n\n- A.\n\n- C.\n"
-
-
 def test_cut_refuses_an_old_version_and_nothing_to_release(root: Path) -> None:
     before = (root / "CHANGELOG.md").read_text(encoding="utf-8")
     for version in ("0.9.0", "0.8.9"):
@@ -205,33 +167,3 @@ def test_this_changelog_can_be_cut(tmp_path: Path) -> None:
     released = notes((tmp_path / "CHANGELOG.md").read_text(encoding="utf-8"), f"{major + 1}.0.0")
     assert re.findall(r"\]\((?!https://)[^)]*\)", released) == []
     assert len(re.findall("^- ", released, re.MULTILINE)) == len(re.findall("^- ", unreleased, re.MULTILINE))
-
-
-def test_links_of_notes_lead_to_the_tag() -> None:
-    text = "## 1.2.3 (2026-11-30)\n\n[a](docs/a.md#b) [c](https://example.org/c) [d](#e)\n"
-    tag = "https://github.com/sim-action/sim-action/blob/v1.2.3"
-    assert notes(text, "1.2.3") == f"[a]({tag}/docs/a.md#b) [c](https://example.org/c) [d](#e)\n"
-
-
-def test_notes_fit_the_page_of_a_release() -> None:
-    text = "## 0.9.0 (2026-11-30)\n\n" + "a" * (MAX_NOTES_LENGTH + 1)
-    with pytest.raises(
-        ReleaseError, match=r"CHANGELOG\.md:1: the text of 0\.9\.0 has 125,001 characters; GitHub allows"
-    ):
-        notes(text, "0.9.0")
-    assert notes(text[:-1], "0.9.0").strip() == "a" * MAX_NOTES_LENGTH
-
-
-def test_the_commands(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check"], root) == 0
-    assert main(["check", "--tag", "v3.0.0"], root) == 1
-    assert capsys.readouterr().out.startswith(
-        f'release: everything agrees on version 0.9.0\n{VERSION_FILE}:3: __version__ is "0.9.0"'
-    )
-    assert main(["notes", "0.9.0"], root) == 0
-    assert capsys.readouterr().out == "The text of 0.9.0, with `v7`.\n"
-    assert main(["notes", "0.7.0"], root) == 1
-    assert capsys.readouterr().err.startswith("release: CHANGELOG.md has no text for 0.7.0; run: ")
-    assert main(["cut", "0.10.0", "--date", "2026-11-30"], root) == 0
-    assert "wrote CHANGELOG.md\n" in capsys.readouterr().out
-    assert "## 0.10.0 (2026-11-30)" in (root / "CHANGELOG.md").read_text(encoding="utf-8")
