@@ -59,7 +59,6 @@ _HOMES = {
     "sim_action.state.verdict": ("Verdict",),
 }
 _MODULES = {name: module for module, names in _HOMES.items() for name in names}
-
 __all__ = list(_MODULES)
 
 

@@ -42,9 +42,7 @@ from sim_action.state.verdict import Verdict
 from sim_action.world.scene import Scene
 
 __all__ = ["BrokenRules", "check_assertion", "check_command", "check_sensor"]
-
 Part = Assertion | CommandSource | Sensor
-
 OneScenario = str | os.PathLike[str] | Scenario
 
 # Steps in one call of a monitor; they take turns.

@@ -19,7 +19,6 @@ from sim_action.ros.ros2.installation import PYTHON_VARIABLE
 from tests.ros.ros2.nodes import WHEELS
 
 pytest_plugins = ["pytester", "tests.soak", "tests.child_processes", "tests.balance", "tests.reached_assertions"]
-
 _M_ARENA_MAX = -8  # a parameter of mallopt(3)
 
 

@@ -42,7 +42,6 @@ from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 
 FloatArray = NDArray[np.float64]
-
 _GRAVITY: Final = 9.80665
 _LINK: Final = "it"
 _SURFACE_M: Final = {"pybullet": 1e-2, "mujoco": 1e-3}

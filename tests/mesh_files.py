@@ -10,9 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 Point = tuple[float, float, float]
 Face = Sequence[int]
-
 HALF = (0.1, 0.2, 0.3)  # of the box, in m: it lies about the origin
-
 CORNERS: list[Point] = [(x, y, z) for x in (-0.1, 0.1) for y in (-0.2, 0.2) for z in (-0.3, 0.3)]
 SIDES: list[Face] = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 

@@ -25,7 +25,6 @@ INT64: Final = 7
 TEXT: Final = 8
 BOOL: Final = 9
 HALF: Final = 10
-
 Shape = Sequence[int | str] | None  # Dimensions; a text is the name of a free one. None: the file declares no shape.
 
 

@@ -25,7 +25,6 @@ from hypothesis.errors import StopTest, UnsatisfiedAssumption
 
 LEAST_SHARE: Final = 0.2
 _ANNOTATIONS: Final = __future__.annotations.compiler_flag
-
 _LOGIC: Final = "tests/assertions/temporal_logic"
 RARE: Final[dict[str, dict[str, str]]] = {
     f"{_LOGIC}/test_robustness.py::test_the_comparison_that_decides_has_the_robustness_of_the_whole": {

@@ -13,9 +13,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 FACTOR: Final = 40  # examples of a property test under `--soak`, for each example of `make test`
-
 EXAMPLES: Final = 25  # examples of a property test in `make test` that states no number
-
 SHORT: Final = "sim-action"
 LONG: Final = "sim-action-soak"
 _SLOW: Final = [HealthCheck.too_slow]

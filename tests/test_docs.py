@@ -28,7 +28,6 @@ TEXTS = PAGES | {name: (ROOT / name).read_text(encoding="utf-8") for name in ("S
 README = PAGES["README.md"]
 REFERENCE = "\n".join(text for name, text in PAGES.items() if name.startswith("docs/scenario/"))
 ROBOTS = PAGES["docs/models/robots.md"]
-
 MAX_README_BYTES = 12_500
 MAX_PAGE_LINES = 600
 MAX_WORDS = 60_000

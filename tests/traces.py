@@ -30,7 +30,6 @@ from sim_action.world.scene import Scene
 BURGER = "turtlebot3_burger"
 WHEELS = ("wheel_left_joint", "wheel_right_joint")
 HERE = Workspace(Path("/"), Path("/"))
-
 START = Observation(time=0.0, pose=Pose(), twist=Twist(), joints={})
 
 

@@ -14,9 +14,7 @@ from typing import Any, Final
 from sim_action.core.field_types import END_OF_TEXT, pattern_at_least
 
 Schema = dict[str, Any]
-
 DIALECT: Final = "http://json-schema.org/draft-07/schema#"
-
 _PARTIAL: Final = "Partial"
 _NULL: Final[Schema] = {"type": "null"}
 _BOUNDS: Final = {"gt": "exclusiveMinimum", "ge": "minimum", "lt": "exclusiveMaximum", "le": "maximum"}
@@ -107,7 +105,7 @@ class EditorSchemas:
         if key in ("title", "default", "oneOf"):
             return {}
         if key == "pattern":
-            return {key: _to_the_end(value)}
+            return {key: (value if value.endswith(END_OF_TEXT) else re.sub(r"[$]$", r"(?!\\n)$", value))}
         if key == "properties":
             return {key: {name: self._converted(each) for name, each in value.items()}}
         if key == "prefixItems":
@@ -238,10 +236,6 @@ def _flattened(branches: Iterable[Schema]) -> Iterator[Schema]:
             yield from _flattened(branch["anyOf"])
         else:
             yield branch
-
-
-def _to_the_end(pattern: str) -> str:
-    return pattern if pattern.endswith(END_OF_TEXT) else re.sub(r"[$]$", r"(?!\\n)$", pattern)
 
 
 def _name(reference: str) -> str:

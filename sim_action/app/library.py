@@ -91,7 +91,6 @@ _CALL: Final = Location("sim_action")
 """The place of a problem with a path: that of a file which does not exist is the call."""
 
 _MAX_REPEATS: Final = 1000
-
 _Answer = TypeVar("_Answer")
 
 _SILENCED: Final = frozenset({"terminal", "annotations", "summary", "outputs"})

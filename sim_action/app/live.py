@@ -35,7 +35,6 @@ from sim_action.results.journal import JournalFollower
 from sim_action.results.written_files import JUNIT_FILE
 
 MAX_CONNECTIONS: Final = 32  # the number of connections at a time, and so of threads
-
 _ADDRESS: Final = "127.0.0.1"
 _NAMES: Final = frozenset({"127.0.0.1", "localhost"})
 _TIMEOUT_S: Final = 10.0

@@ -28,7 +28,6 @@ SITE: Final = "https://sim-action.github.io/sim-action"  # the address of the do
 
 
 Kinds = Mapping[str, type[BaseModel]]  # names that a scenario can use, and their classes
-
 Added = Mapping[str, Kinds]  # the kind of a table -> the classes of installed packages
 
 

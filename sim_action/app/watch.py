@@ -26,7 +26,6 @@ _POLL_S: Final = 0.5
 # A saved file counts as complete once nothing has changed for this time.
 _QUIET_S: Final = 0.3
 _MAX_NAMES: Final = 5
-
 _THRESHOLDS: Final = Thresholds(speed=0.0)  # speed is not compared: the developer's machine does other work
 
 

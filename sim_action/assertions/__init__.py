@@ -27,9 +27,7 @@ from sim_action.world.claims import Ceiling, ClaimFinding, Findings, JudgedRun, 
 from sim_action.world.scene import Scene
 
 _MAX_TITLE: Final = 100
-
 CREEP_M: Final = 0.1  # in m: a robot that drives goes farther than this; a smaller limit asks for a robot at rest
-
 CREEP_M_S: Final = 0.05  # in m/s and rad/s: a robot that drives is faster than this
 
 NO_READING: Final = "The sensor had no reading between `after` and `before`, or the run ended before `after`."

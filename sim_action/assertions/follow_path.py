@@ -37,7 +37,6 @@ from sim_action.world.scene import Scene
 _MAX_POINTS: Final = 10_000
 _MAX_DRAWN: Final = 2_000
 _MAX_BYTES: Final = 2_000_000
-
 _MAX_COORDINATE_M: Final = 1e6  # beyond this, squared floats cannot resolve millimetres
 
 
@@ -266,7 +265,6 @@ def _twice(points: list[Point]) -> int | None:
 
 
 Point = tuple[float, ...]  # two coordinates on the ground plane, or three in space, in m
-
 _PIECES: Final = 16  # segments of a curve between two points
 
 

@@ -221,7 +221,6 @@ class NearMonitor(Monitor):
 
 
 Written = float | str
-
 _BOUNDS = "an invariant: name, or pattern such as '*_wheel_joint', to [lower, upper]"
 
 

@@ -51,9 +51,7 @@ _MIN_TOLERANCE: Final = 2 * RESOLUTION
 _MIN_YAW_TOLERANCE: Final = math.radians(0.02)
 _MAX_DRAWN: Final = 2_000
 _PLACEHOLDER: Final = re.compile(r"\$\w*")
-
 _MAX_NAMED: Final = 3  # quantities named in a message
-
 _SAME_TIME_S: Final = 1e-3  # golden times are rounded to milliseconds
 _AT_REST: Final = 2e-3  # m and rad: less is no motion
 

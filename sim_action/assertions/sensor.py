@@ -33,13 +33,9 @@ from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, nothing_i
 from sim_action.world.scene import Scene
 
 Which = Literal["min", "max", "mean", "norm", "x", "y", "z", "w"]
-
 _STATISTICS = ("min", "max", "mean")
-
 _DIMENSIONS = tuple(column.dimension for columns in READING_COLUMNS.values() for column in columns.values())
-
 _AXES: Final = "xyzw"
-
 MORE_READINGS: Final = "raise the sensor's rate, or run for longer"  # the advice for a run with one reading
 
 

@@ -36,9 +36,7 @@ if TYPE_CHECKING:
 
 
 Kind = Literal["end", "invariant", "goal"]
-
 _BEGINNING: Final = {"end": State.HOLDS, "invariant": State.HOLDS, "goal": State.PENDING}
-
 _GROWTH: Final = 2  # growth factor of the buffer: each row is copied once or twice
 
 

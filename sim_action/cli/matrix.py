@@ -94,9 +94,7 @@ MAX_BYTES: Final = (128 << 10) - len("INPUT_SCENARIO=\0")
 """The action passes the scenarios of a shard in this variable; Linux limits its length."""
 
 _MAX_CHARACTERS: Final = 500_000  # GitHub accepts 1 MB as the output of a job and counts 2 bytes per character
-
 _MAX_DURATION_S: Final = 1e6  # no job of GitHub lasts as long: a larger duration in a file is ignored
-
 Unit = tuple[str, int | None]  # a scenario or variation: its normalised file name and its number in the file
 
 

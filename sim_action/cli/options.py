@@ -86,7 +86,6 @@ def _variable(name: str, env: bool) -> str | None:
 
 
 DEFAULT_OUTPUT_DIR: Final = "sim-results"
-
 PATHS: Final = click.argument("paths", nargs=-1, metavar="[PATHS]...")
 ALLOW_OUTSIDE: Final = flag(
     "--allow-outside",

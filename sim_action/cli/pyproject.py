@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 FILE: Final = "pyproject.toml"
 TABLE: Final = ("tool", "sim-action")
-
 _MAX_BYTES: Final = 1_000_000
 _MAX_PROBLEMS: Final = 100
 _HEADER: Final = re.compile(r"\s*\[\s*tool\s*\.\s*[\"']?sim-action[\"']?\s*\]")

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from sim_action.ros.launches import Program
 
 Command = Callable[..., ExitCode]
-
 _POSITIVE: Final = options.Bounded(click.FloatRange(min=0, min_open=True, max=1e9))
 
 _BACKEND: Final = click.option(

@@ -36,13 +36,9 @@ from sim_action.world.claims import Findings, Setting, late_points
 from sim_action.world.scene import Scene
 
 Interpolation = Literal["linear", "minimum_jerk", "hold"]
-
 _LIMITS: Final = MappingProxyType({"position": beyond_limits, "velocity": too_fast, "effort": too_strong})
-
 _WITH_ARTICLE: Final = MappingProxyType({"position": "a position", "velocity": "a velocity", "effort": "an effort"})
-
 _MAX_TIME_S: Final = 86_400  # the longest sim time of a scenario
-
 _ADVICE_STEP_S: Final = 0.01  # times in advice are rounded up to a multiple of this
 
 
@@ -147,7 +143,7 @@ class JointCommands(LinkCommands):
             if time > last + 1 / self.rate:
                 return None  # all targets stay as they are
             # Velocities and efforts are those at the middle of a tick.
-            middle = _tick(time) + (0.0 if self.interpolation == "hold" else half_time)
+            middle = (round(time, 9) + 1e-9) + (0.0 if self.interpolation == "hold" else half_time)
             return JointTargets(
                 velocity=_values(paths["velocity"], middle), effort=_values(paths["effort"], middle), motions=motions
             )
@@ -183,10 +179,6 @@ class JointCommands(LinkCommands):
 
 def _values(paths: Mapping[str, JointPath], time: float) -> dict[str, float]:
     return {name: path.value(time) for name, path in paths.items()}
-
-
-def _tick(time: float) -> float:
-    return round(time, 9) + 1e-9
 
 
 @dataclass(frozen=True, slots=True)

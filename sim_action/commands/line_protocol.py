@@ -25,7 +25,6 @@ from sim_action.core.files import write_all
 from sim_action.core.wording import escaped_line, shown
 
 MAX_LINE_BYTES: Final = 1_000_000  # the longest line that a program may answer
-
 _STANDARD_ERROR: Final = 2
 # Time for a program to exit after the end of its input, and after it is killed.
 _EXIT_WAIT_S: Final = 1.0

@@ -20,7 +20,6 @@ from sim_action.state.joint_motion import RAMP_S, Curve, JointMotion, straight
 # of them is straight within micrometres.
 _SAMPLE_M: Final = 0.002
 _SAMPLE_RAD: Final = 0.01
-
 _MIN_SAMPLES: Final = 4
 
 # During the run, they are found at each tick, and once per this distance and angle.
@@ -30,11 +29,8 @@ _MAX_STEP_RAD: Final = 0.05
 # A base that moves also tilts a little, which an arm with few joints cannot correct. In m and rad.
 _SLACK_M: Final = 0.002
 _SLACK_RAD: Final = math.radians(1)
-
 _JUMP: Final = 0.5  # a joint that moves by more than this in rad or m on such a step has jumped to another posture
-
 _SHARE_ROUNDING: Final = 1e-6  # the share by which a speed may exceed its limit: rounding of models
-
 _AT_LIMIT: Final = 1e-4  # a joint is at its limit within this, in rad or m
 
 

@@ -53,7 +53,6 @@ _NUMBER: Final[dict[str, Any]] = {"type": "number"}
 _TEXT: Final[dict[str, Any]] = {"type": "string"}
 _SPEEDS: Final = ("linear", "lateral", "angular")
 _INPUT_KEYS: Final = ("inputs", "constants", "pictures", "state")  # the keys that name inputs of the network
-
 _Constant = bool | int | Annotated[float, Field(allow_inf_nan=False)] | str
 
 

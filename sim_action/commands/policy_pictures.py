@@ -16,7 +16,6 @@ from sim_action.state.observation import Observation
 from sim_action.world.scene import Scene
 
 _COLOURS: Final = 3
-
 _PerColour = float | Annotated[tuple[float, ...], Field(min_length=_COLOURS, max_length=_COLOURS)]
 
 

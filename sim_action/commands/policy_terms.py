@@ -33,7 +33,6 @@ _SIZES: Final[Mapping[str, int]] = {
     **dict.fromkeys(_PHASES, 1),
 }
 TERMS: Final = (*_SIZES, *_OF_JOINTS, "last_action")  # the terms besides those of sensors
-
 _SENSORS: Final = "sensors."
 _UNREADABLE: Final = frozenset({"camera"})  # kinds of sensors without terms
 

@@ -37,9 +37,7 @@ from sim_action.world.claims import Findings, Setting, late_points
 from sim_action.world.scene import Scene
 
 _ANGLES: Final = ("roll", "pitch", "yaw")
-
 _LONGEST_S: Final = 86_400.0  # the largest time_limit
-
 _STILL_S: Final = 1e-6  # a way that takes less time than this is rounding
 
 # Before the run, the process of all scenarios checks a path, and must not be kept busy. The run checks the rest.

@@ -39,17 +39,13 @@ from sim_action.world.claims import ClaimFinding, Findings, Setting
 from sim_action.world.scene import Scene
 
 _CSV: Final = ".csv"
-
 _ROUNDING: Final = 1e-6  # in ticks: two times that differ by less are the same
 
 # Speeds of a log that differ by more from those of its positions, as a share and in rad/s or m/s, are not its own.
 _DIFFERENT: Final = 0.5
 _SLOW_RADPS: Final = 0.05
-
 _SUDDEN: Final = 4.0  # between two rows, a joint that is this many times faster than before and after them jumps
-
 _TURN: Final = 1e-3  # in rad: rounding of positions that a log keeps within one turn
-
 MAX_GAP_S: Final = 1.0  # between two rows that are farther apart, a joint holds its position, and then steps
 
 

@@ -36,9 +36,7 @@ from sim_action.world.scene import Scene
 
 _WORD: Final = 2**32 - 1
 _CONTROLLER: Final = "the controller"
-
 FUNCTION: Final = "control"
-
 CLASS: Final = "Controller"
 
 
@@ -136,7 +134,7 @@ class ScriptCommands(CommandSource):
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises ScriptError."""
         path = scene.workspace.file(self.script)
-        _seed_global_generators(_seed_of(scene, self.code))
+        _seed_global_generators(int(scene.generator(self.code).integers(1 << 63)) if scene.namesake else scene.seed)
         names = run_file(path, _CONTROLLER)
         name, ask = self._found(names, path, scene)
         return _controller(name, ask, path, scene)
@@ -193,10 +191,6 @@ def _controller(name: str, ask: Callable[[Observation], object], path: Path, sce
         return motors.clip_answer(as_answer(answer))
 
     return ClosedLoop(command, notes=motors.notes)
-
-
-def _seed_of(scene: Scene, code: str) -> int:
-    return int(scene.generator(code).integers(1 << 63)) if scene.namesake else scene.seed
 
 
 def _seed_global_generators(seed: int) -> None:

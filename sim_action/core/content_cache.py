@@ -17,7 +17,6 @@ from sim_action.core.files import read_at_most, whole_file
 from sim_action.core.records import dataclass
 
 MAX_ENTRY_BYTES: Final = 100_000_000  # Limit of an entry. Larger data is made each time.
-
 _MARK: Final = b"# sim-action cache entry 1"
 
 

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 _FloatArray = NDArray[np.float64]
-
 _MAX_ROUNDS: Final = 64
 # Relative to the size of the bodies.
 _ROUNDING: Final = 1e-12

@@ -14,7 +14,6 @@ from sim_action.core.files import open_regular
 from sim_action.core.workspace import PathError, Workspace
 
 SUFFIXES: Final = (".sim.yml", ".sim.yaml")
-
 _MAX_LOOKED_AT_BYTES: Final = 65_536
 _KEYS: Final = (re.compile(rb"^robot[ \t]*:", re.MULTILINE), re.compile(rb"^[ \t-]*expect[ \t]*:", re.MULTILINE))
 _EXTENDS: Final = re.compile(rb"^[ \t-]*extends[ \t]*:[ \t]*[\"']?([^\"'#\r\n]*[^\"'#\s])", re.MULTILINE)

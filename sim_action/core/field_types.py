@@ -46,11 +46,7 @@ def _built(model: Any, /, *positional: Any, **keys: Any) -> Any:
     raise InvalidPart([Problem(place, f"{key}: {message}" if key else message) for key, message in found])
 
 
-def _model_type() -> Any:
-    return type("ModelType", (type(BaseModel),), {"__call__": _built})
-
-
-class FrozenModel(BaseModel, metaclass=_model_type()):  # type: ignore[metaclass]  # mypy sees the type of all models
+class FrozenModel(BaseModel, metaclass=type("ModelType", (type(BaseModel),), {"__call__": _built})):  # type: ignore[metaclass]  # mypy sees the type of all models
     """The base class of all parts of a scenario: immutable, strict about types, closed to unknown keys."""
 
     # A validator is built at its first use: most models are only parts of others. Default parts are therefore made by
@@ -134,7 +130,6 @@ class Written(Quantity):
 _ANY_SIGN: Final = "[-+]?"
 _NOT_NEGATIVE: Final = "[+]?"
 _POSITIVE: Final = r"[+]?(?=[0.]*[1-9])"
-
 END_OF_TEXT: Final = r"[ \n]*$"  # the end of a pattern for text that may end with line breaks, as a YAML block does
 
 

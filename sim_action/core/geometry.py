@@ -14,7 +14,6 @@ from sim_action.core.records import dataclass
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Box = tuple[Vector3, Vector3]  # the lower and the upper corner of a box along the axes of a frame
-
 ZERO: Final[Vector3] = (0.0, 0.0, 0.0)
 IDENTITY: Final[Quaternion] = (0.0, 0.0, 0.0, 1.0)
 AXES: Final[tuple[Vector3, Vector3, Vector3]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

@@ -27,7 +27,6 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
 
 MISSING: Final = "missing"  # the digest of a file that does not exist
-
 _MAX_READ_BYTES: Final = 256 << 20
 _PART_BYTES: Final = 1 << 20
 _CLOCK_TICK_NS: Final = 20_000_000  # Linux stamps files with a clock that may be one tick late

@@ -30,7 +30,6 @@ else:
 
 
 __all__ = ["dataclass", "field", "replace"]
-
 _NO_FIELDS: Final = ("ClassVar", "typing.ClassVar")
 _OF_INSTANCES: Final = ("__dict__", "__weakref__")
 

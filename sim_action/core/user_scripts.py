@@ -23,7 +23,6 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import as_text, did_you_mean, excerpt
 
 ANYTHING: Final = "*"  # a name in `Script.names`: the script imports all names of another module
-
 _MAX_SCRIPT_BYTES: Final = 1_000_000
 _MAX_CACHED: Final = 16
 # In a traceback: a recursion has a thousand frames.

@@ -6,5 +6,4 @@ from pathlib import Path
 from typing import Final
 
 __version__ = "0.9.0"
-
 PACKAGE_FOLDER: Final = Path(__file__).absolute().parent.parent

@@ -10,7 +10,6 @@ from itertools import islice
 from typing import Final, NamedTuple
 
 MAX_MESSAGE_CHARS: Final = 2_000  # the largest number of characters of a message
-
 _MAX_VALUE_CHARS: Final = 60
 _MAX_LINE_CHARS: Final = 200
 # Limits on the cost of files with any number of names.

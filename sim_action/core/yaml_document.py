@@ -21,11 +21,8 @@ MAX_BYTES: Final = 1_000_000
 MAX_DEPTH: Final = 40
 MAX_VALUES: Final = 20_000
 MAX_DIGITS: Final = 400
-
 _Mark = Any  # PyYAML's two parsers have a class each, with line and column from 0.
-
 KeyPath = tuple[str | int, ...]  # the keys and list indices that lead to a value
-
 _INT: Final = re.compile(r"[-+]?[0-9]+")
 _OCTAL_OR_HEX: Final = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
 _LINE_END: Final = re.compile("\r\n|[\r\n\x85\u2028\u2029]")

@@ -25,7 +25,6 @@ MAX_AXLE_DEVIATION: Final = 0.1
 """Maximum component of an axle, as a unit vector, along a direction to which it is perpendicular."""
 
 MIN_UPRIGHT_Z: Final = 0.8  # an axis with at least this z component, as a unit vector, counts as upright
-
 _PARALLEL: Final = 0.99  # the least product of two unit vectors that count as parallel
 
 MAX_LIFT_SHARE: Final = 0.1

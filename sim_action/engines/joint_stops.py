@@ -18,7 +18,6 @@ _SLACK: Final = 1e-4  # rad or m. Engines hold a joint that rests at its stop mo
 # Engines stop a joint only beyond its limit, not at it.
 _BEYOND: Final = 1e-6
 _NO_RANGE: Final = -math.inf, math.inf
-
 Placed = tuple[int, float, float]
 
 

@@ -114,7 +114,6 @@ def mesh_bytes(path: Path) -> bytes:
 
 _HEADER_BYTES: Final = 84
 _TRIANGLE_BYTES: Final = 50
-
 _VERTEX: Final = rb"\s+vertex\s+(\S+)\s+(\S+)\s+(\S+)"
 _FACET: Final = re.compile(
     rb"\s*facet\s+normal\s+\S+\s+\S+\s+\S+\s+outer\s+loop" + 3 * _VERTEX + rb"\s+endloop\s+endfacet(?=\s)",
@@ -212,11 +211,8 @@ def _line(data: bytes, match: re.Match[bytes]) -> int:
 
 
 _BEGINS_A_PART: Final = (b"o", b"g")  # keywords that start a part; like in PyBullet, each part becomes a hull
-
 _MAX_LINES: Final = 5_000_000
-
 _MAX_SHOWN_DIGITS: Final = 30
-
 _MAX_STATEMENT_CHARACTERS: Final = 1_000_000  # limit in characters, more than any real face needs
 
 

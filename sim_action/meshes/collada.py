@@ -49,7 +49,6 @@ from sim_action.core.files import open_regular
 _MAX_ELEMENT_DEPTH: Final = 200
 _MAX_ELEMENTS: Final = 200_000
 _MAX_ATTRIBUTES: Final = 1_000_000
-
 Lines = dict[Element, int]
 
 
@@ -310,7 +309,6 @@ _TRANSFORMATIONS: Final[Mapping[str, _Transformation]] = {
 
 
 _SURFACES: Final = ("triangles", "polylist", "polygons", "trifans", "tristrips")
-
 _MAX_INPUTS: Final = 64  # limit of inputs of a surface, such as texture coordinates
 
 
@@ -402,7 +400,6 @@ def _input(document: Document, element: Element, semantic: str) -> Element:
 
 
 Colour = tuple[float, float, float]  # red, green and blue, each 0 to 1
-
 _MAX_MATERIAL_BYTES: Final = 1_000_000
 _MAX_FILES: Final = 8
 

@@ -11,9 +11,7 @@ from sim_action.core.records import dataclass
 from sim_action.meshes.mesh import Mesh, compacted
 
 MAX_HULLS: Final = 256  # Limit of hulls per mesh. A mesh with more parts becomes one hull.
-
 MAX_HULL_POINTS: Final = 1000  # Limit of points per hull. More make loading and every contact slower.
-
 _AXES: Final[tuple[Vector3, ...]] = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
 # The least share of an extent that shrinking keeps, for hulls that are thinner than the margin.

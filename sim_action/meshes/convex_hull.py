@@ -14,11 +14,8 @@ from sim_action.core.records import dataclass
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
-
 _FLAT: Final = 1e-6  # tolerance relative to the extent: nearer points lie on a plane
-
 _PRODUCTS_AT_A_TIME: Final = 1 << 14  # directions times points: the temporary arrays stay in the processor's cache
-
 _MIN_POINTS_FOR_CELLS: Final = 10_000  # fewer points are searched one direction after the other, which is as fast
 # The search for distant points: 40^3 cells have numbers of 16 bits, and 56 groups of directions are not empty.
 _MAX_CELLS_ALONG_AXIS: Final = 40

@@ -16,7 +16,6 @@ from sim_action.meshes.collision_hulls import MeshFacts, hulls_of, unshrunk
 from sim_action.meshes.mesh import Mesh, MeshError
 
 FORMAT: Final = 2  # the version of the text and its facts; a new number makes older cache entries unused
-
 _FACTS: Final = b"# facts: "
 
 _MAX_COORDINATE_M: Final = 1e6

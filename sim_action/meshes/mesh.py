@@ -14,16 +14,13 @@ MAX_TRIANGLES: Final = 500_000
 """Limit per file of text. Links have up to about 100,000 triangles; reading this many takes one or two seconds."""
 
 MAX_BINARY_TRIANGLES: Final = 2_100_000  # Limit per file of binary STL. Reading this many takes one or two seconds.
-
 MAX_POINTS: Final = 3 * MAX_TRIANGLES  # limit per file: three per triangle
-
 MAX_PARTS: Final = 10_000  # limit per file of objects, solids or instances
 
 _MAX_COORDINATE: Final = 1e9
 """Limit of coordinates in the file's units. The largest robot measures 100 m, which is 1e8 micrometres."""
 
 _NO_AREA: Final = 1e-10  # area, relative to the squared longest side, below which a triangle is a line
-
 _CHUNK_TRIANGLES: Final = 1 << 14  # triangles at a time: the temporary arrays stay in the processor's cache
 
 

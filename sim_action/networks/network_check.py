@@ -23,7 +23,6 @@ from sim_action.core.workspace import PathError, Workspace
 from sim_action.networks.onnx_network import TOO_MUCH_MEMORY, Feed, Network, NetworkProblem, Session, Tensor
 
 CHECK: Final = (sys.executable, "-P", "-m", "sim_action.networks.network_check")  # the command of the process
-
 _PACKAGE_ROOT: Final = Path(__file__).resolve().parents[2]
 _OPEN_BYTES: Final = 32_000_000
 _BYTES_PER_NETWORK_BYTE: Final = 2  # memory to open a network

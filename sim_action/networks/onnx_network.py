@@ -25,7 +25,6 @@ INSTALL_HINT: Final = (
     "set the input 'extras: policy'"
 )
 MAX_NETWORK_BYTES: Final = 1_000_000_000  # the greatest size of a network with all its files
-
 _TYPE_NAMES: Final = {"float": "float32", "double": "float64", "string": "object"}
 FLOATS: Final = frozenset({"float16", "float32", "float64"})
 _WHOLE: Final = frozenset({"bool", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))})

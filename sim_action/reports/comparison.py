@@ -281,7 +281,6 @@ def print_comparison(comparison: Comparison, environment: Mapping[str, str], str
 
 
 MAX_CHARACTERS: Final = 60_000  # the largest size of the Markdown; GitHub accepts 65,536 characters in a comment
-
 _FRAME_CHARACTERS: Final = 2_000
 
 

@@ -28,9 +28,7 @@ from sim_action.results.outcome import Outcome
 _REDRAW_PERIOD_S: Final = 0.1
 _ERASE: Final = "\r\x1b[K"
 _STEPS: Final = 10
-
 GateKey = tuple[str, str]  # the file and the name of a gate
-
 _NO_GATES: Final[Mapping[GateKey, int]] = MappingProxyType({})
 
 

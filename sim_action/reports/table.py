@@ -22,7 +22,6 @@ from sim_action.scenario.variations.gate import GATE
 from sim_action.state.verdict import Verdict
 
 _MAX_TEXT: Final = 300  # the largest number of characters of a message on the line of its row
-
 NUMBERS: Final = (" Measured", " Limit", " Margin", " At")  # the columns of the numbers of a verdict
 
 

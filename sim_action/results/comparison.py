@@ -60,7 +60,6 @@ ChangeKind = Literal[
 
 _FAILURES: Final[frozenset[ChangeKind]] = frozenset({"newly fails", "flaky"})
 _WARNINGS: Final[frozenset[ChangeKind]] = frozenset({"removed", "not run", "not repeated"})
-
 _MIN_SLOWDOWN_S: Final = 0.1  # wall time: a smaller slowdown may be caused by a busy CPU and is ignored
 
 

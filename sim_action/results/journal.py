@@ -149,7 +149,6 @@ class Record:
 
 
 JOURNAL_FILE: Final = "results.jsonl"
-
 _MAX_HEADER_BYTES: Final = 64_000_000
 _SYNC_PERIOD_S: Final = 0.1
 MAX_LINE_BYTES: Final = 64_000_000

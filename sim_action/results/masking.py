@@ -21,13 +21,11 @@ from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.scenario.child_environment import missing_variable, unset_variable
 
 Model = TypeVar("Model", bound=FrozenModel)
-
 STARS: Final = "***"
 
 # Numbers and words of the format are no texts of code.
 _NAMES_IN_REPLAYS: Final = frozenset({"name", "robot", "unit", "joint_names"})
 _MAX_REPLAY_BYTES: Final = 500_000_000
-
 MIN_CHARS: Final = 4  # shorter values are left: their text is everywhere
 
 

@@ -101,7 +101,6 @@ FailureKind = Literal[
 """The kind of a failure; "missing": a shard should have run the scenario, but left no result of it."""
 
 NOT_FOUND: Final = "not found"  # the title of the failure of a scenario whose file or folder does not exist
-
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 

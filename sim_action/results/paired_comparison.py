@@ -16,9 +16,7 @@ from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.weaker_checks import Pair, WeakerCheck, has_same_limit, paired_expectations, weaker_checks
 
 LEVEL: Final = 0.05  # a change of a pass rate is significant if its p-value is below this level
-
 CONFIDENCE: Final = 0.95  # the confidence of the interval of a change
-
 MIN_PAIRS_OF_MARGIN: Final = 20  # with fewer pairs, the interval of a mean covers its true value too rarely
 
 RunPair = tuple[Outcome | None, Outcome | None]

@@ -27,11 +27,8 @@ from sim_action.scenario.selection import ranges_text
 from sim_action.scenario.variations.gate import PlannedGate
 
 MAX_SHARDS: Final = 256  # the largest number of jobs that GitHub creates from one matrix
-
 T = TypeVar("T")
-
 Commit = Annotated[str, Field(pattern=r"^[0-9a-f]{7,64}$")]
-
 _Number = Annotated[int, Field(ge=1, le=MAX_SHARDS)]
 
 
@@ -101,7 +98,6 @@ MAX_OUTCOMES: Final = 50_000
 
 _MAX_BYTES: Final = 64_000_000
 _MAX_TEXT: Final = 200_000  # the most characters of a text, more than any run writes: shards may come from anyone
-
 _FIRST_VERSION: Final = 1
 _VERSION: Final = 5
 _FORMER_ENDS: Final = {

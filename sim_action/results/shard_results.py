@@ -167,7 +167,7 @@ def _not_run(entries: Iterable[Entry], listing: Listing, *, left_any: bool) -> I
     )
     stopped = set[tuple[str, str]]()
     for unit, scenario in zip(_units(listing), listing.scenarios, strict=True):
-        whole = (unit[0], _group(scenario))
+        whole = (unit[0], (scenario.group or scenario.name if isinstance(scenario, Source) else scenario.name))
         if unit in found and found[unit].failures and found[unit].group is None:
             # If the variations of a scenario cannot be run, the error of the first one covers all of them.
             stopped.add(whole)
@@ -179,10 +179,6 @@ def _not_run(entries: Iterable[Entry], listing: Listing, *, left_any: bool) -> I
     for unmatched in map(Outcome.of_unmatched, listing.unmatched):
         if _unit(unmatched) not in found:
             yield Entry(unmatched)
-
-
-def _group(scenario: Source | Refused) -> str:
-    return scenario.group or scenario.name if isinstance(scenario, Source) else scenario.name
 
 
 def _without_result(scenario: Source | Refused, message: str) -> Outcome:

@@ -35,7 +35,6 @@ Pair = tuple[ExpectationOutcome, ExpectationOutcome]  # one expectation in the o
 # The limit that they report can differ although the file did not change: it is one of several, or itself measured.
 _SEVERAL_LIMITS: Final = frozenset({"all_of", "any_of", "stay_within", "joint_within", "object"})
 _MEASURED_LIMITS: Final = frozenset({"not", "stl", "matches", "follow_path", "assertion", "feet_on_ground"})
-
 _SAME_LIMIT: Final = 1e-6  # results of different versions may round a converted limit differently
 
 

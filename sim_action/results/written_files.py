@@ -26,9 +26,7 @@ SUFFIXES: Final = {
 """Folder of the files of runs -> the suffixes of the files that sim-action writes there."""
 
 GENERATOR: Final = '<meta name="generator" content="sim-action">'  # the mark of a report in its head
-
 COMPARED: Final = "compared with the previous run"  # the words at the beginning of a comparison as Markdown
-
 _MAX_START_BYTES: Final = 8192
 
 JUNIT_NAME: Final = "sim-action"

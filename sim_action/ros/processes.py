@@ -20,7 +20,6 @@ _PROC: Final = Path("/proc")
 _READ_BYTES: Final = 65536
 _MAX_HEADER_BYTES: Final = 64
 _RESULT: Final = b"--gtest_output=xml:"
-
 _STAT_BYTES: Final = 1024
 _ENDED: Final = (FileNotFoundError, ProcessLookupError)
 # A process that has ended, and that its parent has not waited for, has no work left either.

@@ -16,7 +16,6 @@ from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
 
 UNPUBLISHED: Final = "unpublished"  # the name of the property of a topic without a publisher; `ros_patches` writes it
-
 _MAX_RESULT_BYTES: Final = 16_000_000
 _MAX_CASES: Final = 1_000
 # XML 1.0 forbids these characters, also as character references.

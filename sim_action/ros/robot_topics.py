@@ -38,7 +38,6 @@ _SENSOR_TOPICS: Final = {
 }
 
 _EPSILON = 1e-9
-
 _BILLION: Final = 1_000_000_000
 
 

@@ -187,7 +187,7 @@ def _outcome(job: Job, progress: _Progress, kept: _Kept) -> Outcome:
     try:
         return _judged(job, job.loaded.scenario, _stored_run(job, progress, kept))
     except InvalidScenario as error:
-        return _invalid(job, error)
+        return Outcome.of_invalid(job.loaded.file, error).model_copy(update={"name": job.loaded.scenario.name})
     except (RunError, ModelError) as error:
         return _of_run_error(job, error)
     except MemoryError:
@@ -265,10 +265,6 @@ def _reserved() -> mmap.mmap:
         return mmap.mmap(-1, _RESERVE_BYTES)
     except OSError as error:
         raise MemoryError from error
-
-
-def _invalid(job: Job, error: InvalidScenario) -> Outcome:
-    return Outcome.of_invalid(job.loaded.file, error).model_copy(update={"name": job.loaded.scenario.name})
 
 
 def _checked(loaded: LoadedScenario) -> LoadedScenario:

@@ -41,11 +41,8 @@ _MAX_LAST_WORDS_LINES: Final = 20
 
 
 Limit = Literal["wall limit", "output limit"]
-
 TOO_SLOW: Final = "too slow"  # the title of a failure at the wall limit of a run whose sim time was still moving on
-
 _MOVING_PART: Final = 0.2  # the last part of the wall limit, in which sim time must have moved on
-
 Ending = int | Limit  # the exit status of a child process (see `ChildProcess.poll`), or the limit at which it was ended
 
 
@@ -340,7 +337,6 @@ def _cause_of_signal(child: ChildProcess, title: str, output: str) -> tuple[Fail
 _BAD_ALLOC: Final = "std::bad_alloc"
 _CRASHES: Final = ("SIGSEGV", "SIGBUS", "SIGABRT")  # signals that end native code which does not check its allocations
 _UNTOUCHED_BYTES: Final = 256 << 20  # the limit is on address space; libraries reserve this much and use little of it
-
 _NATIVE: Final = ": native code crashed, in the engine or in a library of the script"
 _MEANINGS: Final[Mapping[str, str]] = {
     "SIGSEGV": _NATIVE,

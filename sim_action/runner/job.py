@@ -12,7 +12,6 @@ from sim_action.core.records import dataclass, field, replace
 from sim_action.scenario.model import LoadedScenario
 
 BEGUN: Final = b"begun"  # the message of a child process that has its job and begins to run it
-
 JUDGED: Final = b"judged"  # the message of a child process that its outcome is written while it still writes recordings
 
 ENDED: Final = b"ended"

@@ -111,9 +111,7 @@ RESERVED: Final = (
 """Names that a scenario must not set, besides those of the table: they change how Python, an engine or a job works."""
 
 MAX_SET: Final = 100  # the largest number of variables that a scenario may set
-
 MAX_VALUE_CHARS: Final = 10_000  # the longest value that a scenario may set
-
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _SECRET: Final = re.compile("|".join((*SECRET_WORDS, r"(?:^|_)(?:PASS|PWD|PAT|CRED|CREDS|DSN)(?:_|$)")), re.IGNORECASE)
 

@@ -30,7 +30,6 @@ from sim_action.world import World
 _ACTORS: Final = "world", "actors"
 _ANY: Final = "*"
 _DEEP: Final = "**"
-
 Pattern = tuple[str, ...]  # a way to a file name: `*` for every key or entry, `**` for any number of them
 
 

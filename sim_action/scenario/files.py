@@ -26,11 +26,8 @@ from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.variations.expansion import MAX_RUNS, expanded
 
 MAX_BASES: Final = 10  # the largest number of files that extend each other
-
 MAX_SCENARIOS: Final = 1_000  # the largest number of scenarios in a file
-
 _MAX_WRITTEN_OUT: Final = 1_000_000  # number of values; shared values count for each scenario
-
 _NOTHING: Final = "a scenario starts with 'name:', 'robot:', 'expect:' and 'time_limit:'"
 
 

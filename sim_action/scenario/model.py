@@ -62,9 +62,7 @@ else:
 _MIN_MEMORY: Final = 512 << 20
 _MAX_MEMORY: Final = 1 << 50
 MEMORY: Final = 4 << 30  # the default limit of a process's address space in bytes
-
 WALL_SECONDS: Final = 60.0  # the default wall limit in s
-
 _OUTPUT: Final = 100_000_000
 
 MAX_COMPARED_STEPS: Final = 2_000_000
@@ -72,7 +70,6 @@ MAX_COMPARED_STEPS: Final = 2_000_000
 
 
 Severity = Literal["error", "warning"]
-
 Unexercised = Literal["error", "warn"]
 
 ConfidenceKind = Literal["numerical", "full"]

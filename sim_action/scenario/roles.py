@@ -15,7 +15,6 @@ from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.scenario.part_reader import actors_of
 
 KEY: Final = "ego"
-
 _BESIDE: Final = ("commands", "sensors")  # the keys that stand beside `robot` in a scenario, and inside an actor
 
 

@@ -9,7 +9,6 @@ from typing import Any, Final, TypeVar, cast
 from sim_action.core.field_types import FrozenModel
 
 Value = TypeVar("Value")
-
 _PLAIN: Final = frozenset({str, int, bool, bytes, type(None)})
 
 

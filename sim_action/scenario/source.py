@@ -17,7 +17,6 @@ from sim_action.scenario.variations.gate import PlannedGate
 from sim_action.scenario.variations.values import SEED
 
 MAX_KEYS: Final = 20  # the largest number of varied keys
-
 _LONGEST_VALUES: Final = 100
 
 

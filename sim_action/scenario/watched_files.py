@@ -25,7 +25,6 @@ from sim_action.robot.documents.packages import PackageError, Packages
 from sim_action.scenario.source import Source
 
 MAX_FILES: Final = 2_000  # the largest number of watched files of one scenario file; further ones are ignored
-
 _MODELS: Final = frozenset({".urdf", ".xacro", ".sdf", ".world", ".xml", ".mjcf", ".config", ".obj"})
 _MJCF: Final = frozenset({".xml", ".mjcf"})
 _SCENARIOS: Final = frozenset({".yml", ".yaml"})

@@ -22,13 +22,9 @@ if TYPE_CHECKING:
     from sim_action.robot.model.robot_model import RobotModel
     from sim_action.simulation.energy import EnergyWatch
 LEAST_FRICTION: Final = 0.2  # with a smaller coefficient, wheels may slip in ordinary driving
-
 _MAX_MASS_RATIO: Final = 100.0
-
 _MAX_DEPTH_M: Final = 0.005
-
 _LEAST_SLIDE: Final = 0.01  # the share of the rolled distance from which sliding is reported as slip
-
 _LEAST_WAY_M: Final = 1e-3
 
 

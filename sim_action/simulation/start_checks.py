@@ -36,9 +36,7 @@ BOLTED: Final = "the base is fixed: twists turn the wheels, but the robot does n
 _MAX_TILT_RAD: Final = math.radians(2)
 _MAX_SINK_M: Final = 0.02
 _MIN_FALL_M: Final = 0.1  # a robot whose stated height is less above its place of rest was put down
-
 MAX_LIFT_M: Final = 0.1  # a robot that starts at most this deep in the ground or in fixed bodies starts on them
-
 _ON_TOP_M: Final = 0.0005  # a robot that is less deep in a body stands on it
 
 

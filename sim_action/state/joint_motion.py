@@ -31,7 +31,6 @@ _JITTER_S: Final = 5e-3
 _JITTER_SHARE: Final = 0.45
 _LEAST_REGULAR: Final = 10
 _SMOOTHER: Final = 0.9  # jitter roughens a motion: without it, changes of the velocity add up to less than this share
-
 _QUINTIC: Final = 6  # the number of coefficients of a polynomial
 
 

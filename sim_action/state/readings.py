@@ -81,7 +81,6 @@ READING_COLUMNS: Final[Mapping[str, Mapping[str, ReadingColumn]]] = MappingProxy
 """The columns of each kind of sensor of sim-action, by name."""
 
 DISTANCES: Final = frozenset({"ranges", "depth"})  # the columns that are infinite where nothing is in range
-
 _OF_PACKAGES: Final[dict[str, Mapping[str, ReadingColumn]]] = {}
 
 

@@ -49,7 +49,6 @@ __all__ = [
 ]
 
 MAX_PATCHES: Final = 50
-
 MAX_ACTORS: Final = 20  # the largest number of robots beside the one under test
 
 

@@ -49,11 +49,8 @@ BODY_SHAPES: Final = ("box", "cylinder", "sphere", "ramp", "stairs", "mesh")
 """The keys of the shapes of which a body can have several."""
 
 MAX_SHAPES: Final = 1000
-
 Arm = Annotated[Metres, Field(ge=-MAX_LENGTH_M, le=MAX_LENGTH_M)]
-
 _ROUNDING: Final = 1e-3  # moments may break the triangle inequality by this share: files are rounded
-
 _SMALLEST_SHARE: Final = 1e-7  # the error of a computed principal moment, as a share of the largest one, is less
 
 
@@ -167,13 +164,9 @@ class SurfaceVelocity(FrozenModel):
 
 
 SHAPES: Final = ("box", "cylinder", "sphere", "ramp", "stairs", "mesh", "heightfield", "map", "shapes")
-
 _MAY_MOVE: Final = ("box", "cylinder", "sphere", "mesh", "shapes")
-
 _MAX_LOOP_GAP: Final = 1e-6  # m and rad: the start and the end of a loop may differ by this
-
 Share = Annotated[float, Field(ge=0, le=1)]
-
 Mass = Annotated[PositiveKilograms, Field(ge=1e-6, le=MAX_MASS)]
 
 

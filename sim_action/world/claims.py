@@ -41,16 +41,13 @@ class Rule:
 
 
 SINGLE_ROW: Final = "single-row-golden"  # the rule against golden files without a motion
-
 NOT_SIMULATED: Final = "not-simulated"  # the rule about parts of launch files and world files that are not simulated
 
 NOT_REPRODUCIBLE: Final = "not-reproducible"
 """The rule about runs whose nodes could not be kept in lock-step with sim time."""
 
 LOGGED_ERROR: Final = "logged-error"  # the rule about errors that nodes log
-
 NODE_FAILED: Final = "node-failed"  # the rule about nodes of a rostest that fail although its methods pass
-
 LOW_GATE: Final = "low-gate"  # the rule about gates that pass although most of their runs fail
 
 INCOMPLETE_WORLD: Final = "incomplete-world"

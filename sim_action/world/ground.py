@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from sim_action.world.parts import BoxPart
 
 GROUND: Final = "ground"
-
 Friction = Annotated[NonNegativeRatio, Field(le=100)]
-
 Side = Annotated[Metres, Field(ge=0.01, le=1000)]
 
 
@@ -65,7 +63,6 @@ GROUND_REACH_M: Final = 10_000.0
 
 _TILE_DEPTH_M: Final = 10.0
 _MIN_WIDTH_M: Final = 1e-6  # narrower gaps in m between patches are ignored
-
 Span = tuple[float, float]
 
 

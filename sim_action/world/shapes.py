@@ -16,13 +16,9 @@ if TYPE_CHECKING:
 
 
 MIN_LENGTH_M: Final = 1e-4  # the least length in m; engines cannot resolve less
-
 MAX_LENGTH_M: Final = 10_000.0  # the greatest length in m; beyond, the engines' numbers do not resolve millimetres
-
 Size = Annotated[Metres, Field(ge=MIN_LENGTH_M, le=MAX_LENGTH_M)]  # a length of a body in m
-
 MAX_STEPS: Final = 500  # limit for one flight of stairs
-
 _MAX_SLOPE_RAD: Final = math.radians(85)
 
 
@@ -99,7 +95,6 @@ class Stairs(FrozenModel):
 
 
 _MAX_FACTOR: Final = 1e6
-
 Factor = Annotated[PositiveRatio, Field(le=_MAX_FACTOR)]
 
 
@@ -127,7 +122,6 @@ def _factor(value: object) -> float:
 Scale = Annotated[Factor | tuple[Factor, Factor, Factor], BeforeValidator(_scale)]
 Height = Annotated[Metres, Field(ge=-MAX_LENGTH_M, le=MAX_LENGTH_M)]
 _MIN_SAMPLES: Final = 2
-
 File = Annotated[str, NamesFile(), Field(min_length=1)]
 
 

@@ -50,14 +50,10 @@ from tests.traces import START, WHEELS, contact, monitor, piece, scene
 
 STEPS = 60
 RATE = 240
-
 EIGHT = tuple(PathPoint(x=x, y=y) for x, y in [(0, 0), (0.3, 0.3), (0.6, 0), (0.3, -0.3), (0, 0.1)])
-
 FEET = ("wheel_left_link", "wheel_right_link", "caster_back_link")
-
 RISING = tuple(PathPoint(x=x, y=x / 2, z=x / 3) for x in (0.0, 0.3, 0.6))
 SCAN, WHEEL = "base_scan", "wheel_left_link"
-
 READING = SensorReading(name="scan", reading="ranges", which="mean", at_most=0.5, once=True)
 
 SPECS: list[Assertion] = [
@@ -163,7 +159,6 @@ SPECS += further_specs(SPECS)
 
 LINKS = ["wheel_left_link", "wheel_right_link"]
 MOVABLE = replace(START, joints=dict.fromkeys(WHEELS, JointState(0.0, 0.0, 0.0)))
-
 WATCHES = sorted(Channels.all_of(spec.channels for spec in SPECS).clearances, key=repr)
 
 

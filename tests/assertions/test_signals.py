@@ -46,9 +46,7 @@ RATE = 240
 FACING = Arrow(3.0, 0.0, 0.5, tolerance=math.radians(5))
 STEP = 1 / RATE
 LEFT = WHEELS[0]
-
 WAY = trace([0.0, 1.0, 2.0], x=[0.0, 3.0, 3.0], y=[0.0, 0.0, 4.0], yaw=[0.0, 0.5, 1.0], speed=[0.0, 3.0, 4.0])
-
 Curve = tuple[str, str, list[float], float | None, float | None]
 
 

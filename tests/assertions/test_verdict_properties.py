@@ -55,7 +55,6 @@ from tests.traces import WHEELS, monitor, scene
 
 SCENE: Final = scene()
 LEFT: Final = WHEELS[0]
-
 seeds = st.integers(0, 2**32 - 1)
 steps = st.integers(0, STEPS)
 

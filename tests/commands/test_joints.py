@@ -25,7 +25,6 @@ from sim_action.world.scene import Scene
 from tests.scenarios import load, told
 
 STEP: Final = 1e-5
-
 rising = st.lists(st.floats(0, 100), min_size=2, max_size=6, unique_by=lambda time: round(time, 1)).map(sorted)
 numbers = st.floats(-100, 100)
 

@@ -17,10 +17,8 @@ from sim_action.core.errors import ScriptError
 from tests.patience import PATIENCE, wait_until
 
 pytestmark = pytest.mark.process
-
 LIMIT: Final = AnswerLimit(PATIENCE, "answer_within")
 SHORT: Final = AnswerLimit(0.3, "answer_within")
-
 ECHO: Final = "for line in sys.stdin: print(line.strip().upper(), flush=True)"
 
 

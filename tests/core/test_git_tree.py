@@ -15,7 +15,6 @@ from sim_action.core import git_tree as module
 from sim_action.core.git_tree import FileDigests, GitError, GitListing, GitTree
 
 pytestmark = pytest.mark.process
-
 LATER_NS = 3_600_000_000_000
 
 

@@ -8,7 +8,6 @@ from sim_action.core.geometry import Pose, Vector3, quaternion_from_rpy
 from sim_action.robot.model.robot_model import Joint, JointType, Link, RobotModel, Shape
 
 Part = tuple[tuple[Joint, ...], tuple[Link, ...]]
-
 RADIUS = 0.1
 LYING = Pose(orientation_xyzw=quaternion_from_rpy(math.pi / 2, 0.0, 0.0))  # a cylinder's own axis is z; lying, it is y
 

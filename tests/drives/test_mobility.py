@@ -19,12 +19,10 @@ from tests.drives.carts import FOUR, cart, steered, wheel
 from tests.traces import WHEELS, burger, scene
 
 ALONG_X: Vector3 = (-1.0, 0.0, 0.0)
-
 BURGERS = DiffDrive(left=WHEELS[:1], right=WHEELS[1:])
 SKID = SkidSteer(left=("a", "b"), right=("c", "d"), slip=2.0, acceleration=0.3)
 MECANUM = MecanumDrive(left=("a", "b"), right=("c", "d"))
 CAR = AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"), acceleration=2.0)
-
 FOUR_AHEAD = cart(wheel("a", 0.3, 0.3), wheel("b", -0.1, 0.3), wheel("c", 0.3, -0.3), wheel("d", -0.1, -0.3))
 TO_THE_LEFT = cart(
     *(wheel(name, x, y, axis=ALONG_X) for name, x, y in (("a", -0.3, 0.2), ("c", 0.3, 0.2))),

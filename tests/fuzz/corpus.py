@@ -18,7 +18,6 @@ _LINK: Final = """\
 <inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>SHAPES</link></robot>
 """
 _SHAPE: Final = '<collision><origin xyz="{} 0 0"/><geometry>{}</geometry></collision>'
-
 _VISUAL: Final = '<visual><geometry><mesh filename="m.obj" scale="-"/></geometry></visual>'
 
 

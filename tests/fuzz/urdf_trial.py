@@ -38,7 +38,6 @@ from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 
 LONGEST: Final = 20  # in s, for one model; a signal ends the child then
-
 _POSITION: Final = 0.3
 _STEPS: Final = 30
 _NEAR: Final = 1e-4

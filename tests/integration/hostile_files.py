@@ -16,7 +16,6 @@ from typing import Final
 from tests.mesh_files import dae, obj, stl
 
 SENTINEL: Final = "sentinel-of-the-test"  # a word in each text outside the workspace, and in .git
-
 Content = str | bytes
 Files = Mapping[str, Content]
 

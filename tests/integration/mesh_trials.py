@@ -13,7 +13,6 @@ from sim_action.meshes import clean_mesh
 from sim_action.meshes.hull_file import hull_file_name
 
 _CHILD = Path(__file__).with_name("mesh_engine.py")
-
 ENGINES_MARGIN = 0.001  # in m: what PyBullet 3.2.7 puts around each hull
 
 

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Final, Literal
 
 System = Literal["darwin", "win32"]
-
 ROOT: Final = Path(__file__).parents[2]
 
 # What is run before everything else, in each interpreter that has this in its PYTHONPATH. Absent there are, by the

@@ -37,7 +37,6 @@ BOX = ROBOT.format('<box size="0.2 0.4 0.6"/>')
 MESH = ROBOT.format('<mesh filename="box.stl"/>')  # of the same size
 BALL = ROBOT.format('<sphere radius="0.2"/>')
 ROLL = ROBOT.format('<cylinder radius="0.2" length="0.4"/>')
-
 WALL = Body(name="wall", box=(0.1, 2.0, 2.0), pose=Placement(x=1.05, z=1.0))  # its face is at x = 1
 POST = Body(name="post", cylinder=Cylinder(radius=0.1, height=2.0), pose=Placement(x=1.1, z=1.0))
 GLOBE = Body(name="globe", sphere=Sphere(radius=0.1), pose=Placement(x=1.1, z=1.0))

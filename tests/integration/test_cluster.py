@@ -25,7 +25,6 @@ from tests.patience import PATIENCE, wait_until
 from tests.soak import soaked
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="it looks for processes in /proc")
-
 ROOT: Final = Path(__file__).parents[2]
 ENVIRONMENT: Final = {**os.environ, "PYTHONPATH": str(ROOT), "GITHUB_ACTIONS": ""}
 

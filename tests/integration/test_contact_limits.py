@@ -22,7 +22,6 @@ from tests.scenarios import load
 from tests.traces import START
 
 every_engine = pytest.mark.parametrize("engine", installed())
-
 RATES = (120, 240, 480, 960, 1920)
 MASS, SPEED = 2.0, 0.5
 

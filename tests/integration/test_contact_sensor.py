@@ -16,7 +16,6 @@ from tests.simulated import simulated
 from tests.traces import burger
 
 every_engine = pytest.mark.parametrize("engine", installed())
-
 WHEELS = ("wheel_left_link", "wheel_right_link")
 LINKS = ("base_footprint", *WHEELS, "caster_back_link", "base_scan")
 SENSORS = "".join(f"  - {{contact: {{}}, name: {link}, link: {link}, rate: 240 Hz, trace: true}}\n" for link in LINKS)

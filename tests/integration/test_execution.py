@@ -100,7 +100,6 @@ def test_a_caller_that_is_not_made_ready_leaves_no_children(tmp_path: Path) -> N
 
 WAYS: Final = (LinuxChild, PortableChild)
 NAMES: Final = ("linux", "portable")
-
 on_both = pytest.mark.parametrize("run", WAYS, indirect=True, ids=NAMES)  # also without `--soak` in both ways
 
 

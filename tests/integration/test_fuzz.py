@@ -15,7 +15,6 @@ from tests.fuzz.corpus import CORPUS
 from tests.soak import soaked
 
 SEED = 4
-
 CASES = 8  # inputs of each kind
 
 

@@ -16,7 +16,6 @@ from sim_action.state.command import JointTargets
 from tests.integration.engines import advance, at, on_every_engine, running, scene_of, travelled
 
 pytestmark = on_every_engine
-
 G = 9.80665
 
 

@@ -17,7 +17,6 @@ from sim_action.state.trace import Trace
 from tests.integration.engines import advance, on_every_engine, running, scene_of
 
 pytestmark = on_every_engine
-
 RATE = 240.0
 INERTIA = '<inertia ixx="2" iyy="2" izz="2" ixy="0" ixz="0" iyz="0"/>'
 

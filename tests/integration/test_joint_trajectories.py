@@ -26,7 +26,6 @@ from tests.simulated import simulated
 from tools.bench.robots import ROBOTS
 
 pytestmark = pytest.mark.pybullet
-
 KNOWN: Final = {known.name: known for known in ROBOTS}
 PHYSICS_RATE: Final = 240
 

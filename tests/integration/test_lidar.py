@@ -21,7 +21,6 @@ from tests.scenarios import load
 from tests.simulated import simulated
 
 pytestmark = pytest.mark.parametrize("engine", installed())
-
 EXAMPLE = Path(__file__).parents[2] / "examples/sensors"
 TURNING = """\
 name: burger turns in a room

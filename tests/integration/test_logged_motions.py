@@ -27,7 +27,6 @@ from tests.simulated import simulated
 from tools.bench.robots import ROBOTS
 
 pytestmark = pytest.mark.pybullet
-
 WHEELS: Final = ("wheel_left_joint", "wheel_right_joint")
 DURATION_S: Final = 4.0
 WHEELBASE_M: Final = 0.325  # the distance of the axles of the racecar

@@ -15,7 +15,6 @@ from sim_action.results.results_json import Results
 from tests.soak import soaked
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems tell no peak of memory in this way")
-
 ROOT: Final = Path(__file__).parents[2]
 FEW: Final = 20
 MOST_KB_FOR_A_RUN: Final = 45

@@ -30,9 +30,7 @@ from tests.mesh_files import (
 )
 
 pytestmark = pytest.mark.pybullet
-
 IGNORE_VISUALS = 1 << 20  # pybullet.URDF_IGNORE_VISUAL_SHAPES
-
 MATRIX = "<matrix>1 0 0 1  0 1 0 2  0 0 1 3  0 0 0 1</matrix>"
 POLYLIST = '<polylist><input semantic="VERTEX" source="#vertices" offset="0"/><vcount>{}</vcount><p>{}</p></polylist>'
 DAE_OF_SIDES = dae(POLYLIST.format("4 " * 6, " ".join(str(row) for side in SIDES for row in side)))

@@ -19,7 +19,6 @@ from tests.integration.engines import advance, on_every_engine, running, scene_o
 from tests.traces import START, WHEELS, burger
 
 pytestmark = on_every_engine
-
 RATE = 240
 GRAVITY = 9.80665
 LOAD = 2.0

@@ -20,7 +20,6 @@ from tests.integration.engines import advance, running
 from tests.integration.test_native_robots import scene
 
 mujoco: Any = pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
-
 RATE = 240
 # The geoms collide with nothing, because MuJoCo alone would let parts of the robot touch each other.
 ARM = f"""<mujoco model="arm">

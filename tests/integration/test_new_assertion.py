@@ -17,7 +17,6 @@ from tests.integration.test_examples import in_failing_form, in_unexercised_form
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/contributing/new-assertion.md").read_text(encoding="utf-8")
 FENCED = r"(?:(?!```).)*?```\w+\n(.*?)```"
-
 NOT_COPIED = shutil.ignore_patterns(".*", "_site", "node_modules", "__pycache__", "sim-results")
 # The tests that have a case for each assertion, and those that ask that none is missing.
 TESTS = (

@@ -17,7 +17,6 @@ from tests.simulated import simulated
 from tests.soak import soaked
 
 pytestmark = pytest.mark.pybullet
-
 IIWA = ARMS[0]
 STEP = 1e-4  # s, of numerical derivatives
 NEAR_A_CORNER = 0.1  # s

@@ -27,7 +27,6 @@ from tests.ros.ros1.robotis import lay_out
 from tests.soak import soaked
 
 pytestmark = needs_ros
-
 TESTS = ["mover", "go_to_point", "stop_before_wall"]
 
 

@@ -17,7 +17,6 @@ from tests.ros.ros1.robotis import lay_out
 from tests.soak import soaked
 
 pytestmark = needs_ros
-
 ROBOT = ROOT / "sim_action/ros/ros1/launch/packages/turtlebot3_description/urdf/turtlebot3_burger.urdf.xacro"
 WORLD = '<include file="$(find gazebo_ros)/launch/empty_world.launch"/>'
 BURGER = '<include file="$(find turtlebot3_gazebo)/launch/turtlebot3_empty_world.launch"/>'

@@ -20,7 +20,6 @@ from tests.ros.ros1.launches import needs_ros, package
 from tests.soak import soaked
 
 pytestmark = needs_ros
-
 HEAD = "#!/usr/bin/env python\nimport os\nimport rospy\nfrom geometry_msgs.msg import Twist\n"
 # Drives on, and does something else half a second later.
 DRIVE = f"""{HEAD}

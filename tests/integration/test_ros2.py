@@ -10,7 +10,6 @@ from tests.ros.ros2.nodes import MOVER, needs_ros2, outcomes, scenario
 from tests.soak import soaked
 
 pytestmark = needs_ros2
-
 RULE = "not-reproducible"
 
 FAILING = """\

@@ -16,7 +16,6 @@ from tests.ros.ros2.nodes import needs_ros2, outcomes, run, scenario
 from tests.soak import soaked
 
 pytestmark = needs_ros2
-
 EXAMPLES: Final = ROOT / "examples/ros2"
 # One node, a chain of two with timers, and a loop closed by a lidar: all with topics of the same names.
 LOOPS: Final = ("mover", "planner_and_smoother", "wall_follower")

@@ -19,7 +19,6 @@ from tests.patience import PATIENCE
 from tests.ros.ros1.launches import needs_ros, package
 
 ROOT = Path(__file__).resolve().parents[2]
-
 PLANTED: Final = "planted-4711-"
 NAMES: Final = (
     *("GITHUB_TOKEN", "GH_TOKEN", "ACTIONS_RUNTIME_TOKEN", "INPUT_TOKEN", "AWS_SECRET_ACCESS_KEY", "DATABASE_URL"),

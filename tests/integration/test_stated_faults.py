@@ -36,7 +36,6 @@ from tests.physics.robots import (
 from tests.simulated import simulated
 
 pytestmark = on_every_engine
-
 FIXED = {"base": "fixed", "pose": {"z": 3.0}}
 ALLOW = {"allow": ["fixed-base"]}
 LOAD = 5.0

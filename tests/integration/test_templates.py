@@ -45,7 +45,6 @@ def control(observation):
 """
 REPORTERS = ["reporter-dorny", "reporter-enricomi", "reporter-mikepenz"]
 FROM_FORK = {"pull_request": {"number": 7, "head": {"repo": {"full_name": "stranger/robot"}}}}
-
 RunTemplate = Callable[..., WorkflowResult]
 
 

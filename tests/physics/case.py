@@ -20,7 +20,6 @@ from sim_action.state.trace_records import BodyRecord
 
 RATE: Final = 240.0  # physics steps per second at which cases are judged unless they name another rate
 FINE_RATE: Final = 1920.0  # physics steps per second at which verdicts count as converged
-
 _HASHED_PERCENT: Final = 30
 BETWEEN: Final = "both"  # the name that stands for an engine where a case compares both
 

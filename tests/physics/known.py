@@ -20,7 +20,6 @@ _BRAKE: Final = "a wheel under a steady load creeps: the solver stops after 50 i
 _ORDER: Final = "the integrator is of first order"
 _LATE: Final = "the friction of a sliding wheel is corrected one step later"
 _SPLIT: Final = "friction is shared between two directions by the inertia in each, not by the slip"
-
 Rows = tuple[tuple[str, str, tuple[str, ...]], ...]
 
 _ROWS: Final[Rows] = (

@@ -16,7 +16,6 @@ from tests.physics.known import MISSED, entries
 from tests.physics.zoo import ZOO
 
 SURE_MARGIN: Final = 3.0  # converged differences that a margin needs for the verdict to be judged
-
 QUICK: Final = ("box shoved at 1 m/s on friction 0.2: distance", "box slides down 35 deg at friction 0.5")
 
 

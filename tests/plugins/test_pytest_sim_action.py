@@ -20,11 +20,9 @@ from tests.soak import soaked
 
 pytest_plugins = ["pytester"]
 pytestmark = pytest.mark.process
-
 ROOT = Path(__file__).parents[2]
 PLUGIN = ROOT / "plugins/pytest-sim-action"
 FORMER = "pytest>=8,<9"  # the major version that the project's own tests do not use
-
 Run = Callable[..., pytest.RunResult]
 
 DRIVES = """\

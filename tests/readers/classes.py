@@ -17,7 +17,6 @@ import numpy as np
 from tests.readers.differences import Difference
 
 _Check = Callable[[Difference], bool]
-
 ALL: Final = ("mujoco", "pybullet", "drake", "pinocchio", "urchin")
 
 

@@ -12,7 +12,6 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 Reading = Mapping[str, Any]
-
 _RELATIVE: Final = 1e-4
 _LENGTH_M: Final = 1e-4
 _ROTATION: Final = 1e-4  # PyBullet gives poses in single precision

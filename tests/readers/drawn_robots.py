@@ -8,7 +8,6 @@ from typing import Final
 from xml.etree.ElementTree import Element
 
 Chance = random.Random
-
 _TYPES: Final = ("revolute", "revolute", "continuous", "prismatic", "fixed", "fixed", "revolute", "floating", "planar")
 _WEIGHTS: Final = (6, 6, 4, 4, 3, 3, 6, 0.3, 0.3)
 _AXES: Final = ("1 0 0", "0 1 0", "0 0 1", "0 0 -1", "0 -1 0", "0 0 2", "1 1 1", "0.6 0 0.8", "0.001 0 0", "3 4 0")

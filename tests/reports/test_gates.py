@@ -27,7 +27,6 @@ from sim_action.world.claims import AuditWarning
 from tests.outcomes import gate_results, like, outcome, planned_gate, runs_of_gate
 
 Golden = Callable[[str, str], None]
-
 PLANNED = planned_gate()
 
 

@@ -26,9 +26,7 @@ from tests.reports.samples import SAMPLES
 
 FULL = "/dev/full"
 NO_SPACE = "no space left on device"
-
 pytestmark = pytest.mark.skipif(not Path(FULL).exists(), reason="there is no /dev/full")
-
 PASSED_LINE = "passed  burger drives straight"
 FAILED_LINE = "failed  burger stops before the wall  no_collision: base_link touched wall"
 

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Matrix = NDArray[np.float64]
-
 MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 UNLIMITED: Final = 1e16  # the default of a limit in SDF 1.5 and 1.6
 

@@ -15,7 +15,6 @@ import pytest
 from sim_action.ros.processes import WatchedProcesses
 
 pytestmark = [pytest.mark.skipif(sys.platform != "linux", reason="it reads Linux's /proc"), pytest.mark.process]
-
 LONG = 20.0
 SHORT = 0.2
 

@@ -16,7 +16,6 @@ from sim_action.runner.child_main import _noted
 from tests.robot.bad_models import GOOD
 
 pytestmark = pytest.mark.process
-
 ROOT: Final = Path(__file__).parents[2]
 SCENARIO: Final = (
     "name: n\nrobot: {{model: {}, base: fixed}}\nexpect: [upright]\ntime_limit: 0.1 s\nallow: [fixed-base]\n"

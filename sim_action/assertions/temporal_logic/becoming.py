@@ -27,9 +27,7 @@ if TYPE_CHECKING:
     from sim_action.world.scene import Scene
 
 HOLD_S: Final = 1.0  # the time in s for which a goal that is true from t = 0 on must hold if nothing acts on the robot
-
 MOVED_M: Final = 1e-3  # in m: what moved less has not moved
-
 _MOVED_RAD: Final = math.radians(0.1)
 _TURNED_RAD: Final = math.radians(5)  # in PyBullet, braked wheels creep by 0.15 deg/s
 

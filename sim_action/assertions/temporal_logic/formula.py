@@ -110,7 +110,6 @@ class Product:
 
 
 Term: TypeAlias = Number | Signal | Negative | Absolute | Sum | Product
-
 Relation = Literal["<", "<=", ">", ">="]
 
 

@@ -78,7 +78,6 @@ NAMES: Final = (
 """All signals, as messages list them."""
 
 Powers = tuple[int, int, int, int]  # the exponents of m, s, rad and kg
-
 _BASES: Final = ("m", "s", "rad", "kg")
 _NONE: Final[Powers] = (0, 0, 0, 0)
 

@@ -35,11 +35,8 @@ from sim_action.assertions.temporal_logic.formula import (
 from sim_action.core.records import dataclass, field
 
 Range = tuple[float, float]  # the least and the greatest possible value of a term
-
 ANYTHING: Final[Range] = (-math.inf, math.inf)
-
 Possible = Callable[[Signal], Range]  # returns the possible values of a signal
-
 _MAX_CASES: Final = 64
 _MAX_ROWS: Final = 400
 

@@ -54,7 +54,6 @@ if TYPE_CHECKING:
     from sim_action.world.scene import Scene
 
 _MAX_POINTS: Final = 60  # a formula that is judged at the end is computed again for each point of the curve
-
 _AT_ONCE: Final = Interval(0.0, 0.0)
 # A longer lookahead would compute too many steps again with each block.
 _MAX_LOOKAHEAD_S: Final = 60.0

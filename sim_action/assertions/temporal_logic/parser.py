@@ -99,7 +99,6 @@ _QUOTED: Final = r"""'(?:[^']|'')*+'|"(?:[^"]|"")*+\""""
 _NAME: Final = rf"[^\W\d]\w*+|{_QUOTED}"
 _IS_QUOTED: Final = re.compile(_QUOTED)
 _ARGUMENT: Final = re.compile(rf"\s*+(?:({_QUOTED})|([^,'\"]*+))\s*+(?:,|$)")
-
 _READING: Final = "|".join((*READINGS, *PAIR_SIGNALS))
 
 _TOKEN: Final = re.compile(
@@ -116,7 +115,6 @@ _TOKEN: Final = re.compile(
 )
 
 _SHOWN: Final = 40
-
 Kind = Literal["number", "signal", "word", "keyword", "symbol", "end"]
 
 
@@ -224,7 +222,6 @@ def unit_names() -> str:
 
 
 MAX_DEPTH: Final = 30  # maximum depth of nested parentheses and operators
-
 _IMPLIES, _OR, _AND, _UNTIL, _COMPARE, _ADD, _MULTIPLY = range(1, 8)
 _STRENGTH: Final = {
     "implies": _IMPLIES,

@@ -9,7 +9,6 @@ from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass, field
 
 MAX_ROWS: Final = 250_000  # limit of rows or messages of a command source; so many twists need 130 MB
-
 Kind = Literal["position", "velocity", "effort"]
 KINDS: Final[tuple[Kind, ...]] = ("position", "velocity", "effort")
 """Kinds of targets, in the order of their priority: a position overrides a velocity, which overrides an effort."""

@@ -42,7 +42,6 @@ _DIGITS: Final = r"[-+]?(?:[0-9]{1,40}(?:\.[0-9]{0,40})?|\.[0-9]{1,40})(?:[eE][-
 _NUMBER: Final = re.compile(_DIGITS)
 _NUMBERS: Final = re.compile(f"{_DIGITS}(?:,{_DIGITS})*")
 _NO_READING: Final = frozenset({"", "nan"})
-
 TIME: Final = "time"
 TWIST: Final = ("linear", "lateral", "angular")
 COLUMNS: Final = (TIME, *TWIST, *(f"{kind}.<joint>" for kind in KINDS))
@@ -74,7 +73,6 @@ _JOINT: Final = re.compile(
     r"|field\.(?P<group>position|velocity|effort)(?P<number>[0-9]+))"
 )
 _ALIKE: Final = 0.8  # similar to a name of ours: a spelling mistake, not a column of something else
-
 _YEAR_S: Final = 365.25 * 86_400
 _MAX_SPAN_S: Final = 30 * 86_400
 # After the year 5000.
@@ -84,7 +82,6 @@ _MAX_COUNTED_S: Final = 1e30
 _SLOW_S: Final = 10.0
 _FEW_ROWS: Final = 5
 _SHORT_S: Final = 1e-3  # logs have no shorter times between their rows
-
 Line = tuple[int, list[str]]  # the number of a line, from 1, and its cells
 
 

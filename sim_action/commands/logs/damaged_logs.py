@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
 MAX_UNPACKED_BYTES: Final = 4_000_000_000  # the size of a compressed file after it is unpacked
-
 _T = TypeVar("_T")
 _Message = tuple[int, int, bytes]  # the number of a connection, the time of receipt in ns, and the data
 

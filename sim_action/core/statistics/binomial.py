@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from statistics import NormalDist
 
 MAX_RUNS: Final = 10_000  # the largest number of runs that `runs_for_power` considers
-
 _NEGLIGIBLE: Final = 1e-20  # the share of a sum below which its falling terms are left out
 
 _ROUNDING: Final = 1e-12

@@ -15,7 +15,6 @@ from typing import Final, Literal
 from sim_action.core.records import dataclass
 
 _ROUNDING: Final = 1e-9  # a boundary so close to a whole number of passes is that number
-
 SequentialVerdict = Literal["accepted", "rejected"]
 
 

@@ -20,7 +20,6 @@ from sim_action.state.observation import SelfContact
 from sim_action.world.scene import Scene
 
 Recorder = Callable[[int], None]  # records something of the present state, given the number of its step
-
 _ANYWHERE_M: Final = 1e3
 _MAX_PAIRS: Final = 50_000
 

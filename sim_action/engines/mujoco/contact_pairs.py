@@ -13,7 +13,6 @@ from typing import Any, Final, NamedTuple
 from sim_action.robot.model.robot_model import Surface
 
 FRICTION_RATIO: Final = 100.0  # ratio of friction to normal impedance, so high that robots do not creep down slopes
-
 CONTACT_IMPEDANCE: Final = 0.9  # impedance of a contact: the share of a force that it resists
 
 # Time constant of a contact in s and in steps.

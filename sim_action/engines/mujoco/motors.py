@@ -30,9 +30,7 @@ from sim_action.state.command import JointTargets
 from sim_action.world.scene import Scene
 
 _SERVO_SHARE: Final = 0.1  # share of its error that a position servo corrects in one step: PyBullet's default
-
 _Numbers = slice | NDArray[np.intp]
-
 _FREE, _VELOCITY, _POSITION, _OWN = range(4)
 _READINGS: Final[Mapping[int, Reading]] = {_POSITION: "position", _VELOCITY: "velocity", _FREE: "effort"}
 

@@ -43,7 +43,6 @@ _ROWS: Final = 3  # rows of a contact with friction: normal, and two directions 
 # Largest kept difference within a pair, as a share of the acceleration by which a contact at rest yields to its weight.
 _KEPT_SHARE: Final = 0.2
 _TURNING_SHARE: Final = 0.5  # a pair turns on the spot if its mean slip is smaller than this share of its slips
-
 _Rows = tuple[int, int, int]  # rows of a contact, counted from the end of all rows
 
 

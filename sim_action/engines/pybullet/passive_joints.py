@@ -188,7 +188,6 @@ class Springs:
 
 
 Array = NDArray[np.float64]
-
 _MAX_SHARE: Final = 0.5  # the share of its speed that a joint may lose within one step by a damping that stays as it is
 
 

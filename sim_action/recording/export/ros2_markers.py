@@ -114,7 +114,6 @@ def _triangle_corners(part: HullPart | GridPart | SurfacePart) -> FloatArray:
 _CONTACT_SIZE: Final = (0.04, 0.04, 0.04)
 _CONTACT_COLOUR: Final = (0.9, 0.1, 0.1)
 _CONTACT_LIFETIME_S: Final = 1
-
 ContactPoints = dict[tuple[str, str], list[Vector3]]  # link and body -> their contact points in m, world frame
 
 ContactKey = tuple[tuple[str, str, int], ...]

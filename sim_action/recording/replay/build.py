@@ -196,7 +196,6 @@ _TURN: Final = 1e-4
 _JOINT: Final = 1e-3
 _SLIDING: Final = 1e-4
 _SPEED: Final = 1e-3
-
 NOTHING_COMMANDED: Final = CommandedValues()
 
 
@@ -416,7 +415,6 @@ _MOST_VALUES: Final = 300
 _FORCE_STEP_N: Final = 0.01
 _PLACE_STEP_M: Final = 1e-3
 _LEAST_WEIGHT_N: Final = 1e-9
-
 _MAX_GAP_S: Final = 0.1  # a shorter gap does not end a contact, for example of a robot that rattles along a wall
 
 

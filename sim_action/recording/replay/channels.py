@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from sim_action.sensors.reading_log import ReadingLog
 
 MAX_VALUES: Final = 150_000  # the largest number of values that change; each takes about two bytes when packed
-
 MAX_TOUCHED: Final = 8  # the largest number of bodies whose contact forces are stored one by one
 
 # The smallest steps of values in SI units; finer ones are noise.

@@ -13,14 +13,10 @@ from pydantic import Field
 from sim_action.core.field_types import FrozenModel
 
 FloatArray = NDArray[np.float64]
-
 MAX_MOMENTS: Final = 20_000  # The largest number of moments: eleven minutes at 30 Hz. Longer runs have a lower rate.
-
 _MAX_STEPS: Final = 2**50  # sums and differences of such numbers are exact in JavaScript, whose numbers have 53 bits
-
 _MAX_MOTION_SCALE: Final = 1.0  # a motion is stored in steps of at most 1 mm or 1 mrad
 _MAX_TIME_S: Final = 1e9  # Thirty years. Between much larger times a computer knows no fractions of a second.
-
 Steps = Annotated[int, Field(ge=-(2**53), le=2**53)]
 Index = Annotated[int, Field(ge=0, le=1_000_000)]
 Scale = Annotated[float, Field(gt=0, le=1e300, allow_inf_nan=False)]

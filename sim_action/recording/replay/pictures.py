@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from sim_action.sensors.reading_log import ReadingLog
 
 MAX_PICTURE_BYTES: Final = 300_000  # the largest size of all pictures of a replay
-
 _MAX_WIDTH: Final = 160
 _MAX_HEIGHT: Final = 120
 _MAX_PICTURES: Final = 1_000

@@ -93,7 +93,6 @@ class ReplayReader:
 
 
 _OTHER_VERSION: Final = "was written by another version of sim-action (format {version}; this one reads 1 and 2)"
-
 _BEFORE_SCENE: Final = b'{"version":2,"scene":'
 _UNNAMED: Final = "?"
 _NO_SCENE: Final = b'{"robot":"?","links":[{"name":"?"}]}'

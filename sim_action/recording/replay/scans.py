@@ -22,17 +22,13 @@ if TYPE_CHECKING:
 MAX_SENSORS: Final = 20
 MAX_RAYS: Final = 360
 MAX_RANGES: Final = 300_000  # the largest number of ranges in a replay; each takes about one byte when packed
-
 NOTHING: Final = -1  # the step of a ray without a return
-
 TOO_NEAR: Final = -2  # the step of a ray whose surface is nearer than the sensor can measure
-
 _MAX_RATE: Final = 5.0
 # Below this rate, rays are left out before further scans.
 _MIN_RATE: Final = 1.0
 _STEP_M: Final = 0.01
 _MAX_STEPS: Final = 100_000  # a range has at most so many steps
-
 SensorName = Annotated[str, Field(min_length=1, max_length=300)]
 
 

@@ -14,19 +14,13 @@ from sim_action.core.field_types import FrozenModel
 from sim_action.recording.replay.columns import Index
 
 IntArray = NDArray[np.int64]
-
 MAX_SHAPES: Final = 5_000  # the largest number of shapes of a link or body; a map has at most 2,000 walls
-
 MAX_POINTS: Final = 40_000  # the largest number of points of a mesh
-
 MAX_ABS_VALUE: Final = 1e9  # the largest absolute value of any number in its unit
-
 Number = Annotated[float, Field(ge=-MAX_ABS_VALUE, le=MAX_ABS_VALUE, allow_inf_nan=False)]
 Length = Annotated[float, Field(ge=0, le=MAX_ABS_VALUE, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1)]
-
 Colour = tuple[Share, Share, Share]  # red, green and blue
-
 Place = tuple[Number, Number, Number]  # a position x, y, z in m
 
 PoseNumbers = tuple[Number, Number, Number, Number, Number, Number, Number]
@@ -139,9 +133,7 @@ MAX_LINKS: Final = 1_000
 MAX_BODIES: Final = 5_000
 MAX_MESHES: Final = 2_000
 MAX_NOTES: Final = 8
-
 MAX_TEXT_LENGTH: Final = 300
-
 Text = Annotated[str, Field(max_length=MAX_TEXT_LENGTH)]
 
 
@@ -309,5 +301,4 @@ class ArrowMark(_Mark):
 
 
 MarkData = Annotated[CircleMark | PolygonMark | PolylineMark | ArrowMark, Field(discriminator="kind")]
-
 MAX_MARKS: Final = 500

@@ -373,7 +373,6 @@ def _between(start: Vector3, end: Vector3) -> Vector3:
 
 
 _MUCH: Final = 0.1  # a mesh with a smaller share of its triangles may look different
-
 _MAX_NAMES: Final = 3
 
 

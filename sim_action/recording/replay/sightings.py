@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from sim_action.world.scene import Scene
 
 MAX_OBSTACLES: Final = 50
-
 _NEAR_M: Final = 0.02  # a return this near to the shape of a body counts as a return from it
 # Noise moves most returns along their rays by less than so many standard deviations.
 _DEVIATIONS: Final = 3.0

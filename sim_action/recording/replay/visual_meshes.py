@@ -19,7 +19,6 @@ from sim_action.robot.model.robot_model import MESH_OF_TEXT, Mjcf, RobotModel
 from sim_action.robot.reading.mjcf.mujoco_spec import surfaces_of
 
 _VERSION: Final = 3  # the version of cache entries; a new number makes older ones unused
-
 _MAX_BYTES: Final = 20_000_000  # the largest mesh file that is read; a larger one would take longer than most runs
 
 

@@ -20,7 +20,6 @@ from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 
 _MAX_ANNOTATIONS: Final = 10  # the number of annotations that GitHub shows for each level and step
-
 MAX_CHARACTERS: Final = 4096
 _MAX_IN_TITLE: Final = 200
 

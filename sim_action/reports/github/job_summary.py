@@ -52,7 +52,6 @@ from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 
 MAX_BYTES: Final = 1 << 20  # the largest size of a summary; GitHub discards a larger one
-
 _FRAME: Final = 4_000  # an upper bound for the size of headings, table heads, folds and remarks
 # The share of all bytes that the overview may take; the rest is for the sections.
 _OVERVIEW_SHARE: Final = 0.4

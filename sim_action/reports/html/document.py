@@ -63,7 +63,6 @@ SCRIPTS: Final = (
 """The scripts of the page in their order; they become one script, and each needs only those before it."""
 
 LIVE_SCRIPT: Final = "live.js"  # the script of pages that a server on this machine gives; no file has it
-
 _LIVE_STYLE: Final = "live.css"
 
 VIEWER: Final = "viewer3d.json"

@@ -112,9 +112,7 @@ def engine_pairs(outcomes: Sequence[Outcome]) -> Iterator[tuple[Outcome, Outcome
 
 
 BASE_RUN: Final = "base run"  # the label of the run of `--against`
-
 GOLDEN: Final = "golden trajectory"
-
 REPETITION: Final = "another repetition"  # the label of the first of several runs that differs
 
 
@@ -324,7 +322,6 @@ def _moved(old: PoseNumbers, new: PoseNumbers) -> str:
 
 POSITION_M: Final = 0.005
 ANGLE_RAD: Final = math.radians(0.5)
-
 _ONE_M: Final = 1.0
 _MIN_MOVE_M: Final = 1e-3
 _SAME_END_S: Final = 0.1  # runs of equal length may differ by a moment of the replay

@@ -32,7 +32,6 @@ from sim_action.results.results_json import RESULTS_FILE
 from sim_action.results.shard_results import EarlierRun, read_run
 
 HISTORY_FILE: Final = "history.html"
-
 _GOOD: Final = ("passed", "warned")
 _WIDTH, _HEIGHT, _EDGE = 600.0, 120.0, 10.0
 _COMMIT_DIGITS: Final = 7

@@ -27,7 +27,6 @@ from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 
 MAX_ROWS: Final = 500  # the number of scenarios in each list of the progress page; further ones are only counted
-
 _MAX_REASON: Final = 200
 _MIN_TIME_S: Final = 0.5
 _GOOD: Final = frozenset({"passed", "warned"})

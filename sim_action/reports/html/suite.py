@@ -335,7 +335,6 @@ def runs_table(
 
 
 _Failed: TypeAlias = tuple[Outcome, ExpectationOutcome]  # a failed run, and the expectation that failed first
-
 _MAX_KINDS: Final = 8
 _MAX_NAMES: Final = 12
 

@@ -17,7 +17,6 @@ from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.scenario.variations.expansion import labels
 
 MIN_PLOTTED_RUNS: Final = 3
-
 _MAX_CATEGORIES: Final = 20
 _MAX_EXPECTATIONS: Final = 20
 _MAX_TEXT: Final = 40

@@ -25,9 +25,7 @@ _REQUIRED: Final = {
     "link/visual/geometry/mesh": ("filename",),
 }
 _CHILDREN: Final = {"joint": ("parent", "child"), "link/collision": ("geometry",), "link/inertial": ("mass", "inertia")}
-
 _MAX_SHOWN_CHARS: Final = 100
-
 _LIMIT: Final = {"lower": 1, "upper": 1, "effort": 1, "velocity": 1}
 _DYNAMICS: Final = {"damping": 1, "friction": 1, "spring_stiffness": 1, "spring_reference": 1}
 
@@ -72,9 +70,7 @@ _HINTS: Final = {
 """Root element of another format -> the next step."""
 
 _OPTENV: Final = re.compile(r"\$\(optenv\s+\w+\s*([^()]*)\)")
-
 _LIKENESS: Final = 0.75
-
 _MAX_TAG_CHARS: Final = 30
 
 

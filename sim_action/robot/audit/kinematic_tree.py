@@ -29,15 +29,10 @@ MAX_NAME_BYTES: Final = 255
 """The longest name, in bytes of UTF-8. PyBullet has a buffer of 1,024 bytes; a longer name ends the process."""
 
 MAX_MOVING_JOINTS: Final = 128 - 7  # the largest number of joints that have a position
-
 MAX_JOINTS: Final = 128 - 1  # the largest number of joints, fixed joints included: one link is the base
-
 _BALL_NUMBERS: Final = 4  # the state of a ball joint is a quaternion
-
 MOST_JOINTS: Final = 1000  # the largest number of joints in MuJoCo, which has no limit of its own
-
 _MOVE: Final = "joints that move"
-
 _ADVICE: Final = "merge links that are connected by fixed joints, or remove parts that the test does not need"
 
 

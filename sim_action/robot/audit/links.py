@@ -34,9 +34,7 @@ from sim_action.robot.model.robot_model import WORLD, Link, Shape
 # Beyond this size, a part that is this many times as large as all usual ones was probably drawn in millimetres.
 _MAX_USUAL_SIZE_M: Final = 10.0
 _MAX_RATIO: Final = 100.0
-
 _TURN: Final = 6.3  # 360 deg in rad, rounded up
-
 KINDS: Final = (*SHAPES, "mesh")
 
 
@@ -131,11 +129,8 @@ _MAX_GYRATION_RATIO: Final = 100.0
 """Bounds on the radius of gyration divided by the reach of the link; 0.1 to 1 for a body that fills its shapes."""
 
 _MIN_GYRATION_RATIO: Final = 0.01
-
 _NEGLIGIBLE: Final = 0.01  # a share of the mass of the model
-
 _MAX_DENSITY: Final = 25_000.0  # kg/m^3; osmium has 22,600
-
 _MIN_THICKNESS_M: Final = 1e-3  # an engine treats a flat mesh as this thick
 
 

@@ -30,7 +30,6 @@ _FRICTION: Final = "surface/friction"
 _BOUNCE: Final = "surface/bounce/restitution_coefficient"
 _CONTACT: Final = "surface/contact"
 _ALL_BITS: Final = 0xFFFF
-
 _MAX_COMPARED: Final = 100  # each unknown name is compared with all known ones
 
 _APART: Final = frozenset({"model", "include", "link", "joint", "collision"})

@@ -22,7 +22,6 @@ from sim_action.core.workspace import is_of_git
 
 PACKAGE_FILE: Final = "package.xml"
 _MODEL_FILES: Final = frozenset({"model.config", "model.sdf"})
-
 _IGNORE_FILES: Final = frozenset({"CATKIN_IGNORE", "COLCON_IGNORE", "AMENT_IGNORE"})
 # Folders that catkin, colcon and other tools generate: copies of packages, or no packages.
 _SKIPPED: Final = frozenset({"build", "devel", "install", "log", "logs", "node_modules", "__pycache__"})
@@ -31,7 +30,6 @@ _MAX_DEPTH: Final = 16
 _MAX_PACKAGE_BYTES: Final = 1_000_000
 _MAX_NAME_BYTES: Final = 255
 _MAX_LISTED: Final = 10_000
-
 PACKAGE_VARIABLES: Final = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
 
 # Gazebo also finds model://part.dae, a file directly on the path for models.

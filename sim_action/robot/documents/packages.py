@@ -461,14 +461,10 @@ def _nearest(folders: tuple[Path, ...] | None, here: Path) -> Found | None:
 
 
 Version = tuple[int, int]
-
 NEWEST: Final[Version] = (1, 12)  # the newest version of SDF that is supported; a newer file is read as this version
-
 _MAX_FILES_READ: Final = 10_000
 _MAX_FILES_NAMED: Final = 10
-
 _MANIFEST: Final = "model.config"
-
 _MODEL: Final = "model.sdf"
 
 

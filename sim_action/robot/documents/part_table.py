@@ -27,9 +27,7 @@ from sim_action.core.records import dataclass, field
 
 Effect = Literal["read", "harmless", "reported", "moving", "refused"]
 Format = Literal["urdf", "sdf", "world", "gazebo_ros", "mjcf", "srdf"]
-
 _MAX_SHOWN: Final = 60
-
 ALL: Final = "*"  # As a place: every place. As a name: every name that the other rows of a place lack.
 
 

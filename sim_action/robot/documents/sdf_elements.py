@@ -19,11 +19,8 @@ from sim_action.robot.model.findings import Finding, Places, finding
 
 Subject = TypeVar("Subject")
 Result = TypeVar("Result")
-
 MODEL_FRAME: Final = "__model__"  # the name of the frame of the model around an element
-
 _TRUE: Final = frozenset({"true", "1"})
-
 _FALSE: Final = frozenset({"false", "0"})
 
 # Exporters write the largest number of a type for "no limit", such as -1.79769e+308.

@@ -47,9 +47,7 @@ UNLIMITED: Final = 1e16
 """A limit this large means "no limit": exporters write it, and SDF before 1.9 has it as its default."""
 
 MAX_NUMBER: Final = 1e18  # the largest number that is accepted: squares of larger numbers overflow
-
 MAX_PART_SIZE_M: Final = 50.0  # a part of a robot that is larger was probably drawn in millimetres
-
 NUMBERS: Final = ("mu1", "mu2", "kp", "kd")  # the numbers that are read from the <gazebo> tag of a link
 
 # Gazebo copies <collision> of a <gazebo> tag into each collision of the link.

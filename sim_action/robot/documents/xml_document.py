@@ -21,29 +21,19 @@ from sim_action.core.records import dataclass, field, replace
 from sim_action.robot.model.findings import Finding, finding, refuse_errors
 
 MAX_BYTES: Final = 20_000_000  # the largest size of a model, all its files together
-
 _MAX_DEPTH: Final = 100
 # With the largest number of links that the engine supports, this is 300 elements per link. Each takes 300 bytes.
 MAX_ELEMENTS: Final = 50_000  # the largest number of elements of a model, all included files together
 
 _MAX_ATTRIBUTES: Final = 500_000
-
 _CODES: Final = expat.errors.codes
-
 _MISPLACED: Final = _CODES[expat.errors.XML_ERROR_MISPLACED_XML_PI]
-
 _MISMATCHED: Final = _CODES[expat.errors.XML_ERROR_TAG_MISMATCH]
-
 _NO_TEXT_OF_XML: Final = _CODES[expat.errors.XML_ERROR_SYNTAX]
-
 _NO_CHARACTER: Final = _CODES[expat.errors.XML_ERROR_INVALID_TOKEN]
-
 _NO_ENTITY: Final = _CODES[expat.errors.XML_ERROR_UNDEFINED_ENTITY]
-
 _UNBOUND: Final = _CODES[expat.errors.XML_ERROR_UNBOUND_PREFIX]
-
 _HEAD: Final = 64  # an image or an archive has a NUL within this many bytes
-
 _MAX_SHOWN_CHARS: Final = 60
 
 # The start of a comment or of a section of characters, or a bare `&`.
@@ -53,7 +43,6 @@ _LENIENT: Final = re.compile(rb"<!--|<!\[CDATA\[|&(?!#\d+;|#x[0-9a-fA-F]+;|[A-Za
 _MAX_LENIENT: Final = 100_000
 
 _ENCODING: Final = re.compile(rb"""encoding\s*=\s*["']([\w.-]+)["']""")
-
 _CLOSING: Final = re.compile(rb"</([^\s>]*)")
 
 

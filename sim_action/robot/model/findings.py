@@ -15,7 +15,6 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import escaped_line
 
 _MAX_REPORTED: Final = 100  # each finding is a line in every report
-
 _MAX_LINES: Final = 8
 
 

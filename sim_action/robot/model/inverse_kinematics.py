@@ -17,18 +17,14 @@ from sim_action.robot.model.kinematics import joint_motion
 from sim_action.robot.model.robot_model import Joint, RobotModel
 
 Values = tuple[float, ...]  # the positions of the joints of a chain, in rad (m if prismatic)
-
 REACHED_M: Final = 1e-6  # a pose is reached if the link is nearer to it than this, in m
-
 REACHED_RAD: Final = 1e-6  # the same for its orientation, in rad
 
 MAX_STARTS: Final = 40
 """The search for a pose begins at this many positions of the joints: the given one, and those of a fixed table."""
 
 MAX_POSITION_STARTS: Final = 12  # the same for the search for a position with any orientation, which is easier
-
 _EXACT: Final = 1e-11  # nearer than this, in m and rad, the positions are not improved any more
-
 _MAX_STEPS: Final = 100
 # A search ends after this many steps in a row that reduce the error by less than this share.
 _MAX_IDLE_STEPS: Final = 3
@@ -46,7 +42,6 @@ _LIGHT_RADIAN: Final = 0.001
 # The search for a target out of reach ends if so many starts lead to the same error, in m.
 _ENOUGH_ALIKE: Final = 5
 _ALIKE: Final = 1e-5
-
 _FREE_RANGE_M: Final = 1.0  # m: the range of a sliding joint without limits, to both sides, in the table of starts
 
 

@@ -17,9 +17,7 @@ from sim_action.robot.model.robot_model import ENGINE_MARGIN_M, WORLD, Joint, Re
 _UNTURNED: Final = 1 - 1e-15
 
 _POSITION_ROUNDING: Final = 1e-6  # Models round: a limit may be 1.5707963 where the scenario says 90 deg. In rad, or m.
-
 _SHARE_ROUNDING: Final = 1e-6  # the same as a share of a velocity or effort limit
-
 BASE_FRAME: Final = "base"  # the name of the base link's frame, unless the model has a link with this name
 
 

@@ -22,7 +22,6 @@ from sim_action.state.observation import ByName, JointState, LinkState
 from sim_action.state.trace import Trace
 
 _POLE: Final = 1e-30  # keeps the rates of a ball joint finite where its angles about x and z cannot be told apart
-
 Frames = Pose  # a pose whose numbers are columns (T,): the poses of one frame at T moments
 
 

@@ -125,7 +125,6 @@ READINGS: Final = {
 """A quantity of a joint -> its dimension for a turning joint, and for a sliding joint."""
 
 JointType = Literal["revolute", "continuous", "prismatic", "ball", "fixed"]
-
 WORLD: Final = "world"  # a root link with this name is fixed to the world, as in Gazebo
 
 MOVING_TYPES: Final[frozenset[JointType]] = frozenset({"revolute", "continuous", "prismatic"})

@@ -21,14 +21,12 @@ from sim_action.robot.documents.xml_document import ModelDocument, shown_file
 from sim_action.robot.model.robot_model import CommandedJoint, Plugin
 
 MAX_PARAMETER_BYTES: Final = 1_000_000  # the largest size of a parameter file
-
 _MAX_DEPTH: Final = 20
 _MAX_VALUES: Final = 10_000
 _MAX_KEY: Final = 200
 _MAX_CONTROLLERS: Final = 1_000
 _MAX_FILES: Final = 10
 _TAGS: Final = frozenset(f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "bool", "null", "seq", "map"))
-
 _CONTROL_PLUGIN: Final = re.compile(r"gazebo_ros2_control|(gz|ign|ignition)_ros2_control-system")
 _FIND: Final = re.compile(r"\$\(find ([^)\s]+)\)/")
 _INTERFACE: Final = re.compile(r"(position|velocity|effort)\w*jointinterface")

@@ -36,7 +36,6 @@ from sim_action.robot.model.findings import Finding, finding, refuse_errors
 from sim_action.robot.reading.xacro_documents import UnknownArgument, XacroDocuments, XacroError, place_of, read_bytes
 
 Argument = str | bool | int | float
-
 _MAX_OUTPUT_CHARS: Final = 20_000_000
 _MAX_WARNINGS_CHARS: Final = 20_000
 _MAX_NESTING: Final = 10

@@ -50,7 +50,6 @@ DRIVE_PLUGINS: Final = frozenset(
 """The plugins that move a robot. A model of a world with one of them is a robot, not a body."""
 
 MAX_RATE_HZ: Final = 100.0  # messages per second that a topic can have: one for each tick of the clock
-
 _RATES: Final = frozenset({"updateRate", "updateRateHZ", "odometryRate", "update_rate"})
 
 

@@ -34,20 +34,15 @@ from sim_action.world.claims import NOT_SIMULATED, AuditWarning
 from sim_action.world.world_files.losses import Loss
 
 TITLE: Final = "not simulated"  # the title of failures
-
 _MAX_REPORTED: Final = 20
-
 FOLDER_VARIABLE: Final = "SIM_ACTION_ROS_RUN"  # the environment variable that holds the folder of the call
-
 REQUEST_FILE: Final = "request.json"
 PROCESS_FILE: Final = "process"
 PROGRESS_FILE: Final = "progress"
 RUN_FILE: Final = "run.json"
 TRACE_FILE: Final = "trace.npz"
 REPLAY_FILE: Final = "replay.json.gz"
-
 _MOST_BYTES: Final = 16_000_000
-
 End = Literal["test finished", "nodes finished", "time limit", "failed"]
 
 

@@ -34,9 +34,7 @@ class Qos:
 
 USUAL: Final = Qos()
 LATCHED: Final = Qos(durability="transient_local", depth=1)  # nodes that subscribe later get the last message, too
-
 TRANSFORMS: Final = Qos(depth=100)  # the quality that listeners of tf2 ask for
-
 _RECEIVE_BUFFER: Final = Path("/proc/sys/net/core/rmem_max")
 _ASKED_BYTES: Final = 4_194_304  # as in fast_dds.xml
 

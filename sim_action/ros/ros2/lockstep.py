@@ -34,13 +34,11 @@ _BUSY_S: Final = 0.1  # wall time for which the work of busy processes is compar
 # Wall time for which the clock stands still before it starts, in parts.
 _HOLD_S: Final = 0.01
 _HOLDS: Final = 10
-
 _OF_DDS: Final = "dds."  # the beginning of the names of threads of Fast DDS
 # Threads without a name also handle changes of the graph, which are rare during a run.
 _MIN_WAKES: Final = 3
 _MIN_SHARED: Final = 10
 _MAX_GAP_S: Final = 4.0  # in s of wall time: less than the period of spdlog
-
 _USE_SIM_TIME: Final = "use_sim_time"
 _READY_POLL_S: Final = 0.01
 _ASK_S: Final = 0.2  # the wall time of one question, during which ended processes go unnoticed

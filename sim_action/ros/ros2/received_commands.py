@@ -35,12 +35,9 @@ from sim_action.state.observation import Observation
 
 TWIST: Final = "geometry_msgs/msg/Twist"
 STAMPED_TWIST: Final = "geometry_msgs/msg/TwistStamped"
-
 _READINGS: Final[Mapping[str, Reading]] = {"position": "position", "velocity": "velocity", "effort": "effort"}
-
 TRAJECTORY: Final = "trajectory_msgs/msg/JointTrajectory"
 VALUES: Final = "std_msgs/msg/Float64MultiArray"
-
 _REST: Final = 1.1920929e-07  # joint_trajectory_controller allows no more, as the single-precision epsilon
 
 

@@ -40,7 +40,6 @@ _LOCK: Final = "sim-action-ros2-domain"
 _FIRST_PORT: Final = 7400
 _PORTS: Final = 250
 _SOCKETS: Final = ("/proc/net/udp", "/proc/net/udp6")
-
 _PROFILE: Final = Path(__file__).with_name("fast_dds.xml")
 
 

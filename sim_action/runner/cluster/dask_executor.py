@@ -41,7 +41,6 @@ _LONGEST_S: Final = 3.0
 """The time that a batch may take: so late may its outcomes come, and so much work may be lost with a worker."""
 
 _SHORTEST_S: Final = 0.3  # the time that is not worth another start, even if a worker then waits for others at the end
-
 _MOST_RUNS: Final = 16
 _PARTS: Final = 2  # a batch is at most this part of what is left for each thread: the workers end at the same time
 

@@ -24,7 +24,6 @@ from sim_action.core.wording import escaped_line, system_reason
 from sim_action.core.workspace import is_of_git
 
 MAX_BYTES: Final = 1 << 30  # the largest size of all files of an archive
-
 _MAX_FILES: Final = 100_000
 _LEVEL: Final = 1
 _HOUR_NS: Final = 3_600 * 10**9

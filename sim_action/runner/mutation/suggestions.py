@@ -40,7 +40,6 @@ _LEAST_SPEED: Final = 0.1
 _MOST_POINTS: Final = 12
 _MOST_JOINTS: Final = 3
 _DIGITS: Final = 2
-
 Entry = str | Mapping[str, object]  # an entry of `expect`, as YAML has it
 
 

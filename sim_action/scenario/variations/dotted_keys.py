@@ -23,7 +23,7 @@ def resolved(data: object, written: str) -> KeyPath:
     path: KeyPath = ()
     while steps:
         if isinstance(data, dict):
-            taken = _taken(data, steps)
+            taken = next((size for size in range(len(steps), 1, -1) if ".".join(steps[:size]) in data), 1)
             step: str | int = ".".join(steps[:taken])
             data, steps = data.get(step), steps[taken:]
         elif isinstance(data, tuple):
@@ -55,10 +55,6 @@ def _placed(data: object, path: KeyPath, value: object) -> tuple[object, int]:
     values = data if isinstance(data, dict) else {}
     entry, made = _placed(values.get(step), path[1:], value)
     return {**values, step: entry}, made if step in values or len(path) == 1 else len(path) - 1
-
-
-def _taken(data: dict[str, object], steps: Sequence[str]) -> int:
-    return next((size for size in range(len(steps), 1, -1) if ".".join(steps[:size]) in data), 1)
 
 
 def _entry(entries: tuple[object, ...], steps: Sequence[str], path: KeyPath) -> tuple[int, int]:

@@ -31,7 +31,6 @@ _LEAST: Final = 2.0**-53
 _MOST_DEVIATIONS: Final = 9
 
 _LEAST_MASS: Final = 1e-9  # the share of a normal distribution that a range must hold
-
 _LEAST_CHOICE: Final = 2
 
 # Sums and products of such numbers with a number from 0 to 1 are exact enough to reach each of them.

@@ -104,7 +104,6 @@ def _written(value: object) -> str | None:
 
 
 MAX_RUNS: Final = 10_000  # the largest number of runs of all scenarios of a file
-
 _MAX_WRITTEN_OUT: Final = 5_000_000  # number of values; shared values count for each variation, as each is checked
 
 # Keys that cannot vary, and the reason if it needs one.

@@ -21,13 +21,9 @@ from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.world.claims import LOW_GATE, allowed_rules
 
 GATE: Final = "gate"  # the key of the gate
-
 SAMPLE: Final = "sample"  # the label of a sample of a scenario that draws nothing, in the names of its runs
-
 MAX_RUNS_OF_GATE: Final = 10_000
-
 MAJORITY: Final = 0.5  # the share of runs that pass below which a gate needs permission to pass
-
 _DIGITS: Final = 14
 _LEAST_DIGITS_SHOWN: Final = 4
 

@@ -32,13 +32,9 @@ from sim_action.scenario.variations.draws import (
 )
 
 SEED: Final = "seed"  # the key of the random seed
-
 MAX_SEED: Final = 2**63 - 1
-
 MAX_CSV_BYTES: Final = 25_000_000
-
 MAX_ROWS: Final = 10_000  # the largest number of rows that are samples; it is that of the runs of a file
-
 DRAWN_SEED_BITS: Final = 53  # many programs round larger numbers when they read JSON
 
 
@@ -323,9 +319,7 @@ def _refuse_twins(values: tuple[object, ...], path: KeyPath = (), remedy: str = 
 # covering all elementary intervals.
 
 MAX_DIMENSIONS: Final = 20
-
 BITS: Final = 32
-
 _MASK: Final = 2**BITS - 1
 
 # For each dimension after the first: the primitive polynomial over GF(2), without its first and last coefficient, and

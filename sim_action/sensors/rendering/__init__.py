@@ -14,7 +14,6 @@ from __future__ import annotations
 from typing import Final
 
 Colour = tuple[float, float, float]  # red, green and blue, each 0 to 1
-
 SKY: Final[Colour] = (0.62, 0.78, 0.94)
 GROUND: Final[tuple[Colour, Colour]] = ((0.55, 0.55, 0.55), (0.47, 0.47, 0.47))
 """The alternating colours of the ground's squares; without a pattern motion would not be visible."""

@@ -32,7 +32,6 @@ from sim_action.world.parts import Part as BodyPart
 from sim_action.world.scene import Scene
 
 SQUARE_M: Final = 0.5  # the side of the ground's squares in m
-
 _LIGHT: Final[Vector3] = (-0.36, 0.48, 0.8)  # Unit vector towards the light, world frame. There are no shadows.
 # Brightness where a surface faces the light, and where it faces away.
 _MAX_BRIGHTNESS: Final = 1.0

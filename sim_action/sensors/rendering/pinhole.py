@@ -14,7 +14,6 @@ from sim_action.core.records import dataclass
 
 FloatArray = NDArray[np.float64]
 Components = tuple[FloatArray, FloatArray, FloatArray]  # x, y and z of many vectors; each array broadcasts to (H, W)
-
 Patch = tuple[slice, slice]  # rows and columns of a picture
 
 

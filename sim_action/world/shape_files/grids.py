@@ -30,7 +30,6 @@ from sim_action.world.parts import BoxPart, GridPart
 from sim_action.world.shape_files.shape_error import ShapeError, found_file, read_bytes
 
 MAX_PIXELS: Final = 16_000_000  # 4,000 x 4,000 pixels: a map of 200 m at 5 cm
-
 MAX_BYTES: Final = 4 * MAX_PIXELS  # the file size of that many pixels as text of three digits
 
 
@@ -124,7 +123,6 @@ def _pixels(words: list[bytes]) -> NDArray[np.uint16]:
 _SIGNATURE_BYTES: Final = 8
 _COLOUR_TYPES: Final = {0: "grey", 2: "colour", 3: "a palette", 4: "grey with transparency", 6: "colour"}
 _MAX_FILTER_TYPE: Final = 4
-
 Bytes = NDArray[np.int16]
 
 
@@ -209,9 +207,7 @@ def _predicted(kinds: NDArray[np.uint8], left: Bytes, up: Bytes, corner: Bytes) 
 
 
 MAX_WALLS: Final = 2_000  # Limit of boxes. An office of 50 m has a few hundred.
-
 _MAX_YAML: Final = 100_000
-
 Metres = Annotated[float, Field(ge=-1e5, le=1e5)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -352,7 +348,6 @@ def _runs(cells: NDArray[np.bool_]) -> Iterator[tuple[int, dict[tuple[int, int],
 
 
 MAX_SAMPLES: Final = 250_000  # 500 x 500. PyBullet takes 0.5 s to load these, and crashes with a few million.
-
 _MIN_SAMPLES: Final = 2
 
 

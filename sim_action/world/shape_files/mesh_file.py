@@ -19,7 +19,6 @@ from sim_action.world.shape_files.shape_error import ShapeError, found_file
 from sim_action.world.shapes import MAX_LENGTH_M, MIN_LENGTH_M
 
 MAX_TRIANGLES: Final = 40_000  # limit for a body that is not convex: that of PyBullet
-
 _SAMPLED: Final = 1000
 
 

@@ -38,7 +38,6 @@ _MISSING: Final = frozenset({"missing-include", "missing-package"})
 """Rules of findings that make a model missing from the world."""
 
 _LEVEL_M: Final = 1e-3  # m, and a part of a direction: a greater pose of the ground is noted
-
 _ABSENT: Final = "an included model that is missing"
 
 

@@ -35,7 +35,6 @@ LINK_SEPARATOR: Final = "/"
 """Between the names of a model and of its link; `::` would be a command in the output of a workflow."""
 
 _NOTHING: Final = 1e-9  # m, and a part of a quaternion: less is rounding
-
 _MOMENTS: Final = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
 
 

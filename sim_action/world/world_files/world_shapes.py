@@ -30,7 +30,6 @@ _LENGTH_TOLERANCE_M: Final = 1e-3
 MAX_FRICTION: Final = 1.0
 
 _MeshKey = tuple[Path, Vector3, bool]  # file, scale, and True if it moves
-
 _MESH_ABSENT: Final = "a mesh that cannot be used: it is left out"
 
 
@@ -224,7 +223,6 @@ def said(error: Exception) -> str:
 
 
 MAX_TRIANGLES: Final = 1_000  # a mesh of a world with more triangles is simplified: each costs time at every step
-
 _CELLS_M: Final = (0.001, 0.002, 0.005, 0.01, 0.02)
 
 

@@ -16,7 +16,6 @@ from tests.soak import examples
 from tests.traces import contact, piece, trace
 
 RATES = (120.0, 240.0, 480.0, 960.0, 1920.0)
-
 rates = st.sampled_from((60.0, 100.0, 130.0, *RATES))
 forces = st.lists(st.just(0.0) | st.floats(0, 1e4), min_size=1, max_size=80)
 

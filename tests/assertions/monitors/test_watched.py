@@ -32,7 +32,6 @@ SCAN, WHEEL, ROOT = "base_scan", "wheel_left_link", "base_footprint"
 # Places in the base frame, as the file of the model has them, in m.
 SCAN_AT, WHEEL_AT = np.array((-0.032, 0.0, 0.182)), np.array((0.0, 0.080, 0.033))
 PATH = (PathPoint(x=0, y=0), PathPoint(x=3, y=0))
-
 seeds = st.integers(0, 2**32 - 1)
 angles = st.floats(-7.0, 7.0)
 

@@ -16,16 +16,12 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 Twists = Sequence[tuple[float, float, float]]  # time in s, linear in m/s, angular in rad/s
-
 TWIST: Final = "geometry_msgs/msg/Twist"
 STAMPED: Final = "geometry_msgs/msg/TwistStamped"
 JOINTS: Final = "sensor_msgs/msg/JointState"
-
 START: Final = 1_700_000_000_123_456_789  # when logs begin, in ns: no float holds it
-
 ROS1: Final = get_typestore(Stores.ROS1_NOETIC)
 ROS2: Final = get_typestore(Stores.ROS2_HUMBLE)
-
 Entry = tuple[float, str, str, Any]  # time in s since the log began, topic, type, and what makes the message
 
 

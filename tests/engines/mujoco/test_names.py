@@ -15,7 +15,6 @@ from sim_action.world.scene import Scene
 from tests.traces import scene
 
 mujoco = pytest.importorskip("mujoco")
-
 NAMES: Final = ("h", "h f/2", "hut")
 
 

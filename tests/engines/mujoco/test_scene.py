@@ -21,7 +21,6 @@ from tests import traces
 from tests.integration.engines import advance, running
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
-
 TURN = JointTargets(velocity={"wheel_left_joint": 3.0, "wheel_right_joint": 2.0}, max_effort={"wheel_left_joint": 0.5})
 
 

@@ -25,7 +25,6 @@ from tests.mesh_files import CORNERS, moved, stl
 from tests.scenarios import load
 
 pytestmark = pytest.mark.pybullet
-
 angles = st.floats(-math.pi, math.pi)
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 

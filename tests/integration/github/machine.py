@@ -19,7 +19,6 @@ from tests.integration.github.values import Known, Value
 # A runner starts from its machine's environment; what belongs to a run around these tests is not part of that.
 _FOREIGN: Final = ("GITHUB_", "RUNNER_", "ACTIONS_", "INPUT_", "PYTHON", "PYTEST_", "COV_", "VIRTUAL_ENV")
 _SUMMARY_LIMIT: Final = 1024 * 1024
-
 REPOSITORY: Final = "octocat/robots"
 _SHA: Final = "0123456789abcdef0123456789abcdef01234567"
 _RUN_IDS: Final = itertools.count(1)

@@ -13,7 +13,6 @@ from tests.integration.github.scripts import Finished
 from tests.integration.github.values import KnownOutputs
 
 NO_OUTPUTS: Final[Mapping[str, str]] = {}
-
 _PATTERN: Final = frozenset("*?[]{}()!,\n")
 _TRUE: Final = frozenset({"true", "True", "TRUE"})
 _FALSE: Final = frozenset({"false", "False", "FALSE"})

@@ -41,7 +41,6 @@ from tests.soak import soaked
 
 PYBULLET_DATA: Final = Path(pytest.importorskip("pybullet_data").getDataPath()).resolve()
 REPOSITORY: Final = Path(__file__).parents[3]
-
 COPIED: Final = 1e-12  # relative, of numbers as they stand in a file
 # Of lengths in m, of directions, and relative to the largest moment of inertia: products of about ten rotations.
 COMPUTED: Final = 1e-9

@@ -18,7 +18,6 @@ from tests.scenarios import load
 
 BURGER = "turtlebot3_burger"
 ARM = "ur5e_gripper"
-
 AT_ORIGIN = Pose()
 AT_REST = Twist()
 

@@ -26,7 +26,6 @@ from sim_action.scenario.variations.draws import (
 )
 
 COUNT = 4000
-
 SHARES = st.floats(0, 1, exclude_max=True)
 FIGURES = st.floats(-1e6, 1e6)
 

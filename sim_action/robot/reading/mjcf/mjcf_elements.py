@@ -89,12 +89,9 @@ LIMITS: Final[Mapping[tuple[str, str], int]] = {
 _UNITS: Final[Mapping[str, int]] = {"": 0, **{unit: 10 * (n + 1) for n, unit in enumerate("KMGTPE")}}
 _NUMBER: Final = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?")
 _SIZE: Final = re.compile(r"(-?\d{1,18})([KMGTPE]?)", re.IGNORECASE)
-
 _MAX_SHOWN: Final = 60
 _MAX_TEXT: Final = 1_000
-
 NUMBERS_PER_ELEMENT: Final = 200  # as many numbers of a heightfield, mesh or <numeric> count as one element
-
 _AREAS: Final = {"hfield": ("nrow", "ncol"), "mesh": ("params", "params"), "numeric": ("size",)}
 
 

@@ -111,11 +111,8 @@ def _tinted(colour: tuple[float, ...], tint: list[float]) -> tuple[float, float,
 
 
 MAX_FILES: Final = 100  # the largest number of XML files of a model
-
 _MAX_DEPTH: Final = 100
-
 _MAX_NAME: Final = 1000
-
 _NUMBER: Final = re.compile(r"(?:\d{1,30}(?:\.\d{1,30})?|\.\d{1,30})(?:[eE]-?\d{1,2})?")
 
 

@@ -55,9 +55,7 @@ _SHAPES: Final = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder
 """Names of shapes, indexed by mujoco.mjtGeom."""
 
 _UNBOUNDED: Final = ("plane", "hfield", "sdf")
-
 _MAX_VISIBLE_GROUP: Final = 2
-
 _MAX_RESTITUTION: Final = 0.1  # contacts with a smaller restitution are soft, but do not visibly bounce
 
 

@@ -28,17 +28,11 @@ from sim_action.robot.model.findings import finding, refuse_errors
 from sim_action.robot.reading.sdf.sdf_files import ModelTooLarge, SdfFile, SizeBudget, read_sdf_file
 
 Kind = Literal["link", "model", "frame", "joint"]
-
 SEPARATOR: Final = "::"
-
 _MAX_DEPTH: Final = 50
-
 _MAX_SHOWN_CHARS: Final = 40
-
 _CHANGES: Final = "experimental:params"
-
 _KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
-
 _UNIQUE_NAMES: Final[Version] = (1, 7)  # from this version on, names are unique across kinds
 
 

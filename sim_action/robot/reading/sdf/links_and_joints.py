@@ -47,7 +47,6 @@ _FRICTION: Final = "surface/friction/ode"
 _CONTACT: Final = "collision/surface/contact/ode"
 _DEFAULT_FRICTION: Final = 1.0
 _NEVER_SLIDES: Final = 1e9
-
 EMPTY: Final = "empty"  # the tag of a shape that does not collide
 
 _INSTEAD: Final[Mapping[str, str]] = {

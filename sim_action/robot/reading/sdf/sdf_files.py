@@ -26,7 +26,6 @@ from sim_action.robot.documents.sdf_elements import MODEL_FRAME
 from sim_action.robot.documents.xml_document import MAX_BYTES, MAX_ELEMENTS, ModelDocument, read_document
 
 _OLDEST_VERSION: Final[Version] = (1, 3)
-
 _MAX_INCLUDES: Final = 500
 
 
@@ -121,9 +120,7 @@ class SizeBudget:
 
 
 PARENT_MODEL_FLAG: Final = "use_parent_model_frame"  # an element of <axis> in SDF 1.5 and 1.6
-
 FRAMES_NAMED: Final[Version] = (1, 7)  # from this version on, `relative_to` and `expressed_in` name frames
-
 _AXES_IN_MODEL_FRAME: Final[Version] = (1, 4)
 _TRUE: Final = frozenset({"true", "1"})
 

@@ -29,7 +29,6 @@ OWN_MODELS: Final = frozenset({"ground_plane", "sun"})
 """The models of Gazebo that need no file: every world has a ground, and lights are only drawn."""
 
 _MODELS: Final = ("model", "include")
-
 _BARE_VERSION: Final[Version] = (1, 6)  # of a <world> without an <sdf> around it
 
 

@@ -25,7 +25,6 @@ from sim_action.ros.ros1.command_source.node_spec import NodeSpec, RosNodes
 from sim_action.ros.ros1.installation import Ros, find_ros
 
 _LAUNCH_FILES: Final = frozenset({".launch", ".test", ".xml"})
-
 _MAX_LAUNCH_FILE_BYTES: Final = 4_000_000
 
 

@@ -29,9 +29,7 @@ from sim_action.runner.isolation.process_control import processes
 # Time for the supervisor to end all processes.
 _MAX_END_S: Final = 5.0
 _KILL_POLL_S: Final = 0.002
-
 Ending = Literal["over", "interrupted", "wall limit", "output limit"]
-
 _POLL_S: Final = 0.02
 # Time for the launcher to leave after an interrupt, and for a test whose simulation has ended.
 _MAX_SHUTDOWN_S: Final = 20.0

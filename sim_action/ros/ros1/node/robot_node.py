@@ -39,7 +39,6 @@ from sim_action.state.reproducibility import Transcript
 from sim_action.world.scene import Fitting
 
 NAME: Final = "/gazebo"  # the node name that Gazebo has
-
 _TWIST: Final = "geometry_msgs/Twist"
 
 # The rate of topics without a sensor, as Gazebo's plugins usually have it.

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from sim_action.ros.ros1.lockstep import Lockstep
 
 GROUND: Final = "ground_plane"  # Gazebo's name of the ground
-
 _AT_REST: Final = Pose(), Twist()
 # It reads the clock to stamp the log, and no node gets anything from it because of the clock.
 _LOG_NODE: Final = "/rosout"

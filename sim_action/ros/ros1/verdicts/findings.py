@@ -15,9 +15,7 @@ from sim_action.ros.ros1.verdicts.launch_output import CallbackError, callback_e
 from sim_action.ros.ros1.verdicts.launch_tags import TestTag
 
 RESULTS: Final = "results"  # folder of the results of rostest and its tests, in the folder of the call
-
 LOGS: Final = "log"  # folder of the logs of nodes, in the folder of the call
-
 _MAX_OUTPUT_BYTES: Final = 110_000_000
 
 

@@ -44,16 +44,12 @@ from sim_action.world.world_files.losses import Loss
 
 _MAX_CALLBACKS: Final = 3
 _MAX_NODES: Final = 20
-
 _RESULT_FIELDS: Final = ("end", "sim_time", "real_time_factor", "travelled", "digest", "engine", "notes")
-
 LAUNCH_ERROR: Final = "launch error"  # the title of a failure of roslaunch itself
-
 _SIMULATION_NODE: Final = "gazebo"
 _TIME_OUT: Final = re.compile(r"max time \[([\d.]+)s\] allotted for test")
 _NO_NODE: Final = re.compile(r"Test node \[(\S+)/(\S+)\] does not exist or is not executable")
 _NO_PACKAGE: Final = re.compile(r"Package \[(\S+)\] for test node")
-
 _FALSE: Final = frozenset({"", "false", "0"})
 
 WINDOW_PACKAGES: Final[Mapping[str, str]] = {

@@ -42,9 +42,7 @@ _NOT_LAUNCHED: Final = re.compile(
 )
 _EXCEPTION: Final = re.compile(r"^[A-Za-z_][\w.]*(?:Error|Exception|Interrupt|Exit)(?:: .*)?$", re.MULTILINE)
 _XACRO: Final = re.compile(r"^xacro: (.+)$", re.MULTILINE)
-
 _MAX_TAIL_CHARS: Final = 4_000
-
 _MAX_LOG_BYTES: Final = 16_000_000
 _STDOUT_SUFFIX: Final = "-stdout"
 _NUMBER_SUFFIX: Final = re.compile(r"-\d+$")

@@ -22,9 +22,7 @@ _MAX_LAUNCH_FILE_BYTES: Final = 4_000_000
 _MAX_FILES: Final = 100
 _FIND: Final = re.compile(r"\$\(find\s+([^)\s]+)\)")
 _WORLD: Final = frozenset({"world_name", "world", "world_file", "/gazebo/world_name"})
-
 _SUBSTITUTION: Final = re.compile(r"\$\([^)]*\)")
-
 DEFAULT_TIME_LIMIT_S: Final = 60.0  # s that rostest gives a test without a time-limit (wiki.ros.org/roslaunch/XML/test)
 
 

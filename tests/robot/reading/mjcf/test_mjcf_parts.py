@@ -23,7 +23,6 @@ mujoco: Any = pytest.importorskip("mujoco", reason="MJCF needs MuJoCo")
 np: Any = pytest.importorskip("numpy")
 TABLE: Final = part_table("mjcf")
 SCENARIO: Final = "name: a\nrobot: {model: robot.xml}\nexpect: [upright]\ntime_limit: 1 s\n"
-
 HERE: Final = Path(__file__).parent
 ROBOT: Final = (HERE / "whole.xml").read_text()  # a robot, to whose elements attributes are added
 # actuators: element -> what it needs. values: attribute -> values with which MuJoCo makes another model; a value may

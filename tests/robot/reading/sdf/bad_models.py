@@ -9,7 +9,6 @@ from tests.robot.reading.sdf.models import INERTIAL, SPHERE, joint, link, sdf
 BASE, TOOL = link("base"), link("tool", "<pose>0 0 1 0 0 0</pose>")
 JOINT = joint("lift", "base", "tool", "<axis><xyz>0 0 1</xyz></axis>", "continuous")
 FRAME = '<frame name="tip" attached_to="tool"><pose>0 0 1 0 0 0</pose></frame>'
-
 GOOD = sdf(BASE, TOOL, JOINT, FRAME)  # base on line 3, tool on 4, the joint on 5, a frame on 6
 
 

@@ -25,13 +25,11 @@ from tests.ros_workspace import written
 
 Matrix = NDArray[np.float64]
 Angles = tuple[float, float, float]
-
 OLD: Final = ("1.3", "1.4")
 FLAGGED: Final = ("1.5", "1.6")
 NEW: Final = ("1.7", "1.9", "1.10", "1.11")
 SINCE_15: Final = (*FLAGGED, *NEW)
 ALL: Final = (*OLD, *SINCE_15)
-
 AXIS: Final = (0.48, -0.6, 0.64)
 
 

@@ -19,7 +19,6 @@ from tests.scenarios import LEAST, load, told
 from tests.traces import scene
 
 pytestmark = pytest.mark.process
-
 NODE = "#!/usr/bin/env python\n"
 LAUNCH = """\
 <launch>

@@ -25,10 +25,8 @@ from tests.ros.ros1.launches import package
 WORLD = LaunchTag("arg", {"name": "world_name", "value": "$(find p)/no.world"}, Location("a.launch", 2))
 LOSS = Loss(message="<actor> is not simulated", location=Location("a.world", 5))
 ABSENT = "ERROR: cannot launch node of type [nowhere/no.py]: nowhere\n"
-
 ERROR = "ERROR: cannot launch node of type [{}]: {}\n"
 PLACE = Location("a.launch", 3)
-
 looks_for_ros = pytest.mark.process  # ROS is looked for with its own Python
 
 
