@@ -143,11 +143,8 @@ def _with_versions(entries: Sequence[Entry], files: Iterable[ResultsFile]) -> li
 
 
 def _with_version(entry: Entry, version: str) -> Entry:
-    return replace(entry, outcome=_noted(entry.outcome, f"it ran with sim-action {version}"))
-
-
-def _noted(outcome: Outcome, note: str) -> Outcome:
-    return outcome.model_copy(update={"notes": (*outcome.notes, note)})
+    notes = (*entry.outcome.notes, f"it ran with sim-action {version}")
+    return replace(entry, outcome=entry.outcome.model_copy(update={"notes": notes}))
 
 
 def _results(parts: Sequence[Results], outcomes: Iterable[Outcome], gates: Iterable[PlannedGate]) -> Results:

@@ -161,7 +161,7 @@ class RigidBodies:
     """The links of a model in groups that fixed joints hold together."""
 
     def __init__(self, document: ModelDocument) -> None:
-        held = {child_of(joint): parent_of(joint) for joint in document.elements("joint") if _is_rigid(joint)}
+        held = {child_of(joint): parent_of(joint) for joint in document.elements("joint[@type='fixed']")}
         self._moved = {child_of(joint) for joint in document.elements("joint")} - held.keys()
         self._first: dict[str, str] = {}
         self._masses: dict[str, float] = {}
@@ -183,10 +183,6 @@ class RigidBodies:
         return self._first[link] not in self._moved
 
 
-def _is_rigid(joint: Element) -> bool:
-    return joint.attrib["type"] == "fixed"
-
-
 def tensors(document: ModelDocument) -> Iterator[Finding]:
     """Yield inertias whose principal moments are not positive, or break the triangle inequality."""
     for link in document.elements("link"):
@@ -204,7 +200,10 @@ def _tensor(document: ModelDocument, link: str, inertia: Element | None) -> Iter
         message = f"{found}: the mass counts as a ball of 5 cm radius; state the moments"
         yield document.finding("zero-inertia", inertia, message)
         return
-    lacking, rounding = max(-a, c - a - b), max(_SMALL_SHARE * c, _rounding_of(inertia))
+    lacking, rounding = (
+        max(-a, c - a - b),
+        max(_SMALL_SHARE * c, 2 * max(_last_digit(inertia.get(name, "0")) for name in MOMENTS)),
+    )
     if a > 0 and lacking <= _ROUNDING * (a + b):
         return
     wanted = "all of them must be greater than 0" if a <= 0 else "none may be greater than the sum of the other two"
@@ -225,10 +224,6 @@ def increase(inertia: Element) -> float:
     least, middle, most = sorted(principal_moments(inertia))
     lacking = most - least - middle + _REPAIRED * most
     return lacking - min(0.0, least) if lacking > 0 else 0.0
-
-
-def _rounding_of(inertia: Element) -> float:
-    return 2 * max(_last_digit(inertia.get(name, "0")) for name in MOMENTS)
 
 
 def _last_digit(text: str) -> float:
@@ -276,7 +271,8 @@ def _inertia(document: ModelDocument, element: Element, link: Link, least_mass: 
     if inertial is None or inertia is None or not link.mass or link.mass < 0:
         return
     moments = principal_moments(inertia)
-    reach = _reach(link, origin(inertial).position_xyz)
+    centre = origin(inertial).position_xyz
+    reach = max(_distance(shape, centre) + _half_diagonal(shape) for shape in link.collisions)
     if min(moments) <= 0:
         return  # impossible-inertia reports it
     moment = max(moments)
@@ -286,10 +282,6 @@ def _inertia(document: ModelDocument, element: Element, link: Link, least_mass: 
         found = f"link '{link.name}' has {moment:.3g} kg m^2 at {link.mass:.3g} kg, like a point mass at {radius:.2g} m"
         message = f"{found}, but the link extends only {reach:.2g} m from its centre of mass: is the unit kg m^2?"
         yield document.finding("odd-inertia", inertia, message)
-
-
-def _reach(link: Link, centre: Vector3) -> float:
-    return max(_distance(shape, centre) + _half_diagonal(shape) for shape in link.collisions)
 
 
 def _distance(shape: Shape, point: Vector3) -> float:

@@ -69,7 +69,7 @@ def with_controllers(plugins: tuple[Plugin, ...], path: Path, packages: Packages
         references = plugin.texts("parameters") if _CONTROL_PLUGIN.fullmatch(plugin.name) else ()
         for reference in islice(dict.fromkeys(references), _MAX_FILES + 1):
             try:
-                file = _file(reference, path, packages)
+                file = packages.resolve(_FIND.sub(r"package://\1/", reference), path).path
             except PackageError as error:
                 unread.append(str(error))
                 continue
@@ -79,10 +79,6 @@ def with_controllers(plugins: tuple[Plugin, ...], path: Path, packages: Packages
                 unread.append(problem)
         found.append(replace(plugin, unread=tuple(unread)))
     return (*found, *(plugin for plugins in read.values() if not isinstance(plugins, str) for plugin in plugins))
-
-
-def _file(reference: str, path: Path, packages: Packages) -> Path:
-    return packages.resolve(_FIND.sub(r"package://\1/", reference), path).path
 
 
 def _read(path: Path) -> tuple[Plugin, ...] | str:

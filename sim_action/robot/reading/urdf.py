@@ -117,7 +117,9 @@ _LENGTHS: Final = {"size": 3}
 
 def read_urdf(path: Path, packages: Packages | None = None, allow: Iterable[str] = ()) -> RobotModel:
     """Read a URDF file, by default with meshes of its folder; `allow`: accepted rules. Raises ModelError."""
-    return model_of(read_document(path), path, packages or _of_folder(path.resolve().parent), allow)
+    return model_of(
+        read_document(path), path, packages or Packages(Workspace(path.resolve().parent, path.resolve().parent)), allow
+    )
 
 
 def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Iterable[str]) -> RobotModel:
@@ -150,10 +152,6 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     parts, text = (*links, *between), engine_text(document)
     kept, harmless = without_harmless(findings)
     return RobotModel(name, str(path), parts, joints, text, kept, plugins, commanded=commanded, harmless=harmless)
-
-
-def _of_folder(folder: Path) -> Packages:
-    return Packages(Workspace(folder, folder))
 
 
 def _link(document: ModelDocument, element: Element, meshes: Meshes) -> Link:
@@ -353,22 +351,16 @@ def repair_inertia(document: ModelDocument) -> None:
     """Repair inertias that are impossible. An engine would ignore them, and no torque could turn the link."""
     for inertial in document.elements("link/inertial"):
         inertia = inertial.find("inertia")
-        if inertia is None or (number(inertial.find("mass"), "value") == 0 and _is_zero(inertia)):
+        if inertia is None or (
+            number(inertial.find("mass"), "value") == 0 and not any(number(inertia, name) for name in MOMENTS)
+        ):
             continue
         if max(principal_moments(inertia)) <= 0:
             ball = _ball(number(inertial.find("mass"), "value") or _LEAST_MASS)
             inertia.attrib.update(cast(Element, ball.find("inertia")).attrib)
         elif (moment := increase(inertia)) > 0:
-            _spread(inertia, moment)
-
-
-def _is_zero(inertia: Element) -> bool:
-    return not any(number(inertia, name) for name in MOMENTS)
-
-
-def _spread(inertia: Element, moment: float) -> None:
-    for name in ("ixx", "iyy", "izz"):
-        inertia.set(name, repr((number(inertia, name) or 0.0) + moment))
+            for name in ("ixx", "iyy", "izz"):
+                inertia.set(name, repr((number(inertia, name) or 0.0) + moment))
 
 
 def drop_empty_root(document: ModelDocument) -> None:

@@ -20,7 +20,6 @@ from xml.parsers import expat
 
 from sim_action.core.errors import Location
 from sim_action.core.files import read_at_most
-from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.documents.packages import PackageError, Packages
 from sim_action.robot.documents.xml_document import explain_xml_error, shown_file, shown_place
@@ -143,48 +142,34 @@ _WILDCARDS: Final = frozenset("*?[")
 _MAYBE: Final = frozenset({"xacro:if", "xacro:unless", "xacro:macro"})
 
 
-@dataclass(frozen=True, slots=True)
-class XacroCheck:
-    """The problems of a xacro file, and notes on parts that were not checked."""
-
-    problems: tuple[XacroError, ...]
-    notes: tuple[str, ...]
-
-
 def check_xacro_text(path: Path, arguments: Iterable[str], packages: Packages) -> tuple[str, ...]:
     """Check a xacro file without evaluating it. Return what could not be checked. Raises ModelError."""
-    check = check_xacro(path, arguments, packages)
+    check = XacroCheck(path, arguments, packages)
     refuse_errors([problem.finding() for problem in check.problems])
-    return check.notes
+    return tuple(check.notes)
 
 
-def check_xacro(path: Path, arguments: Iterable[str], packages: Packages) -> XacroCheck:
-    """Check a xacro file and its includes. `arguments`: the names in `robot.args`."""
-    checker = _Checker(path, packages)
-    checker.follow_all()
-    checker.check_arguments(arguments)
-    return XacroCheck(tuple(checker.problems), tuple(checker.notes))
+class XacroCheck:
+    """The problems of a xacro file and its includes, and notes on parts that were not checked."""
 
-
-class _Checker:
-    def __init__(self, path: Path, packages: Packages) -> None:
+    def __init__(self, path: Path, arguments: Iterable[str], packages: Packages) -> None:
+        """`arguments`: the names in `robot.args`."""
         self.problems: list[XacroError] = []
         self.notes: list[str] = []
         self._all_followed = True
-        self._path = path
-        self._packages = packages
-        self._documents = XacroDocuments()
-        self._seen = {path}
-        self._waiting = deque([path])
+        self._path, self._packages, self._documents = path, packages, XacroDocuments()
+        self._seen, self._waiting = {path}, deque([path])
+        self._follow_all()
+        self._check_arguments(arguments)
 
-    def follow_all(self) -> None:
+    def _follow_all(self) -> None:
         while self._waiting:
             self._read(self._waiting.popleft())
         files = "1 file" if len(self._seen) == 1 else f"{len(self._seen)} files"
         evaluated = f"xacro evaluates {shown_file(self._path)} when the scenario runs"
         self.notes.append(f"links and joints: {evaluated} ({files} checked as text)")
 
-    def check_arguments(self, arguments: Iterable[str]) -> None:
+    def _check_arguments(self, arguments: Iterable[str]) -> None:
         """Report unknown arguments, if all files were read: any other file may declare them."""
         if self.problems or not self._all_followed:
             return

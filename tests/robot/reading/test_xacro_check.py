@@ -6,21 +6,21 @@ import sys
 
 import pytest
 
-from sim_action.robot.reading.xacro_documents import check_xacro
+from sim_action.robot.reading.xacro_documents import XacroCheck
 from tests.robot.xacro_models import URDF, told
 from tests.ros_workspace import NAMESPACE, RosWorkspace, ros_package, written
 
 
 def test_a_sound_robot_has_no_problems_and_says_that_it_was_not_run(ros: RosWorkspace) -> None:
-    check = check_xacro(ros.rover, ["mass"], ros.packages())
-    assert check.problems == ()
+    check = XacroCheck(ros.rover, ["mass"], ros.packages())
+    assert check.problems == []
     when = f"xacro evaluates {ros.rover} when the scenario runs"
-    assert check.notes == (f"links and joints: {when} (4 files checked as text)",)
+    assert check.notes == [f"links and joints: {when} (4 files checked as text)"]
 
 
 def checked(ros: RosWorkspace, body: str, *arguments: str) -> tuple[list[str], list[str]]:
     """The problems, and the notes but for the one that always is."""
-    check = check_xacro(ros.robot(body), arguments, ros.packages())
+    check = XacroCheck(ros.robot(body), arguments, ros.packages())
     assert "when the scenario runs (" in check.notes[-1]
     notes = [note.replace(f"{ros.root}/{URDF}/", "") for note in check.notes[:-1]]
     return [f"{told(ros, problem)} [{problem.rule}]" for problem in check.problems], notes
@@ -111,7 +111,7 @@ def test_a_circle_is_walked_once(ros: RosWorkspace) -> None:
 
 
 def test_a_file_that_cannot_be_read_is_a_problem(ros: RosWorkspace) -> None:
-    check = check_xacro(ros.root / "absent.xacro", [], ros.packages())
+    check = XacroCheck(ros.root / "absent.xacro", [], ros.packages())
     assert [problem.rule for problem in check.problems] == ["missing-include"]
 
 
@@ -120,10 +120,10 @@ def test_no_xacro_is_imported_to_look_at_a_file(ros: RosWorkspace) -> None:
     import subprocess
 
     code = (
-        "import sys; from pathlib import Path; from sim_action.robot.reading.xacro_documents import check_xacro;"
+        "import sys; from pathlib import Path; from sim_action.robot.reading.xacro_documents import XacroCheck;"
         "from sim_action.robot.documents.packages import Packages; from sim_action.core.workspace import Workspace;"
         f"root = Path({str(ros.root)!r}); packages = Packages(Workspace(root, root), {{}}, {{}});"
-        f"check = check_xacro(Path({str(ros.rover)!r}), [], packages); assert not check.problems;"
+        f"check = XacroCheck(Path({str(ros.rover)!r}), [], packages); assert not check.problems;"
         "print([name for name in ('xacro', 'numpy', 'pybullet') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

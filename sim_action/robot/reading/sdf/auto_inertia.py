@@ -63,22 +63,6 @@ def _solid(inertial: Element, holder: Element) -> Solid:
     return _SOLIDS[shape.tag](shape)
 
 
-def _box(shape: Element) -> Solid:
-    return geometry.box_solid(vector_of(needed(shape, "size")))
-
-
-def _sphere(shape: Element) -> Solid:
-    return geometry.ellipsoid_solid((_size(shape, "radius"),) * 3)
-
-
-def _ellipsoid(shape: Element) -> Solid:
-    return geometry.ellipsoid_solid(vector_of(needed(shape, "radii")))
-
-
-def _cylinder(shape: Element) -> Solid:
-    return geometry.cylinder_solid(_size(shape, "radius"), _size(shape, "length"))
-
-
 def _capsule(shape: Element) -> Solid:
     """Return a cylinder with half a ball at each end; <length> is that of the cylinder."""
     radius, length = _size(shape, "radius"), _size(shape, "length")
@@ -96,9 +80,9 @@ def _size(shape: Element, tag: str) -> float:
 
 
 _SOLIDS: Final[Mapping[str, Callable[[Element], Solid]]] = {
-    "box": _box,
-    "sphere": _sphere,
-    "cylinder": _cylinder,
+    "box": lambda shape: geometry.box_solid(vector_of(needed(shape, "size"))),
+    "sphere": lambda shape: geometry.ellipsoid_solid((_size(shape, "radius"),) * 3),
+    "cylinder": lambda shape: geometry.cylinder_solid(_size(shape, "radius"), _size(shape, "length")),
     "capsule": _capsule,
-    "ellipsoid": _ellipsoid,
+    "ellipsoid": lambda shape: geometry.ellipsoid_solid(vector_of(needed(shape, "radii"))),
 }

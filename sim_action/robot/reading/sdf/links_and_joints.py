@@ -8,7 +8,7 @@ frame of the link in URDF is moved to the joint, without a rotation.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
@@ -198,11 +198,17 @@ def write_shape(writer: UrdfWriter, parent: Element, shape: Element, file: Path)
     """Write a shape into a <geometry> of URDF. `file`: the file from which paths of meshes start. Raises SdfProblem."""
     if shape.tag == "mesh":
         write_mesh(writer, parent, shape, file)
-        return
-    if shape.tag not in _WRITERS:
-        instead = _INSTEAD.get(shape.tag, f"the shapes are {', '.join((*_WRITERS, 'mesh'))}")
+    elif shape.tag in _SIZES:
+        sizes = {name: numbers(*numbers_of(needed(shape, name), count)) for name, count in _SIZES[shape.tag].items()}
+        writer.add(parent, shape.tag, shape, **sizes)
+    elif shape.tag != "ellipsoid":
+        instead = _INSTEAD.get(shape.tag, f"the shapes are {', '.join((*_SIZES, 'ellipsoid', 'mesh'))}")
         raise SdfProblem("unknown-shape", shape, f"<{shape.tag}> is not supported: {instead}")
-    _WRITERS[shape.tag](writer, parent, shape)
+    elif len(set(radii := vector_of(needed(shape, "radii")))) > 1:
+        message = "an <ellipsoid> with different radii is not supported: convert it to a mesh"
+        raise SdfProblem("unknown-shape", shape, message)
+    else:
+        writer.add(parent, "sphere", shape, radius=numbers(radii[0]))
 
 
 def write_mesh(writer: UrdfWriter, parent: Element, mesh: Element, file: Path) -> None:
@@ -212,40 +218,6 @@ def write_mesh(writer: UrdfWriter, parent: Element, mesh: Element, file: Path) -
         raise SdfProblem("missing-part", mesh, "<mesh> has no <uri>")
     scale = mesh.find("scale")
     writer.add_mesh(parent, mesh, uri, (1.0, 1.0, 1.0) if scale is None else vector_of(scale), file)
-
-
-def _box(writer: UrdfWriter, parent: Element, shape: Element) -> None:
-    writer.add(parent, "box", shape, size=numbers(*vector_of(needed(shape, "size"))))
-
-
-def _sphere(writer: UrdfWriter, parent: Element, shape: Element) -> None:
-    writer.add(parent, "sphere", shape, radius=_length(shape, "radius"))
-
-
-def _cylinder(writer: UrdfWriter, parent: Element, shape: Element) -> None:
-    writer.add(parent, shape.tag, shape, radius=_length(shape, "radius"), length=_length(shape, "length"))
-
-
-def _ellipsoid(writer: UrdfWriter, parent: Element, shape: Element) -> None:
-    radii = vector_of(needed(shape, "radii"))
-    if len(set(radii)) > 1:
-        raise SdfProblem(
-            "unknown-shape", shape, "an <ellipsoid> with different radii is not supported: convert it to a mesh"
-        )
-    writer.add(parent, "sphere", shape, radius=numbers(radii[0]))
-
-
-def _length(shape: Element, tag: str) -> str:
-    return numbers(*numbers_of(needed(shape, tag), 1))
-
-
-_WRITERS: Final[Mapping[str, Callable[[UrdfWriter, Element, Element], None]]] = {
-    "box": _box,
-    "sphere": _sphere,
-    "cylinder": _cylinder,
-    "capsule": _cylinder,
-    "ellipsoid": _ellipsoid,
-}
 
 
 def visual_shape(visual: Element) -> Element | None:
