@@ -302,35 +302,29 @@ class WheelEntry(FrozenModel):
 
 
 class Inspection(FrozenModel):
-    """The description of a robot model.
-
-    Attributes:
-        model: as a scenario names it.
-        mass: kg, of all links with a stated mass.
-        lower_xyz, upper_xyz: m, corners of the box around all collision shapes, in the base frame, with the joints at
-        their start; None without shapes. height: m, of the base link above the ground when the lowest shape touches
-        it; 0 if it is bolted to the world. wheels: links that look like wheels. drive: the recognised drive with its
-        figures, if any; drive_source: the plugin, controller or tag that it was recognised from, or "geometry";
-        drive_plugin: the plugin that turns its wheels as in Gazebo, or empty.
-        findings: of the audit. harmless: the parts that are not read and without which the motion is the same.
-        drive_reasons: why no drive is recognised, most likely first; empty for a robot that cannot roll. needs: rules
-        that `robot.allow` must name. robot: a `robot:` block to paste.
-    """
+    """The description of a robot model."""
 
     name: str
-    model: str
-    mass: float
+    model: str  # as a scenario names it
+    mass: float  # kg, of all links with a stated mass
     root: str
     links: tuple[LinkEntry, ...]
     joints: tuple[JointEntry, ...]
+    # lower_xyz, upper_xyz: m, corners of the box around all collision shapes, in the base frame, with the joints at
+    # their start; None without shapes. height: m, of the base link above the ground when the lowest shape touches it; 0
+    # if it is bolted to the world. wheels: links that look like wheels. drive: the recognised drive with its figures,
+    # if any; drive_source: the plugin, controller or tag that it was recognised from, or "geometry";
     lower_xyz: Vector3 | None
     upper_xyz: Vector3 | None
     height: float | None
     wheels: tuple[WheelEntry, ...]
     drive: str | None
     drive_source: str | None
-    drive_plugin: str
+    drive_plugin: str  # the plugin that turns its wheels as in Gazebo, or empty
+    # why no drive is recognised, most likely first; empty for a robot that cannot roll. needs: rules that `robot.allow`
+    # must name. robot: a `robot:` block to paste.
     drive_reasons: tuple[str, ...]
+    # of the audit. harmless: the parts that are not read and without which the motion is the same.
     findings: tuple[Finding, ...]
     harmless: tuple[Finding, ...]
     needs: tuple[str, ...]

@@ -37,54 +37,35 @@ def _nothing() -> None:
 
 @dataclass(frozen=True, slots=True)
 class OpenLoop:
-    """The controller of a source that depends only on the time.
+    """The controller of a source that depends only on the time."""
 
-    Attributes:
-        command: sim time in s -> command.
-        holding: targets that hold joints before t = 0, while the robot comes to rest; limited joints are held anyway.
-        notes: the end of the run, as sim time in s -> notes for the user.
-        due: the rising physics steps at which it is called, and no other; None: at every tick.
-        marks: its marks of the timeline, with times like those of `command`.
-    """
-
-    command: Callable[[float], Answer]
+    command: Callable[[float], Answer]  # sim time in s -> command
+    # targets that hold joints before t = 0, while the robot comes to rest; limited joints are held anyway
     holding: JointTargets = field(default_factory=JointTargets)
-    notes: Callable[[float], Iterable[str]] = lambda _: ()
+    notes: Callable[[float], Iterable[str]] = lambda _: ()  # the end of the run, as sim time in s -> notes for the user
+    # the rising physics steps at which it is called, and no other; None: at every tick
     due: Sequence[int] | None = None
-    marks: Sequence[TimeMark] = ()
+    marks: Sequence[TimeMark] = ()  # its marks of the timeline, with times like those of `command`
 
 
 @dataclass(frozen=True, slots=True)
 class ClosedLoop:
-    """The controller of a source that depends on observations of the robot.
+    """The controller of a source that depends on observations of the robot."""
 
-    Attributes:
-        command: observation -> command.
-        senses: True if it reads sensors; a sensor without a reader is not simulated.
-        sensors: sensors that it adds to those of the scenario.
-        close: called once, after the run.
-        notes: notes for the user, complete after `close`.
-        losses: parts of its files that were not run, as the scenario allows.
-        repeats: True if its answer is the same object until there is a new command.
-        transcript: the messages that it received, which the digest of the run covers; complete during the run.
-        not_reproducible: reasons why another run may differ, complete during the run.
-        logged_errors: errors that programs of the user logged, complete during the run.
-        why_silent: returns why it has given no command, called before `close`; empty if that is not known.
-        marks: its marks of the timeline, complete during the run.
-    """
-
-    command: Callable[[Observation], Answer]
-    senses: bool = True
-    sensors: tuple[MountedSensor, ...] = ()
-    close: Callable[[], None] = _nothing
-    notes: Sequence[str] = ()
-    losses: Sequence[str] = ()
-    repeats: bool = False
+    command: Callable[[Observation], Answer]  # observation -> command
+    senses: bool = True  # True if it reads sensors; a sensor without a reader is not simulated
+    sensors: tuple[MountedSensor, ...] = ()  # sensors that it adds to those of the scenario
+    close: Callable[[], None] = _nothing  # called once, after the run
+    notes: Sequence[str] = ()  # notes for the user, complete after `close`
+    losses: Sequence[str] = ()  # parts of its files that were not run, as the scenario allows
+    repeats: bool = False  # True if its answer is the same object until there is a new command
+    # the messages that it received, which the digest of the run covers; complete during the run
     transcript: Transcript | None = None
-    not_reproducible: Sequence[str] = ()
-    logged_errors: Sequence[str] = ()
+    not_reproducible: Sequence[str] = ()  # reasons why another run may differ, complete during the run
+    logged_errors: Sequence[str] = ()  # errors that programs of the user logged, complete during the run
+    # returns why it has given no command, called before `close`; empty if that is not known
     why_silent: Callable[[], str] = str
-    marks: Sequence[TimeMark] = ()
+    marks: Sequence[TimeMark] = ()  # its marks of the timeline, complete during the run
 
 
 Controller = OpenLoop | ClosedLoop  # a controller is called at every tick; None as its answer keeps the last command

@@ -298,9 +298,7 @@ _FULL_POSE: Final = 6  # an arm needs at least so many joints to reach every pos
 class _Motion:
     """The motion of the link during a run.
 
-    Attributes:
-        notes: notes for the user.
-        marks: the arrivals at its waypoints, once its path is planned.
+    `notes`: notes for the user; `marks`: the arrivals at its waypoints, once its path is planned.
     """
 
     def __init__(self, spec: PoseCommands, follower: Follower, start: Values) -> None:

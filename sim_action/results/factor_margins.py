@@ -20,36 +20,22 @@ _MAX_REASON: Final = 300
 
 
 class Margin(FrozenModel):
-    """The margin of a factor in one direction.
+    """The margin of a factor in one direction."""
 
-    Attributes:
-        factor: its name, such as "friction".
-        direction: the side of the nominal value.
-        unit: the SI symbol of all values.
-        nominal: the value in the scenario.
-        end: the last value that was asked for.
-        passes: the value farthest from the nominal one before the first failure.
-        fails: the nearest value that failed; None if none did.
-        expectation: the expectation that fails first there; or empty.
-        reason: its message, or the reason why there is no verdict, or why nothing ran; or empty.
-        crossings: the number of changes between passing and failing values that the scan has seen.
-        runs: the number of values that ran.
-        has_effect: True if a run of either direction moved in another way than that with the nominal value.
-        asked: the distance from the nominal value at which the scenario must still pass; None: none is demanded.
-    """
-
-    factor: str
-    direction: Literal["down", "up"]
-    unit: str
-    nominal: float
-    end: float
-    passes: float
-    fails: float | None = None
-    expectation: str = ""
-    reason: str = ""
+    factor: str  # its name, such as "friction"
+    direction: Literal["down", "up"]  # the side of the nominal value
+    unit: str  # the SI symbol of all values
+    nominal: float  # the value in the scenario
+    end: float  # the last value that was asked for
+    passes: float  # the value farthest from the nominal one before the first failure
+    fails: float | None = None  # the nearest value that failed; None if none did
+    expectation: str = ""  # the expectation that fails first there; or empty
+    reason: str = ""  # its message, or the reason why there is no verdict, or why nothing ran; or empty
+    # the number of changes between passing and failing values that the scan has seen
     crossings: Annotated[int, Field(ge=0)] = 0
-    runs: Annotated[int, Field(ge=0)] = 0
-    has_effect: bool = True
+    runs: Annotated[int, Field(ge=0)] = 0  # the number of values that ran
+    has_effect: bool = True  # True if a run of either direction moved in another way than that with the nominal value
+    # the distance from the nominal value at which the scenario must still pass; None: none is demanded
     asked: NotNegative | None = None
 
     @property
@@ -127,21 +113,15 @@ class Margin(FrozenModel):
 
 
 class ScenarioMargins(FrozenModel):
-    """The margins of a scenario.
+    """The margins of a scenario."""
 
-    Attributes:
-        name, file, line, variation, engine: as in results.json.
-        reason: the reason why there are none; or empty.
-        margins: those of all factors.
-    """
-
-    name: str
+    name: str  # name, file, line, variation, engine: as in results.json
     file: str
     line: Annotated[int, Field(ge=1)] | None = None
     variation: Variation = ()
     engine: str | None = None
-    reason: str = ""
-    margins: tuple[Margin, ...] = ()
+    reason: str = ""  # the reason why there are none; or empty
+    margins: tuple[Margin, ...] = ()  # those of all factors
 
     def shown_by(self, outcome: Outcome) -> Outcome:
         """Return the outcome of the nominal run with the margins in place of its expectations, if there are any."""
@@ -188,13 +168,9 @@ def _bar(name: str, sides: list[Margin]) -> tuple[float, Measurement]:
 
 
 class Margins(FrozenModel):
-    """The content of `margins.json`.
-
-    Attributes:
-        runs: the number of runs in all.
-    """
+    """The content of `margins.json`."""
 
     version: Literal[1] = 1
     sim_action: str
-    runs: Annotated[int, Field(ge=0)]
+    runs: Annotated[int, Field(ge=0)]  # the number of runs in all
     scenarios: tuple[ScenarioMargins, ...]

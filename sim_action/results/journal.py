@@ -78,26 +78,20 @@ def _commit(environment: Mapping[str, str]) -> str | None:
 
 
 class Header(FrozenModel):
-    """The first line of a journal.
+    """The first line of a journal."""
 
-    Attributes:
-        journal: the version of the format.
-        started_at, commit, shard, selected: as in `Results`.
-        files: the files that the call may write, relative to the journal; the next call removes them.
-        gates: the gates of the planned outcomes.
-        planned: the planned outcomes, in the order of the results.
-    """
-
-    journal: Literal[1]
+    journal: Literal[1]  # the version of the format
     sim_action: str
     python: str
     platform: str
-    started_at: AwareDatetime | None = None
+    started_at: AwareDatetime | None = None  # started_at, commit, shard, selected: as in `Results`
     commit: Commit | None = None
     shard: Shard | None = None
     selected: bool = False
+    # the files that the call may write, relative to the journal; the next call removes them
     files: tuple[str, ...] = ()
-    gates: tuple[PlannedGate, ...] = ()
+    gates: tuple[PlannedGate, ...] = ()  # the gates of the planned outcomes
+    # the planned outcomes, in the order of the results
     planned: Annotated[tuple[Planned, ...], Field(max_length=MAX_OUTCOMES)] = ()
 
     @classmethod

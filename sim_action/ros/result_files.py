@@ -40,16 +40,11 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Suite:
-    """The content of one result file.
-
-    Attributes:
-        output: the output of its tests.
-        unpublished: topics that its tests listened to, and that never had a publisher.
-    """
+    """The content of one result file."""
 
     cases: tuple[Case, ...]
-    output: str = ""
-    unpublished: tuple[str, ...] = ()
+    output: str = ""  # the output of its tests
+    unpublished: tuple[str, ...] = ()  # topics that its tests listened to, and that never had a publisher
 
 
 def read_suite(path: Path) -> Suite | None:

@@ -86,10 +86,8 @@ class RunKeys:
     def __init__(self, scenario_files: Iterable[Path], options: RunOptions, outputs: Collection[Path]) -> None:
         """Start.
 
-        Args:
-            scenario_files: the files of the call.
-            options: those of the call.
-            outputs: the output folder, and files that reports are written to; they do not count.
+        `scenario_files`: the files of the call; `options`: those of the call; `outputs`: the output folder, and files
+        that reports are written to; they do not count.
         """
         files = list(scenario_files)
         self._digests = FileDigests(beginning_ns(files))
@@ -313,17 +311,12 @@ _FINAL: Final[frozenset[Status]] = frozenset({"passed", "failed", "inconclusive"
 
 @dataclass(frozen=True, slots=True)
 class TakenOver:
-    """The outcomes that a call takes over.
+    """The outcomes that a call takes over."""
 
-    Attributes:
-        records: final outcomes, and outcomes of single repetitions, with their places in this call.
-        files: the names of their files, relative to the output folder.
-        remarks: for the user, the reason why nothing or not everything is taken over.
-    """
-
+    # final outcomes, and outcomes of single repetitions, with their places in this call
     records: tuple[Record, ...] = ()
-    files: frozenset[str] = frozenset()
-    remarks: tuple[str, ...] = ()
+    files: frozenset[str] = frozenset()  # the names of their files, relative to the output folder
+    remarks: tuple[str, ...] = ()  # for the user, the reason why nothing or not everything is taken over
 
     @property
     def finals(self) -> int:
@@ -405,12 +398,7 @@ def _by_key(recorded: Recorded) -> dict[_Key, Record]:
 
 @dataclass()
 class _Search:
-    """Searches the records of the earlier call.
-
-    Attributes:
-        kept: the names of the files of outcomes that were found.
-        reasons: the reasons why the files of a workspace are not known.
-    """
+    """Searches the records of the earlier call."""
 
     folder: Path
     planned: Sequence[Planned]
@@ -419,8 +407,8 @@ class _Search:
     files: Sequence[RunFiles]
     keys: RunKeys
     earlier: Mapping[_Key, Record]
-    kept: set[str] = field(default_factory=set)
-    reasons: list[str] = field(default_factory=list)
+    kept: set[str] = field(default_factory=set)  # the names of the files of outcomes that were found
+    reasons: list[str] = field(default_factory=list)  # the reasons why the files of a workspace are not known
 
     def __post_init__(self) -> None:
         # The run itself comes before its repetitions.

@@ -102,24 +102,18 @@ class ExpectationOptions(FrozenModel):
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """An assertion with its place in the file, its name, its time window and its severity.
-
-    Attributes:
-        after, before: the time window in s of sim time.
-        since: the name of the event from which it is checked; empty: from `after` on.
-        span: the time in s for which a goal must hold; None if one moment is enough, or if the assertion checks it.
-        allow: rules of the audit of claims whose findings on it are accepted.
-    """
+    """An assertion with its place in the file, its name, its time window and its severity."""
 
     assertion: Assertion
     location: Location
     name: str
-    after: float = 0.0
+    after: float = 0.0  # after, before: the time window in s of sim time
     before: float = math.inf
     severity: Severity = "error"
+    # the time in s for which a goal must hold; None if one moment is enough, or if the assertion checks it
     span: float | None = None
-    allow: tuple[str, ...] = ()
-    since: str = ""
+    allow: tuple[str, ...] = ()  # rules of the audit of claims whose findings on it are accepted
+    since: str = ""  # the name of the event from which it is checked; empty: from `after` on
 
     @property
     def channels(self) -> Channels:
@@ -477,34 +471,24 @@ def common_rate(rates: Collection[float], least: float, most: float) -> float | 
 
 @dataclass(frozen=True, slots=True)
 class LoadedScenario:
-    """A valid scenario.
-
-    Attributes:
-        source: the document that it was read from.
-        model: the checked robot model; None if only the scenario's own process may read it.
-        unchecked: remarks on parts that can only be checked during a run.
-        parts: name of a world body -> its parts, for bodies that are read from files.
-        actor_models: name of another robot -> its checked model; empty if only the scenario's own process may read one.
-        warnings: the findings of the audit of claims that do not refuse it.
-        compared: True if the run is compared with that of another engine.
-        strict: True if warnings of the audit of claims make it fail.
-        places: of the models in the world file.
-        mutation: the injected fault; None in all runs but those of `sim-action prove`, and those whose confidence is
-            found: these have one without a fault, and run on after a failure.
-        repetition: the change of a repetition that shows the confidence of a verdict; empty: it is no repetition.
-    """
+    """A valid scenario."""
 
     scenario: Scenario
-    source: Source
-    model: RobotModel | None = None
-    unchecked: tuple[str, ...] = ()
+    source: Source  # the document that it was read from
+    model: RobotModel | None = None  # the checked robot model; None if only the scenario's own process may read it
+    unchecked: tuple[str, ...] = ()  # remarks on parts that can only be checked during a run
+    # name of a world body -> its parts, for bodies that are read from files
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
-    warnings: tuple[AuditWarning, ...] = ()
-    compared: bool = False
-    strict: bool = False
-    places: WorldPlaces = field(default_factory=WorldPlaces)
+    warnings: tuple[AuditWarning, ...] = ()  # the findings of the audit of claims that do not refuse it
+    compared: bool = False  # True if the run is compared with that of another engine
+    strict: bool = False  # True if warnings of the audit of claims make it fail
+    places: WorldPlaces = field(default_factory=WorldPlaces)  # of the models in the world file
+    # the injected fault; None in all runs but those of `sim-action prove`, and those whose confidence is found: these
+    # have one without a fault, and run on after a failure
     mutation: Mutation | None = None
+    # the change of a repetition that shows the confidence of a verdict; empty: it is no repetition
     repetition: str = ""
+    # name of another robot -> its checked model; empty if only the scenario's own process may read one
     actor_models: Mapping[str, RobotModel] = field(default_factory=dict)
 
     @property

@@ -65,17 +65,13 @@ _MAX_BYTES: Final = 20_000_000
 
 @dataclass(frozen=True, eq=False)
 class Golden:
-    """A golden trajectory.
-
-    Attributes:
-        rows: (T, 5 + J) time in s, rising; x, y, z in m and yaw in rad of the base link, in the world frame; positions
-            of joints in rad, or m.
-        forced: why the run did not pass from which it was written all the same; empty for a run that passed.
-    """
+    """A golden trajectory."""
 
     form: GoldenForm
+    # (T, 5 + J) time in s, rising; x, y, z in m and yaw in rad of the base link, in the world frame; positions of
+    # joints in rad, or m
     rows: FloatArray
-    forced: str = ""
+    forced: str = ""  # why the run did not pass from which it was written all the same; empty for a run that passed
 
     @property
     def time(self) -> FloatArray:

@@ -36,16 +36,11 @@ _QUINTIC: Final = 6  # the number of coefficients of a polynomial
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """A number over time: polynomials between knots, constant before the first knot and after the last one.
+    """A number over time: polynomials between knots, constant before the first knot and after the last one."""
 
-    Attributes:
-        times: (K,) s, rising.
-        coefficients: (K, 6) the polynomial from each knot on, in ascending powers of the time since the knot.
-        sudden: start and end in s of pieces that stand for a step, such as one between two rows of a log.
-    """
-
-    times: FloatArray
-    coefficients: FloatArray
+    times: FloatArray  # (K,) s, rising
+    coefficients: FloatArray  # (K, 6) the polynomial from each knot on, in ascending powers of the time since the knot
+    # start and end in s of pieces that stand for a step, such as one between two rows of a log
     sudden: tuple[tuple[float, float], ...] = ()
 
     @classmethod
@@ -150,9 +145,7 @@ def straight(times: ArrayLike, values: ArrayLike, first: float = 0.0, last: floa
     """Return the curve through points (K,) with a constant speed between them, but for a short ramp at each point.
 
     At a point between two ways in the same direction, it has the lower of their two speeds, else it rests there.
-
-    :param first: the velocity at the first point.
-    :param last: the velocity before the last point.
+    `first`: the velocity at the first point; `last`: the velocity before the last point.
     """
     at, value = _numbers(times), _numbers(values)
     span = np.diff(at)
@@ -175,17 +168,11 @@ def straight(times: ArrayLike, values: ArrayLike, first: float = 0.0, last: floa
 
 @dataclass(frozen=True, eq=False)
 class JointMotion:
-    """The motion of the position targets of joints.
+    """The motion of the position targets of joints."""
 
-    Attributes:
-        names: of the J joints.
-        curves: one for each joint.
-        lower, upper: limits of the targets; empty: no limits.
-    """
-
-    names: tuple[str, ...]
-    curves: tuple[Curve, ...]
-    lower: tuple[float, ...] = ()
+    names: tuple[str, ...]  # of the J joints
+    curves: tuple[Curve, ...]  # one for each joint
+    lower: tuple[float, ...] = ()  # lower, upper: limits of the targets; empty: no limits
     upper: tuple[float, ...] = ()
 
     @classmethod
@@ -258,10 +245,8 @@ class JointMotion:
         """Return positions (T, J) and velocities (T, J) for T physics steps, and (T, J) where a jump led to a position.
 
         A servo that gets both follows the motion without lag: the position is that at the start of a step, and the
-        velocity the mean until its end.
-
-        :param times: (T + 1,) the start of each step, and the end of the last one, in s.
-        :param step_s: the duration of a step in s.
+        velocity the mean until its end. `times`: (T + 1,) the start of each step, and the end of the last one, in s;
+        `step_s`: the duration of a step in s.
         """
         knots, first, coefficients, jumps = self._table
         at = [np.maximum(np.searchsorted(knot, times + TIME_EPSILON_S, side="right") - 1, 0) for knot in knots]

@@ -31,27 +31,21 @@ class EngineQueries(Protocol):
 
         A body around `start_xyz` is not hit: rays see surfaces from outside only.
 
-        Args:
-            start_xyz: the start of all rays, in m, world frame.
-            ends_xyz: (N, 3) the ends of the rays, in m, world frame.
-
         Returns:
             (N,) the fraction of each ray, 0 to 1, at which it hits a surface; inf: no hit.
+
+        `start_xyz`: the start of all rays, in m, world frame; `ends_xyz`: (N, 3) the ends of the rays, in m, world
+        frame.
         """
 
 
 @dataclass(frozen=True, slots=True)
 class PlanarWay:
-    """A motion of a point of the base along an arc on the ground, in the axes of the turning base.
+    """A motion of a point of the base along an arc on the ground, in the axes of the turning base."""
 
-    Attributes:
-        x, y: the distance in m along the axes of the base, summed along the arc.
-        turn: the turn to the left in rad.
-    """
-
-    x: float
+    x: float  # x, y: the distance in m along the axes of the base, summed along the arc
     y: float
-    turn: float
+    turn: float  # the turn to the left in rad
 
     def of_point(self, x: float, y: float) -> PlanarWay:
         """Return the motion of the point of the base that is at (x, y) m from this one."""

@@ -23,18 +23,13 @@ Scale = Annotated[float, Field(gt=0, le=1e300, allow_inf_nan=False)]
 
 
 class Column(FrozenModel):
-    """One number over N moments: value i is `scale * (first + the sum of deltas up to i)`.
+    """One number over N moments: value i is `scale * (first + the sum of deltas up to i)`."""
 
-    Attributes:
-        scale: the size of a step in the unit of the column.
-        first: the first value in steps.
-        deltas: the N - 1 differences in steps; empty if the value never changes.
-        gaps: (first moment, number of moments) without a value; the deltas continue there.
-    """
-
-    scale: Scale
-    first: Steps
+    scale: Scale  # the size of a step in the unit of the column
+    first: Steps  # the first value in steps
+    # the N - 1 differences in steps; empty if the value never changes
     deltas: Annotated[tuple[Steps, ...], Field(max_length=MAX_MOMENTS)] = ()
+    # (first moment, number of moments) without a value; the deltas continue there
     gaps: Annotated[tuple[tuple[Index, Index], ...], Field(max_length=MAX_MOMENTS)] = ()
 
     @classmethod
@@ -76,19 +71,14 @@ MAX_DELTA: Final = 20_000  # the largest difference in a `TextColumn`; with `fin
 
 
 class TextColumn(FrozenModel):
-    """One number over N moments, as a `Column`, but with its differences as text: a report carries it unread.
+    """One number over N moments, as a `Column`, but with its differences as text: a report carries it unread."""
 
-    Attributes:
-        scale: the size of a step in the unit of the column.
-        first: the first value in steps.
-        deltas: the N - 1 differences in steps, one character each: U+0020 and on stand for 0, -1, 1, -2, 2 and so on;
-            empty if the value never changes.
-        gaps: (first moment, number of moments) without a value; the deltas continue there.
-    """
-
-    scale: Scale
-    first: Steps
+    scale: Scale  # the size of a step in the unit of the column
+    first: Steps  # the first value in steps
+    # the N - 1 differences in steps, one character each: U+0020 and on stand for 0, -1, 1, -2, 2 and so on; empty if
+    # the value never changes
     deltas: Annotated[str, Field(max_length=MAX_MOMENTS)] = ""
+    # (first moment, number of moments) without a value; the deltas continue there
     gaps: Annotated[tuple[tuple[Index, Index], ...], Field(max_length=MAX_MOMENTS)] = ()
 
     @classmethod

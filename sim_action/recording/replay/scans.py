@@ -33,35 +33,22 @@ SensorName = Annotated[str, Field(min_length=1, max_length=300)]
 
 
 class ScanData(FrozenModel):
-    """The scans of one lidar.
-
-    Attributes:
-        link: the index of the link that carries the sensor.
-        pose: the pose of the sensor in the frame of the link; rays lie in its x-y plane.
-        first_angle: the angle of the first ray in rad, counter-clockwise from the x axis.
-        increment: the angle between two rays in rad.
-        rays: the number of rays of a scan.
-        range: the largest measured distance in m.
-        time: the sim times of the scans in s.
-        scale: the size of a step of the ranges in m.
-        ranges: the steps of the first scan, then the differences of each scan from the one before; -1 is a ray without
-            a return, -2 a surface that is too near.
-        every_scan: one of so many scans is kept.
-        every_ray: one of so many rays is kept.
-    """
+    """The scans of one lidar."""
 
     sensor: SensorName
-    link: Index
-    pose: PoseNumbers
-    first_angle: Number
-    increment: Number
-    rays: Annotated[int, Field(ge=1, le=MAX_RAYS)]
-    range: Length
-    time: Column
-    scale: Scale
+    link: Index  # the index of the link that carries the sensor
+    pose: PoseNumbers  # the pose of the sensor in the frame of the link; rays lie in its x-y plane
+    first_angle: Number  # the angle of the first ray in rad, counter-clockwise from the x axis
+    increment: Number  # the angle between two rays in rad
+    rays: Annotated[int, Field(ge=1, le=MAX_RAYS)]  # the number of rays of a scan
+    range: Length  # the largest measured distance in m
+    time: Column  # the sim times of the scans in s
+    scale: Scale  # the size of a step of the ranges in m
+    # the steps of the first scan, then the differences of each scan from the one before; -1 is a ray without a return,
+    # -2 a surface that is too near
     ranges: Annotated[tuple[Annotated[int, Field(ge=-200_000, le=200_000)], ...], Field(max_length=MAX_RANGES)]
-    every_scan: Annotated[int, Field(ge=1, le=1_000_000)] = 1
-    every_ray: Annotated[int, Field(ge=1, le=1_000_000)] = 1
+    every_scan: Annotated[int, Field(ge=1, le=1_000_000)] = 1  # one of so many scans is kept
+    every_ray: Annotated[int, Field(ge=1, le=1_000_000)] = 1  # one of so many rays is kept
 
     @property
     def count(self) -> int:

@@ -91,18 +91,12 @@ Shapes = Annotated[tuple[Shape, ...], Field(max_length=MAX_SHAPES)]
 
 
 class MeshData(FrozenModel):
-    """A triangle mesh, visible from both sides; numbers are stored as differences, which compress well.
+    """A triangle mesh, visible from both sides; numbers are stored as differences, which compress well."""
 
-    Attributes:
-        scale: the size in m of a step of `points`.
-        points: x, y, z of the first point in steps, then the differences of each point from the one before.
-        triangles: for each triangle the first corner minus that of the triangle before (minus 0 for the first one),
-            then the other two corners minus the first. Corners are indices of points, counter-clockwise seen from
-            outside.
-    """
-
-    scale: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
-    points: Coordinates
+    scale: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]  # the size in m of a step of `points`
+    points: Coordinates  # x, y, z of the first point in steps, then the differences of each point from the one before
+    # for each triangle the first corner minus that of the triangle before (minus 0 for the first one), then the other
+    # two corners minus the first. Corners are indices of points, counter-clockwise seen from outside.
     triangles: Corners
 
     @classmethod
@@ -138,49 +132,33 @@ Text = Annotated[str, Field(max_length=MAX_TEXT_LENGTH)]
 
 
 class JointMotion(FrozenModel):
-    """The motion of a link on its parent: rotation (rad) or translation (m) by multiplier * column + offset.
-
-    Attributes:
-        axis: the unit vector in the frame given by the `origin` of the link.
-        column: the index of the joint's column in `Frames.joints`.
-    """
+    """The motion of a link on its parent: rotation (rad) or translation (m) by multiplier * column + offset."""
 
     type: Literal["revolute", "prismatic"]
-    axis: Place
-    column: Index
+    axis: Place  # the unit vector in the frame given by the `origin` of the link
+    column: Index  # the index of the joint's column in `Frames.joints`
     multiplier: Number = 1.0
     offset: Number = 0.0
 
 
 class LinkData(FrozenModel):
-    """A link of the robot. The base is the first link, and parents come before their children.
-
-    Attributes:
-        parent: the index of the parent; null only for the base.
-        origin: the pose of the link in its parent before the joint moves it; unused for the base.
-        joint: the motion relative to the parent; null if it is fixed.
-        shapes: the shapes in the frame of the link.
-    """
+    """A link of the robot. The base is the first link, and parents come before their children."""
 
     name: Text
-    parent: Index | None = None
+    parent: Index | None = None  # the index of the parent; null only for the base
+    # the pose of the link in its parent before the joint moves it; unused for the base
     origin: PoseNumbers = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-    joint: JointMotion | None = None
-    shapes: Shapes = ()
+    joint: JointMotion | None = None  # the motion relative to the parent; null if it is fixed
+    shapes: Shapes = ()  # the shapes in the frame of the link
 
 
 class BodyData(FrozenModel):
-    """A body of the world.
-
-    Attributes:
-        pose: the initial pose in the world.
-        track: the index of its columns in `Frames.tracks`; null if it does not move.
-        appears, disappears: the times in s between which it is there; null if it always exists.
-    """
+    """A body of the world."""
 
     name: Text
-    pose: PoseNumbers
-    track: Index | None = None
+    pose: PoseNumbers  # the initial pose in the world
+    track: Index | None = None  # the index of its columns in `Frames.tracks`; null if it does not move
+    # appears, disappears: the times in s between which it is there; null if it always exists
     appears: Length | None = None
     disappears: Length | None = None
     shapes: Shapes = ()
@@ -196,33 +174,23 @@ class PatchData(FrozenModel):
 
 
 class GroundData(FrozenModel):
-    """The look of the plane z = 0; red, green and blue from 0 to 1.
-
-    Attributes:
-        checker: the colour of every other square; null without squares.
-        square: the side of a square in m.
-    """
+    """The look of the plane z = 0; red, green and blue from 0 to 1."""
 
     color: Colour
-    checker: Colour | None = None
-    square: Annotated[float, Field(ge=0.01, le=1_000, allow_inf_nan=False)] = 1.0
+    checker: Colour | None = None  # the colour of every other square; null without squares
+    square: Annotated[float, Field(ge=0.01, le=1_000, allow_inf_nan=False)] = 1.0  # the side of a square in m
 
 
 class SceneData(FrozenModel):
-    """The links of the robot, the bodies of the world and the meshes.
+    """The links of the robot, the bodies of the world and the meshes."""
 
-    Attributes:
-        robot: the name of the model.
-        ground: its look as the world states it; null if it does not.
-        notes: the differences between the drawing and the model, a sentence each.
-    """
-
-    robot: Text
+    robot: Text  # the name of the model
     links: Annotated[tuple[LinkData, ...], Field(min_length=1, max_length=MAX_LINKS)]
     bodies: Annotated[tuple[BodyData, ...], Field(max_length=MAX_BODIES)] = ()
     patches: Annotated[tuple[PatchData, ...], Field(max_length=50)] = ()
     meshes: Annotated[dict[Digest, MeshData], Field(max_length=MAX_MESHES)] = Field(default_factory=dict)
-    ground: GroundData | None = None
+    ground: GroundData | None = None  # its look as the world states it; null if it does not
+    # the differences between the drawing and the model, a sentence each
     notes: Annotated[tuple[Text, ...], Field(max_length=MAX_NOTES)] = ()
 
 

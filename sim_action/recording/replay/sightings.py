@@ -40,21 +40,14 @@ _BLOCK: Final = 64  # scans that are compared with a body at once
 
 
 class SightingData(FrozenModel):
-    """The first time at which a sensor saw a body.
-
-    Attributes:
-        time: the sim time in s.
-        distance: the range of the nearest return from the body in m; None for a sensor that touches.
-        angle: the direction of that return in rad, counter-clockwise from the x axis of the sensor.
-        every: one of so many readings was looked at.
-    """
+    """The first time at which a sensor saw a body."""
 
     sensor: SensorName
     kind: SensorName
-    time: Number
-    distance: Length | None = None
-    angle: Number | None = None
-    every: Annotated[int, Field(ge=1, le=1_000_000)] = 1
+    time: Number  # the sim time in s
+    distance: Length | None = None  # the range of the nearest return from the body in m; None for a sensor that touches
+    angle: Number | None = None  # the direction of that return in rad, counter-clockwise from the x axis of the sensor
+    every: Annotated[int, Field(ge=1, le=1_000_000)] = 1  # one of so many readings was looked at
 
 
 class BlindData(FrozenModel):
@@ -65,18 +58,13 @@ class BlindData(FrozenModel):
 
 
 class ObstacleData(FrozenModel):
-    """A body that the robot touched, or that was nearest to it in an expectation of clearance.
+    """A body that the robot touched, or that was nearest to it in an expectation of clearance."""
 
-    Attributes:
-        body: the index of the body.
-        touched: the sim time in s of the first contact with the robot; None if it was not touched.
-        seen: the first sighting of each sensor that saw it, in the order of time.
-        blind: the lidars that did not see it; without those to which something was too near to be measured.
-    """
-
-    body: Index
-    touched: Number | None = None
+    body: Index  # the index of the body
+    touched: Number | None = None  # the sim time in s of the first contact with the robot; None if it was not touched
+    # the first sighting of each sensor that saw it, in the order of time
     seen: Annotated[tuple[SightingData, ...], Field(max_length=MAX_SENSORS)] = ()
+    # the lidars that did not see it; without those to which something was too near to be measured
     blind: Annotated[tuple[BlindData, ...], Field(max_length=MAX_SENSORS)] = ()
 
 

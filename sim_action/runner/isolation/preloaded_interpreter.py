@@ -35,9 +35,7 @@ _MAX_DESCRIPTORS: Final = 8
 class PreloadedInterpreter:
     """The interpreter, as the caller sees it.
 
-    Attributes:
-        environment: the environment variables of its scenarios.
-        engine: the name of their engine.
+    `environment`: the environment variables of its scenarios; `engine`: the name of their engine.
     """
 
     def __init__(self, environment: Mapping[str, str], engine: str) -> None:

@@ -15,20 +15,13 @@ _STATED: Final = re.compile(r"<(\w+)>[^<]*</\1>")
 
 
 class Loss(FrozenModel):
-    """One part that is not simulated.
-
-    Attributes:
-        location: its place in a file of the user, if it is known.
-        kind: the same for all losses of one kind; empty: the message.
-        is_missing: True if a file that the world names cannot be used, so that an obstacle is missing.
-        is_remark: True if it is only a remark: everything is simulated.
-    """
+    """One part that is not simulated."""
 
     message: str
-    location: Location | None = None
-    kind: str = ""
-    is_missing: bool = False
-    is_remark: bool = False
+    location: Location | None = None  # its place in a file of the user, if it is known
+    kind: str = ""  # the same for all losses of one kind; empty: the message
+    is_missing: bool = False  # True if a file that the world names cannot be used, so that an obstacle is missing
+    is_remark: bool = False  # True if it is only a remark: everything is simulated
 
 
 class LossList:
