@@ -38,7 +38,6 @@ from tests.mutations import Mutant, mutants
 ROOT: Final = Path(__file__).parents[1]
 EQUIVALENT: Final = ROOT / "tests/equivalent_mutants.toml"
 LEAST_SHARE: Final = 0.92
-
 _FAILED: Final = re.compile(r"^(?:FAILED|ERROR) (\S+?::.*?|\S+)(?: - .*)?$", re.MULTILINE)
 # No test is that long, on a busy machine either.
 _SILENCE_S: Final = 300.0

@@ -184,20 +184,15 @@ class Clearance(Assertion):
 
 @dataclass(frozen=True, slots=True)
 class ClearanceMonitor(Monitor):
-    """The fold of the least distance against both bounds, with the links and bodies that decided.
-
-    Attributes:
-        at_goal, at_worst: the least distances at the steps of the two folds.
-        is_known: True if a distance was recorded before them.
-    """
+    """The fold of the least distance against both bounds, with the links and bodies that decided."""
 
     spec: Clearance
     goal: Goal = Goal()
     invariant: Invariant = Invariant()
-    at_goal: Nearness | None = None
+    at_goal: Nearness | None = None  # at_goal, at_worst: the least distances at the steps of the two folds
     at_worst: Nearness | None = None
     steps: Judged = Judged()
-    is_known: bool = False
+    is_known: bool = False  # True if a distance was recorded before them
     end: float = 0.0
 
     @property

@@ -128,16 +128,13 @@ class NoCollisionMonitor(Monitor):
     """The monitor of the first forbidden contact, with the force of all its points.
 
     The run ends at that contact, so there is no mean force yet, and the force of one step depends on the rate.
-
-    Attributes:
-        has_limb: True for an arm or a leg, whose links can touch each other.
     """
 
     is_momentary = True
 
     allowed: frozenset[str]
     step: float
-    has_limb: bool = False
+    has_limb: bool = False  # True for an arm or a leg, whose links can touch each other
     first: Contact | None = None
     end: float | None = None
 

@@ -250,8 +250,7 @@ class ObjectAssertion(Assertion):
         appears = next((body.appears or 0.0 for body in scene.world.objects if body.name == self.name), 0.0)
         return ObjectMonitor(self, scene, start, appears)
 
-    # An object that comes to rest must have moved, not only the robot.
-    is_explicit: ClassVar[bool] = False
+    is_explicit: ClassVar[bool] = False  # an object that comes to rest must have moved, not only the robot
 
     @override
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
@@ -260,18 +259,14 @@ class ObjectAssertion(Assertion):
 
 @dataclass(frozen=True, slots=True)
 class ObjectMonitor(Monitor):
-    """The monitor of the motion of an object: that of the base of a trace, which gets the motion of the object.
-
-    Attributes:
-        monitor: the monitor of its motion; None until the object is there.
-        known: time and pose (8,) at the last two steps at which it was there, as far as they are known.
-    """
+    """The monitor of the motion of an object: that of the base of a trace, which gets the motion of the object."""
 
     spec: ObjectAssertion
     scene: Scene
     start: Observation
     appears: float
-    monitor: Monitor | None = None
+    monitor: Monitor | None = None  # the monitor of its motion; None until the object is there
+    # time and pose (8,) at the last two steps at which it was there, as far as they are known
     known: tuple[tuple[float, ...], ...] = ()
     steps: Judged = Judged()
     end: float | None = None

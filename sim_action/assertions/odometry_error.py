@@ -27,8 +27,7 @@ from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.claims import HEADINGS, Ceiling, Findings, JudgedRun
 from sim_action.world.scene import Scene
 
-# A shorter distance gives no meaningful drift.
-_MIN_DISTANCE_M: Final = 1.0
+_MIN_DISTANCE_M: Final = 1.0  # a shorter distance gives no meaningful drift
 
 # Sim time is step / rate: two computations of the same time differ by rounding.
 _SAME_TIME_S: Final = 1e-9
@@ -117,18 +116,13 @@ class OdometryError(Assertion):
 
 @dataclass(frozen=True, slots=True)
 class OdometryMonitor(Monitor):
-    """The fold of odometry errors. It keeps the true pose of the last step, because readings follow later.
-
-    Attributes:
-        true_pose: (4,) the last step: sim time in s, x and y in m, yaw in rad.
-        way: distance travelled on the ground since t = 0, in m.
-    """
+    """The fold of odometry errors. It keeps the true pose of the last step, because readings follow later."""
 
     sensor: str
     limits: tuple[tuple[str, float], ...]
     folds: tuple[Invariant, ...]
-    true_pose: tuple[float, float, float, float]
-    way: float = 0.0
+    true_pose: tuple[float, float, float, float]  # (4,) the last step: sim time in s, x and y in m, yaw in rad
+    way: float = 0.0  # distance travelled on the ground since t = 0, in m
     readings: Judged = Judged()
 
     @property

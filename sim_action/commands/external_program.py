@@ -36,18 +36,13 @@ from sim_action.state.command import WORLD_FRAME, Answer, Command, JointTargets,
 from sim_action.state.observation import Contact, Observation
 from sim_action.world.scene import Scene
 
-VERSION: Final = 1
-"""The version of the protocol."""
-
-# System calls accept only limited times.
-_DAY_S: Final = 86_400
+VERSION: Final = 1  # the version of the protocol
+_DAY_S: Final = 86_400  # system calls accept only limited times
 
 # Linux refuses a longer argument, and, with the environment, about 2 MB of them.
 _MAX_ARGUMENT_BYTES: Final = 131_071
 _MAX_ARGUMENTS_BYTES: Final = 1_000_000
-
 _ARGUMENT_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
-
 _ENCODER: Final = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
@@ -273,11 +268,8 @@ def find_program(word: str, workspace: Workspace) -> Path:
 
 
 Json = dict[str, Any]
-
 _TARGETS: Final = ("position", "velocity", "effort", "max_effort")
-
 _WRENCH: Final = ("link", "force", "torque", "frame", "point")
-
 _SPEEDS: Final = ("linear", "angular", "lateral")
 
 

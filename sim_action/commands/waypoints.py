@@ -36,8 +36,7 @@ from sim_action.world import MAX_PHYSICS_RATE_HZ
 from sim_action.world.claims import ClaimFinding, Findings, Setting
 from sim_action.world.scene import Scene
 
-# Beyond this, squared coordinates no longer resolve millimetres.
-_MAX_COORDINATE_M: Final = 1e6
+_MAX_COORDINATE_M: Final = 1e6  # beyond this, squared coordinates no longer resolve millimetres
 
 
 class Waypoint(FrozenModel):
@@ -109,21 +108,14 @@ class WaypointCommands(CommandSource):
 
 
 Point = tuple[float, float]
-
-# Points that are closer than this are equal.
-_ROUNDING: Final = 1e-9
+_ROUNDING: Final = 1e-9  # points that are closer than this are equal
 
 # Beyond the first heading error, a robot turns in place if it can, until the error is below the second. In rad.
 _FAR_OFF: Final = math.radians(45)
 
 _ALIGNED: Final = math.radians(3)
-
-# Within this share of the tolerance, the robot has arrived.
-_AT_THE_POINT: Final = 0.25
-
-# Shares of the drive's limits that are used; the rest is a reserve for corrections.
-_BRAKES: Final = 0.5
-
+_AT_THE_POINT: Final = 0.25  # within this share of the tolerance, the robot has arrived
+_BRAKES: Final = 0.5  # shares of the drive's limits that are used; the rest is a reserve for corrections
 _TIGHTEST: Final = 0.99
 
 
@@ -166,10 +158,7 @@ class Leg:
 
 
 def in_robot_frame(place: Point, heading: float, point: Point) -> Point:
-    """Return the position of a point ahead and to the left of a robot, in m.
-
-    :param heading: rad from the world's x axis.
-    """
+    """Return the position of a point ahead and to the left of a robot, in m. `heading`: rad from the world's x axis."""
     x, y = point[0] - place[0], point[1] - place[1]
     cosine, sine = math.cos(heading), math.sin(heading)
     return (cosine * x + sine * y, cosine * y - sine * x)
@@ -198,8 +187,7 @@ def braking_speed(distance: float, deceleration: float) -> float:
 class PathFollower:
     """Follows a path leg by leg; the next leg begins when a waypoint is passed.
 
-    Attributes:
-        marks: the waypoints that it has passed.
+    `marks`: the waypoints that it has passed.
     """
 
     def __init__(self, pursuit: WaypointCommands, mobility: Mobility) -> None:

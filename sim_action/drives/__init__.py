@@ -56,14 +56,12 @@ class DriveMotion(Protocol):
 class Drive(FrozenModel):
     """The base class of all drives: a frozen spec whose fields are the YAML keys."""
 
-    key: ClassVar[str]
-    """The name in YAML."""
+    key: ClassVar[str]  # the name in YAML
 
     moves_base: ClassVar[bool] = False
     """True if the motion is imposed on the base, so that friction of its wheels does not matter."""
 
-    slips: ClassVar[bool] = False
-    """True if its wheels slip sideways whenever the robot turns."""
+    slips: ClassVar[bool] = False  # True if its wheels slip sideways whenever the robot turns
 
     @classmethod
     def recognise(cls, model: RobotModel) -> Self | None:
@@ -239,5 +237,4 @@ def _unfit(drive: Drive, model: RobotModel) -> Iterator[str]:
     yield from messages[::-1] or ["its wheels roll along the line between the sides"]
 
 
-# More wheels cannot belong to a differential drive.
-_MAX_DIFF_WHEELS: Final = 3
+_MAX_DIFF_WHEELS: Final = 3  # more wheels cannot belong to a differential drive

@@ -58,11 +58,8 @@ from sim_action.state.command import JointTargets
 from sim_action.state.sensor_inputs import PlanarWay
 from sim_action.world.physics import GRAVITY
 
-# Steered wheels closer than this to the fixed axle cannot steer.
-_MIN_WHEELBASE_M: Final = 1e-3
-
+_MIN_WHEELBASE_M: Final = 1e-3  # steered wheels closer than this to the fixed axle cannot steer
 ON_THE_SPOT = "a twist asked for a turn on the spot, which Ackermann steering cannot do: the robot stood still"
-
 TOO_TIGHT = "a twist asked for a tighter curve than the steering allows: the robot took the tightest curve"
 
 
@@ -332,8 +329,7 @@ class AckermannOdometry:
         return PlanarWay(*along(self.heading, ahead, 0.0), curvature * ahead)
 
 
-# A wheel at 90 deg to the robot follows no curve.
-_MAX_ANGLE: Final = math.radians(85)
+_MAX_ANGLE: Final = math.radians(85)  # a wheel at 90 deg to the robot follows no curve
 
 # Used if no limit is stated; cars have 30 to 45 deg.
 _ASSUMED_ANGLE: Final = math.radians(45)

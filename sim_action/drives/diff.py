@@ -39,21 +39,15 @@ from sim_action.state.sensor_inputs import PlanarWay
 from sim_action.world.physics import GRAVITY
 
 JointNames = Annotated[tuple[str, ...], Field(min_length=1)]
-
-# A stated length that differs more than this share from the geometry is noted.
-_MAX_STATED_DEVIATION: Final = 0.05
-
-# A heading beyond this, in rad from the base's x axis, is probably a mistake.
-_BACKWARD: Final = math.radians(135)
+_MAX_STATED_DEVIATION: Final = 0.05  # a stated length that differs more than this share from the geometry is noted
+_BACKWARD: Final = math.radians(135)  # a heading beyond this, in rad from the base's x axis, is probably a mistake
 
 
 class TwoSidedDrive(Drive):
     """The base class of drives with wheels on the left and on the right."""
 
-    title: ClassVar[str]
-    """The name in messages."""
-    plugins: ClassVar[tuple[Kind, ...]]
-    """Kinds of the plugins that state its wheels."""
+    title: ClassVar[str]  # the name in messages
+    plugins: ClassVar[tuple[Kind, ...]]  # kinds of the plugins that state its wheels
 
     left: Annotated[JointNames, Field(description="joints of the wheels on the left")]
     right: Annotated[JointNames, Field(description="joints of the wheels on the right")]

@@ -46,14 +46,9 @@ from sim_action.state.sensor_inputs import PlanarWay
 from sim_action.world.physics import GRAVITY
 from sim_action.world.scene import Scene
 
-# The grip of rollers at 45 deg with a friction of 1, as a share of the weight.
-_ROLLER_GRIP: Final = 1 / math.sqrt(2)
-
-# Front left, rear left, front right, rear right.
-_CORNERS: Final = [(1, 1), (-1, 1), (1, -1), (-1, -1)]
-
+_ROLLER_GRIP: Final = 1 / math.sqrt(2)  # the grip of rollers at 45 deg with a friction of 1, as a share of the weight
+_CORNERS: Final = [(1, 1), (-1, 1), (1, -1), (-1, -1)]  # front left, rear left, front right, rear right
 Pair = Annotated[tuple[str, ...], Field(min_length=2, max_length=2)]
-
 NOT_LEVEL: Final = "a twist had components other than velocity over the ground and turn rate; they were ignored"
 
 

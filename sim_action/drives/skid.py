@@ -29,14 +29,9 @@ _TYRE_DEPTH_M: Final = 0.25e-3
 _TYRE_DAMPING: Final = 2.0
 
 Sides = tuple[tuple[str, ...], tuple[str, ...]]
-
-# A wheel closer to the centre line than this is on neither side.
-_MIN_LATERAL_M: Final = 1e-3
-
+_MIN_LATERAL_M: Final = 1e-3  # a wheel closer to the centre line than this is on neither side
 _MIN_WHEELS: Final = 4
-
-# Bisection steps, down to the last bits.
-_HALVINGS: Final = 60
+_HALVINGS: Final = 60  # bisection steps, down to the last bits
 
 
 class SkidSteer(TwoSidedDrive):

@@ -25,19 +25,14 @@ Heading = Annotated[
     Field(description="direction of forward from the base's x axis, positive to the left; default: that of the wheels"),
 ]
 
-MIN_LENGTH_M: Final = 1e-6
-"""Smaller wheels would need speeds that overflow."""
-
+MIN_LENGTH_M: Final = 1e-6  # smaller wheels would need speeds that overflow
 _MAX_LENGTH_M: Final = 1e3
 
 # A joint with a range of this many rad counts as continuous: exporters write limits such as 1e9.
 _CONTINUOUS_RANGE: Final = 1e5
 
-# Relative tolerance: speeds equal to the limit differ from it by rounding.
-_ROUNDING: Final = 1e-6
-
-# Smaller headings come from rounded digits of pi in a file.
-_MIN_SHOWN_DEG: Final = 0.05
+_ROUNDING: Final = 1e-6  # relative tolerance: speeds equal to the limit differ from it by rounding
+_MIN_SHOWN_DEG: Final = 0.05  # smaller headings come from rounded digits of pi in a file
 
 
 class WheelSpeeds:

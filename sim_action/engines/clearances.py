@@ -30,9 +30,7 @@ LinkDistances = Callable[[str, Collection[str] | None, float], dict[str, float]]
 """(body, links or None for all, limit in m) -> link -> distance in m, without links beyond the limit."""
 
 NO_ACTORS: Final[Mapping[str, Callable[[], float]]] = {}
-
-# Precision in m of the engines' distances.
-_PRECISION: Final = 1e-6
+_PRECISION: Final = 1e-6  # precision in m of the engines' distances
 # Search margin beyond the limit, in steps as long as the last one: a wider search makes the next query later.
 _STEPS_AHEAD: Final = 256
 _AHEAD: Final = 1e-3
@@ -136,8 +134,7 @@ class _WatchState:
         body.due = max(body.due, travel)
 
 
-RestoreState = Callable[[int], object]
-"""Makes the engine answer for one of several past steps, by its index among them."""
+RestoreState = Callable[[int], object]  # makes the engine answer for one of several past steps, by its index among them
 
 
 class ClearanceRecorder:

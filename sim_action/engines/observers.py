@@ -180,16 +180,14 @@ class LazyContacts:
             self._last = None
 
 
-MIN_OVERLAP_M: Final = 1e-4
-"""Shapes that overlap by less do not touch: a body may slide along a fixed link."""
+MIN_OVERLAP_M: Final = 1e-4  # shapes that overlap by less do not touch: a body may slide along a fixed link
 
 # The used share of a distance, and m. The rest covers rounding errors.
 _SHARE: Final = 0.9
 _PRECISION_M: Final = 1e-3
 
 
-# The step at which a body is due that never moves again.
-_NEVER: Final = 10**15
+_NEVER: Final = 10**15  # the step at which a body is due that never moves again
 
 
 class _Traveller:

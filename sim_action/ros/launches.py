@@ -20,12 +20,8 @@ from sim_action.robot.documents.package_search import PACKAGE_FILE
 from sim_action.world.scene import Scene
 
 _Event = TypeVar("_Event", bound=FrozenModel)
-
-# In s: as long as anybody can mean.
-_MAX_START_S: Final = 86_400
-
+_MAX_START_S: Final = 86_400  # in s: as long as anybody can mean
 ALLOW_LOSSES: Final = "--allow-losses"
-
 Program = Literal["rostest", "roslaunch", "launchtest"]
 
 
@@ -58,8 +54,7 @@ def _with_tuples(value: Any) -> Any:
 class ListedNode(FrozenModel):
     """A node of a list: a map of its program and its start options, or a short text."""
 
-    short_form: ClassVar[str]
-    """The pattern of the text, for the schema."""
+    short_form: ClassVar[str]  # the pattern of the text, for the schema
 
     @classmethod
     def expanded(cls, text: str) -> dict[str, str]:

@@ -16,8 +16,7 @@ from sim_action.sensors.camera import Camera
 from sim_action.state.observation import JointState
 from sim_action.state.readings import ImuReading, LidarScan
 
-Message = dict[str, Any]
-"""A message: field -> number, text, message, list of messages, or array of numbers."""
+Message = dict[str, Any]  # a message: field -> number, text, message, list of messages, or array of numbers
 
 OPTICAL: Final = Pose(orientation_xyzw=(-0.5, 0.5, -0.5, 0.5))
 """The optical frame of a camera in the frame of its sensor: x to the right, y down, z ahead (REP 103)."""

@@ -23,11 +23,9 @@ from typing import Any
 
 SEED = "SIM_ACTION_NODE_SEED"  # environment variable with the seed of the run
 PATCHES = "sim_action_ros_patches"  # module next to this one, in launches of ROS 1
-
 ORDERED = "sim.ordered"  # name of a thread that ran when no executor handled messages
 _ENTITIES = ("subscription", "guard_condition", "timer", "client", "service")
 _MAX_TURN_S = 10.0  # as long as lock-step waits for a node
-
 _NAMES = ("__name:=", "__node:=", "__ns:=")  # what a node is called, in the arguments of either ROS
 
 

@@ -30,13 +30,11 @@ from sim_action.simulation.mutations import BIASES
 from sim_action.state.readings import biased_columns
 
 Edits = Iterable[tuple[KeyPath, object]]
-
 _SCAN: Final = 4
 # Bisection ends when its interval is this small, as a share of the range and of the margin.
 _OF_RANGE: Final = 0.01
 _OF_MARGIN: Final = 0.02
 _SAME: Final = 1e-9
-
 _MOST_LATENCY_S: Final = 1.0
 _MOST_NOISE: Final = 20.0
 _MOST_BIASES: Final = 5.0

@@ -28,10 +28,8 @@ from sim_action.world.physics import MAX_PHYSICS_RATE_HZ
 from sim_action.world.scene import EGO, Scene
 
 _TIME_ROUNDING: Final = 1e-9
-# m: patches that share an edge do not lie on each other.
-_EDGE: Final = 1e-9
-# Bytes of all sensors in a trace. They are copied several times before they are stored.
-_MAX_KEPT: Final = 500_000_000
+_EDGE: Final = 1e-9  # m: patches that share an edge do not lie on each other
+_MAX_KEPT: Final = 500_000_000  # Bytes of all sensors in a trace. They are copied several times before they are stored.
 
 
 def time_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> SpecProblems:

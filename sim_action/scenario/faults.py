@@ -177,8 +177,7 @@ def fault_problems(
 ) -> SpecProblems:
     """Yield faults of missing motors or sensors, of such that cannot fail in this way, and with bad times.
 
-    :param drive: that the scenario states.
-    :param limit: of sim time, in s.
+    `drive`: that the scenario states; `limit`: of sim time, in s.
     """
     for index, fault in enumerate(faults):
         path = ("faults", index)

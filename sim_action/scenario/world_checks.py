@@ -26,18 +26,14 @@ from sim_action.world.scene import Scene
 if TYPE_CHECKING:
     from sim_action.world.parts import Part
 
-DEPTH: Final = 0.005
-"""m. A smaller overlap is a contact, such as of fingers; it is resolved while the robot settles."""
+DEPTH: Final = 0.005  # m. A smaller overlap is a contact, such as of fingers; it is resolved while the robot settles.
 
 MAX_FILE_OVERLAP_M: Final = 0.02
 """Bodies of a world file that begin deeper in each other are an error; engines move others apart without a throw."""
 
 _MAX_NAMED: Final = 3
-
 _REMEDY: Final = f"run with it: allow: [{OVERLAPPING_BODIES}] [{OVERLAPPING_BODIES}]"
-
-# Advised times are rounded up to this step in s.
-_ADVISED: Final = 0.001
+_ADVISED: Final = 0.001  # advised times are rounded up to this step in s
 
 
 def motion_problems(scenario: Scenario, parts: Mapping[str, Sequence[Part]]) -> SpecProblems:
@@ -75,21 +71,13 @@ def paths_of(world: World) -> dict[str, KeyPath]:
 
 @dataclass(frozen=True, slots=True)
 class Clashes:
-    """The moving bodies that begin inside something, each once, the deepest first.
+    """The moving bodies that begin inside something, each once, the deepest first."""
 
-    Attributes:
-        paths: name of a body or another robot -> its keys.
-        places: name of a body of the world file -> its place.
-        own: those with a body of the scenario.
-        of_file: those of bodies of the world file only, or with the ground.
-        are_allowed: True if none of them is an error.
-    """
-
-    paths: Mapping[str, KeyPath]
-    places: Mapping[str, Location]
-    own: tuple[Clash, ...]
-    of_file: tuple[Clash, ...]
-    are_allowed: bool
+    paths: Mapping[str, KeyPath]  # name of a body or another robot -> its keys
+    places: Mapping[str, Location]  # name of a body of the world file -> its place
+    own: tuple[Clash, ...]  # those with a body of the scenario
+    of_file: tuple[Clash, ...]  # those of bodies of the world file only, or with the ground
+    are_allowed: bool  # True if none of them is an error
 
     @classmethod
     def of(

@@ -36,15 +36,10 @@ from sim_action.world.scene import Scene
 if TYPE_CHECKING:
     from sim_action.scenario.events import Event
 
-Look = Callable[[int], Observation]
-"""Returns the observation of the present step; called only if a controller needs it."""
-
-Told = Callable[[float, Command], None]
-"""Receives every command, with the sim time in s."""
-
+Look = Callable[[int], Observation]  # returns the observation of the present step; called only if a controller needs it
+Told = Callable[[float, Command], None]  # receives every command, with the sim time in s
 NO_WHEELS: Final = "a controller sent a twist, but the wheels of the robot are unknown; name them in robot.drive"
-# Recordings hold the targets of motions at about this rate.
-_TOLD_HZ: Final = 40.0
+_TOLD_HZ: Final = 40.0  # recordings hold the targets of motions at about this rate
 
 # A change of a target is a step from this on, in rad or m, or per s: smaller ones are rounding of logs.
 _LEAST_STEP: Final = 1e-3
@@ -54,27 +49,19 @@ TWO_WAYS: Final = "a controller sent, at the same tick, a twist and a target for
 
 @dataclass(frozen=True, slots=True)
 class _Source:
-    """A command source during the run.
+    """A command source during the run."""
 
-    Attributes:
-        index: its index in `commands:`.
-        period: physics steps between two ticks.
-        line: its commands that are on their way; None if all take effect at once.
-        moved: the joints that it has commanded so far.
-        wrenches: link -> the wrenches on it that are in effect.
-        due: the rising physics steps at which its controller is called; None: at every tick.
-        origin: the physics step at which it starts, from which its ticks and the times of its commands count.
-        kinds: joint -> "position", "velocity" or "effort": what it commanded last; kept if events may stop it.
-    """
-
-    index: int
+    index: int  # its index in `commands:`
     controller: Controller
-    period: int
+    period: int  # physics steps between two ticks
+    # its commands that are on their way; None if all take effect at once
     line: Line[tuple[int, tuple[Twist | JointTargets, ...]]] | None = None
-    moved: set[str] = field(default_factory=set)
+    moved: set[str] = field(default_factory=set)  # the joints that it has commanded so far
+    # link -> the wrenches on it that are in effect
     wrenches: dict[str, tuple[LinkWrench, ...]] = field(default_factory=dict)
-    due: Sequence[int] | None = None
-    origin: int = 0
+    due: Sequence[int] | None = None  # the rising physics steps at which its controller is called; None: at every tick
+    origin: int = 0  # the physics step at which it starts, from which its ticks and the times of its commands count
+    # joint -> "position", "velocity" or "effort": what it commanded last; kept if events may stop it
     kinds: dict[str, str] = field(default_factory=dict)
 
 
@@ -111,9 +98,7 @@ class TargetStep(NamedTuple):
 class _Motions:
     """The motions of position targets that are in effect, and the steps of all targets of positions and velocities.
 
-    Attributes:
-        steps: joint -> the steps of its target.
-        active: the motions that have not ended.
+    `steps`: joint -> the steps of its target; `active`: the motions that have not ended.
     """
 
     def __init__(self, beginnings: Mapping[str, float], rate: float, told: Told) -> None:
@@ -210,8 +195,7 @@ class _Motions:
 class Controls:
     """The open command sources of a scenario, and the drive that turns their twists into joint targets.
 
-    Attributes:
-        log: the facts about their commands so far.
+    `log`: the facts about their commands so far.
     """
 
     def __init__(

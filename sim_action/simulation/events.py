@@ -24,16 +24,13 @@ from sim_action.world.claims import ClaimFinding
 from sim_action.world.scene import Scene
 
 EVENT_NEVER_BEGAN: Final = "event-never-began"
-
-MAX_TIMES: Final = 200
-"""The number of times that the results of a run keep of one event, the first ones."""
+MAX_TIMES: Final = 200  # the number of times that the results of a run keep of one event, the first ones
 
 
 class _Watch:
     """The condition of one event, judged from a step on.
 
-    Attributes:
-        holds: True if it became true at the last moments that it saw.
+    `holds`: True if it became true at the last moments that it saw.
     """
 
     def __init__(self, condition: Condition, scene: Scene, start: Observation) -> None:

@@ -21,11 +21,8 @@ from sim_action.world.body_path import PosePath
 from sim_action.world.parts import BoxPart, CylinderPart, Part, SpherePart, reach
 from sim_action.world.scene import Scene
 
-FIXED: Final = -1
-"""The number of the obstacle that is all fixed bodies."""
-
-# A mesh is several hulls, each thinner than the mesh, and its bounding box may be skew.
-_HULL_SHARE: Final = 0.1
+FIXED: Final = -1  # the number of the obstacle that is all fixed bodies
+_HULL_SHARE: Final = 0.1  # a mesh is several hulls, each thinner than the mesh, and its bounding box may be skew
 
 
 class Miss(NamedTuple):

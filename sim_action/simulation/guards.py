@@ -40,9 +40,7 @@ from sim_action.world.scene import Scene
 if TYPE_CHECKING:
     from sim_action.simulation.swept_search import SweptSearch
 
-NO_BODIES: Final = np.empty((0, 0, 7))
-"""The poses of no bodies."""
-
+NO_BODIES: Final = np.empty((0, 0, 7))  # the poses of no bodies
 _SINK_MARGIN_M: Final = 1.0
 # Three components of at most this size have a norm below 1.
 _IN_EACH_DIRECTION: Final = 1 / math.sqrt(3) - 1e-9

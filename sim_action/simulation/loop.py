@@ -58,44 +58,31 @@ if TYPE_CHECKING:
     from sim_action.simulation.actors import Actors
     from sim_action.simulation.events import RunEvents
 
-Progress = Callable[[float], None]
-"""Receives the sim time in s during the run."""
+Progress = Callable[[float], None]  # receives the sim time in s during the run
 
 # The speed limit for a robot at rest, in m/s and rad/s, at the end of a settling period.
 _REST_SPEED: Final = 5e-3
 _SETTLE_PERIOD_S: Final = 0.1
-# The share of the time of a run by which it goes on to see by how much its goals are met.
-_AHEAD: Final = 0.2
-# Of the positions of joints.
-_POSITION_UNITS: Final = frozenset({"rad", "m"})
+_AHEAD: Final = 0.2  # the share of the time of a run by which it goes on to see by how much its goals are met
+_POSITION_UNITS: Final = frozenset({"rad", "m"})  # of the positions of joints
 
 
 @dataclass(frozen=True, eq=False)
 class SimulationRun:
-    """The result of a run that has verdicts.
+    """The result of a run that has verdicts."""
 
-    Attributes:
-        trace: the trace at `Scenario.trace_rate`, from t = 0 to the end.
-        verdicts: one verdict for each expectation, in their order.
-        digest: SHA-256 of the state at full rate, and of the messages that nodes sent.
-        travelled: the distance in m between the first and last position of the base, on the ground plane.
-        wall_time: the duration of the loop in s, without loading and settling.
-        notes: assumptions and observations, for people.
-        model_notes: notes on the robot model that every report shows.
-        findings: of the audit of claims after the run, except those that the scenario allows.
-        events: name of each event -> the sim times in s at which it happened.
-    """
-
-    trace: Trace
-    verdicts: tuple[Verdict, ...]
+    trace: Trace  # the trace at `Scenario.trace_rate`, from t = 0 to the end
+    verdicts: tuple[Verdict, ...]  # one verdict for each expectation, in their order
     end: End
-    digest: str
-    travelled: float
-    wall_time: float
+    digest: str  # SHA-256 of the state at full rate, and of the messages that nodes sent
+    travelled: float  # the distance in m between the first and last position of the base, on the ground plane
+    wall_time: float  # the duration of the loop in s, without loading and settling
     engine: str
-    notes: tuple[str, ...]
-    model_notes: tuple[str, ...] = ()
+    notes: tuple[str, ...]  # assumptions and observations, for people
+    model_notes: tuple[str, ...] = ()  # notes on the robot model that every report shows
+    # of the audit of claims after the run, except those that the scenario allows
     findings: tuple[ClaimFinding, ...] = ()
+    # name of each event -> the sim times in s at which it happened
     events: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @property

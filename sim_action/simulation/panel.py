@@ -33,22 +33,14 @@ _LATER: Final = 1.05
 
 @dataclass(frozen=True)
 class Panel:
-    """The state of all monitors; each observation returns a new panel.
+    """The state of all monitors; each observation returns a new panel."""
 
-    Attributes:
-        scenario: the scenario; its expectations have the same order as the monitors.
-        goals: True for each monitor that was pending at the start.
-        time: the sim time of the last moment seen, in s.
-        runs_on: True if the run goes on after an expectation has failed.
-        ends_at: the sim time in s at which an event ends the run; infinite without one.
-    """
-
-    scenario: Scenario
+    scenario: Scenario  # the scenario; its expectations have the same order as the monitors
     monitors: tuple[Window, ...]
-    goals: tuple[bool, ...]
-    time: float = 0.0
-    runs_on: bool = False
-    ends_at: float = math.inf
+    goals: tuple[bool, ...]  # True for each monitor that was pending at the start
+    time: float = 0.0  # the sim time of the last moment seen, in s
+    runs_on: bool = False  # True if the run goes on after an expectation has failed
+    ends_at: float = math.inf  # the sim time in s at which an event ends the run; infinite without one
 
     @classmethod
     def open(cls, scenario: Scenario, scene: Scene, start: Observation, *, runs_on: bool = False) -> Self:

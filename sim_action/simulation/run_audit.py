@@ -27,14 +27,10 @@ from sim_action.world.claims import IN_RANGE, ClaimFinding, JudgedRun, nothing_i
 from sim_action.world.out_of_reach import is_untouched
 from sim_action.world.scene import Scene
 
-# m/s, rad/s, N and N m: a smaller command is that of a robot at rest.
-_MIN_COMMAND: Final = 1e-6
-# In any unit: a robot that has settled differs from its start by less.
-_ROUNDING: Final = 1e-4
-# rad and m: a position nearer to the start is no command to move.
-_MIN_TARGET: Final = 2e-3
-# s: a robot may not have moved yet when a shorter run ends.
-_SHORT_S: Final = 0.5
+_MIN_COMMAND: Final = 1e-6  # m/s, rad/s, N and N m: a smaller command is that of a robot at rest
+_ROUNDING: Final = 1e-4  # in any unit: a robot that has settled differs from its start by less
+_MIN_TARGET: Final = 2e-3  # rad and m: a position nearer to the start is no command to move
+_SHORT_S: Final = 0.5  # s: a robot may not have moved yet when a shorter run ends
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,27 +51,16 @@ class Motion:
 
 @dataclass(slots=True)
 class CommandLog:
-    """The commands of a run so far.
+    """The commands of a run so far."""
 
-    Attributes:
-        positions: joint -> its position at the start, in rad or m.
-        wheels: the joints of the drive.
-        drives: True if a twist or a target for a wheel was given.
-        moves_base: True if a twist was given that is not zero.
-        moves_joints: True if a joint got a velocity that is not zero, or a position away from its start.
-        efforts: joint -> the greatest effort that it got, in N m or N.
-        wrench: the greatest force in N, or torque in N m, that a link got.
-        fastest: the greatest linear speed of a twist, in m/s.
-    """
-
-    positions: dict[str, float]
-    wheels: frozenset[str]
-    drives: bool = False
-    moves_base: bool = False
-    moves_joints: bool = False
-    efforts: dict[str, float] = field(default_factory=dict)
-    wrench: float = 0.0
-    fastest: float = 0.0
+    positions: dict[str, float]  # joint -> its position at the start, in rad or m
+    wheels: frozenset[str]  # the joints of the drive
+    drives: bool = False  # True if a twist or a target for a wheel was given
+    moves_base: bool = False  # True if a twist was given that is not zero
+    moves_joints: bool = False  # True if a joint got a velocity that is not zero, or a position away from its start
+    efforts: dict[str, float] = field(default_factory=dict)  # joint -> the greatest effort that it got, in N m or N
+    wrench: float = 0.0  # the greatest force in N, or torque in N m, that a link got
+    fastest: float = 0.0  # the greatest linear speed of a twist, in m/s
 
     @property
     def are_zero(self) -> bool:
@@ -118,31 +103,21 @@ class Beginning(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RunFacts:
-    """The facts of a run that the rules need.
+    """The facts of a run that the rules need."""
 
-    Attributes:
-        end: sim time of the end, in s.
-        trace: the stored trace of the run.
-        unmet: for each expectation, the premises that never held.
-        verdicts: one verdict for each expectation.
-        undelivered: index of each command source whose commands all came too late -> when the first one was due, in s;
-            infinite if all were lost.
-        why_silent: why controllers gave no command; empty if that is not known.
-        monitors: one monitor for each expectation.
-        bodies_moved: True if a body of the world moved.
-    """
-
-    end: float
+    end: float  # sim time of the end, in s
     motion: Motion
     commands: CommandLog
-    trace: Trace
-    unmet: Sequence[Sequence[str]]
-    verdicts: Sequence[Verdict]
-    monitors: Sequence[Window]
+    trace: Trace  # the stored trace of the run
+    unmet: Sequence[Sequence[str]]  # for each expectation, the premises that never held
+    verdicts: Sequence[Verdict]  # one verdict for each expectation
+    monitors: Sequence[Window]  # one monitor for each expectation
     begin: Beginning
-    bodies_moved: bool = False
+    bodies_moved: bool = False  # True if a body of the world moved
+    # index of each command source whose commands all came too late -> when the first one was due, in s; infinite if all
+    # were lost
     undelivered: Mapping[int, float] = field(default_factory=dict)
-    why_silent: str = ""
+    why_silent: str = ""  # why controllers gave no command; empty if that is not known
 
 
 def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:

@@ -31,30 +31,20 @@ _GRAZE: Final = 0.02
 # The hull of both ends of a turn by this angle differs from the way by at most 0.5 % of the piece.
 _TURN_RAD: Final = 0.2
 _MAX_TURNS: Final = 32
-# Below this share of the width, turning does not matter for the extent along the way.
-_SMALL_SWING: Final = 0.1
-# Nearer hulls touch.
-_TOUCH_M: Final = 1e-7
-
+_SMALL_SWING: Final = 0.1  # below this share of the width, turning does not matter for the extent along the way
+_TOUCH_M: Final = 1e-7  # nearer hulls touch
 _Known = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """The motion of a link or body in a block of T steps.
+    """The motion of a link or body in a block of T steps."""
 
-    Attributes:
-        name: of the link or body, as in messages.
-        frames: its frame at T + 1 moments.
-        turning: (T,) an upper bound in rad on its rotation in each step.
-        known: (T,) False for steps in which something set it to another place.
-    """
-
-    name: str
+    name: str  # of the link or body, as in messages
     pieces: Sequence[Piece]
-    frames: Frames
-    turning: FloatArray
-    known: _Known
+    frames: Frames  # its frame at T + 1 moments
+    turning: FloatArray  # (T,) an upper bound in rad on its rotation in each step
+    known: _Known  # (T,) False for steps in which something set it to another place
 
     def seen_from(self, other: _Motion) -> _Motion:
         """Return the same motion in the frame of another body."""

@@ -20,18 +20,15 @@ _POSE: Final = 7
 
 @dataclass(frozen=True, eq=False)
 class MotionRecord:
-    """The motion at T moments: t = 0 and each physics step after it.
-
-    Attributes:
-        base: (T, 7) the pose of the base link in the world frame: position in m, and unit quaternion x, y, z, w.
-        joints: joint name -> its positions (T,) in rad, or m if prismatic.
-        links, bodies: name -> poses (T, 7) in the world frame, for those that are compared.
-    """
+    """The motion at T moments: t = 0 and each physics step after it."""
 
     time: FloatArray
+    # (T, 7) the pose of the base link in the world frame: position in m, and unit quaternion x, y, z, w
     base: FloatArray
+    # joint name -> its positions (T,) in rad, or m if prismatic
     joints: Mapping[str, FloatArray] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    # links, bodies: name -> poses (T, 7) in the world frame, for those that are compared
     links: Mapping[str, FloatArray] = field(default_factory=dict)
     bodies: Mapping[str, FloatArray] = field(default_factory=dict)
     bolted: bool = False

@@ -17,41 +17,30 @@ from sim_action.core.records import dataclass, replace
 
 @dataclass(frozen=True, slots=True)
 class ClearanceWatch:
-    """A request for the smallest distance between some links of the robot and some bodies.
-
-    Attributes:
-        bodies: bodies of the world; None: all except the ground.
-        within: the largest reported distance in m.
-        always: True to report every step; else only steps with a new minimum.
-    """
+    """A request for the smallest distance between some links of the robot and some bodies."""
 
     links: tuple[str, ...] | None = None
-    bodies: tuple[str, ...] | None = None
-    within: float = math.inf
-    always: bool = False
+    bodies: tuple[str, ...] | None = None  # bodies of the world; None: all except the ground
+    within: float = math.inf  # the largest reported distance in m
+    always: bool = False  # True to report every step; else only steps with a new minimum
 
 
 @dataclass(frozen=True, slots=True)
 class Channels:
-    """The requested channels; `|` joins two requests.
-
-    Attributes:
-        ground: True if `Trace.contacts` must have those with the ground, too.
-        bodies: the names of bodies that are needed in `Trace.bodies`, 30 poses per second.
-        objects: the names of bodies that are needed in `Trace.objects`, a pose at every step.
-        link_contacts: the names or patterns of links whose contacts are needed in `Trace.link_contacts`.
-        openings: sim times in s at which an observation begins, and the minimum of a clearance is reset.
-    """
+    """The requested channels; `|` joins two requests."""
 
     contacts: bool = False
     clearances: frozenset[ClearanceWatch] = frozenset()
     sensors: frozenset[str] = frozenset()
-    bodies: frozenset[str] = frozenset()
+    bodies: frozenset[str] = frozenset()  # the names of bodies that are needed in `Trace.bodies`, 30 poses per second
+    # the names of bodies that are needed in `Trace.objects`, a pose at every step
     objects: frozenset[str] = frozenset()
+    # the names or patterns of links whose contacts are needed in `Trace.link_contacts`
     link_contacts: frozenset[str] = frozenset()
+    # sim times in s at which an observation begins, and the minimum of a clearance is reset
     openings: frozenset[float] = frozenset()
     self_contacts: bool = False
-    ground: bool = False
+    ground: bool = False  # True if `Trace.contacts` must have those with the ground, too
 
     @classmethod
     def all_of(cls, several: Iterable[Self]) -> Self:

@@ -15,8 +15,7 @@ from sim_action.state.readings import Reading
 ALWAYS: Final = (-math.inf, math.inf)
 """The steps, or sim times, between which a body is there that never appears or disappears."""
 
-FRAME_RATE: Final = 30.0
-"""The frame rate of replays in Hz, and of the poses of bodies."""
+FRAME_RATE: Final = 30.0  # the frame rate of replays in Hz, and of the poses of bodies
 
 
 def frame_stride(rate: float) -> int:
@@ -73,16 +72,12 @@ class _Table:
 
 @dataclass(frozen=True, eq=False)
 class BodyRecord(_Table):
-    """The poses of one body in the world frame, at N moments.
-
-    Attributes:
-        position_xyz: (N, 3) m, the origin of its frame, as `pose` in the scenario.
-    """
+    """The poses of one body in the world frame, at N moments."""
 
     widths: ClassVar[Mapping[str, int]] = {"time": 0, "position_xyz": 3, "orientation_xyzw": 4}
 
     time: NDArray[np.float64]
-    position_xyz: NDArray[np.float64]
+    position_xyz: NDArray[np.float64]  # (N, 3) m, the origin of its frame, as `pose` in the scenario
     orientation_xyzw: NDArray[np.float64]
 
     def within(self, first: float, gone: float = math.inf) -> Self:
@@ -161,22 +156,17 @@ class Nearness(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ClearanceRecord(_Table):
-    """The distances at N moments: at all steps, or at each step that is nearer than all before.
-
-    Attributes:
-        pairs: the pairs (link, body) that were nearest at some moment.
-        distance: (N,) m, negative for an overlap.
-        presence: the times in s between which at least one of the bodies is there.
-    """
+    """The distances at N moments: at all steps, or at each step that is nearer than all before."""
 
     widths: ClassVar[Mapping[str, int]] = {"time": 0, "distance": 0, "pair": 0}
     names: ClassVar[str] = "pairs"
     index: ClassVar[str] = "pair"
 
-    pairs: tuple[tuple[str, str], ...]
+    pairs: tuple[tuple[str, str], ...]  # the pairs (link, body) that were nearest at some moment
     time: NDArray[np.float64]
-    distance: NDArray[np.float64]
+    distance: NDArray[np.float64]  # (N,) m, negative for an overlap
     pair: NDArray[np.int64]
+    # the times in s between which at least one of the bodies is there
     presence: tuple[tuple[float, float], ...] = (ALWAYS,)
 
     @classmethod
@@ -206,15 +196,11 @@ class ClearanceRecord(_Table):
 
 @dataclass(frozen=True, eq=False)
 class SensorRecord:
-    """The readings of one sensor, at its own rate.
-
-    Attributes:
-        columns: column name -> (N, ...) numbers; see READING_COLUMNS.
-    """
+    """The readings of one sensor, at its own rate."""
 
     kind: str
     time: NDArray[np.float64]
-    columns: Mapping[str, NDArray[Any]]
+    columns: Mapping[str, NDArray[Any]]  # column name -> (N, ...) numbers; see READING_COLUMNS
 
     def __len__(self) -> int:
         return len(self.time)
@@ -245,13 +231,10 @@ def _none(width: int) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class CommandedTwists:
-    """The twists that the base was commanded, in their order.
-
-    Attributes:
-        values: (N, 6) linear x, y, z in m/s and angular x, y, z in rad/s, in the frame of the base.
-    """
+    """The twists that the base was commanded, in their order."""
 
     time: NDArray[np.float64] = field(default_factory=lambda: _none(1)[:, 0])
+    # (N, 6) linear x, y, z in m/s and angular x, y, z in rad/s, in the frame of the base
     values: NDArray[np.float64] = field(default_factory=lambda: _none(6))
 
     @classmethod
@@ -266,13 +249,10 @@ class CommandedTwists:
 
 @dataclass(frozen=True, eq=False)
 class CommandedValues:
-    """Quantities that controllers commanded, for example the positions of joints.
-
-    Attributes:
-        values: name, for example of a joint -> (N,) what was commanded from that time on, in SI units; NaN without it.
-    """
+    """Quantities that controllers commanded, for example the positions of joints."""
 
     time: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    # name, for example of a joint -> (N,) what was commanded from that time on, in SI units; NaN without it
     values: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
     @classmethod

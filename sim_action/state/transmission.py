@@ -48,8 +48,7 @@ class Transmission(FrozenModel):
         return not (self.latency or self.jitter or self.dropouts)
 
 
-PERFECT: Final = Transmission.model_construct()
-"""The transmission without delay and losses."""
+PERFECT: Final = Transmission.model_construct()  # the transmission without delay and losses
 
 
 class Line(Generic[Message]):
@@ -58,11 +57,8 @@ class Line(Generic[Message]):
     A message that is sent at time t arrives at the first physics step at or after t + latency + jitter * u, where u is
     drawn uniformly from [0, 1). It never overtakes an earlier one: it arrives at the same step at the earliest. It is
     lost with the probability `dropouts`. Two numbers are drawn for each message in any case, so that a change of one
-    key does not change the draws of another.
-
-    Attributes:
-        first_sent, first_arrival, first_lost: the physics steps of the first message, of the first arrival, and of the
-            first loss; inf without one.
+    key does not change the draws of another. `first_sent, first_arrival, first_lost`: the physics steps of the first
+    message, of the first arrival, and of the first loss; inf without one.
     """
 
     def __init__(self, spec: Transmission, rate: float, random: Generator) -> None:

@@ -26,8 +26,7 @@ from sim_action.core.geometry import Vector3
 from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.state.timeline import TimeMark
 
-MAX_PHYSICS_RATE_HZ: Final = 100_000.0
-"""The greatest rate of physics steps in Hz, which also limits all other rates."""
+MAX_PHYSICS_RATE_HZ: Final = 100_000.0  # the greatest rate of physics steps in Hz, which also limits all other rates
 
 MAX_SPEED: Final = 10_000.0
 """m/s and rad/s; engines limit the base and every joint to it, so speed limits cannot be higher."""
@@ -72,11 +71,8 @@ class Physics(FrozenModel):
     ] = False
 
 
-GRAVITY: Final = 9.80665
-"""m/s^2, standard gravity (CGPM 1901)."""
-
-MAX_GRAVITY: Final = 1000.0
-"""m/s^2; forty times the gravity of Jupiter."""
+GRAVITY: Final = 9.80665  # m/s^2, standard gravity (CGPM 1901)
+MAX_GRAVITY: Final = 1000.0  # m/s^2; forty times the gravity of Jupiter
 
 
 def _vector(value: object) -> Vector3:
@@ -117,9 +113,7 @@ FELT_SHARE: Final = 0.01
 MAX_FORCE: Final = 1e10
 """N and N m: a thousand times the weight of the heaviest body; more is a mistake and overflows in the engines."""
 
-MAX_MASS: Final = 1e6
-"""The mass in kg of the heaviest body."""
-
+MAX_MASS: Final = 1e6  # the mass in kg of the heaviest body
 Newtons = Annotated[float, Field(ge=-MAX_FORCE, le=MAX_FORCE), Quantity((units.FORCE,))]
 NewtonMetres = Annotated[float, Field(ge=-MAX_FORCE, le=MAX_FORCE), Quantity((units.TORQUE,))]
 PushMetresPerSecond = Annotated[MetresPerSecond, Field(ge=-MAX_SPEED, le=MAX_SPEED)]

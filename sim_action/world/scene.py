@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from sim_action.world.parts import Part
 
 
-EGO: Final = "robot"
-"""The name of the robot under test for the other robots of the world."""
+EGO: Final = "robot"  # the name of the robot under test for the other robots of the world
 
 MAX_RAISED_M: Final = 0.05
 """A robot that a keyframe puts at most this deep into the ground is raised, so that it stands on the ground."""

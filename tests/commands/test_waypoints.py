@@ -238,7 +238,6 @@ def test_who_brakes_evenly_stands_still_in_time() -> None:
 PURSUIT = WaypointCommands.model_construct(waypoints=(), speed=0.5, lookahead=0.3, tolerance=0.05, max_turn_rate=2.0)
 SPOT = Mobility(acceleration=1.0, turn_acceleration=5.0)
 CAR = Mobility(tightest=2.0, acceleration=1.0)
-
 TICK, SUBSTEPS = 0.05, 5
 
 

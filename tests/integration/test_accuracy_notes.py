@@ -13,7 +13,6 @@ from sim_action.simulation.loop import simulate
 from tests.integration.engines import at, on_every_engine, scene_of, travelled
 
 pytestmark = on_every_engine
-
 CUBE = "box: [0.2, 0.2, 0.2]"
 G = 9.80665
 INERTIA = '<inertia ixx="{0}" iyy="{0}" izz="{0}" ixy="0" ixz="0" iyz="0"/>'

@@ -16,7 +16,6 @@ from tools.bench.robots import BURGER, ROBOTS, KnownRobot
 
 RATE: Final = 240
 Segment = dict[str, float]
-
 KNOWN: Final = {known.name: known for known in (BURGER, *ROBOTS)}
 HUSKYS: Final = {side: [f"front_{side}_wheel", f"rear_{side}_wheel"] for side in ("left", "right")}
 

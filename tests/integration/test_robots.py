@@ -15,9 +15,7 @@ from tests.integration.conftest import sim_action
 from tools.bench.robots import REFUSED, ROBOTS, WORKSPACE, KnownRobot
 
 pytestmark = pytest.mark.pybullet
-
 NEGLIGIBLE: Final = 0.002  # of the whole, for all links that state no mass
-
 every_robot = pytest.mark.parametrize("known", ROBOTS, ids=lambda known: known.name)
 
 

@@ -18,7 +18,6 @@ from tests.integration.engines import BALL, advance, at, on_every_engine, one_li
 from tests.worlds import with_files, write_map
 
 pytestmark = on_every_engine
-
 MOON = 1.62
 SMALL_BALL = one_link('<sphere radius="0.05"/>', moment=0.001)
 CUBE = one_link('<box size="0.1 0.1 0.1"/>', moment=0.002)

@@ -27,8 +27,7 @@ from sim_action.state.trace import Trace, yaw_angles
 from sim_action.state.trace_records import BodyRecord
 from sim_action.world.scene import Scene
 
-_UNREACHED: Final = 1e9
-"""The value of an infinite reading, such as the range of a ray that hits nothing."""
+_UNREACHED: Final = 1e9  # the value of an infinite reading, such as the range of a ray that hits nothing
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,8 +22,7 @@ from sim_action.state.verdict import Judged, Signal, Verdict
 if TYPE_CHECKING:
     Indices = NDArray[np.intp]
 
-# Sim time is step / rate: equal durations differ by rounding.
-_DIGITS: Final = 9
+_DIGITS: Final = 9  # sim time is step / rate: equal durations differ by rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,16 +94,12 @@ class Window(Monitor):
 
 @dataclass(frozen=True, slots=True)
 class HoldTime:
-    """A goal: a condition holds without interruption for a given time.
-
-    Attributes:
-        since: sim time in s since which the condition holds; None if it does not hold at the last step.
-        goal: the fold of the duration. Its time is the end of the longest interval.
-    """
+    """A goal: a condition holds without interruption for a given time."""
 
     wanted: float
+    # sim time in s since which the condition holds; None if it does not hold at the last step
     since: float | None = None
-    goal: Goal = Goal()
+    goal: Goal = Goal()  # the fold of the duration. Its time is the end of the longest interval.
 
     @property
     def state(self) -> State:
@@ -142,8 +137,7 @@ class HoldTime:
         return np.asarray(np.maximum.accumulate(np.concatenate(([first], begins[1:]))), dtype=np.float64)
 
 
-NOTHING_LEAST: Final = math.inf
-"""The minimum of an empty window."""
+NOTHING_LEAST: Final = math.inf  # the minimum of an empty window
 
 
 def least_of_windows(values: FloatArray, first: Indices, last: Indices) -> FloatArray:

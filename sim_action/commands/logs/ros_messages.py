@@ -25,7 +25,6 @@ TWISTS: Final = frozenset(name for name in get_args(MessageType) if name.startsw
 """The message types that command a base."""
 
 Stamps = Literal["receipt", "header", "clock"]
-
 ARRAY: Final = "std_msgs/msg/Float64MultiArray"
 
 

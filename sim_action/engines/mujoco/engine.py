@@ -52,9 +52,7 @@ from sim_action.world.scene import EGO, Scene
 if TYPE_CHECKING:
     from sim_action.engines.mujoco.colliding_geoms import SelfCollision
 
-WARNING: Final = "mujoco warning: "
-"""Prefix of the lines on stderr that hold warnings of the engine."""
-
+WARNING: Final = "mujoco warning: "  # prefix of the lines on stderr that hold warnings of the engine
 _REFUSALS: Final = (ValueError, OSError, mujoco.FatalError, mujoco.UnexpectedError)
 _BAD_VELOCITY: Final = int(mujoco.mjtWarning.mjWARN_BADQVEL)
 _BAD_ACCELERATION: Final = int(mujoco.mjtWarning.mjWARN_BADQACC)

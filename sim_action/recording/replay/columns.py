@@ -65,8 +65,7 @@ class Column(FrozenModel):
         return not self.gaps and self.scale <= _MAX_MOTION_SCALE
 
 
-# The first character of a text of differences; JSON escapes those before it.
-_FIRST_CHARACTER: Final = 0x20
+_FIRST_CHARACTER: Final = 0x20  # the first character of a text of differences; JSON escapes those before it
 MAX_DELTA: Final = 20_000  # the largest difference in a `TextColumn`; with `fine_scale` no difference is larger
 
 

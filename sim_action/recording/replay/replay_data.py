@@ -33,20 +33,14 @@ MAX_GOLDEN: Final = 8
 
 
 class GoldenData(FrozenModel):
-    """A golden trajectory, at its own moments.
+    """A golden trajectory, at its own moments."""
 
-    Attributes:
-        expectation: the number of the expectation, counted from 0.
-        time: the sim time in s.
-        base: x, y, z in m and yaw in rad of the base link, in the world frame.
-        joints: (index in `Replay.joint_names`, positions in rad, or m if prismatic) of the joints that the file has.
-        position, yaw: the tolerances of the expectation in m and rad; None if it has none, and in older replays.
-    """
-
-    expectation: Index
-    time: Column
-    base: tuple[Column, Column, Column, Column]
+    expectation: Index  # the number of the expectation, counted from 0
+    time: Column  # the sim time in s
+    base: tuple[Column, Column, Column, Column]  # x, y, z in m and yaw in rad of the base link, in the world frame
+    # (index in `Replay.joint_names`, positions in rad, or m if prismatic) of the joints that the file has
     joints: Annotated[tuple[tuple[Index, Column], ...], Field(max_length=MAX_LINKS)] = ()
+    # position, yaw: the tolerances of the expectation in m and rad; None if it has none, and in older replays
     position: Length | None = None
     yaw: Length | None = None
 
@@ -79,25 +73,17 @@ PoseColumns = tuple[Column, Column, Column, Column, Column, Column, Column]  # x
 
 
 class Frames(FrozenModel):
-    """The motion of a run at 30 Hz, including the last moment; all columns are as long as `time`.
+    """The motion of a run at 30 Hz, including the last moment; all columns are as long as `time`."""
 
-    Attributes:
-        time: the sim time in s.
-        base: the pose of the base link in the world.
-        joints: the joint positions in rad (m if prismatic), in the order of `Replay.joint_names`.
-        commanded: the commanded joint positions in the same order, null for a joint that has none; empty if no joint
-            has one.
-        speed: the speed of the base link in m/s.
-        tilt: the angle in rad between the z axes of the base and the world.
-        tracks: the poses of moving bodies in the world.
-    """
-
-    time: Column
-    base: PoseColumns
+    time: Column  # the sim time in s
+    base: PoseColumns  # the pose of the base link in the world
+    # the joint positions in rad (m if prismatic), in the order of `Replay.joint_names`
     joints: Annotated[tuple[Column, ...], Field(max_length=MAX_LINKS)] = ()
+    # the commanded joint positions in the same order, null for a joint that has none; empty if no joint has one
     commanded: Annotated[tuple[Column | None, ...], Field(max_length=MAX_LINKS)] = ()
-    speed: Column
-    tilt: Column
+    speed: Column  # the speed of the base link in m/s
+    tilt: Column  # the angle in rad between the z axes of the base and the world
+    # the poses of moving bodies in the world
     tracks: Annotated[tuple[PoseColumns, ...], Field(max_length=MAX_BODIES)] = ()
 
     @property
@@ -123,30 +109,21 @@ class EventData(FrozenModel):
 
 
 class ContactData(FrozenModel):
-    """An uninterrupted contact of a link with a body, from `time` to `until` in s.
-
-    Attributes:
-        link: the index of the link.
-        body: the index of the body.
-        position: the position of the first contact point in m, world frame.
-        force: the largest mean force over 50 ms in N; None if engines compute none, see `Contact.has_force`.
-        impulse: the impulse of the whole contact in N s.
-        normal: the direction of the mean force on the link as a unit vector, world frame; None if it is not known.
-        period: the time in s between two values of `forces`.
-        forces: the mean force in N over each period since `time`.
-        places: x, y and z of the mean contact point in m over each period, world frame; null in older replays.
-    """
+    """An uninterrupted contact of a link with a body, from `time` to `until` in s."""
 
     time: Number
     until: Number
-    link: Index
-    body: Index
-    position: Place
+    link: Index  # the index of the link
+    body: Index  # the index of the body
+    position: Place  # the position of the first contact point in m, world frame
+    # the largest mean force over 50 ms in N; None if engines compute none, see `Contact.has_force`
     force: Number | None
-    impulse: Number
+    impulse: Number  # the impulse of the whole contact in N s
+    # the direction of the mean force on the link as a unit vector, world frame; None if it is not known
     normal: Place | None = None
-    period: Annotated[Length, Field(gt=0)] | None = None
-    forces: Column | None = None
+    period: Annotated[Length, Field(gt=0)] | None = None  # the time in s between two values of `forces`
+    forces: Column | None = None  # the mean force in N over each period since `time`
+    # x, y and z of the mean contact point in m over each period, world frame; null in older replays
     places: tuple[Column, Column, Column] | None = None
 
     @property
@@ -158,44 +135,29 @@ class ContactData(FrozenModel):
 
 
 class SignalData(FrozenModel):
-    """One signal of an expectation over time.
+    """One signal of an expectation over time."""
 
-    Attributes:
-        expectation: the number of the expectation, counted from 0.
-        unit: the SI unit of values and limits.
-        time: the times in s; null for the moments of `Frames.time`.
-        values: the values, with gaps where the signal does not exist.
-        lower, upper: the limits of the values; null for none.
-        start, end: the window in s in which the limits apply; an end of null means the end of the run.
-    """
-
-    expectation: Index
+    expectation: Index  # the number of the expectation, counted from 0
     name: Text
-    unit: Text
-    time: Column | None = None
-    values: Column
-    lower: Number | None = None
+    unit: Text  # the SI unit of values and limits
+    time: Column | None = None  # the times in s; null for the moments of `Frames.time`
+    values: Column  # the values, with gaps where the signal does not exist
+    lower: Number | None = None  # lower, upper: the limits of the values; null for none
     upper: Number | None = None
+    # start, end: the window in s in which the limits apply; an end of null means the end of the run
     start: Number = 0.0
     end: Number | None = None
 
 
 class ChannelData(FrozenModel):
-    """One recorded quantity over time that belongs to no expectation: of a sensor, of a command or of contacts.
+    """One recorded quantity over time that belongs to no expectation: of a sensor, of a command or of contacts."""
 
-    Attributes:
-        group: the thing it belongs to, for example the name of a sensor.
-        unit: the SI unit of the values.
-        time: the times in s; null for the moments of `Frames.time`.
-        values: the values, with gaps where there is none.
-        commanded: True for values that a controller asked for; the measured ones have the same group and name.
-    """
-
-    group: Text
+    group: Text  # the thing it belongs to, for example the name of a sensor
     name: Text
-    unit: Text
-    time: TextColumn | None = None
-    values: TextColumn
+    unit: Text  # the SI unit of the values
+    time: TextColumn | None = None  # the times in s; null for the moments of `Frames.time`
+    values: TextColumn  # the values, with gaps where there is none
+    # True for values that a controller asked for; the measured ones have the same group and name
     commanded: bool = False
 
 
@@ -203,38 +165,30 @@ WITHOUT_SCENE: Final = object()  # the context of pydantic for a replay whose sc
 
 
 class Replay(FrozenModel):
-    """The recording of a run for the report.
-
-    Attributes:
-        scenario: the name of the scenario; null in version 1 and in runs that a launch file describes.
-        contacts: the contacts with the largest forces, at most 200, in the order of time.
-        contacts_left_out: the number of further contacts.
-        events: what the scenario lets happen at a time, in the order of time.
-        channels: further recorded quantities.
-        scans: the scans of lidars.
-        cameras: the pictures of cameras.
-        obstacles: the bodies that the robot met, and which sensors saw them.
-        commanded_path: the points of the path that the commands ask for, world frame, in m; empty without one.
-        unread: the names of sensors that nothing in the run read.
-        golden: the golden trajectories that the run is compared with.
-    """
+    """The recording of a run for the report."""
 
     version: Literal[1, 2]
     scene: SceneData
     joint_names: Annotated[tuple[Text, ...], Field(max_length=MAX_LINKS)] = ()
     frames: Frames
+    # the contacts with the largest forces, at most 200, in the order of time
     contacts: Annotated[tuple[ContactData, ...], Field(max_length=MAX_CONTACTS)] = ()
-    contacts_left_out: Annotated[int, Field(ge=0, le=2**53)] = 0
+    contacts_left_out: Annotated[int, Field(ge=0, le=2**53)] = 0  # the number of further contacts
+    # what the scenario lets happen at a time, in the order of time
     events: Annotated[tuple[EventData, ...], Field(max_length=MAX_TIME_MARKS)] = ()
     signals: Annotated[tuple[SignalData, ...], Field(max_length=MAX_SIGNALS)] = ()
     marks: Annotated[tuple[MarkData, ...], Field(max_length=MAX_MARKS)] = ()
-    channels: Annotated[tuple[ChannelData, ...], Field(max_length=MAX_CHANNELS)] = ()
-    scenario: Text | None = None
-    scans: Annotated[tuple[ScanData, ...], Field(max_length=MAX_SENSORS)] = ()
-    cameras: Annotated[tuple[CameraData, ...], Field(max_length=MAX_SENSORS)] = ()
+    channels: Annotated[tuple[ChannelData, ...], Field(max_length=MAX_CHANNELS)] = ()  # further recorded quantities
+    scenario: Text | None = None  # the name of the scenario; null in version 1 and in runs that a launch file describes
+    scans: Annotated[tuple[ScanData, ...], Field(max_length=MAX_SENSORS)] = ()  # the scans of lidars
+    cameras: Annotated[tuple[CameraData, ...], Field(max_length=MAX_SENSORS)] = ()  # the pictures of cameras
+    # the bodies that the robot met, and which sensors saw them
     obstacles: Annotated[tuple[ObstacleData, ...], Field(max_length=MAX_OBSTACLES)] = ()
+    # the points of the path that the commands ask for, world frame, in m; empty without one
     commanded_path: Annotated[tuple[Place, ...], Field(max_length=1_000)] = ()
+    # the names of sensors that nothing in the run read
     unread: Annotated[tuple[Text, ...], Field(max_length=MAX_SENSORS)] = ()
+    # the golden trajectories that the run is compared with
     golden: Annotated[tuple[GoldenData, ...], Field(max_length=MAX_GOLDEN)] = ()
 
     @model_validator(mode="after")

@@ -30,7 +30,6 @@ _MAX_NAME_CHARS: Final = 247  # rmw/validate_full_topic_name.h, which also count
 # rcl_interfaces/ParameterValue; a larger integer would become a float.
 _MIN_INTEGER: Final = -(2**63)
 _MAX_INTEGER: Final = 2**63 - 1
-
 Names = Annotated[tuple[str, ...], Field(min_length=1)]
 
 

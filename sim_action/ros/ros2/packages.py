@@ -28,7 +28,6 @@ from sim_action.ros.launches import source_folder, workspace_folder
 from sim_action.ros.ros2.installation import Ros2, packages_of_prefix, set_up
 
 UNREADABLE: Final = "unknown"  # the build type if package.xml is not valid XML
-
 _PYTHON: Final = "ament_python"
 _GROUP: Final = "console_scripts"
 _MAX_FILE_BYTES: Final = 1_000_000
@@ -43,7 +42,6 @@ _INSTALLED: Final = re.compile(
 )
 _NAME: Final = re.compile(r"[\w.-]+")
 _ENTRY: Final = re.compile(r"[^\W\d]\w*(?:\.[^\W\d]\w*)*(?::[^\W\d]\w*(?:\.[^\W\d]\w*)*)?")
-
 INSTALL: Final = "install"
 BUILD: Final = "run colcon build"
 _LAYOUT_FILE: Final = ".colcon_install_layout"

@@ -24,20 +24,13 @@ from sim_action.world.parts import lowest
 if TYPE_CHECKING:
     from sim_action.world.parts import Part
 
-MOST_OBJECTS: Final = 5
-"""The number of objects that have mutants: those nearest to the way of the robot."""
-
-MOST_EVENTS: Final = 5
-"""The number of events that have mutants: the first ones."""
-
+MOST_OBJECTS: Final = 5  # the number of objects that have mutants: those nearest to the way of the robot
+MOST_EVENTS: Final = 5  # the number of events that have mutants: the first ones
 FRICTION_DIVISOR: Final = 4.0
 ICE: Final = 0.03
 TURN_DEG: Final = 90.0
-
 WALL: Final = "wall-across-the-way"
-WALL_SIZE: Final = (0.1, 1.5, 0.5)
-"""The depth, width and least height in m of the wall across the way."""
-
+WALL_SIZE: Final = (0.1, 1.5, 0.5)  # the depth, width and least height in m of the wall across the way
 SHOVE_M_S: Final = 1.0
 SHOVE_S: Final = 0.1
 """A shove gives the robot the momentum of its mass at this speed, in this time: somebody walks into it."""
@@ -45,8 +38,7 @@ SHOVE_S: Final = 0.1
 # The share of the way before the wall, and its least distance in m from the start.
 _WALL_AT: Final = 0.6
 _LEAST_TO_WALL_M: Final = 0.5
-# Objects that move stay this far away from the start, in m.
-_FREE_M: Final = 0.35
+_FREE_M: Final = 0.35  # objects that move stay this far away from the start, in m
 # The edges of the box in the way of an arm, the first that fits, and its least distance from the start of the link.
 _BOX_SIZES_M: Final = (0.3, 0.2, 0.1, 0.05)
 _LEAST_TO_BOX_M: Final = 0.1
@@ -294,11 +286,8 @@ def _texts(value: object) -> Iterator[str]:
             yield from _texts(each)
 
 
-LEAST_MOVE_M: Final = 0.02
-"""Objects move at least this far."""
-
-# Boxes that are nearer than this in m count as touching.
-_GAP_M: Final = 0.02
+LEAST_MOVE_M: Final = 0.02  # objects move at least this far
+_GAP_M: Final = 0.02  # boxes that are nearer than this in m count as touching
 
 
 def robot_boxes(original: Original) -> list[Box]:

@@ -52,7 +52,6 @@ _POLL_S: Final = 0.005
 _MAX_START_S: Final = 60.0
 _MAX_NOTICE_S: Final = 5.0
 _MAX_SHUTDOWN_S: Final = 5.0
-
 KEY: Final = "ros1"
 
 REPLACED_CONTROLLERS: Final[Mapping[str, str]] = {
@@ -61,8 +60,7 @@ REPLACED_CONTROLLERS: Final[Mapping[str, str]] = {
 }
 """Type of a controller -> the reason why its absence is not a loss."""
 
-# The exception of roslaunch for a missing package.
-_NOT_FOUND: Final = "ResourceNotFound"
+_NOT_FOUND: Final = "ResourceNotFound"  # the exception of roslaunch for a missing package
 
 
 @dataclass(frozen=True, slots=True)

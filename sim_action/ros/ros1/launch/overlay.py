@@ -29,7 +29,6 @@ from sim_action.ros.ros1.installation import Ros
 _PATCHES: Final = Path(__file__).with_name("ros_patches.py")
 _PACKAGES: Final = Path(__file__).parent / "packages"
 PACKAGE_ROOT: Final = str(Path(__file__).resolve().parents[4])  # the folder from which sim_action is imported
-
 _PROGRAMS: Final = "sim_action.ros.ros1.launch.programs"
 _XACRO: Final = "sim_action.ros.xacro"
 # Package and name of a node -> module that runs instead, and its first arguments.

@@ -50,7 +50,6 @@ _NO_SIMULATION = (
 
 UNPUBLISHED = "unpublished"  # name of the property of a topic without a publisher
 _TRANSFORMS = ("/tf", "/tf_static")  # every listener for transforms subscribes to both, and often one is enough
-
 _POLL_S = 0.1  # of wall time, for the check whether the node has to leave
 # A node that only waits for something to come up sleeps less often, or for less wall time.
 _MIN_SLEEPS, _MIN_SLEPT_S = 3, 0.2

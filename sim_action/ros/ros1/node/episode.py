@@ -58,10 +58,8 @@ from sim_action.world.world_files.losses import Loss
 # The interval of checks whether a paused world may go on.
 _POLL_S: Final = 0.01
 _TOUCH_S: Final = 0.25
-
 _DESCRIPTION_FILE: Final = "robot.urdf"
-# Such findings are losses of the launch, not errors of the model.
-_REPORTED: Final = ("restitution",)
+_REPORTED: Final = ("restitution",)  # such findings are losses of the launch, not errors of the model
 # Sim time without a stated limit; a replay of more would have less than 30 frames per second.
 _MAX_SIM_TIME_S: Final = 6_600.0
 

@@ -30,7 +30,6 @@ from sim_action.world import GRAVITY
 from sim_action.world.scene import Scene
 
 _NAME: Final = "states"
-
 PLUGIN: Final = "gazebo_ros_planar_move"
 
 # Gazebo sets the velocity at every step, whatever is in the way. With this force, 1 m/s takes 10 ms.

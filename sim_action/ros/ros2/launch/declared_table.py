@@ -240,9 +240,8 @@ SUBSTITUTIONS: dict[str, Kind] = {}  # name in `$(NAME ...)` -> its row
 def row(*names: str, tag: str = "", text: str = "") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Add a function to the table.
 
-    :param names: its modules and classes in Python; "a.B|C" has two classes.
-    :param tag: its tags in XML and YAML, then their attributes; ATTRIBUTE=WORD where they differ.
-    :param text: its names in `$(NAME ...)`.
+    `names`: its modules and classes in Python; "a.B|C" has two classes; `tag`: its tags in XML and YAML, then their
+    attributes; ATTRIBUTE=WORD where they differ; `text`: its names in `$(NAME ...)`.
     """
 
     def add(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -56,7 +56,6 @@ launch is over.
 _PARAMETER_FILES: Final = frozenset({"-p", "--param-file"})
 _MAX_PARAMETER_BYTES: Final = 1_000_000
 _JOINT_STATES: Final = "joint_state_broadcaster"
-
 _INDEX: Final = "share/ament_index/resource_index/packages"
 
 # Package -> launch file -> command; {NAME} is the value of an argument of the launch file.

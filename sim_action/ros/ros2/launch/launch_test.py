@@ -61,7 +61,6 @@ _SOURCES: Final = ("-topic", "-string", "-file")
 _TEXT: Final = "std_msgs/msg/String"
 _MAX_WAIT_S: Final = 20.0
 _POLL_S: Final = 0.01
-
 _PHYSICS_RATE_HZ: Final = 200.0
 _MAX_SIM_TIME_S: Final = 60.0
 

@@ -46,13 +46,11 @@ if TYPE_CHECKING:
 _LAUNCHER: Final = Path(__file__).with_name("declared_launch.py")
 # Wall time for reading a launch file and starting its processes, and for a timer that is due.
 _MAX_START_S: Final = 60.0
-# Wall time for nodes that save something at the end.
-_MAX_SHUTDOWN_S: Final = 3.0
+_MAX_SHUTDOWN_S: Final = 3.0  # wall time for nodes that save something at the end
 # Wall time for the part of a launch test after the shutdown.
 _MAX_RESULTS_S: Final = 30.0
 _POLL_S: Final = 0.005
 _KEY: Final = "ros2"
-
 _NO_MODULE: Final = re.compile(r"^ModuleNotFoundError: No module named '(launch\w*|ament_index_python)", re.MULTILINE)
 
 

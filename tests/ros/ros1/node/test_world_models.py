@@ -30,7 +30,6 @@ from sim_action.world import Body, Disturbance, World
 
 HERE, THERE, AWAY = Pose((1.0, 2.0, 0.5)), Pose((3.0, 0.0, 0.5)), Pose((-4.0, 0.0, 0.1))
 ROBOT = SpawnedRobot("rover", Element("robot"), Pose())
-
 HINGE = Joint("hinge", "continuous", "base", "arm", Pose((0.0, 0.0, 1.0)), (0.0, 0.0, 1.0))
 TIP = Joint("tip", "fixed", "arm", "hand", Pose((2.0, 0.0, 0.0)), (0.0, 0.0, 1.0))
 MODEL = RobotModel("m", "", (Link("base", 1.0), Link("arm", 1.0), Link("hand", 1.0)), (HINGE, TIP), "")
@@ -88,9 +87,7 @@ def test_pushes_go_on_where_they_were_and_end_when_they_did() -> None:
     assert after.at_spawn_poses().world.disturbances == ()
 
 
-# One that is over, one that acts, one that is to come.
-TIMES = ((0.0, 1.5), (1.0, 2.0), (3.0, 1.0))
-
+TIMES = ((0.0, 1.5), (1.0, 2.0), (3.0, 1.0))  # one that is over, one that acts, one that is to come
 ANGLES = st.floats(-math.pi, math.pi)
 
 
