@@ -1,10 +1,8 @@
-"""All bad models and meshes as scenarios of one suite, beside good ones; and what the engine does without the audit."""
+"""All bad models and meshes as scenarios of one suite, beside good ones."""
 
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -16,7 +14,7 @@ from sim_action.engines import installed
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.robot.model.findings import RULES
-from tests.integration.conftest import ACTION, sim_action
+from tests.integration.conftest import sim_action
 from tests.meshes.test_bad_meshes import BAD as BAD_MESHES
 from tests.robot.bad_models import BAD_MODELS, GOOD
 
@@ -125,61 +123,3 @@ def test_junit_holds_every_scenario(suite: Path) -> None:
     told = [result.message or "" for tests in suites for test in tests for result in test.result]
     for case in CASES:
         assert not case.is_refused or any(f"[{case.rule}]" in message for message in told), case
-
-
-ARM: Final = GOOD
-JOINT: Final = '<joint name="{}" type="fixed"><parent link="base"/><child link="{}"/></joint></robot>'
-SPARE: Final = '<link name="spare"><inertial><mass value="1"/>{}</inertial></link></robot>'
-INERTIA: Final = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
-
-SIGNALS: Final = {
-    "two roots": ARM.replace("</robot>", SPARE.format(INERTIA)),
-    "two parents": ARM.replace("</robot>", JOINT.format("second", "upper")),
-    "two joints of one name": ARM.replace("</robot>", JOINT.format("shoulder", "upper")),
-    "a joint without a type": ARM.replace(' type="revolute"', ""),
-    "a joint of a long name": ARM.replace("shoulder", "s" * 3000),
-}
-UNSTABLE: Final = {
-    "an axis of length 0": ARM.replace("0 0 2", "0 0 0"),
-    "a mass that is no number": ARM.replace('mass value="2"', 'mass value="nan"'),
-    "a mass below 0": ARM.replace('mass value="2"', 'mass value="-2"'),
-    "an inertia below 0": ARM.replace('ixx="1"', 'ixx="-1"', 1),
-    "a huge mass": ARM.replace('mass value="2"', 'mass value="1e308"'),
-}
-
-
-GOOD_TWINS: Final = {f"good {number}": GOOD for number in range(3)}
-
-
-@pytest.fixture(scope="module")
-def unaudited(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder in which models ran that the audit would have refused, beside good ones."""
-    folder = tmp_path_factory.mktemp("unaudited")
-    for name, text in (SIGNALS | UNSTABLE | GOOD_TWINS).items():
-        write(folder, name, text)
-    command = [sys.executable, "-m", "tests.integration.unaudited", "run", str(folder), "--jobs", "2"]
-    command += ["--output-dir", str(folder / "sim-results")]
-    ran = subprocess.run(command, cwd=ACTION, capture_output=True, text=True, check=False)
-    assert ran.returncode == 1, ran.stdout + ran.stderr
-    return folder
-
-
-@pytest.mark.pybullet
-def test_what_the_audit_keeps_from_the_engine_would_cost_its_own_scenario_only(unaudited: Path) -> None:
-    found = outcomes(unaudited)
-    assert found.keys() == {*SIGNALS, *UNSTABLE, *GOOD_TWINS}
-    for name in SIGNALS:
-        (failure,) = found[name].failures
-        assert (name, failure.kind) == (name, "crash")
-        assert "was ended by SIGSEGV" in failure.message or "was ended by SIGABRT" in failure.message
-    for name in UNSTABLE:
-        (failure,) = found[name].failures
-        assert (name, failure.kind) == (name, "unstable")
-    assert {found[name].status for name in GOOD_TWINS} == {"passed"}
-
-
-@pytest.mark.pybullet
-def test_junit_holds_what_the_engine_died_of(unaudited: Path) -> None:
-    junit = junitparser.JUnitXml.fromfile(str(unaudited / "sim-results/junit.xml"))
-    assert len(list(junit)) == len(SIGNALS) + len(UNSTABLE) + len(GOOD_TWINS)
-    assert junit.errors == len(SIGNALS) + len(UNSTABLE)

@@ -7,11 +7,8 @@ from typing import Final
 
 import pytest
 
-from sim_action.engines import ENGINES, installed
-from sim_action.scenario.loading import build_scene
+from sim_action.engines import installed
 from sim_action.simulation.loop import SimulationRun
-from sim_action.state.command import JointTargets
-from tests.scenarios import load
 from tests.simulated import simulated
 
 WHEEL: Final = """\
@@ -71,14 +68,3 @@ def test_a_log_saturates_as_a_script_does(engine: str, column: str, tmp_path: Pa
     assert replayed.digest == scripted.digest
     (note,) = (note for note in scripted.notes if "commanded " in note)
     assert note.replace("ctl.py", "log.csv") in replayed.notes
-
-
-@pytest.mark.parametrize("engine", installed())
-def test_engines_themselves_would_give_all_that_is_asked(engine: str, tmp_path: Path) -> None:
-    """What saturation is for: without it, ten times the effort is ten times the acceleration."""
-    run(tmp_path, engine, "")
-    backend = ENGINES[engine].load()(build_scene(load(tmp_path, SCENARIO.format(engine=engine))))
-    backend.advance(0, [JointTargets(effort={"axle": 20.0}), *[None] * 119])
-    reached = backend.observe(120, contacts=False).joints["axle"].velocity
-    backend.close()
-    assert reached == pytest.approx(20.0, rel=0.01)
