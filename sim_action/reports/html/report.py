@@ -5,6 +5,7 @@ This module assembles the page: head, list of scenarios, an article for each, an
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import chain
 from math import isfinite
@@ -58,7 +59,7 @@ def page(results: Results, options: ReportOptions) -> Page:
     main = Html('<main id="main" tabindex="-1">' if plan.has_suite else "<main>")
     head = f'{page_head(results, base)}\n<div class="layout">{joined(scenario_list(plan, results), main)}'
     form = packed_article if len(plan.entries) > MAX_PARSED_ARTICLES else bytes
-    parts: Iterable[bytes] = (form(articles.pop(entry.identity)) for entry in plan.entries)
+    parts: Iterable[bytes] = (form(zlib.decompress(articles.pop(entry.identity))) for entry in plan.entries)
     if plan.has_suite:
         from sim_action.reports.html.suite import suite_article  # a usual run does without it
 
@@ -75,6 +76,11 @@ def page(results: Results, options: ReportOptions) -> Page:
     )
     carried = blocks.blocks | shared | {_sweep_id(identity): block for identity, block in plots.items()}
     return Page(title, results.conclusion != "success", body, index, carried, has_replays=bool(blocks.blocks))
+
+
+def _packed(article: Html) -> bytes:
+    """Return an article as it waits until the page is written: thousands have tens of megabytes."""
+    return zlib.compress(encoded(article), 1)
 
 
 def _lines(parts: Iterable[bytes]) -> Iterator[bytes]:
@@ -99,7 +105,7 @@ def _sweep_id(identity: str) -> str:
 def _run_articles(
     plan: PagePlan, results: Results, options: ReportOptions, blocks: ReplayBlocks, ghosts: GhostSources
 ) -> tuple[dict[str, bytes], dict[int, RunLook]]:
-    """Return the articles of all runs by element id, worst first, and by `id()` of the outcome its replay's look."""
+    """Return the packed articles of runs by element id, worst first, and by `id()` of an outcome its replay's look."""
     reader, outlines = ReplayReader(), SceneOutlines()
     articles: dict[str, bytes] = {}
     looks: dict[int, RunLook] = {}
@@ -117,7 +123,7 @@ def _run_articles(
         still = element("p", missing, class_="faint") if replay is None else drawn(replay, outcome, outlines)
         since = ghosts.since(identity, outcome, replay)
         gate = plan.gates.get((outcome.file, outcome.gate), "")
-        articles[identity] = encoded(
+        articles[identity] = _packed(
             run_article(identity, outcome, results, options, still, gate=gate, replay=recorded, since=since)
         )
     ghosts.settle(blocks)
@@ -143,7 +149,7 @@ def _group_articles(
             written = variations_article(group, place, options)
         else:
             written = gate_article(group, gate, place, options, ghosts.since(entry.identity, gate, None))
-        articles[entry.identity] = encoded(written)
+        articles[entry.identity] = _packed(written)
     return plots
 
 

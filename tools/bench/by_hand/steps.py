@@ -6,14 +6,13 @@ The difference between a run of 30 s and one of 5 s leaves out loading, settling
 from __future__ import annotations
 
 import statistics
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final, NamedTuple
-
-from sim_action.scenario.loading import build_scene, load_scenario
-from sim_action.simulation.loop import simulate
 
 SHORT_S: Final = 5
 LONG_S: Final = 30
@@ -37,10 +36,17 @@ class StepCosts(NamedTuple):
 
 
 def step_costs(engine: str, rounds: int) -> StepCosts:
-    """Return the medians of rounds in which the loops take turns."""
-    loops = [_ours(engine), _by_hand(engine)]
-    measured = [[_each_step(loop) for loop in loops] for _ in range(rounds + 1)]
-    return StepCosts(*map(statistics.median, zip(*measured[1:], strict=True)))
+    """Return the medians of rounds in which the loops take turns, each in processes of its own.
+
+    In one process with sim-action, the loop by hand would have its settings, such as MuJoCo without a profiler.
+    """
+    measured = [[_in_process(engine, name) for name in _LOOPS] for _ in range(rounds)]
+    return StepCosts(*map(statistics.median, zip(*measured, strict=True)))
+
+
+def _in_process(engine: str, name: str) -> float:
+    words = [sys.executable, "-m", "tools.bench.by_hand.steps", engine, name]
+    return float(subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()[-1])
 
 
 def _each_step(loop: Callable[[int], object]) -> float:
@@ -55,6 +61,9 @@ def _cpu(loop: Callable[[int], object], seconds: int) -> float:
 
 
 def _ours(engine: str) -> Callable[[int], object]:
+    from sim_action.scenario.loading import build_scene, load_scenario  # the loop by hand does without it
+    from sim_action.simulation.loop import simulate  # the loop by hand does without it
+
     with tempfile.TemporaryDirectory() as folder:
         loaded = {}
         for seconds in (SHORT_S, LONG_S):
@@ -72,3 +81,11 @@ def _by_hand(engine: str) -> Callable[[int], object]:
     from tools.bench.by_hand.with_mujoco import record as mujoco_loop
 
     return mujoco_loop.record
+
+
+_LOOPS: Final = {"ours": _ours, "by hand": _by_hand}
+
+if __name__ == "__main__":
+    run = _LOOPS[sys.argv[2]](sys.argv[1])
+    run(SHORT_S)  # what a first run imports and compiles does not count
+    print(_each_step(run))
