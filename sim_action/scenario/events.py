@@ -416,9 +416,17 @@ def _why_no_moment(assertion: Assertion) -> SpecProblems:
                 f"a formula that looks ahead by more than {_MAX_LOOKAHEAD_S:g} s is decided at the end of the run only"
             )
             yield (assertion.key,), f"{most}; give its operators an interval, such as always[0 s, 2 s] (...)"
-    elif not assertion.has_truth:
-        why = f"'{assertion.key}' is not true or false at a moment, so nothing can happen then"
-        yield (assertion.key,), f"{why}; use at_once, an stl formula, or an assertion such as reach, contact or upright"
+        return
+    leaves = [*assertion.leaves()]
+    if assertion.has_truth and all(leaf.has_truth for leaf in leaves):
+        return
+    use = "use an stl formula, or an assertion such as reach, contact or upright"
+    if any(isinstance(leaf, Stl) for leaf in leaves):
+        word = "or" if assertion.key == "any_of" else "and"
+        use = f"write all of it as one formula, such as stl: x > 1 m {word} clearance(box) < 0.5 m"
+    elif all(leaf.has_truth for leaf in leaves):
+        use = "use at_once for what must be true at one moment"
+    yield (assertion.key,), f"'{assertion.key}' is not true or false at a moment, so nothing can happen then; {use}"
 
 
 def _action_problems(action: Action, scenario: Scenario) -> SpecProblems:

@@ -95,9 +95,10 @@ class _Actor:
             self._rows = [None] * (end - step)
         self._first, self.until = step, step + len(self._rows)
 
-    def targets(self, step: int) -> JointTargets | None:
-        """Return its new targets at a step; None if it keeps the last ones."""
-        return self._rows[step - self._first]
+    def targets(self, step: int, count: int) -> Iterator[tuple[int, JointTargets]]:
+        """Yield its new targets at some steps, each with its number among them; without one it keeps the last ones."""
+        rows = self._rows[step - self._first :][:count]
+        return ((at, targets) for at, targets in enumerate(rows) if targets is not None)
 
     def notes(self, end: float) -> Iterator[str]:
         """Yield the notes on its run."""
@@ -163,11 +164,13 @@ class Actors(Guard):
 
     def added_to(self, planned: Sequence[JointTargets | None], step: int) -> list[JointTargets | None]:
         """Return the targets of the robot under test from a step on, with those of all others."""
-        return [self._joined(row, at) for at, row in enumerate(planned, start=step)]
-
-    def _joined(self, row: JointTargets | None, step: int) -> JointTargets | None:
-        own = {actor.name: targets for actor in self._actors if (targets := actor.targets(step)) is not None}
-        return replace(row or JointTargets(), actors=own) if own else row
+        joined: dict[int, dict[str, JointTargets]] = {}
+        for actor in self._actors:
+            for at, targets in actor.targets(step, len(planned)):
+                joined.setdefault(at, {})[actor.name] = targets
+        return [
+            replace(row or JointTargets(), actors=joined[at]) if at in joined else row for at, row in enumerate(planned)
+        ]
 
     def seen_with(self, trace: Trace) -> Trace:
         """Return the trace since the last call with the poses of the robots."""

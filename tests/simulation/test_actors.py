@@ -103,7 +103,8 @@ def test_names_and_far_robots_change_nothing(tmp_path: Path, engine: str) -> Non
     ]
     digests = {run(tmp_path, written(text, expect, engine=engine)).digest for text in several}
     far = {run(tmp_path, written(actor("far", x), expect, engine=engine)).digest for x in (50.0, 80.0)}
-    assert len(digests | far) == 1
+    alone = written("", expect, engine=engine).replace("no_collision", "upright")
+    assert len(digests | far | {run(tmp_path, alone).digest}) == 1
 
 
 @pytest.mark.parametrize("engine", ENGINES)
