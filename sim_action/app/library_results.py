@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, SupportsIndex, overload
 
-from sim_action.core.errors import ExitCode, UsageError
+from sim_action.core.errors import ExitCode, Location, UsageError
 from sim_action.core.wording import shortened, system_reason
 from sim_action.reports import ReportOptions
 from sim_action.reports.console import Console
@@ -29,7 +29,6 @@ from sim_action.state.trace_storage import load_trace
 if TYPE_CHECKING:
     import pandas as pd
 
-    from sim_action.core.errors import Location
     from sim_action.results.outcome import GateStatistics
 
 _MAX_EMBEDDED_BYTES: Final = 8_000_000

@@ -29,7 +29,6 @@ from sim_action.world.scene import Scene
 _MAX_TITLE: Final = 100
 CREEP_M: Final = 0.1  # in m: a robot that drives goes farther than this; a smaller limit asks for a robot at rest
 CREEP_M_S: Final = 0.05  # in m/s and rad/s: a robot that drives is faster than this
-
 NO_READING: Final = "The sensor had no reading between `after` and `before`, or the run ended before `after`."
 """When an assertion on the readings of a sensor is not exercised."""
 
@@ -48,9 +47,7 @@ class Assertion(FrozenModel):
     """The base class of all assertions."""
 
     key: ClassVar[str]  # the name in YAML
-
     reference: ClassVar[Reference]  # the facts for the documents; assertions of installed packages need none
-
     bare_value: ClassVar[str | None] = None
     """The key whose text may replace the whole map in YAML; None if there is none."""
 
@@ -61,14 +58,11 @@ class Assertion(FrozenModel):
     """The unit of what it measures, an SI symbol; None if the scenario or the run decides it."""
 
     ceilings: ClassVar[tuple[Ceiling, ...]] = ()  # the greatest values that its limits can have in any run
-
     sees_shapes: ClassVar[bool] = False
     """True if it judges contacts or distances, which only links with a collision shape have."""
 
     has_golden: ClassVar[bool] = False  # True if it compares the run with a golden trajectory
-
     more_moments: ClassVar[str] = "run for longer"  # the advice for a run in which it was judged at one moment only
-
     slow_modules: ClassVar[tuple[str, ...]] = ()  # modules that its monitor imports, and that few runs need
 
     @classmethod

@@ -263,7 +263,6 @@ class AtOnce(Several):
     )
 
     is_goal: ClassVar[bool] = True
-
     has_truth: ClassVar[bool] = True
 
     @property

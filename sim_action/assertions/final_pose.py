@@ -120,7 +120,6 @@ class FinalPoseMonitor(Monitor):
     """The monitor of the pose at the last step, and of the closest approach before it."""
 
     is_momentary = True
-
     spec: FinalPose
     origin: Pose  # pose of the frame of the place, in the world
     nearest: ClosestApproach

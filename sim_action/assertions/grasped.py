@@ -69,7 +69,6 @@ class Grasped(Assertion):
         return Channels(objects=frozenset({self.object}), link_contacts=frozenset(self.by))
 
     is_goal: ClassVar[bool] = True
-
     has_truth: ClassVar[bool] = True
 
     @property

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 from typing_extensions import override
 
 from sim_action.assertions import Assertion, Reference
-from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
-from sim_action.assertions.monitors.contact_force import MeanForce, duration_text, times_of
-from sim_action.assertions.monitors.proximity import clearance_signal, strength, touching_at, with_zeros
-from sim_action.core.lazy_numpy import np
-from sim_action.core.records import dataclass, replace
+from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor
+from sim_action.assertions.monitors.contact_force import MeanForce, duration_text
+from sim_action.assertions.monitors.proximity import FirstTouchMonitor, clearance_signal, strength
+from sim_action.core.records import dataclass
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.link_pairs import has_limb
@@ -120,66 +119,39 @@ class NoCollision(Assertion):
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         limbs = has_limb(scene.model, bolted=scene.bolted)
-        return NoCollisionMonitor(frozenset(self.allow), 1 / scene.physics.rate, has_limb=limbs)
+        return NoCollisionMonitor(1 / scene.physics.rate, allowed=frozenset(self.allow), has_limb=limbs)
 
 
 @dataclass(frozen=True, slots=True)
-class NoCollisionMonitor(Monitor):
-    """The monitor of the first forbidden contact, with the force of all its points.
+class NoCollisionMonitor(FirstTouchMonitor):
+    """The monitor of the first contact with a body.
 
     The run ends at that contact, so there is no mean force yet, and the force of one step depends on the rate.
     """
 
-    is_momentary = True
-
-    allowed: frozenset[str]
-    step: float
+    allowed: frozenset[str] = frozenset()
     has_limb: bool = False  # True for an arm or a leg, whose links can touch each other
-    first: Contact | None = None
-    end: float | None = None
-
-    @property
-    @override
-    def state(self) -> State:
-        return State.HOLDS if self.first is None else State.BROKEN
 
     @override
-    def observe(self, trace: Trace) -> Self:
-        if self.first is not None:
-            return self
-        # A stored trace is decimated: it may have contacts between its steps, or no step at all.
-        end = float(trace.time[-1]) if len(trace) else self.end
-        return replace(self, first=self._first_in(trace.contacts), end=end)
-
-    def _first_in(self, contacts: Sequence[Contact]) -> Contact | None:
-        first = next(filter(self._is_forbidden, contacts), None)
-        if first is None:
-            return None
-        points = (other for other in contacts if other.time == first.time)
-        force = sum(other.force for other in points if (other.link, other.body) == (first.link, first.body))
-        return first._replace(force=force)
-
-    @override
-    def truth(self, trace: Trace) -> Truth:
-        touches = touching_at(trace, times_of(self._forbidden_in(trace)), self.step)
-        return Truth(touches.time, np.logical_not(touches.holds))
+    def summed(self, touches: Sequence[Contact]) -> Contact:
+        first = touches[0]
+        points = [one for one in touches if (one.time, one.link, one.body) == (first.time, first.link, first.body)]
+        return first._replace(force=sum(one.force for one in points))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See Monitor.signals. Returns contact (0 or 1) at each step, and the mean force if there is any."""
-        forbidden = self._forbidden_in(trace)
-        touches = with_zeros(trace.time, times_of(forbidden), np.ones(len(times_of(forbidden))), self.step)
-        touching = Signal("touching something", "contacts", *touches, upper=0.0)
+        forbidden = self.forbidden(trace)
+        touching = self.touching("touching something", trace, forbidden)
         if forbidden and not any(contact.has_force for contact in forbidden):
             return (touching,)
         mean = MeanForce(1 / self.step, max(FORCE_WINDOW_S, self.step))
         name = f"contact force, mean over {duration_text(mean.window)}"
         return (touching, Signal(name, "N", *mean.observe(trace, forbidden)[1]))
 
-    def _forbidden_in(self, trace: Trace) -> list[Contact]:
-        return [contact for contact in trace.contacts if self._is_forbidden(contact)]
-
-    def _is_forbidden(self, contact: Contact) -> bool:
-        return contact.link not in self.allowed and contact.body not in self.allowed and contact.body != GROUND
+    @override
+    def forbidden(self, trace: Trace) -> list[Contact]:
+        ignored = {*self.allowed, GROUND}
+        return [one for one in trace.contacts if one.link not in self.allowed and one.body not in ignored]
 
     def verdict(self) -> Verdict:
         """Return the verdict. `measured` is the number of forbidden contacts, 0 or 1."""
@@ -187,9 +159,4 @@ class NoCollisionMonitor(Monitor):
             own = "; its own links do not count (self_collision watches them)" if self.has_limb else ""
             message = f"touched nothing{' else' if self.allowed else ''}{own}"
             return Verdict(True, 0.0, 0.0, 0.0, "contacts", self.end, message)
-        x, y, z = self.first.position_xyz
-        message = (
-            f"{self.first.link} touched {self.first.body} at {self.first.time:.2f} s, "
-            f"at ({x:.2f}, {y:.2f}, {z:.2f}) m, {strength(self.first)}"
-        )
-        return Verdict(False, 1.0, 0.0, -1.0, "contacts", self.first.time, message, body=self.first.body)
+        return self.touched(self.first.link, self.first.body, strength(self.first), self.first.body)

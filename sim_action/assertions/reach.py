@@ -176,7 +176,6 @@ class Reach(PoseTarget):
     y: Metres
 
     is_goal: ClassVar[bool] = True
-
     has_truth: ClassVar[bool] = True
 
     @override

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar, Final, Self
+from collections.abc import Iterable, Sequence
+from typing import Annotated, Any, ClassVar, Final
 
 from pydantic import Field, field_validator
 from typing_extensions import override
 
 from sim_action.assertions import Assertion, Reference, shortened_title
-from sim_action.assertions.monitors import Monitor, State, Truth
-from sim_action.assertions.monitors.contact_force import times_of
-from sim_action.assertions.monitors.proximity import touching_at, with_zeros
+from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.monitors.proximity import FirstTouchMonitor
 from sim_action.core import units
-from sim_action.core.lazy_numpy import np
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import dataclass
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import matches_name
@@ -98,16 +96,13 @@ class SelfCollision(Assertion):
                 if not any(_names(names, pair) for pair in meant):
                     message = f"{names[0]} and {names[1]} are not judged: {_NOT_JUDGED}; remove this pair"
                     yield ("allow", index), message
-            if all(map(self._is_allowed, meant)):
+            if all(_allows(self.allow, pair) for pair in meant):
                 yield ("allow",), "it names every pair of links that can touch, so no touch counts; remove pairs"
-
-    def _is_allowed(self, pair: tuple[str, str]) -> bool:
-        return any(_names(names, pair) for names in self.allow)
 
     @override
     def robot_claims(self, scene: Scene) -> Findings:
         """Yield a robot whose links never come near each other, such as two wheels."""
-        pairs = (pair for pair in touchable_pairs(scene.model) if not self._is_allowed(pair))
+        pairs = (pair for pair in touchable_pairs(scene.model) if not _allows(self.allow, pair))
         if not scene.model.mjcf and all(least_distance(scene, *pair) > 0 for pair in pairs):
             message = "no two links can come near each other, whatever their joints; remove self_collision"
             yield ClaimFinding("nothing-to-touch", (), message)
@@ -118,11 +113,11 @@ class SelfCollision(Assertion):
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        return SelfCollisionMonitor(self, 1 / scene.physics.rate, collides=scene.robot.self_collision)
+        return SelfCollisionMonitor(1 / scene.physics.rate, allowed=self.allow, collides=scene.robot.self_collision)
 
-    def forbidden(self, trace: Trace) -> list[SelfContact]:
-        """Return the contacts that count."""
-        return [touch for touch in trace.self_contacts if not self._is_allowed((touch.link, touch.other))]
+
+def _allows(allowed: Iterable[tuple[str, str]], pair: tuple[str, str]) -> bool:
+    return any(_names(names, pair) for names in allowed)
 
 
 def _names(names: tuple[str, str], pair: tuple[str, str]) -> bool:
@@ -131,62 +126,34 @@ def _names(names: tuple[str, str], pair: tuple[str, str]) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class SelfCollisionMonitor(Monitor):
-    """The monitor of the first forbidden contact between links, with the force of all its points."""
+class SelfCollisionMonitor(FirstTouchMonitor):
+    """The monitor of the first contact between links."""
 
-    is_momentary = True
-
-    spec: SelfCollision
-    step: float  # s of sim time
-    collides: bool  # True if links push each other away
-    first: SelfContact | None = None
-    end: float | None = None
-
-    @property
-    @override
-    def state(self) -> State:
-        return State.HOLDS if self.first is None else State.BROKEN
+    allowed: tuple[tuple[str, str], ...] = ()
+    collides: bool = False  # True if links push each other away
 
     @override
-    def observe(self, trace: Trace) -> Self:
-        if self.first is not None:
-            return self
-        end = float(trace.time[-1]) if len(trace) else self.end
-        return replace(self, first=_summed(self.spec.forbidden(trace)), end=end)
+    def forbidden(self, trace: Trace) -> list[SelfContact]:
+        return [touch for touch in trace.self_contacts if not _allows(self.allowed, (touch.link, touch.other))]
 
     @override
-    def truth(self, trace: Trace) -> Truth:
-        touches = touching_at(trace, times_of(self.spec.forbidden(trace)), self.step)
-        return Truth(touches.time, np.logical_not(touches.holds))
+    def summed(self, touches: Sequence[SelfContact]) -> SelfContact:
+        first = touches[0]
+        points = [one for one in touches if (one.time, one.link, one.other) == (first.time, first.link, first.other)]
+        return first._replace(force=sum(one.force for one in points), depth=max(one.depth for one in points))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See Monitor.signals. Returns contact (0 or 1) at each step."""
-        times = times_of(self.spec.forbidden(trace))
-        touches = with_zeros(trace.time, times, np.ones(len(times)), self.step)
-        return (Signal("touching itself", "contacts", *touches, upper=0.0),)
+        return (self.touching("touching itself", trace, self.forbidden(trace)),)
 
     def verdict(self) -> Verdict:
         """Return the verdict. `measured` is the number of forbidden contacts, 0 or 1."""
         if self.first is None:
-            message = "its links did not touch each other" + (", but for allowed pairs" if self.spec.allow else "")
+            message = "its links did not touch each other" + (", but for allowed pairs" if self.allowed else "")
             return Verdict(True, 0.0, 0.0, 0.0, "contacts", self.end, message)
-        touch = self.first
-        x, y, z = touch.position_xyz
-        how = (
-            f"with {units.display(touch.force, 'N')} in that physics step"
-            if touch.force
-            else f"{units.display(touch.depth, 'm')} deep"
-            if self.collides
-            else f"{units.display(touch.depth, 'm')} deep (links pass through each other: robot.self_collision is off)"
-        )
-        message = f"{touch.link} touched {touch.other} at {touch.time:.2f} s, at ({x:.2f}, {y:.2f}, {z:.2f}) m, {how}"
-        return Verdict(False, 1.0, 0.0, -1.0, "contacts", touch.time, message)
-
-
-def _summed(touches: Sequence[SelfContact]) -> SelfContact | None:
-    """Return the first contact, with the force of all points of its pair at that moment."""
-    if not touches:
-        return None
-    first = touches[0]
-    points = [each for each in touches if (each.time, each.link, each.other) == (first.time, first.link, first.other)]
-    return first._replace(force=sum(each.force for each in points), depth=max(each.depth for each in points))
+        how = f"{units.display(self.first.depth, 'm')} deep"
+        if self.first.force:
+            how = f"with {units.display(self.first.force, 'N')} in that physics step"
+        elif not self.collides:
+            how += " (links pass through each other: robot.self_collision is off)"
+        return self.touched(self.first.link, self.first.other, how)

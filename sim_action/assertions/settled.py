@@ -74,7 +74,6 @@ class Settled(AtRest, MotionAssertion):
     ] = None
 
     is_goal: ClassVar[bool] = True
-
     has_truth: ClassVar[bool] = True
 
     @property

@@ -56,7 +56,6 @@ class StopsBefore(AtRest):
         return self
 
     is_goal: ClassVar[bool] = True
-
     has_truth: ClassVar[bool] = True
 
     @property

@@ -7,7 +7,7 @@ import numbers
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Self, get_args
+from typing import Annotated, Any, ClassVar, Final, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -24,16 +24,13 @@ from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import plain_data
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.link_motion import LinkMotions
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict, VerdictStatus
 from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.robot.model.robot_model import RobotModel
-
 
 Kind = Literal["end", "invariant", "goal"]
 _BEGINNING: Final = {"end": State.HOLDS, "invariant": State.HOLDS, "goal": State.PENDING}

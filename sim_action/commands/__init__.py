@@ -75,7 +75,6 @@ class CommandSource(Transmission):
     """The base class of command sources: a frozen spec whose fields are the YAML keys."""
 
     key: ClassVar[str]  # the YAML key that names the source, which is also one of its fields
-
     runs_user_code: ClassVar[bool] = False
     """True if `open` or the controller runs code of the user; the scenario then gets an interpreter of its own.
 
@@ -92,13 +91,9 @@ class CommandSource(Transmission):
                 raise TypeError(f"{cls.__name__} has no field '{key}', which holds the value of its key in a scenario")
 
     needs_drive: ClassVar[bool] = False  # True if all its commands are twists, independent of its files
-
     is_for_actors: ClassVar[bool] = True  # True if the other robots of a world can have it, too
-
     is_written: ClassVar[bool] = False  # True if its commands are written in the scenario; else a controller gives them
-
     package: ClassVar[str | None] = None  # the package that computes its commands; its version is part of the result
-
     map_key: ClassVar[str | None] = None
     """The name of its own key in a map of all keys: `script: {file: a.py, class: A}` is `script: a.py` with `class`."""
 

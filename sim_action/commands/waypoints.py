@@ -112,7 +112,6 @@ _ROUNDING: Final = 1e-9  # points that are closer than this are equal
 
 # Beyond the first heading error, a robot turns in place if it can, until the error is below the second. In rad.
 _FAR_OFF: Final = math.radians(45)
-
 _ALIGNED: Final = math.radians(3)
 _AT_THE_POINT: Final = 0.25  # within this share of the tolerance, the robot has arrived
 _BRAKES: Final = 0.5  # shares of the drive's limits that are used; the rest is a reserve for corrections

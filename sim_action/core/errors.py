@@ -27,14 +27,12 @@ Exit code 0: all scenarios passed; 5: no scenario was found; 130: the run was in
 from __future__ import annotations
 
 import errno
+from collections.abc import Callable, Iterable
 from enum import IntEnum
-from typing import TYPE_CHECKING, ClassVar, Final, Literal
+from typing import ClassVar, Final, Literal
 
 from sim_action.core.records import dataclass
 from sim_action.core.wording import system_reason
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,6 @@ from sim_action.world.scene import Scene
 _TYRE_DEPTH_M: Final = 0.25e-3
 # Damping as a multiple of the critical one. MuJoCo's rigid contacts yield more slowly than tyres with less.
 _TYRE_DAMPING: Final = 2.0
-
 Sides = tuple[tuple[str, ...], tuple[str, ...]]
 _MIN_LATERAL_M: Final = 1e-3  # a wheel closer to the centre line than this is on neither side
 _MIN_WHEELS: Final = 4

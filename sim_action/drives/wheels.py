@@ -26,7 +26,6 @@ MAX_AXLE_DEVIATION: Final = 0.1
 
 MIN_UPRIGHT_Z: Final = 0.8  # an axis with at least this z component, as a unit vector, counts as upright
 _PARALLEL: Final = 0.99  # the least product of two unit vectors that count as parallel
-
 MAX_LIFT_SHARE: Final = 0.1
 """A wheel on the ground ends at most this share of its radius above the lowest point of the robot."""
 

@@ -8,8 +8,9 @@ links of the robot collide with each other only on request, and everything has a
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import Final, Protocol
 
+from sim_action.core.geometry import Pose
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Clash, Observation, Overlap
@@ -19,10 +20,6 @@ from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import ContactRecord
 from sim_action.world import World
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.core.geometry import Pose
-
 
 NO_CHANNELS: Final = Channels()
 

@@ -29,22 +29,17 @@ if TYPE_CHECKING:
     """The points (P, 3) and the triangles (T, 3), which are rows of the points."""
 
 
+import re
 import warnings
+from collections import Counter
+from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
-from sim_action.core.wording import shown
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-
-import re
-from collections import Counter
-from pathlib import Path
-
 from sim_action.core.files import open_regular
+from sim_action.core.lazy_numpy import NDArray
+from sim_action.core.wording import shown
 
 _MAX_ELEMENT_DEPTH: Final = 200
 _MAX_ELEMENTS: Final = 200_000

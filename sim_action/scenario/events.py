@@ -24,12 +24,12 @@ from sim_action.scenario.faults import Fault
 from sim_action.state.timeline import NOT_YET, TimeMark, late_problems, waits
 from sim_action.world import Body, Disturbance
 from sim_action.world.body_path import MAX_PACE, Pace
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.assertions import Assertion
     from sim_action.assertions.temporal_logic.formula import Formula
     from sim_action.scenario.model import DrivenActor, Scenario
-    from sim_action.world.scene import Scene
 
 MAX_EVENTS: Final = 100
 

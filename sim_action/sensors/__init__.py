@@ -61,7 +61,6 @@ class Sensor(FrozenModel):
     """The base class of all sensors."""
 
     key: ClassVar[str]  # the YAML key of the sensor
-
     watches_contacts: ClassVar[bool] = False
     """True if it reads `Observation.contacts`, which are computed only on request."""
 

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from sim_action.core.geometry import ZERO, Twist, Vector3
 from sim_action.core.records import dataclass, field
-
-if TYPE_CHECKING:
-    from sim_action.state.joint_motion import JointMotion
+from sim_action.state.joint_motion import JointMotion
 
 WORLD_FRAME: Final = "world"
 
@@ -130,7 +128,6 @@ def without_joints(motions: Iterable[JointMotion], joints: Collection[str]) -> t
 
 
 Command = Twist | JointTargets | LinkWrench
-
 Answer = Command | tuple[Command, ...] | None
 """The answer of a controller at a tick: a command, several that act together, or None to keep the last ones."""
 

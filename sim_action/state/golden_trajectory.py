@@ -22,7 +22,6 @@ from sim_action.core.wording import escaped_line, shown
 from sim_action.state.trace import Trace
 
 RESOLUTION: Final = 1e-4  # the resolution of values, in m and rad
-
 TITLE: Final = "# sim-action golden trajectory "
 """The beginning of the first line; the version of the format and the robot follow."""
 

@@ -30,8 +30,6 @@ COLUMNS: Final = (
 """The columns of a state, and the arrays of a stored trace."""
 
 _WIDTHS: Final = {"base_position_xyz": 3, "base_orientation_xyzw": 4, "base_linear_xyz": 3, "base_angular_xyz": 3}
-
-
 _CONTACTS: Final = ("contacts", "self_contacts")
 _RECORDS: Final = ("sensors", "clearances", "bodies", "objects", "link_contacts")
 

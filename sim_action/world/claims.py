@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import reduce
-from typing import TYPE_CHECKING, Any, Final, Literal, Self
+from typing import Any, Final, Literal, Self
 
 from sim_action.core import units
 from sim_action.core.errors import Location
@@ -26,9 +26,7 @@ from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from sim_action.world import GRAVITY, Physics, World
 from sim_action.world.physics import FELT_SHARE
-
-if TYPE_CHECKING:
-    from sim_action.world.scene import Scene
+from sim_action.world.scene import Scene
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Final
 from sim_action.core.geometry import Pose, Vector3, compose
 from sim_action.world import placed
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, SpherePart, SurfacePart, moved
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.world.parts import Part
-    from sim_action.world.scene import Scene
 
 _ROUND: Final = 32
 _MAX_POINTS: Final = 400

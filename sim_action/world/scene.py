@@ -15,12 +15,11 @@ from sim_action.core.lazy_numpy import Generator, np
 from sim_action.core.records import dataclass, field
 from sim_action.core.workspace import Workspace
 from sim_action.robot.model.kinematics import Mobility, link_poses, why_no_link
-from sim_action.robot.model.robot_model import WORLD, RobotModel, keyframe_of
+from sim_action.robot.model.robot_model import WORLD, Keyframe, RobotModel, keyframe_of
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.world import Body, Physics, World
 
 if TYPE_CHECKING:
-    from sim_action.robot.model.robot_model import Keyframe
     from sim_action.world.parts import Part
 
 

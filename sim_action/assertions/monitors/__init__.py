@@ -119,6 +119,22 @@ class Monitor(Fold):
         return ()
 
 
+def _states(monitor: Any, name: str) -> bool:
+    if not isinstance(monitor, Monitor):
+        return hasattr(monitor, name)
+    default = getattr(Monitor, name)
+    return getattr(type(monitor), name, default) is not default
+
+
+def _own(name: str) -> Any:
+    """Return a property of an adapted monitor: that of its own monitor, or else the default of Monitor."""
+
+    def found(adapted: AdaptedMonitor) -> Any:
+        return getattr(adapted.monitor if _states(adapted.monitor, name) else super(AdaptedMonitor, adapted), name)
+
+    return property(found)
+
+
 @dataclass(frozen=True)
 class AdaptedMonitor(Monitor):
     """A monitor of an installed package that does not derive from Monitor: what it lacks is as in Monitor."""
@@ -145,30 +161,13 @@ class AdaptedMonitor(Monitor):
     def is_goal(self) -> bool:
         return self.began is State.PENDING
 
-    @property
-    @override
-    def is_decided(self) -> bool:
-        return bool(self._own("is_decided"))
-
-    @property
-    @override
-    def needed_until(self) -> float:
-        return float(self._own("needed_until"))
-
-    @property
-    @override
-    def unmet_premises(self) -> tuple[str, ...]:
-        return tuple(self._own("unmet_premises"))
-
-    @property
-    @override
-    def is_sampled(self) -> bool:
-        return bool(self._own("is_sampled"))
-
-    @property
-    @override
-    def is_momentary(self) -> bool:
-        return bool(self._own("is_momentary"))
+    is_decided = _own("is_decided")
+    needed_until = _own("needed_until")
+    unmet_premises = _own("unmet_premises")
+    is_sampled = _own("is_sampled")
+    is_momentary = _own("is_momentary")
+    truth = _own("truth")
+    signals = _own("signals")
 
     @override
     def begin(self, trace: Trace) -> Self:
@@ -182,23 +181,3 @@ class AdaptedMonitor(Monitor):
     def verdict(self) -> Verdict:
         verdict: Verdict = self.monitor.verdict()
         return verdict
-
-    @override
-    def truth(self, trace: Trace) -> Truth:
-        truth: Truth = self._own("truth")(trace)
-        return truth
-
-    @override
-    def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        return tuple(self._own("signals")(trace))
-
-    def _own(self, name: str) -> Any:
-        """Return an attribute of the monitor, or else the default of Monitor."""
-        return getattr(self.monitor if _states(self.monitor, name) else super(), name)
-
-
-def _states(monitor: Any, name: str) -> bool:
-    if not isinstance(monitor, Monitor):
-        return hasattr(monitor, name)
-    default = getattr(Monitor, name)
-    return getattr(type(monitor), name, default) is not default

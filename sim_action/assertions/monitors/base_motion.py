@@ -25,8 +25,6 @@ _CORRECTION_M: Final = 1e-3
 _CORRECTION_RAD: Final = math.radians(0.1)
 _ONE_STEP: Final = 1.5  # up to this many steps apart, two states follow each other
 _MAX_GAP_S: Final = 0.25  # The same in a stored trace. A mean over a longer time says little about a step.
-
-
 _Ways = Callable[["FloatArray", "FloatArray"], "FloatArray"]
 
 

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Final
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any, Final, Self
 
-from sim_action.assertions.monitors import Truth
+from typing_extensions import override
+
+from sim_action.assertions.monitors import Monitor, State, Truth
+from sim_action.assertions.monitors.contact_force import times_of
 from sim_action.assertions.temporal_logic.formula import quoted
 from sim_action.core import units
 from sim_action.core.lazy_numpy import FloatArray, np
+from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.observation import Contact
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.state.trace_records import ClearanceRecord, Nearness
+from sim_action.state.verdict import Signal, Verdict
 
 
 def nearest_of(trace: Trace, watch: ClearanceWatch | None, before: Nearness | None) -> Nearness | None:
@@ -79,6 +86,55 @@ def touching_at(trace: Trace, time: FloatArray, step: float) -> Truth:
     # Two computations of the time of a step differ by rounding.
     at = np.searchsorted(time, steps - step / 2)
     return Truth(steps, np.append(time, np.inf)[at] <= steps + step / 2)
+
+
+@dataclass(frozen=True, slots=True)
+class FirstTouchMonitor(Monitor):
+    """The base class of monitors of the first forbidden contact, with the force of all its points."""
+
+    is_momentary = True
+
+    step: float  # s of sim time
+    first: Any = None  # the Contact or SelfContact
+    end: float | None = None
+
+    @abstractmethod
+    def forbidden(self, trace: Trace) -> Sequence[Any]:
+        """Return the contacts that are not allowed."""
+
+    @abstractmethod
+    def summed(self, touches: Sequence[Any]) -> Any:
+        """Return the first contact, with the force of all points of its pair at that moment."""
+
+    @property
+    @override
+    def state(self) -> State:
+        return State.HOLDS if self.first is None else State.BROKEN
+
+    @override
+    def observe(self, trace: Trace) -> Self:
+        if self.first is not None:
+            return self
+        # A stored trace is decimated: it may have contacts between its steps, or no step at all.
+        end = float(trace.time[-1]) if len(trace) else self.end
+        touches = self.forbidden(trace)
+        return replace(self, first=self.summed(touches) if touches else None, end=end)
+
+    @override
+    def truth(self, trace: Trace) -> Truth:
+        touches = touching_at(trace, times_of(self.forbidden(trace)), self.step)
+        return Truth(touches.time, np.logical_not(touches.holds))
+
+    def touching(self, name: str, trace: Trace, forbidden: Sequence[Any]) -> Signal:
+        """Return contact (0 or 1) at each step of a trace."""
+        times = times_of(forbidden)
+        return Signal(name, "contacts", *with_zeros(trace.time, times, np.ones(len(times)), self.step), upper=0.0)
+
+    def touched(self, who: str, whom: str, how: str, body: str = "") -> Verdict:
+        """Return the verdict on the first contact."""
+        x, y, z = self.first.position_xyz
+        message = f"{who} touched {whom} at {self.first.time:.2f} s, at ({x:.2f}, {y:.2f}, {z:.2f}) m, {how}"
+        return Verdict(False, 1.0, 0.0, -1.0, "contacts", self.first.time, message, body=body)
 
 
 def with_zeros(moments: FloatArray, time: FloatArray, values: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:

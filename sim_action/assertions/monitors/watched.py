@@ -85,9 +85,7 @@ class MotionAssertion(Assertion):
     """The base class of assertions on the motion of a frame: of the base link, or of another link."""
 
     last_keys: ClassVar[tuple[str, ...]] = ("link", "frame")  # the keys that documents list last
-
     subject_ends: ClassVar[str] = " "  # the text between the subject of a message and the message of the monitor
-
     names_frame: ClassVar[bool] = False
     """True if the messages of the monitor name the frame, so that their subject need not."""
 

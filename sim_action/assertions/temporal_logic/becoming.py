@@ -8,7 +8,7 @@ disturbance began. Without commands and disturbances it must hold for a time fro
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import Any, Final, Self
 
 from typing_extensions import override
 
@@ -22,9 +22,7 @@ from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Signal, Verdict
-
-if TYPE_CHECKING:
-    from sim_action.world.scene import Scene
+from sim_action.world.scene import Scene
 
 HOLD_S: Final = 1.0  # the time in s for which a goal that is true from t = 0 on must hold if nothing acts on the robot
 MOVED_M: Final = 1e-3  # in m: what moved less has not moved

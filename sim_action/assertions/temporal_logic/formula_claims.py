@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Iterator
 from functools import partial
 from itertools import permutations
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from sim_action.assertions import CREEP_M, CREEP_M_S
 from sim_action.assertions.temporal_logic.formula import (
@@ -52,9 +52,7 @@ from sim_action.state.trace import Trace
 from sim_action.world import GROUND, Physics
 from sim_action.world.claims import IN_RANGE, ClaimFinding, Findings, JudgedRun, Setting
 from sim_action.world.link_range import ROUNDING_M, joint_range, joint_range_in, range_of
-
-if TYPE_CHECKING:
-    from sim_action.world.scene import Scene
+from sim_action.world.scene import Scene
 
 _AXES: Final = "xyz"
 _FELT_N: Final = 1e-3  # N: a contact sensor that reads less felt nothing

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Final, NamedTuple, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from typing_extensions import override
@@ -49,9 +49,7 @@ from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Judged, Verdict
 from sim_action.state.verdict import Signal as Curve
-
-if TYPE_CHECKING:
-    from sim_action.world.scene import Scene
+from sim_action.world.scene import Scene
 
 _MAX_POINTS: Final = 60  # a formula that is judged at the end is computed again for each point of the curve
 _AT_ONCE: Final = Interval(0.0, 0.0)

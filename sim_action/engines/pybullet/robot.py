@@ -36,6 +36,7 @@ from sim_action.engines.pybullet.queries import (
     link_twist,
 )
 from sim_action.robot.model.link_motion import LinkStates
+from sim_action.robot.model.robot_model import Mimic, RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import ByName, Contact, JointState, Observation
 from sim_action.state.trace import Trace
@@ -46,7 +47,6 @@ if TYPE_CHECKING:
     from sim_action.engines.pybullet.colliding_links import SelfCollision
     from sim_action.engines.pybullet.passive_joints import BallJoints, Springs
     from sim_action.engines.pybullet.sliding import SlidingWheels
-    from sim_action.robot.model.robot_model import Mimic, RobotModel
 
 
 class LoadedRobot(RobotQueries):

@@ -16,6 +16,7 @@ from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.replay.columns import MAX_DELTA, FloatArray, TextColumn, fine_scale
 from sim_action.recording.replay.replay_data import MAX_CHANNELS, ChannelData
 from sim_action.recording.replay.scene_data import MAX_TEXT_LENGTH
+from sim_action.robot.model.robot_model import Joint
 from sim_action.state.observation import Contact
 from sim_action.state.readings import LidarScan, columns_of
 from sim_action.state.trace import Trace
@@ -23,7 +24,6 @@ from sim_action.state.trace_records import CommandedValues
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.robot.model.robot_model import Joint
     from sim_action.sensors.reading_log import ReadingLog
 
 MAX_VALUES: Final = 150_000  # the largest number of values that change; each takes about two bytes when packed

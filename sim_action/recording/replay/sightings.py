@@ -26,10 +26,10 @@ from sim_action.state.readings import ContactReading, LidarScan
 from sim_action.state.trace import Trace
 from sim_action.world import placed
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, grid_surface, reach
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.sensors.reading_log import ReadingLog
-    from sim_action.world.scene import Scene
 
 MAX_OBSTACLES: Final = 50
 _NEAR_M: Final = 0.02  # a return this near to the shape of a body counts as a return from it

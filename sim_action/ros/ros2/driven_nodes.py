@@ -15,6 +15,7 @@ from sim_action.commands import ClosedLoop
 from sim_action.core.errors import Location, ScriptError, SourceProblem, UsageError
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import escaped_line, shortened
+from sim_action.core.workspace import Workspace
 from sim_action.robot.documents.xml_document import shown_file
 from sim_action.ros import node_start
 from sim_action.ros.messages import Message
@@ -31,13 +32,12 @@ from sim_action.ros.ros2.topics import DESCRIPTION, TRANSFORM_TOPICS, channels, 
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Transcript
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.core.workspace import Workspace
     from sim_action.ros.ros2.node_processes import ProcessFolder
     from sim_action.ros.ros2.node_spec import Ros2Nodes
     from sim_action.ros.ros2.packages import Packages
-    from sim_action.world.scene import Scene
 
 ROSOUT: Final = "/rosout"
 _LOG_TYPE: Final = "rcl_interfaces/msg/Log"

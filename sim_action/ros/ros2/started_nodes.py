@@ -17,7 +17,7 @@ from typing_extensions import override
 
 from sim_action.core.errors import ScriptError, SourceProblem
 from sim_action.core.records import dataclass
-from sim_action.core.workspace import PathError
+from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import plain_data
 from sim_action.ros import node_start
 from sim_action.ros.program_failures import Ending, ending_of, error_with_output, exit_text
@@ -29,7 +29,6 @@ from sim_action.ros.ros2.packages import Packages, command_of, workspace_of
 if TYPE_CHECKING:
     from pydantic import JsonValue
 
-    from sim_action.core.workspace import Workspace
     from sim_action.ros.ros2.node_spec import Ros2Nodes, Ros2NodeSpec
 
 DOMAINS: Final = range(1, 102)

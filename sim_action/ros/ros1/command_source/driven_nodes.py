@@ -18,10 +18,10 @@ from sim_action.ros.ros1.command_source.node_spec import RosNodes, launch_text
 from sim_action.ros.ros1.installation import find_ros
 from sim_action.ros.ros1.launch.launch_process import free_port
 from sim_action.ros.ros1.launch.overlay import Overlay
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.ros.ros1.node.robot_node import RobotNode
-    from sim_action.world.scene import Scene
 
 
 def _variables(nodes: LaunchedNodes, port: int) -> Mapping[str, str]:
