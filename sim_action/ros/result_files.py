@@ -12,8 +12,12 @@ from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 
+from sim_action.core.errors import Location
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
+from sim_action.core.wording import escaped_line
+from sim_action.results.outcome import ExpectationOutcome
+from sim_action.state.verdict import Judged, Verdict
 
 UNPUBLISHED: Final = "unpublished"  # the name of the property of a topic without a publisher; `ros_patches` writes it
 _MAX_RESULT_BYTES: Final = 16_000_000
@@ -36,6 +40,23 @@ class Case:
     problem: str | None = None
     type: str = ""
     text: str = ""
+
+
+def expectation_of(
+    case: Case, assertion: str, where: Location, time: float | None, said: str = ""
+) -> ExpectationOutcome:
+    """Return the verdict of a case; `said`: why it failed, `time`: of the end, in s of sim time."""
+    if case.problem == "skipped":
+        reason = f" ({case.text.strip()})" if case.text.strip() else ""
+        message = f"never checked: the test skipped this case{reason}; let it run, or remove it"
+        verdict = Verdict(False, message=escaped_line(message), judged=Judged())
+    else:
+        verdict = Verdict(
+            passed=case.problem is None, time=time, message=escaped_line(said) if case.problem else "held"
+        )
+    return ExpectationOutcome(
+        name=case.name or "unnamed", assertion=assertion, severity="error", location=where, verdict=verdict
+    )
 
 
 @dataclass(frozen=True, slots=True)

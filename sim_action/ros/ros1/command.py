@@ -28,7 +28,7 @@ from sim_action.ros.ros1.installation import Ros, find_ros
 from sim_action.ros.ros1.launch.launch_process import Launch, Watch, free_port
 from sim_action.ros.ros1.launch.overlay import Overlay, build_overlay, scratch_parent
 from sim_action.ros.ros1.launch_request import REPLAY_FILE, REQUEST_FILE, TRACE_FILE, SimulationRequest
-from sim_action.ros.ros1.verdicts.findings import LOGS, RESULTS, Findings, LaunchFolders, Run, collect_findings
+from sim_action.ros.ros1.verdicts.findings import LOGS, RESULTS, Findings, Run, collect_findings
 from sim_action.ros.ros1.verdicts.judge import Judge
 from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags, TestTag, test_tags
 from sim_action.runner.isolation.child_process import environment
@@ -102,8 +102,8 @@ class LaunchCall:
             code = launch.poll()
         finally:
             launch.close()
-        share = self.overlay.variables["ROS_PACKAGE_PATH"]
-        return collect_findings(LaunchFolders(self.folder, share, self.request.workspace.resolve()), tags, ending, code)
+        share, workspace = self.overlay.variables["ROS_PACKAGE_PATH"], self.request.workspace.resolve()
+        return collect_findings(self.folder, share, workspace, tags, (ending, code))
 
     def _words(self, files: Iterable[Path]) -> list[str]:
         """Return the command line. It names files in the overlay, because rostest names its results by package."""

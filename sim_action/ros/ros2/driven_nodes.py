@@ -151,7 +151,12 @@ def _started(spec: Ros2Nodes, rate: float, scene: Scene, session: Session) -> No
     """Start the nodes that the scenario lists, or its launch file. Raise SourceProblem, ScriptError."""
     if spec.launch is None:
         return ListedNodes(spec, session.packages, scene.workspace, session.folder)
-    launched = LaunchSpec.of(spec, session.packages, scene.workspace, robot_topics(spec, rate, scene))
+    package, name, *arguments = spec.launch
+    packages, topics = session.packages, robot_topics(spec, rate, scene)
+    if packages.ros is None or (file := packages.launch_files(package).get(name)) is None:
+        raise SourceProblem(f"'{package}/{name}' does not exist any more", _KEY)
+    root = scene.workspace.root
+    launched = LaunchSpec(file, packages.ros.python, arguments, root, topics, spec.allow_losses)
     return LaunchedNodes(launched, session.folder)
 
 

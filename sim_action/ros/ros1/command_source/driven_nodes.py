@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from sim_action.commands import ClosedLoop
 from sim_action.core.errors import ScriptError, SourceProblem, UsageError
-from sim_action.ros.robot_topics import topics_of
 from sim_action.ros.ros1.catkin_packages import find_launch_file, workspace_of
 from sim_action.ros.ros1.command_source.file_problems import Packages, why_no_ros
 from sim_action.ros.ros1.command_source.launched_nodes import KEY, LaunchedNodes, LaunchSpec
@@ -85,7 +84,7 @@ def _joined(nodes: LaunchedNodes, launch: LaunchSpec, spec: RosNodes, rate: floa
     # At the end: the other packages of the distribution are for another Python.
     sys.path += [str(ros.modules), str(nodes.folder / "overlay/modules")]
     try:
-        from sim_action.ros.ros1.node.robot_node import RobotNode, RobotSpec  # the rest of the module runs without it
+        from sim_action.ros.ros1.node.robot_node import RobotNode  # the rest of the module runs without it
     except ImportError as error:
         version = ".".join(map(str, sys.version_info[:3]))
         raise ScriptError(
@@ -93,5 +92,4 @@ def _joined(nodes: LaunchedNodes, launch: LaunchSpec, spec: RosNodes, rate: floa
             f"ROS was installed for, for example in an environment made by {ros.python} -m venv"
         ) from None
     nodes.await_start()
-    robot = RobotSpec(scene.model, rate, scene.sensors, topics_of(scene.sensors, spec.topics))
-    return RobotNode(nodes, robot, spec.start_within)
+    return RobotNode(nodes, scene, spec, rate)

@@ -9,6 +9,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 from threading import Event
+from types import UnionType
 from typing import Final
 
 import rospy
@@ -21,7 +22,7 @@ from sim_action.core.errors import (
     RunError,
     SimulationUnstable,
 )
-from sim_action.results.outcome import Failure
+from sim_action.results.outcome import Failure, FailureKind
 from sim_action.robot.model.robot_spec import IN_WORLD
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, find_world, read_world
 from sim_action.ros.ros1.launch.ros_patches import ALONE, TEST_LIMIT
@@ -243,18 +244,20 @@ def _end_of(over: ControllersFinished | None) -> End:
     return "time limit" if over is None else "nodes finished"
 
 
+_FAILURES: Final[tuple[tuple[type[Exception] | UnionType, FailureKind, str], ...]] = (
+    (SimulationUnstable, "unstable", "simulation unstable"),
+    (MissingWorld, "invalid", "no such world"),
+    (_NoRobot, "invalid", "no robot"),
+    (MissedContact, "missed contact", "missed contact"),
+    (ModelError | BadStart | BadWorld, "invalid", "the simulation cannot start"),
+    (Exception, "engine", "the simulation failed"),
+)
+"""Class of an exception -> kind and title of the failure; the first that fits counts."""
+
+
 def _failure_of(error: Exception) -> Failure:
-    if isinstance(error, SimulationUnstable):
-        return Failure(kind="unstable", title="simulation unstable", message=str(error))
-    if isinstance(error, MissingWorld):
-        return Failure(kind="invalid", title="no such world", message=str(error))
-    if isinstance(error, _NoRobot):
-        return Failure(kind="invalid", title="no robot", message=str(error))
-    if isinstance(error, MissedContact):
-        return Failure(kind="missed contact", title="missed contact", message=str(error))
-    if isinstance(error, ModelError | BadStart | BadWorld):
-        return Failure(kind="invalid", title="the simulation cannot start", message=str(error))
-    return Failure(kind="engine", title="the simulation failed", message=str(error))
+    kind, title = next((kind, title) for classes, kind, title in _FAILURES if isinstance(error, classes))
+    return Failure(kind=kind, title=title, message=str(error))
 
 
 _left: Final = threading.Event()

@@ -15,11 +15,11 @@ from std_msgs.msg import Bool
 from sim_action.commands.controller_answers import twist_problem
 from sim_action.core import geometry
 from sim_action.core.errors import ScriptError
-from sim_action.core.records import dataclass
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.ros.messages import Message, image_message, imu_message, joint_states_message, scan_message
-from sim_action.ros.robot_topics import COMMANDS, JOINTS, ODOMETRY, Schedule, in_frame_of
+from sim_action.ros.robot_topics import COMMANDS, JOINTS, ODOMETRY, Schedule, in_frame_of, topics_of
 from sim_action.ros.ros1.command_source.launched_nodes import LaunchedNodes
+from sim_action.ros.ros1.command_source.node_spec import RosNodes
 from sim_action.ros.ros1.lockstep import Lockstep
 from sim_action.ros.ros1.master import Master
 from sim_action.ros.ros1.node.internal_parts import states_in, states_sensor
@@ -36,7 +36,7 @@ from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
 from sim_action.state.readings import OdometryReading
 from sim_action.state.reproducibility import Transcript
-from sim_action.world.scene import Fitting
+from sim_action.world.scene import Fitting, Scene
 
 NAME: Final = "/gazebo"  # the node name that Gazebo has
 _TWIST: Final = "geometry_msgs/Twist"
@@ -54,38 +54,34 @@ _MESSAGES: Final[Mapping[str, tuple[type[Any], Callable[[Any, Fitting], Message]
 """Kind of a sensor -> message type and conversion."""
 
 
-@dataclass(frozen=True, slots=True)
-class RobotSpec:
-    """The data of the robot that the node needs; `rate`: ticks per second; `topics`: key -> name."""
-
-    model: RobotModel
-    rate: float
-    sensors: Sequence[Fitting]
-    topics: dict[str, str]
-
-
 class RobotNode:
     """The controller of a scenario that nodes drive."""
 
-    def __init__(self, nodes: LaunchedNodes, robot: RobotSpec, start_within: float) -> None:
-        """Become one of the nodes. Raises ScriptError."""
-        self._nodes, self._robot = nodes, robot
+    def __init__(self, nodes: LaunchedNodes, scene: Scene, spec: RosNodes, rate: float) -> None:
+        """Become one of the nodes; `rate`: ticks per second. Raises ScriptError."""
+        self._nodes, self._model, self._rate = nodes, scene.model, rate
+        topics = topics_of(scene.sensors, spec.topics)
         rospy.init_node(NAME.strip("/"), disable_signals=True)
         self._master = Master(os.environ["ROS_MASTER_URI"], NAME)
         self._lockstep = Lockstep(
-            self._master, NAME, nodes.launcher, rospy.is_shutdown, gone=nodes.await_exits, newcomers_within=start_within
+            self._master,
+            NAME,
+            nodes.launcher,
+            rospy.is_shutdown,
+            gone=nodes.await_exits,
+            newcomers_within=spec.start_within,
         )
         self._traffic = traffic = Traffic()
         self.transcript = Transcript()
         self._states = GazeboTopics(traffic)
-        self._others = open_publishers(robot.model, robot.sensors, robot.topics, robot.rate, traffic)
-        self._subscription = Subscription(robot.topics[COMMANDS], TwistMessage, twist_of, traffic)
+        self._others = open_publishers(scene.model, scene.sensors, topics, rate, traffic)
+        self._subscription = Subscription(topics[COMMANDS], TwistMessage, twist_of, traffic)
         self._wall_clock = WallClockWatch(self._traffic, self._lockstep)
         self._has_begun = False
         self._listeners = self._exit_count = 0
         self._is_driven = False
         self.notes: list[str] = []
-        self.sensors = (states_sensor(robot.rate, lambda: not self._has_begun or self._states.has_link_subscribers),)
+        self.sensors = (states_sensor(rate, lambda: not self._has_begun or self._states.has_link_subscribers),)
 
     def tick(self, seen: Observation) -> Answer:
         """Publish a moment, let the nodes handle it, and return the last command. Raises ScriptError."""
@@ -136,9 +132,9 @@ class RobotNode:
 
     def _publish(self, seen: Observation) -> None:
         """Publish a moment, the clock last."""
-        name, states = self._robot.model.name, states_in(seen)
+        name, states = self._model.name, states_in(seen)
         for publish in self._others:
-            publish(round(seen.time * self._robot.rate), seen)
+            publish(round(seen.time * self._rate), seen)
         self._states.publish_models({**states.bodies, name: (seen.pose, seen.twist)})
         if states.links:
             bodies = {f"{body}::link": state for body, state in states.bodies.items()}

@@ -54,23 +54,17 @@ class Findings:
     callbacks: tuple[CallbackError, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class LaunchFolders:
-    """The folders of a call; `share`: where its processes see packages; `workspace`: of the user's packages."""
+def collect_findings(
+    folder: Path, share: str, workspace: Path, tags: Sequence[TestTag], ending: tuple[Ending, int | None]
+) -> Findings:
+    """Read the folder of a call, whose processes see packages in `share`, and the user's are in `workspace`.
 
-    folder: Path
-    share: str
-    workspace: Path
+    The output is kept without `share`. `ending`: of the launch, with the exit code.
+    """
 
-    def callbacks(self, run: Run | None) -> tuple[CallbackError, ...]:
-        """Return the callbacks that raised during a run; None: during all runs."""
-        logs = self.folder / LOGS
-        return callback_errors(logs, _process(run), self.workspace) if logs.is_dir() else ()
+    def callbacks(run: Run | None) -> tuple[CallbackError, ...]:
+        return callback_errors(folder / LOGS, _process(run), workspace) if (folder / LOGS).is_dir() else ()
 
-
-def collect_findings(places: LaunchFolders, tags: Sequence[TestTag], ending: Ending, exit_code: int | None) -> Findings:
-    """Read the folder of a call. The output is kept without the path of the packages."""
-    folder = places.folder
     results = folder / RESULTS
     reported = [suite for path in sorted(results.rglob("rostest-*.xml")) if (suite := read_suite(path))]
     launched = {case.name.removeprefix("test"): case for suite in reported for case in suite.cases}
@@ -85,14 +79,14 @@ def collect_findings(places: LaunchFolders, tags: Sequence[TestTag], ending: End
             read_suite(written[name]) if name in written else None,
             launched.get(name),
             of_tests.get(name),
-            places.callbacks(of_tests.get(name)),
+            callbacks(of_tests.get(name)),
         )
         for name in names
     )
     output = read_at_most(folder / "output.txt", _MAX_OUTPUT_BYTES) or b""
     text = "\n".join((*(suite.output for suite in reported), output.decode(errors="replace")))
-    text = cleaned_output(text).replace(f"{places.share}/", "")
-    return Findings(ending, exit_code, tests, tuple(runs), text, places.callbacks(None))
+    text = cleaned_output(text).replace(f"{share}/", "")
+    return Findings(*ending, tests, tuple(runs), text, callbacks(None))
 
 
 def _process(run: Run | None) -> str | None:

@@ -21,7 +21,7 @@ from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, sta
 from sim_action.robot.documents.xml_document import shown_file
 from sim_action.ros.launches import ALLOW_LOSSES, LaunchRequest
 from sim_action.ros.program_failures import exception_line, signal_name, traceback_location
-from sim_action.ros.result_files import Case
+from sim_action.ros.result_files import Case, expectation_of
 from sim_action.ros.ros1.command_source.file_problems import Packages, program_problem
 from sim_action.ros.ros1.launch_request import TITLE, loss_failures, loss_warnings
 from sim_action.ros.ros1.verdicts.findings import Findings, Run, TestFindings
@@ -116,7 +116,9 @@ class Judge:
         printed = "\n".join(filter(None, (test.methods.output if test.methods else "", output_tail(found.text))))
         has_written = test.methods is not None and found.ending == "over" and not _has_failed(test.run)
         if has_written and not expectations:
-            failure = Failure(kind="script", title="no test ran", message=_nothing_ran_message(test), location=where)
+            rule = "the names of its methods must begin with 'test', and its setUpClass must not raise"
+            message = escaped_line(f"the test '{test.name}' ran no method: {rule}")
+            failure = Failure(kind="script", title="no test ran", message=message, location=where)
             about: dict[str, Any] = {"status": "error", "failures": (failure,)}
         elif (
             not expectations
@@ -164,16 +166,12 @@ class Judge:
             yield expected.model_copy(update={"unexercised": "warn"}) if self.request.allows_losses else expected
 
     def _expectation(self, case: Case, test: TestFindings, where: Location, late: str | None) -> ExpectationOutcome:
-        if case.problem == "skipped":
-            return _skipped(case, where)
-        if case.problem is None:
-            return _expected(
-                case.name, "rostest", where, Verdict(passed=True, time=_sim_time(test.run), message="held")
-            )
+        time = _sim_time(test.run)
+        if case.problem in (None, "skipped"):
+            return expectation_of(case, "rostest", where, time)
         place = traceback_location(case.text, self.request.workspace) or _place(test) or where
         said = late or f"{exception_line(case.type, case.text)}; {how_far(test.run)}"
-        verdict = Verdict(passed=False, time=_sim_time(test.run), message=escaped_line(_with_callbacks(said, test)))
-        return _expected(case.name, "rostest", place, verdict)
+        return expectation_of(case, "rostest", place, time, _with_callbacks(said, test))
 
     def _launch(self, whole: TestFindings, found: Findings) -> Outcome:
         """Return the outcome of roslaunch: passed if it ran to its limit, or all nodes ended without an error."""
@@ -255,21 +253,8 @@ def _is_invalid(run: Run | None) -> bool:
     return failure is not None and failure.kind == "invalid"
 
 
-def _nothing_ran_message(test: TestFindings) -> str:
-    return escaped_line(
-        f"the test '{test.name}' ran no method: the names of its methods must begin with 'test', and its setUpClass "
-        "must not raise"
-    )
-
-
 def _sim_time(run: Run | None) -> float | None:
     return run.result.sim_time if run and run.result else None
-
-
-def _skipped(case: Case, where: Location) -> ExpectationOutcome:
-    reason = case.text.strip()
-    message = f"never checked: the test skipped this case{f' ({reason})' if reason else ''}; let it run, or remove it"
-    return _expected(case.name, "rostest", where, Verdict(False, message=escaped_line(message), judged=Judged()))
 
 
 def _accepting_skips(expectations: Iterable[ExpectationOutcome]) -> tuple[ExpectationOutcome, ...]:

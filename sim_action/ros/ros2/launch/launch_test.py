@@ -35,7 +35,7 @@ from sim_action.robot.reading.loading import load_model
 from sim_action.ros import node_start
 from sim_action.ros.launches import LaunchRequest, OpenCommands
 from sim_action.ros.program_failures import traceback_location
-from sim_action.ros.result_files import Case, read_suite
+from sim_action.ros.result_files import Case, expectation_of, read_suite
 from sim_action.ros.ros2.bridge_link import BridgeEnded, Endpoint
 from sim_action.ros.ros2.driven_nodes import DrivenNodes, Session, controller_of, robot_topics
 from sim_action.ros.ros2.graph import LATCHED
@@ -47,7 +47,6 @@ from sim_action.ros.ros2.spec import Ros2Commands
 from sim_action.runner.isolation.child_process import environment
 from sim_action.scenario.model import DrivenRobot, Scenario, Stage
 from sim_action.simulation.loop import SimulationRun, simulate
-from sim_action.state.verdict import Judged, Verdict
 from sim_action.world import Physics
 from sim_action.world.claims import NOT_SIMULATED, AuditWarning
 from sim_action.world.scene import Scene
@@ -281,22 +280,9 @@ class _LaunchTest:
     def _expectations(self, sim_time: float | None) -> Iterator[ExpectationOutcome]:
         for case in self._cases:
             place = traceback_location(case.text, self._root) or Location(shown_file(self._file))
-            yield ExpectationOutcome(
-                name=case.name or "unnamed",
-                assertion="launchtest",
-                severity="error",
-                location=place,
-                verdict=_verdict(case, sim_time),
-            )
-
-
-def _verdict(case: Case, sim_time: float | None) -> Verdict:
-    if case.problem is None:
-        return Verdict(passed=True, time=sim_time, message="held")
-    said = escaped_line(case.text.strip().rpartition("\n")[2])
-    if case.problem == "skipped":
-        return Verdict(passed=False, message=f"never checked: the test skipped this case ({said})", judged=Judged())
-    return Verdict(passed=False, time=sim_time, message=said)
+            last = case.text.strip().rpartition("\n")[2]
+            shown = replace(case, text=last) if case.problem == "skipped" else case
+            yield expectation_of(shown, "launchtest", place, sim_time, last)
 
 
 def _measured(run: SimulationRun | None, where: Location) -> dict[str, Any]:

@@ -40,8 +40,6 @@ from sim_action.ros.ros2.node_processes import LaunchedProcess, Node, NodeGroup
 
 if TYPE_CHECKING:
     from sim_action.ros.ros2.node_processes import NodeProcess, ProcessFolder
-    from sim_action.ros.ros2.node_spec import Ros2Nodes
-    from sim_action.ros.ros2.packages import Packages
 
 _LAUNCHER: Final = Path(__file__).with_name("declared_launch.py")
 # Wall time for reading a launch file and starting its processes, and for a timer that is due.
@@ -77,17 +75,6 @@ class LaunchSpec:
     allows_losses: bool = False
     results: Path | None = None
     package: str = ""
-
-    @classmethod
-    def of(cls, spec: Ros2Nodes, packages: Packages, workspace: Workspace, topics: RobotTopics) -> LaunchSpec:
-        """Return the input for the launch file of a scenario. Raise SourceProblem."""
-        assert spec.launch is not None
-        assert packages.ros is not None
-        package, name, *arguments = spec.launch
-        file = packages.launch_files(package).get(name)
-        if file is None:
-            raise SourceProblem(f"'{package}/{name}' does not exist any more", _KEY)
-        return cls(file, packages.ros.python, arguments, workspace.root, topics, spec.allow_losses)
 
 
 class LaunchedNodes(NodeGroup):
