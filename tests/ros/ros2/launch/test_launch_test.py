@@ -45,7 +45,7 @@ class Latched:
 
 
 def spawn(folder: Path, *args: str) -> Any:
-    return spawned_robot([LeftOutProgram(CREATE, args)], cast(Bridge, Latched()), folder)
+    return spawned_robot([LeftOutProgram(CREATE, args)], cast("Bridge", Latched()), folder)
 
 
 def test_a_description_from_a_topic(tmp_path: Path) -> None:
@@ -55,7 +55,7 @@ def test_a_description_from_a_topic(tmp_path: Path) -> None:
         LeftOutProgram(CREATE, ("-file", "/crate.sdf", "-name", "crate")),
         LeftOutProgram(CREATE, ("-topic", "robot_description", "-name", "bot", "--ros-args", "-r", "a:=b")),
     ]
-    robot = spawned_robot(programs, cast(Bridge, bridge), tmp_path)
+    robot = spawned_robot(programs, cast("Bridge", bridge), tmp_path)
     assert (robot.name, robot.file.read_text(), bridge.opened) == ("bot", "<robot/>", ["/robot_description"])
     assert robot.pose == Placement()
 
@@ -69,7 +69,7 @@ def test_a_description_as_text_or_file_and_its_pose(tmp_path: Path) -> None:
 
 def test_no_robot_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(ScriptError, match="spawns no robot"):
-        spawned_robot([], cast(Bridge, Latched()), tmp_path)
+        spawned_robot([], cast("Bridge", Latched()), tmp_path)
     with pytest.raises(ScriptError, match="none of -topic, -string and -file"):
         spawn(tmp_path, "-name", "bot")
     with pytest.raises(ScriptError, match="'create -x left': this is not a number"):
@@ -103,9 +103,10 @@ class Launched:
 def test_a_warning_fails_a_strict_test_unless_it_is_accepted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, nodes: dict[str, Any], warned: list[str], fails: bool
 ) -> None:
-    command = nodes.pop("command", None)
+    command, errors = nodes.pop("command", None), nodes.pop("logged_errors", [])
     driven = SimpleNamespace(
-        **{name: [] for name in ("notes", "losses", "not_reproducible", "logged_errors")} | nodes,
+        **{name: [] for name in ("notes", "losses", "not_reproducible")} | nodes,
+        errors=SimpleNamespace(messages=errors),
         tick=lambda _: command,
         close=lambda: None,
         why_silent=str,
