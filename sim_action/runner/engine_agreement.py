@@ -22,20 +22,11 @@ from sim_action.robot.model.joint_selection import matches_name
 from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, LoadedScenario, PoseAgreement
 from sim_action.state.motion_record import MotionRecord
 from sim_action.state.trace_storage import TraceError
-from sim_action.state.verdict import Judged, Verdict, VerdictStatus
+from sim_action.state.verdict import VERBS, Judged, Verdict
 
 _KEY: Final = "agreement"
 # In s of sim time: equal moments differ by rounding only.
 _SAME_TIME_S: Final = 1e-9
-_WORDS: Final[dict[VerdictStatus, str]] = {
-    "passed": "passes",
-    "not_exercised": "is not exercised",
-    "inconclusive": "is inconclusive",
-    "failed": "fails",
-}
-"""The statuses of a verdict as verbs, the best first."""
-
-
 _TOO_LONG: Final = (
     f"the motion in both engines was not compared: time_limit has more than {MAX_COMPARED_STEPS:,} physics steps"
 )
@@ -183,9 +174,9 @@ class _Comparison:
             return
         for ours, theirs in zip(last.expectations, other.expectations, strict=True):
             found = [(ours.verdict.status, self.last.engine), (theirs.verdict.status, self.other.engine)]
-            better, worse = sorted(found, key=lambda each: tuple(_WORDS).index(each[0]))
+            better, worse = sorted(found, key=lambda each: tuple(VERBS).index(each[0]))
             if better[0] != worse[0]:
-                yield f"'{ours.name}' {_WORDS[better[0]]} in {better[1]} and {_WORDS[worse[0]]} in {worse[1]}"
+                yield f"'{ours.name}' {VERBS[better[0]]} in {better[1]} and {VERBS[worse[0]]} in {worse[1]}"
 
     def _verdict(self, found: _Difference | None) -> Verdict:
         """Return the verdict at the moment of the largest difference."""

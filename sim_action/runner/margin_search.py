@@ -20,7 +20,7 @@ from sim_action.core.yaml_document import KeyPath
 from sim_action.results.factor_margins import Margin
 from sim_action.results.outcome import Outcome
 from sim_action.runner.mutation.mutant import Original
-from sim_action.runner.mutation.planning import NOISES, busy_joints, read_sensors
+from sim_action.runner.mutation.planning import busy_joints, noise_of, read_sensors
 from sim_action.scenario.loading import Libraries, checked
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.mutation import Mutation
@@ -78,21 +78,19 @@ class Factor:
         )
 
 
-def _entries(original: Original, key: str) -> list[tuple[KeyPath, object]]:
-    """Return the path and the content of each entry of a list of the document; a single map is one."""
+def _paths(original: Original, key: str) -> list[KeyPath]:
+    """Return the path of each entry of a list of the document; a single map is one."""
     data = original.loaded.document.data
     value = data.get(key, ()) if isinstance(data, dict) else ()
-    if isinstance(value, tuple):
-        return [((key, index), entry) for index, entry in enumerate(value)]
-    return [((key,), value)]
+    return [(key, index) for index in range(len(value))] if isinstance(value, tuple) else [(key,)]
 
 
-def _added(original: Original, path: KeyPath, entry: object) -> tuple[KeyPath, object]:
-    """Return the edit that adds an entry to a list of the document."""
+def _added(original: Original, path: KeyPath, *entries: object) -> Edits:
+    """Return the edit that adds entries to a list of the document."""
     data = original.loaded.document.data
     for step in path:
         data = data.get(step, ()) if isinstance(data, dict) else ()
-    return path, (*(data if isinstance(data, tuple) else ()), entry)
+    return [(path, (*(data if isinstance(data, tuple) else (data,)), *entries))]
 
 
 def _friction(original: Original) -> Iterator[Factor]:
@@ -111,11 +109,8 @@ def _payload(original: Original) -> Iterator[Factor]:
     model = original.loaded.model
     # Only the child knows the masses of a robot of xacro and MJCF.
     most = 2 * model.mass if model is not None and model.mass else _MOST_PAYLOAD_KG
-
-    def edits(value: float) -> Edits:
-        yield _added(original, ("world", "disturbances"), {"at": 0, "payload": value})
-
-    yield Factor("payload", "kg", 0.0, 0.0, most, edits)
+    path = ("world", "disturbances")
+    yield Factor("payload", "kg", 0.0, 0.0, most, lambda kg: _added(original, path, {"at": 0, "payload": kg}))
 
 
 def _mass(original: Original) -> Iterator[Factor]:
@@ -124,40 +119,35 @@ def _mass(original: Original) -> Iterator[Factor]:
 
 
 def _latency(original: Original) -> Iterator[Factor]:
-    pairs = list(zip(_entries(original, "commands"), original.scenario.commands, strict=False))
+    pairs = list(zip(_paths(original, "commands"), original.scenario.commands, strict=False))
     if pairs:
         nominal = max(source.latency for _, source in pairs)
 
         def edits(value: float) -> Edits:
-            yield from (((*path, "latency"), source.latency + value - nominal) for (path, _), source in pairs)
+            return [((*path, "latency"), source.latency + value - nominal) for path, source in pairs]
 
         yield Factor("latency", "s", nominal, nominal, nominal + _MOST_LATENCY_S, edits)
 
 
 def _command_rate(original: Original) -> Iterator[Factor]:
-    pairs = list(zip(_entries(original, "commands"), original.scenario.commands, strict=False))
-    physics = original.scenario.physics.rate
-    if len({source.rate for _, source in pairs}) == 1:
-        nominal = pairs[0][1].rate
-
-        def edits(value: float) -> Edits:
-            yield from (((*path, "rate"), value) for (path, _), _ in pairs)
+    paths, physics = _paths(original, "commands"), original.scenario.physics.rate
+    if len(rates := {source.rate for source in original.scenario.commands}) == 1:
+        [nominal] = rates
 
         def fitting(value: float) -> float:
             return physics / max(1, round(physics / value))
 
-        yield Factor("command-rate", "Hz", nominal, fitting(_SLOWEST * nominal), physics, edits, fitting)
+        least = fitting(_SLOWEST * nominal)
+        edits = _placed(*((*path, "rate") for path in paths))
+        yield Factor("command-rate", "Hz", nominal, least, physics, edits, fitting)
 
 
 def _noise(original: Original) -> Iterator[Factor]:
     for path, mounted in _read(original):
-        sensor = mounted.sensor
-        keys = NOISES.get(sensor.key, {key: 0.0 for key in type(sensor).model_fields if key.endswith("noise")})
-        stated = sensor.model_dump(include=set(keys))
-        base = {key: stated[key] or least for key, least in keys.items() if stated[key] or least}
+        base, is_stated = noise_of(mounted.sensor)
         if base:
-            nominal = 1.0 if any(stated.values()) else 0.0
-            yield Factor(f"noise:{mounted.name}", "", nominal, 0.0, _MOST_NOISE, _scaled((*path, sensor.key), base))
+            edits = _scaled((*path, mounted.sensor.key), base)
+            yield Factor(f"noise:{mounted.name}", "", float(is_stated), 0.0, _MOST_NOISE, edits)
 
 
 def _scaled(path: KeyPath, base: dict[str, float]) -> Callable[[float], Edits]:
@@ -173,46 +163,43 @@ def _bias(original: Original) -> Iterator[Factor]:
 
 
 def _biased(original: Original, sensor: str, column: str) -> Callable[[float], Edits]:
-    return lambda value: [_added(original, ("faults",), {"sensor": sensor, "at": 0, "biased": {column: value}})]
+    return lambda value: _added(original, ("faults",), {"sensor": sensor, "at": 0, "biased": {column: value}})
 
 
 def _read(original: Original) -> Iterator[tuple[KeyPath, MountedSensor]]:
     """Yield the sensors that something reads, each with its path."""
     sensors = read_sensors(original)
-    pairs = zip(_entries(original, "sensors"), original.scenario.sensors, strict=False)
-    yield from ((path, mounted) for (path, _), mounted in pairs if mounted in sensors)
+    pairs = zip(_paths(original, "sensors"), original.scenario.sensors, strict=False)
+    yield from ((path, mounted) for path, mounted in pairs if mounted in sensors)
 
 
 def _motor_strength(original: Original) -> Iterator[Factor]:
-    joints = busy_joints(original)
-    if joints:
-        data = original.loaded.document.data
-        stated = data.get("faults", ()) if isinstance(data, dict) else ()
+    if joints := busy_joints(original):
 
         def edits(value: float) -> Edits:
-            yield ("faults",), (*stated, *({"motor": joint, "at": 0, "weak": value} for joint in joints))
+            return _added(original, ("faults",), *({"motor": joint, "at": 0, "weak": value} for joint in joints))
 
         yield Factor("motor-strength", "", 1.0, _LEAST_STRENGTH, 1.0, edits)
 
 
 def _push(original: Original) -> Iterator[Factor]:
-    pushes = [
-        (index, {key: getattr(each, key) for key in ("force", "torque", "velocity") if getattr(each, key)})
+    pushes = {
+        ("world", "disturbances", index, key): vector
         for index, each in enumerate(original.scenario.world.disturbances)
-    ]
-    if any(parts for _, parts in pushes):
+        for key in ("force", "torque", "velocity")
+        if (vector := getattr(each, key))
+    }
+    if pushes:
 
         def scaled(value: float) -> Edits:
-            for index, parts in pushes:
-                for key, vector in parts.items():
-                    yield ("world", "disturbances", index, key), tuple(value * part for part in vector)
+            return [(path, tuple(value * part for part in vector)) for path, vector in pushes.items()]
 
         yield Factor("push", "", 1.0, 0.0, _MOST_PUSH, scaled)
     elif not original.is_fixed:
+        at = (original.outcome.sim_time or 0.0) / 2
 
         def added(value: float) -> Edits:
-            push = {"at": (original.outcome.sim_time or 0.0) / 2, "velocity": (0, value, 0)}
-            yield _added(original, ("world", "disturbances"), push)
+            return _added(original, ("world", "disturbances"), {"at": at, "velocity": (0, value, 0)})
 
         yield Factor("push", "m/s", 0.0, -_PUSH_M_S, _PUSH_M_S, added)
 
@@ -228,8 +215,8 @@ def _start(original: Original) -> Iterator[Factor]:
             yield Factor(f"start:{axis}", unit, nominal, nominal - way, nominal + way, _placed(("robot", "pose", axis)))
 
 
-def _placed(path: KeyPath) -> Callable[[float], Edits]:
-    return lambda value: [(path, value)]
+def _placed(*paths: KeyPath) -> Callable[[float], Edits]:
+    return lambda value: [(path, value) for path in paths]
 
 
 FACTORS: Final[Mapping[str, Callable[[Original], Iterable[Factor]]]] = MappingProxyType(
@@ -441,9 +428,9 @@ class Side:
 
     def margin(self, *, has_effect: bool) -> Margin:
         """Return the margin; `has_effect`: see `Margin`."""
-        passed, failed = self.bracket
-        ran = self.ran
+        (passed, failed), ran = self.bracket, self.ran
         verdicts = [True, *(bool(trial.has_passed) for trial in ran)]
+        unable = "" if ran else next((each.reason for each in self.trials), "no run was left")
         return Margin(
             factor=self.factor.name,
             direction="down" if self.end < self.factor.nominal else "up",
@@ -453,11 +440,7 @@ class Side:
             passes=passed,
             fails=None if failed is None else failed.value,
             expectation="" if failed is None else failed.expectation,
-            reason=failed.reason
-            if failed
-            else ""
-            if ran
-            else next((each.reason for each in self.trials), "no run was left"),
+            reason=unable if failed is None else failed.reason,
             crossings=sum(one != other for one, other in pairwise(verdicts)),
             runs=len(ran),
             has_effect=has_effect,
@@ -473,12 +456,14 @@ class Search:
         self.factor = factor if asked is None else factor.reaching(asked)
         ends = [end for end in (self.factor.low, self.factor.high) if end != factor.nominal]
         self.sides = [Side(self.factor, end, asked) for end in ends]
-        self._left, self._has_scanned, self._asked = most, False, asked
+        self._left, self._has_scanned = most, False
 
     @classmethod
     def of_missing(cls, name: str) -> Search:
         """Return the search for a factor that must have a margin, and that the run does not have."""
-        return cls(Factor(name, "", 0.0, 0.0, 0.0), 0.0, 0)
+        search = cls(Factor(name, "", 0.0, 0.0, 0.0), None, 0)
+        search.sides = [Side(search.factor, 0.0, 0.0, [Trial(0.0, reason="the scenario has no such factor")])]
+        return search
 
     def wanted(self) -> Sequence[tuple[Side, float]]:
         """Return the next values to try."""
@@ -497,7 +482,3 @@ class Search:
         """Yield the margin of each direction; `digest`: of the run with the nominal value."""
         has_effect = any(side.has_effect(digest) for side in self.sides)
         yield from (side.margin(has_effect=has_effect) for side in self.sides)
-        if not self.sides:
-            reason = "the scenario has no such factor"
-            side = Side(self.factor, self.factor.nominal, self._asked)
-            yield side.margin(has_effect=False).model_copy(update={"reason": reason})

@@ -9,7 +9,7 @@ to half the step. With a quarter of the step, Richardson's extrapolation replace
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
@@ -21,11 +21,10 @@ from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import shortened
 from sim_action.engines import ENGINES, chosen
 from sim_action.results.outcome import ExpectationOutcome, Measurement, Outcome, Repetition, Spread, repetition_name
-from sim_action.robot.model.robot_model import WORLD
-from sim_action.scenario.model import ConfidenceKind, LoadedScenario, Scenario
+from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.scenario.mutation import Mutation
 from sim_action.state.trace import Trace
-from sim_action.state.verdict import Verdict
+from sim_action.state.verdict import VERBS, Verdict
 from sim_action.world import MAX_PHYSICS_RATE_HZ
 
 _MAX_ENDING: Final = 1_000
@@ -94,14 +93,19 @@ def _cause(name: str) -> _Cause:
     return _CAUSES[name] if name in _CAUSES else by_title[name]
 
 
-def _names(loaded: LoadedScenario, kind: ConfidenceKind) -> Iterator[str]:
-    """Yield the names of the changes that apply to a run. Raise UsageError if an engine is missing."""
-    scenario, model = loaded.scenario, loaded.model
-    is_fixed = scenario.robot.base == "fixed" or (model is not None and model.root == WORLD)
+def _changes(loaded: LoadedScenario) -> Iterator[tuple[str, float, bool]]:
+    """Yield the names of the changes of a run, the rate in Hz of the physics with each, and whether it is allowed."""
     for name, cause in _CAUSES.items():
-        fits = cause.rate * scenario.physics.rate <= MAX_PHYSICS_RATE_HZ
-        if fits and not (cause.at_start and is_fixed) and (name != _QUARTER or kind == "full"):
-            yield name
+        is_asked = name != _QUARTER or loaded.scenario.confidence == "full"
+        if is_asked and not (cause.at_start and loaded.is_fixed):
+            rate = cause.rate * loaded.scenario.physics.rate
+            yield name, rate, rate <= MAX_PHYSICS_RATE_HZ
+
+
+def _names(loaded: LoadedScenario) -> Iterator[str]:
+    """Yield the names of the changes that apply to a run. Raise UsageError if an engine is missing."""
+    scenario = loaded.scenario
+    yield from (name for name, _, is_allowed in _changes(loaded) if is_allowed)
     for engine in scenario.engines:
         if engine != scenario.backend:
             if scenario.robot.is_mjcf and ENGINES[engine].mjcf_problem:
@@ -109,24 +113,15 @@ def _names(loaded: LoadedScenario, kind: ConfidenceKind) -> Iterator[str]:
             yield ENGINES[chosen(engine)].title
 
 
-def _left_out(loaded: LoadedScenario) -> Iterator[str]:
-    """Yield a note on each change that the rate of the physics does not allow."""
-    rate, is_full = loaded.scenario.physics.rate, loaded.scenario.confidence == "full"
-    for name, cause in _CAUSES.items():
-        if cause.rate * rate > MAX_PHYSICS_RATE_HZ and (name != _QUARTER or is_full):
-            yield f"no repetition with {name}: a physics rate of {cause.rate * rate:g} Hz is more than is allowed"
-
-
 def with_repetitions(loaded: LoadedScenario) -> tuple[LoadedScenario, ...]:
     """Return a run, and its repetitions if its confidence is asked for. Raise InvalidScenario."""
-    kind = loaded.scenario.confidence
-    if kind is None:
+    if loaded.scenario.confidence is None:
         return (loaded,)
     if loaded.source.gate is not None:
         message = "a gate already judges many runs; remove 'confidence' or 'gate'"
         raise InvalidScenario([loaded.document.problem(("confidence",), message)])
     try:
-        names = list(_names(loaded, kind))
+        names = list(_names(loaded))
     except UsageError as error:
         raise InvalidScenario([loaded.document.problem(("engines",), str(error))]) from None
     return tuple(repetition(loaded, name) for name in ("", *names))
@@ -191,16 +186,18 @@ def with_confidence(
 ) -> Outcome:
     """Return the outcome of a run with the confidence of its verdicts; `runs`: change -> outcome of its repetition."""
     repetitions = tuple(_repetition(cause, run) for cause, run in runs.items())
+    left_out = (
+        f"no repetition with {name}: a physics rate of {rate:g} Hz is more than is allowed"
+        for name, rate, is_allowed in _changes(loaded)
+        if not is_allowed
+    )
+    endings = (f"with {one.cause}: {one.ending}" for one in repetitions if one.status in ("error", "skipped"))
     outcome = outcome.model_copy(
         update={
             "repetitions": repetitions,
             "measurements": (*outcome.measurements, *measurements),
             "wall_time": outcome.wall_time + sum(run.wall_time for run in runs.values()),
-            "notes": (
-                *outcome.notes,
-                *_left_out(loaded),
-                *(f"with {other.cause}: {other.ending}" for other in repetitions if _is_open(other)),
-            ),
+            "notes": (*outcome.notes, *left_out, *endings),
         }
     )
     if not outcome.has_verdict:
@@ -227,10 +224,6 @@ def _repetition(cause: str, outcome: Outcome) -> Repetition:
         digest=outcome.digest,
         replay=outcome.replay,
     )
-
-
-def _is_open(repetition: Repetition) -> bool:
-    return repetition.status in ("error", "skipped")
 
 
 def _judged(
@@ -269,30 +262,24 @@ def _result(compared: _Compared) -> str:
 
 
 class _Compared:
-    """An expectation in the run and in one repetition.
-
-    Attributes:
-        ours, theirs: the verdicts; `theirs` is None if the repetition has none.
-        is_by_time: True if the moments of decision are compared: they lie before the end, and their interval is wider
-            than that of the extreme margins.
-        unit: the SI symbol of `values` and `others`.
-        values, others: the measured value and the margin of the run and of the repetition; None: not comparable.
-    """
+    """An expectation in the run and in one repetition."""
 
     def __init__(self, cause: str, verdict: Verdict, run: Outcome, place: int, end: float) -> None:
         """Compare a verdict with that at a place of `run`; `end`: the sim time in s until which it is judged."""
         self.cause, self.ours = cause, verdict
         self._ending = shortened(run.ending, _MAX_ENDING)
-        self.theirs = run.expectations[place].verdict if run.has_verdict else None
-        pair = None if self.theirs is None else _pair(verdict, self.theirs)
-        times = None if self.theirs is None else _times(verdict, self.theirs, end)
-        is_extreme = self.theirs is not None and None not in (verdict.extreme, self.theirs.extreme)
-        is_wide = pair is not None and times is not None and _openness(pair) > _openness(times)
-        self.is_by_time = times is not None and not (is_extreme and is_wide)
+        self.theirs = run.expectations[place].verdict if run.has_verdict else None  # None: the repetition has none
+        verdicts = (verdict,) if self.theirs is None else (verdict, self.theirs)
+        pair = _pair(map(_values, verdicts)) if len({each.unit for each in verdicts}) == 1 else None
+        times = _pair(_time_left(each, end) for each in verdicts)
+        has_extremes = pair is not None and all(each.extreme is not None for each in verdicts)
+        # The moments of decision are compared if their interval is wider than that of the extreme margins.
+        self.is_by_time = times is not None and not (has_extremes and _openness(pair) > _openness(times))
         self.unit = "s" if self.is_by_time else verdict.unit
-        values = times if self.is_by_time else pair
-        self.values: _Values | None = None if values is None else values[0]
-        self.others: _Values | None = None if values is None else values[1]
+        # The measured value and the margin of the run and of the repetition; None: they are not comparable.
+        compared = times if self.is_by_time else pair
+        self.values: _Values | None = compared and compared[0]
+        self.others: _Values | None = compared and compared[1]
 
     @property
     def is_count(self) -> bool:
@@ -332,7 +319,7 @@ class _Compared:
             return f"with {self.cause} there is no verdict: {self._ending}"
         if self.difference is None or self.is_count:
             message = shortened(self.theirs.message, _MAX_ENDING)
-            return f"with {self.cause} it {_changed(self.theirs)}: {message}; it jumps between these runs"
+            return f"with {self.cause} it {VERBS[self.theirs.status]}: {message}; it jumps between these runs"
         moved = f"{doing} moves it by {units.display(abs(self.difference), self.unit)}"
         error = 0.0 if spread.high is None or self.values is None else spread.high - self.values[1]
         if error > abs(self.difference) and self.theirs.status == self.ours.status:
@@ -340,33 +327,24 @@ class _Compared:
         return f"{moved} ({spread.note})" if spread.note else moved
 
 
-def _changed(verdict: Verdict) -> str:
-    return {"passed": "passes", "failed": "fails"}.get(verdict.status, "is not exercised")
-
-
 _Values = tuple[float, float]  # a measured value and its margin
 
 
-def _times(ours: Verdict, theirs: Verdict, end: float) -> tuple[_Values, _Values] | None:
-    """Return the times in s of two decisions, and the times left, or missed; None if the end decided one of them."""
-    if not (_is_early(ours, end) and _is_early(theirs, end)):
+def _pair(several: Iterable[_Values | None]) -> tuple[_Values, _Values] | None:
+    """Return the values of the run and of a repetition; None if one of them has none."""
+    first, *others = several
+    return None if first is None or not others or others[0] is None else (first, others[0])
+
+
+def _time_left(verdict: Verdict, end: float) -> _Values | None:
+    """Return the time in s of a decision, and the time left, or missed; None if the end decided it.
+
+    The margin of an early decision belongs to its moment, and says little.
+    """
+    at = verdict.time
+    if at is None or verdict.goal != verdict.passed or not (verdict.goal or at < end - TIME_EPSILON_S):
         return None
-    at, other = ours.time or 0.0, theirs.time or 0.0
-    sign = 1 if ours.passed else -1
-    return (at, sign * (end - at)), (other, sign * (end - other))
-
-
-def _is_early(verdict: Verdict, end: float) -> bool:
-    """Return True if a verdict was decided before the end: its margin belongs to this moment, and says little."""
-    if verdict.time is None or verdict.goal != verdict.passed:
-        return False
-    return verdict.goal or verdict.time < end - TIME_EPSILON_S
-
-
-def _pair(ours: Verdict, theirs: Verdict) -> tuple[_Values, _Values] | None:
-    """Return the values of two verdicts; None if they cannot be compared."""
-    values, others = _values(ours), _values(theirs)
-    return None if values is None or others is None or ours.unit != theirs.unit else (values, others)
+    return at, (1 if verdict.passed else -1) * (end - at)
 
 
 def _values(verdict: Verdict) -> _Values | None:
@@ -381,9 +359,9 @@ def _values(verdict: Verdict) -> _Values | None:
     return limit + sign * extreme, extreme
 
 
-def _openness(pair: tuple[_Values, _Values]) -> float:
-    """Return the difference of two margins as a share of the first."""
-    (_, margin), (_, other) = pair
+def _openness(pair: tuple[_Values, _Values] | None) -> float:
+    """Return the difference of two margins as a share of the first; nothing is open without them."""
+    (_, margin), (_, other) = pair or ((0.0, 1.0), (0.0, 1.0))
     return abs(other - margin) / abs(margin) if margin else math.inf
 
 

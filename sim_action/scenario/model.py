@@ -32,7 +32,7 @@ from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
 from sim_action.drives import Drive
 from sim_action.engines import ENGINES, AutoOrEngine, EngineName
-from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_model import WORLD, RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.scenario.child_environment import MAX_SET, problem_of
 from sim_action.scenario.faults import Fault
@@ -490,6 +490,11 @@ class LoadedScenario:
     repetition: str = ""
     # name of another robot -> its checked model; empty if only the scenario's own process may read one
     actor_models: Mapping[str, RobotModel] = field(default_factory=dict)
+
+    @property
+    def is_fixed(self) -> bool:
+        """True if the base of the robot cannot move, as far as the model is read."""
+        return self.scenario.robot.base == "fixed" or (self.model is not None and self.model.root == WORLD)
 
     @property
     def document(self) -> Document:

@@ -18,6 +18,14 @@ VerdictStatus = Literal["passed", "failed", "inconclusive", "not_exercised"]
 - not_exercised: the quantity was not defined at any moment, so nothing was checked.
 """
 
+VERBS: Final[dict[VerdictStatus, str]] = {
+    "passed": "passes",
+    "not_exercised": "is not exercised",
+    "inconclusive": "is inconclusive",
+    "failed": "fails",
+}
+"""The statuses of a verdict as verbs, the best first."""
+
 
 @dataclass(frozen=True, slots=True)
 class Judged:

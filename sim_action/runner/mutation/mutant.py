@@ -12,7 +12,6 @@ from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, replace
 from sim_action.results.outcome import Outcome
 from sim_action.robot.model.link_motion import link_motion
-from sim_action.robot.model.robot_model import WORLD
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.scenario.mutation import Mutation
 from sim_action.state.trace import Trace
@@ -51,8 +50,7 @@ class Original:
     @property
     def is_fixed(self) -> bool:
         """True if the base of the robot cannot move."""
-        model = self.loaded.model
-        return self.scenario.robot.base == "fixed" or (model is not None and model.root == WORLD)
+        return self.loaded.is_fixed
 
     @cached_property
     def moving_link(self) -> tuple[str, FloatArray] | None:

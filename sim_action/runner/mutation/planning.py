@@ -19,7 +19,7 @@ from sim_action.runner.run_plan import Plan
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.scenario.mutation import Mutation, SensorFault
 from sim_action.scenario.source import Refused
-from sim_action.sensors import MountedSensor
+from sim_action.sensors import MountedSensor, Sensor
 from sim_action.simulation.mutations import DRIFT_S, STALE_S, partners
 from sim_action.state.readings import biased_columns
 
@@ -256,18 +256,19 @@ def _faulty(reading: SensorFault, words: str) -> Callable[[Original], Iterator[M
 
 def _noisy(original: Original) -> Iterator[Mutant]:
     for mounted in read_sensors(original):
-        if noise := _more_noise(mounted):
-            noisy = replace(mounted, sensor=mounted.sensor.model_copy(update=noise))
+        noise, is_stated = noise_of(mounted.sensor)
+        if noise:
+            more = {key: NOISIER * value if is_stated else value for key, value in noise.items()}
+            noisy = replace(mounted, sensor=mounted.sensor.model_copy(update=more))
             words = f"the sensor '{mounted.name}' has {NOISIER:g} times its noise"
             yield _with_sensors(original, "noisy", mounted, words, noisy)
 
 
-def _more_noise(mounted: MountedSensor) -> dict[str, float]:
-    """Return the keys of a sensor for its noise, with greater values."""
-    sensor = mounted.sensor
+def noise_of(sensor: Sensor) -> tuple[dict[str, float], bool]:
+    """Return the keys of a sensor for its noise with their values, and True; or those that it gets if it has none."""
     keys = NOISES.get(sensor.key, {key: 0.0 for key in type(sensor).model_fields if key.endswith("noise")})
-    stated = {key: NOISIER * value for key in keys if isinstance(value := getattr(sensor, key), float) and value}
-    return stated or {key: value for key, value in keys.items() if value}
+    stated = {key: value for key in keys if isinstance(value := getattr(sensor, key), float) and value}
+    return stated or {key: value for key, value in keys.items() if value}, bool(stated)
 
 
 def _dropped(original: Original) -> Iterator[Mutant]:
