@@ -29,29 +29,8 @@ from sim_action.results.output_folder import remove_regular
 from sim_action.results.proof import MutantStatus, Proof, ProvenScenario
 from sim_action.results.written_files import JUNIT_FILE, is_foreign, is_proof
 from sim_action.runner.child_outcome import interrupted
-from sim_action.runner.mutation.judgement import (
-    JudgedMutant,
-    judged,
-    next_strengths,
-    not_mutated,
-    place_of,
-    proven,
-    reason_of,
-    status_of,
-    stored,
-    with_strengths,
-    with_suggestion,
-)
+from sim_action.runner.mutation import judgement, planning
 from sim_action.runner.mutation.mutant import Mutant, Original
-from sim_action.runner.mutation.planning import (
-    PlannedMutants,
-    cost,
-    first_runs,
-    planned,
-    refuse_unknown,
-    refuse_unmatched,
-    within,
-)
 from sim_action.runner.mutation.suggestions import MOST_RUNS, MOST_TRIALS, Candidates, Search, candidates
 from sim_action.runner.process_pool import Pool, PoolOptions
 from sim_action.runner.run_plan import PlanRequest, plan_runs
@@ -95,7 +74,7 @@ class ProveRequest:
 
 def prove_scenarios(request: ProveRequest, interruption: Interruption) -> ExitCode:
     """Prove all scenarios, write the findings, even if interrupted, and return the exit code. Raise UsageError."""
-    refuse_unknown(request.only)
+    planning.refuse_unknown(request.only)
     if request.json is not None:
         _refuse_foreign(request.json)
     with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as folder:
@@ -190,7 +169,7 @@ class _Call:
 
     def _scenarios(self) -> list[ShownScenario]:
         """Return the scenarios in their order."""
-        firsts = list(first_runs(self._found.plans))
+        firsts = list(planning.first_runs(self._found.plans))
         loaded = [each for each in firsts if not isinstance(each, Refused)]
         outcomes = iter(self._outcomes(loaded, _ORIGINALS))
         told: list[ShownScenario | Original] = []
@@ -205,17 +184,19 @@ class _Call:
         return [next(proven_ones) if isinstance(each, Original) else each for each in told]
 
     def _original(self, loaded: LoadedScenario, outcome: Outcome) -> ShownScenario | Original:
-        trace = stored(outcome, self._folder / _ORIGINALS) if outcome.status == "passed" else None
-        return ShownScenario(not_mutated(loaded, outcome)) if trace is None else Original(loaded, outcome, trace)
+        trace = judgement.stored(outcome, self._folder / _ORIGINALS) if outcome.status == "passed" else None
+        return (
+            ShownScenario(judgement.not_mutated(loaded, outcome)) if trace is None else Original(loaded, outcome, trace)
+        )
 
     def _proven(self, originals: Sequence[Original]) -> list[ShownScenario]:
         """Return the scenarios that passed, after the runs of their mutants."""
         request = self._request
-        plans = planned(originals, request.only)
+        plans = planning.planned(originals, request.only)
         if not self._interruption.happened:
-            refuse_unmatched(plans, request.only)
+            planning.refuse_unmatched(plans, request.only)
         if request.budget is not None:
-            plans = within(plans, request.budget, request.jobs)
+            plans = planning.within(plans, request.budget, request.jobs)
         self._announce(plans)
         first = self._judged([(plan.original, plan.chosen) for plan in plans])
         unfinished = [len(plan.chosen) - len(several) for plan, several in zip(plans, first, strict=True)]
@@ -224,19 +205,19 @@ class _Call:
 
     def _judged(
         self, groups: Sequence[tuple[Original, Sequence[Mutant]]], name: str = _MUTANTS
-    ) -> list[list[JudgedMutant]]:
+    ) -> list[list[judgement.JudgedMutant]]:
         """Run the mutants of each original, and return those that have ended; `name`: of their folder."""
         pairs = [(original, mutant) for original, mutants in groups for mutant in mutants]
         outcomes = iter(
             self._outcomes(
                 [mutant.loaded for _, mutant in pairs],
                 name,
-                lambda ended: f"{status_of(pairs[ended.place][0], ended.outcome):<{_WIDTH}}",
+                lambda ended: f"{judgement.status_of(pairs[ended.place][0], ended.outcome):<{_WIDTH}}",
             )
         )
         return [
             [
-                replace(judged(original, mutant, outcome, self._folder / name), outcome=_below(outcome, name))
+                replace(judgement.judged(original, mutant, outcome, self._folder / name), outcome=_below(outcome, name))
                 for mutant, outcome in zip(mutants, outcomes, strict=False)
                 if outcome.exit_code is not ExitCode.INTERRUPTED
             ]
@@ -244,32 +225,34 @@ class _Call:
         ]
 
     def _with_strengths(
-        self, plans: Sequence[PlannedMutants], results: Sequence[Sequence[JudgedMutant]]
-    ) -> list[list[JudgedMutant]]:
+        self, plans: Sequence[planning.PlannedMutants], results: Sequence[Sequence[judgement.JudgedMutant]]
+    ) -> list[list[judgement.JudgedMutant]]:
         """Return the mutants after the runs of their other strengths; a budget has no time for these."""
         judged_ones = [list(several) for several in results]
         if self._request.budget is not None:
             return judged_ones
         originals = [plan.original for plan in plans]
         for turn in count():
-            waiting = [next_strengths(*pair) for pair in zip(originals, judged_ones, strict=True)]
+            waiting = [judgement.next_strengths(*pair) for pair in zip(originals, judged_ones, strict=True)]
             if not any(waiting) or self._interruption.happened:
                 return judged_ones
             runs = self._judged(list(zip(originals, waiting, strict=True)), f"{_MUTANTS}-{turn}")
-            judged_ones = [with_strengths(*pair) for pair in zip(judged_ones, runs, strict=True)]
+            judged_ones = [judgement.with_strengths(*pair) for pair in zip(judged_ones, runs, strict=True)]
         raise AssertionError
 
-    def _shown(self, plan: PlannedMutants, judged_ones: Sequence[JudgedMutant], unfinished: int) -> ShownScenario:
+    def _shown(
+        self, plan: planning.PlannedMutants, judged_ones: Sequence[judgement.JudgedMutant], unfinished: int
+    ) -> ShownScenario:
         """Return a scenario with its findings, the run without a mutant, and those of its survivors."""
         return ShownScenario(
-            proven(plan.original, judged_ones, plan.left_out, unfinished),
+            judgement.proven(plan.original, judged_ones, plan.left_out, unfinished),
             _below(plan.original.outcome, _ORIGINALS),
             [each.outcome for each in judged_ones if _survived(each)],
         )
 
     def _with_suggestions(
-        self, plans: Sequence[PlannedMutants], results: Sequence[Sequence[JudgedMutant]]
-    ) -> list[list[JudgedMutant]]:
+        self, plans: Sequence[planning.PlannedMutants], results: Sequence[Sequence[judgement.JudgedMutant]]
+    ) -> list[list[judgement.JudgedMutant]]:
         """Return the mutants, each survivor with an expectation that would have noticed it, if one is found."""
         libraries = Libraries()
         survived = [[_survived(each) for each in several] for several in results]
@@ -294,7 +277,7 @@ class _Call:
         self._decide([search for several in searches for search in several if search is not None])
         return [
             [
-                each if search is None else with_suggestion(each, search.suggestion)
+                each if search is None else judgement.with_suggestion(each, search.suggestion)
                 for each, search in zip(several, found, strict=True)
             ]
             for several, found in zip(results, searches, strict=True)
@@ -327,10 +310,10 @@ class _Call:
         listener.close()
         return outcomes
 
-    def _announce(self, plans: Sequence[PlannedMutants]) -> None:
+    def _announce(self, plans: Sequence[planning.PlannedMutants]) -> None:
         """Print the cost of the mutants before they start."""
         runs, left = sum(len(plan.chosen) for plan in plans), sum(plan.left_out for plan in plans)
-        seconds = cost(plans, self._request.jobs)
+        seconds = planning.cost(plans, self._request.jobs)
         took = f"{seconds / _MINUTE_S:.0f} min" if seconds > 2 * _MINUTE_S else f"{seconds:.0f} s"
         over = f"; {counted(left, 'mutant')} left out" if left else ""
         if not self._request.is_quiet:
@@ -343,16 +326,18 @@ def _tried(_: RunEnded) -> str:
     return "tried"
 
 
-def _changed_joints(judged_ones: Sequence[JudgedMutant]) -> frozenset[str]:
+def _changed_joints(judged_ones: Sequence[judgement.JudgedMutant]) -> frozenset[str]:
     return frozenset(each.result.change.joint for each in judged_ones if each.result.change is not None)
 
 
-def _survived(each: JudgedMutant) -> bool:
+def _survived(each: judgement.JudgedMutant) -> bool:
     return each.result.status == "survived" and each.result.change is not None
 
 
 def _with_candidates(
-    offers: Sequence[Candidates | None], results: Sequence[Sequence[JudgedMutant]], survived: Sequence[Sequence[bool]]
+    offers: Sequence[Candidates | None],
+    results: Sequence[Sequence[judgement.JudgedMutant]],
+    survived: Sequence[Sequence[bool]],
 ) -> Iterator[LoadedScenario]:
     """Yield each scenario with its candidates, followed by its survivors with the same ones."""
     for offer, several, alive in zip(offers, results, survived, strict=True):
@@ -373,8 +358,8 @@ def _of_refused(outcome: Outcome) -> ShownScenario:
             file=outcome.file,
             line=outcome.line,
             variation=outcome.variation,
-            reason=reason_of(outcome),
-            location=place_of(outcome),
+            reason=judgement.reason_of(outcome),
+            location=judgement.place_of(outcome),
             exit_code=int(outcome.exit_code),
         )
     )

@@ -18,14 +18,7 @@ from sim_action.core.field_types import JointEffort
 from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.model.joint_selection import (
-    as_written,
-    choice_problems,
-    chosen,
-    motor_problems,
-    reading_of,
-    unit_problem,
-)
+from sim_action.robot.model import joint_selection
 from sim_action.robot.model.robot_model import READINGS
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
@@ -82,7 +75,7 @@ class Effort(Assertion):
     def title(self) -> str:
         of = f" of {', '.join(self.joints)}" if self.joints else ""
         limits = (
-            f"{key.replace('rms', 'RMS').replace('_', ' ')} {as_written(value)}"
+            f"{key.replace('rms', 'RMS').replace('_', ' ')} {joint_selection.as_written(value)}"
             for key, value in self._limits().items()
         )
         return shortened_title(f"{self.key}{of} {', '.join(limits)}")
@@ -94,11 +87,11 @@ class Effort(Assertion):
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield unknown joints, and limits whose unit does not fit the joint."""
-        yield from choice_problems(scene.model, self.joints)
-        yield from motor_problems(scene.model, self.joints)
+        yield from joint_selection.choice_problems(scene.model, self.joints)
+        yield from joint_selection.motor_problems(scene.model, self.joints)
         for key, written in self._limits().items():
-            for joint in chosen(scene.model, self.joints):
-                if (misfit := unit_problem(joint, "effort", written)) is not None:
+            for joint in joint_selection.chosen(scene.model, self.joints):
+                if (misfit := joint_selection.unit_problem(joint, "effort", written)) is not None:
                     hint = "" if self.joints else "; select joints of one kind with 'joints'"
                     yield (key,), f"{misfit}{hint}"
                     break
@@ -111,7 +104,7 @@ class Effort(Assertion):
     @override
     def robot_claims(self, scene: Scene) -> Findings:
         """Yield limits that the motors of all selected joints cannot exceed."""
-        motors = [joint for joint in chosen(scene.model, self.joints) if joint.mimic is None]
+        motors = [joint for joint in joint_selection.chosen(scene.model, self.joints) if joint.mimic is None]
         most = [joint_range(scene, joint.name, "effort")[1] for joint in motors]
         for key, written in self._limits().items():
             try:
@@ -127,8 +120,8 @@ class Effort(Assertion):
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         monitors: list[Monitor] = []
-        for joint in chosen(scene.model, self.joints):
-            dimension, effort = joint.dimension("effort"), reading_of(joint.name, "effort")
+        for joint in joint_selection.chosen(scene.model, self.joints):
+            dimension, effort = joint.dimension("effort"), joint_selection.reading_of(joint.name, "effort")
             limits = {key: units.parse(written, dimension) for key, written in self._limits().items()}
             who = f"{joint.name} exerted"
             if (at_most := limits.get("at_most")) is not None:

@@ -15,19 +15,10 @@ from sim_action.reports.formatting import measurements, moment, quantity, speed_
 from sim_action.reports.github.markdown import fitting, markdown_row, markdown_rows, paragraphs
 from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.reports.table import Row, Table
+from sim_action.results import weaker_checks
 from sim_action.results.comparison import Change, ChangeKind, Comparison, SmallerMargin
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.paired_comparison import CONFIDENCE, GateComparison, MarginLoss, Rate, RateChange
-from sim_action.results.weaker_checks import (
-    ClaimChange,
-    ClaimKind,
-    WeakerCheck,
-    WeakerKind,
-    loosened_statements,
-    loosened_times,
-    newly_allowed,
-    paired_expectations,
-)
 from sim_action.results.written_files import COMPARED
 from sim_action.scenario.variations.gate import GATE, percent
 
@@ -44,7 +35,7 @@ _LOOKS: Final[dict[ChangeKind, Look]] = {
     "fixed": "passed",
     "new": "passed",
 }
-_WEAKER: Final[dict[WeakerKind, str]] = {
+_WEAKER: Final[dict[weaker_checks.WeakerKind, str]] = {
     "removed": "no longer checked",
     "severity": "only a warning now",
     "unexercised": "only a warning now",
@@ -54,7 +45,7 @@ _WEAKER: Final[dict[WeakerKind, str]] = {
     "limit": "weaker limit",
     "stated": "states something else",
 }
-_CLAIMS: Final[dict[tuple[ClaimKind, bool], tuple[Look, str]]] = {
+_CLAIMS: Final[dict[tuple[weaker_checks.ClaimKind, bool], tuple[Look, str]]] = {
     ("removed", True): ("warned", "no longer checked"),
     ("limit", True): ("warned", "weaker limit"),
     ("confidence", True): ("warned", "less confidence"),
@@ -152,7 +143,7 @@ def rows_of(change: Change) -> Iterator[Row]:
         yield _row("information", "moves differently", change.outcome, detail)
 
 
-def _row_of_claim(claim: ClaimChange, outcome: Outcome) -> Row:
+def _row_of_claim(claim: weaker_checks.ClaimChange, outcome: Outcome) -> Row:
     look, what = _CLAIMS[claim.kind, claim.is_weaker]
     return _row(look, what, outcome, claim_text(claim))
 
@@ -206,7 +197,9 @@ def _word(outcome: Outcome | None) -> str:
 def before_text(change: Change) -> str:
     """Return when a goal that failed came true before, or what was measured; empty without a margin (yes or no)."""
     failed = next(iter(change.outcome.causes), None)
-    pairs = () if change.old is None or failed is None else paired_expectations(change.old, change.outcome)
+    pairs = (
+        () if change.old is None or failed is None else weaker_checks.paired_expectations(change.old, change.outcome)
+    )
     held = next((was for was, now in pairs if now is failed and was.status == "passed"), None)
     if failed is None or held is None or not held.verdict.margin:
         return ""
@@ -217,7 +210,7 @@ def before_text(change: Change) -> str:
     return f"before{name}: {held.verdict.message if held.assertion == GATE else told}"
 
 
-def _weaker_text(weaker: WeakerCheck) -> str:
+def _weaker_text(weaker: weaker_checks.WeakerCheck) -> str:
     """Return a text such as "clearance: limit 0.1 m, was 0.3 m"."""
     old, new = weaker.old, weaker.new
     if new is None:
@@ -225,12 +218,15 @@ def _weaker_text(weaker: WeakerCheck) -> str:
     if weaker.kind in ("severity", "unexercised", "inconclusive"):
         return f"{new.name}: {weaker.kind} {getattr(new, weaker.kind)}, was {getattr(old, weaker.kind)}"
     if weaker.kind == "window":
-        times = (f"{_time(key, now)}, was {_time('', was)}" for key, (was, now) in loosened_times(old, new).items())
+        times = (
+            f"{_time(key, now)}, was {_time('', was)}"
+            for key, (was, now) in weaker_checks.loosened_times(old, new).items()
+        )
         return f"{new.name}: {'; '.join(times)}"
     if weaker.kind == "allow":
-        return f"{new.name}: allow has {', '.join(newly_allowed(old, new))} now"
+        return f"{new.name}: allow has {', '.join(weaker_checks.newly_allowed(old, new))} now"
     if weaker.kind == "stated":
-        statements = loosened_statements(old, new).items()
+        statements = weaker_checks.loosened_statements(old, new).items()
         return f"{new.name}: " + "; ".join(f"{key} {_said(now)}, was {_said(was)}" for key, (was, now) in statements)
     return f"{new.name}: {limits_text(old, new)}"
 
@@ -374,7 +370,7 @@ def mean_margins_text(margin: MarginLoss) -> str:
     )
 
 
-def claim_text(claim: ClaimChange) -> str:
+def claim_text(claim: weaker_checks.ClaimChange) -> str:
     """Return a text such as "passes: at least 80 %, was at least 90 %"."""
     if claim.kind == "removed":
         return f"{claim.claim}: removed from the gate, was {claim.old}"

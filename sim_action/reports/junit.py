@@ -25,16 +25,8 @@ from typing import Final
 
 from sim_action.core.errors import Location
 from sim_action.core.files import whole_file
-from sim_action.reports import ReportOptions
+from sim_action.reports import ReportOptions, formatting
 from sim_action.reports.escaping import one_line, plain_text
-from sim_action.reports.formatting import (
-    judged_text,
-    measured_text,
-    measurements,
-    spread_texts,
-    timeline_text,
-    user_output,
-)
 from sim_action.reports.links import file_and_line, relative_path, stored_trace
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
@@ -176,8 +168,8 @@ class _Document:
             add_child(case, kind, body, {"type": _problem_type(expected), "message": message})
         self._attach_trace(case, outcome)
         add_line(case, "system-out", f"warning: {message}" if expected.warned else message)
-        add_line(case, "system-out", measurements(expected.verdict))
-        add_line(case, "system-out", judged_text(expected.verdict))
+        add_line(case, "system-out", formatting.measurements(expected.verdict))
+        add_line(case, "system-out", formatting.judged_text(expected.verdict))
         return case
 
     def _skipped(self, group: ScenarioGroup, outcome: Outcome) -> ET.Element:
@@ -316,14 +308,14 @@ def _add_output(outcome: Outcome, cases: list[ET.Element]) -> None:
     """Add notes and output to the first testcase that failed: Jenkins hides the output of a suite otherwise."""
     unhappy = (case for case in cases if case.find("failure") is not None or case.find("error") is not None)
     case = next(unhappy, cases[0])
-    add_line(case, "system-out", f"timeline: {happened}" if (happened := timeline_text(outcome)) else "")
+    add_line(case, "system-out", f"timeline: {happened}" if (happened := formatting.timeline_text(outcome)) else "")
     for warning in outcome.warnings:
         add_line(case, "system-out", f"warning: {warning.location}: {warning}")
     for measured in outcome.measurements:
-        add_line(case, "system-out", f"{INFORMATION.word}: {' '.join(measured_text(measured)).strip()}")
+        add_line(case, "system-out", f"{INFORMATION.word}: {' '.join(formatting.measured_text(measured)).strip()}")
     for note in (*outcome.model_notes, *outcome.notes):
         add_line(case, "system-out", f"note: {note}")
-    add_line(case, "system-out", user_output(outcome))
+    add_line(case, "system-out", formatting.user_output(outcome))
     for diagnostic in outcome.diagnostics:
         add_line(case, "system-err", f"{diagnostic.level}: {diagnostic.message}")
 
@@ -354,7 +346,7 @@ def _case_properties(expected: ExpectationOutcome) -> dict[str, object]:
         "judged_moments": judged and judged.moments,
         "judged_from_s": judged and judged.first,
         "judged_to_s": judged and judged.last,
-        **dict(text.split(": ", 1) for text in spread_texts(expected)),
+        **dict(text.split(": ", 1) for text in formatting.spread_texts(expected)),
     }
 
 

@@ -11,17 +11,9 @@ from sim_action.core.wording import counted, shortened
 from sim_action.reports import ReportOptions
 from sim_action.reports.console import Console, Line, open_console
 from sim_action.reports.escaping import markdown_block, markdown_text
+from sim_action.reports.github import markdown
 from sim_action.reports.github.annotations import Annotation, print_annotations
 from sim_action.reports.github.job_summary import MAX_BYTES, append_summary
-from sim_action.reports.github.markdown import (
-    code,
-    fitting,
-    folded,
-    markdown_table,
-    message_text,
-    paragraphs,
-    source_link,
-)
 from sim_action.reports.github.step_outputs import append_outputs
 from sim_action.reports.statuses import Level
 from sim_action.reports.table import Row, Table
@@ -184,19 +176,19 @@ def proof_summary(proof: Proof, options: ReportOptions, most_bytes: int = MAX_BY
     if room < 0:
         return ""
     ordered = sorted(proof.scenarios, key=lambda scenario: not _has_remark(scenario))
-    sections = fitting((_section(scenario, options) for scenario in ordered), room)
+    sections = markdown.fitting((_section(scenario, options) for scenario in ordered), room)
     open_ones = sum(map(_has_remark, ordered[: len(sections)]))
     left = len(ordered) - len(sections)
     parts = [
         f"## {_summary_title(proof)}",
         f"{markdown_text(headline(proof))}; {counted(proof.runs, 'run')} in {proof.wall_time:.0f} s",
         *sections[:open_ones],
-        folded(f"Scenarios without a remark ({len(sections) - open_ones})", "\n\n".join(sections[open_ones:]))
+        markdown.folded(f"Scenarios without a remark ({len(sections) - open_ones})", "\n\n".join(sections[open_ones:]))
         if len(sections) > open_ones
         else "",
         f"_{counted(left, 'more scenario')} not shown: the size of the summary is limited._" if left else "",
     ]
-    return paragraphs(*parts) + "\n\n"
+    return markdown.paragraphs(*parts) + "\n\n"
 
 
 def _summary_title(proof: Proof) -> str:
@@ -220,20 +212,22 @@ def _has_remark(scenario: ProvenScenario) -> bool:
 
 
 def _section(scenario: ProvenScenario, options: ReportOptions) -> str:
-    place = source_link(options, Location(scenario.file, scenario.line, None)) if scenario.file else ""
+    place = markdown.source_link(options, Location(scenario.file, scenario.line, None)) if scenario.file else ""
     parts = [f"### {markdown_text(shortened(scenario.name, _MAX_NAME))}", place]
     if not scenario.is_proven:
-        where = "" if scenario.location is None else f"<br>{source_link(options, scenario.location)}"
-        parts.append(f"not mutated: {message_text(scenario.reason)}{where}")
-    parts.append(markdown_table(expectation_table(scenario), options))
+        where = "" if scenario.location is None else f"<br>{markdown.source_link(options, scenario.location)}"
+        parts.append(f"not mutated: {markdown.message_text(scenario.reason)}{where}")
+    parts.append(markdown.markdown_table(expectation_table(scenario), options))
     parts += _survivors(scenario)
-    return paragraphs(*parts)
+    return markdown.paragraphs(*parts)
 
 
 def _survivors(scenario: ProvenScenario) -> Iterator[str]:
     """Yield each group of survivors, followed by the expectation to paste."""
     for suggestion, survivors in by_suggestion(scenario):
-        yield "\n".join(f"- {code(each.name)}: {message_text(survivor_text(each))}" for each in survivors)
+        yield "\n".join(
+            f"- {markdown.code(each.name)}: {markdown.message_text(survivor_text(each))}" for each in survivors
+        )
         yield suggestion_title(suggestion, survivors).capitalize()
         if suggestion:
             yield markdown_block(suggestion, "yaml")

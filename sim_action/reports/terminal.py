@@ -8,20 +8,9 @@ from pathlib import Path
 from typing import Final, TextIO
 
 from sim_action.core.errors import ExitCode
-from sim_action.reports import ReportOptions
+from sim_action.reports import ReportOptions, formatting
 from sim_action.reports.console import Console, open_console
 from sim_action.reports.escaping import plain_text
-from sim_action.reports.formatting import (
-    counts_text,
-    measured_text,
-    repeats_text,
-    run_facts,
-    shard_text,
-    speed_text,
-    taken_over_text,
-    timeline_text,
-    user_output,
-)
 from sim_action.reports.links import stored_trace
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
 from sim_action.reports.statuses import STATUS_DISPLAYS, RowStatus, StatusDisplay, display_of
@@ -85,7 +74,7 @@ class _Printer:
             self._variations(group)
             self._warnings(group)
         else:
-            self._heading(STATUS_DISPLAYS[group.status], group.name, file, _after(repeats_text(group.worst)))
+            self._heading(STATUS_DISPLAYS[group.status], group.name, file, _after(formatting.repeats_text(group.worst)))
             self._outcome(group.worst)
             self._warnings(group)
         self._model_notes(group)
@@ -137,7 +126,7 @@ class _Printer:
         most = len(shown) if verbose else _MAX_VARIATIONS
         for outcome in shown[:most]:
             look = STATUS_DISPLAYS[outcome.display_status]
-            self._heading(look, outcome.name, "", _after(repeats_text(outcome)))
+            self._heading(look, outcome.name, "", _after(formatting.repeats_text(outcome)))
             self._outcome(outcome)
         if len(shown) > most:
             self._line("", (f"{len(shown) - most} more variations: see {RESULTS_FILE}", "dim"))
@@ -153,11 +142,14 @@ class _Printer:
         self._table(expectation_rows(outcome, shown))
         if not is_quiet:
             self._table(
-                [Row("information", each.name, " ".join(measured_text(each)).strip()) for each in outcome.measurements]
+                [
+                    Row("information", each.name, " ".join(formatting.measured_text(each)).strip())
+                    for each in outcome.measurements
+                ]
             )
         for failure in outcome.failures:
             self._failure(failure)
-        if not is_quiet and (happened := timeline_text(outcome)):
+        if not is_quiet and (happened := formatting.timeline_text(outcome)):
             self._line("  ", (f"timeline: {happened}", "dim"))
         if self._verbosity == "verbose" and outcome.statistics is None:
             self._run_details(outcome)
@@ -191,12 +183,16 @@ class _Printer:
         worst = max(statuses, key=_BEST_FIRST.index, default=of_nothing)
         taken_over = self._options.taken_over
         # The simulations of the earlier call took time, too.
-        fast = f" ({speed_text(results.real_time_factor)})" if results.real_time_factor and not taken_over else ""
-        part = f"; {shard_text(results.shard)}" if results.shard else ""
+        fast = (
+            f" ({formatting.speed_text(results.real_time_factor)})"
+            if results.real_time_factor and not taken_over
+            else ""
+        )
+        part = f"; {formatting.shard_text(results.shard)}" if results.shard else ""
         took = f" in {results.wall_time:.1f} s{fast}{part}"
-        self._line("", (counts_text(results), STATUS_DISPLAYS[worst].style), (took, ""))
+        self._line("", (formatting.counts_text(results), STATUS_DISPLAYS[worst].style), (took, ""))
         if taken_over is not None:
-            self._line("", (taken_over_text(taken_over, results), ""))
+            self._line("", (formatting.taken_over_text(taken_over, results), ""))
         if self._verbosity != "quiet":
             for name, path in _files(results, self._options):
                 self._line("", (f"{name:<10} {path}", "dim"))
@@ -210,12 +206,12 @@ class _Printer:
 
     def _run_details(self, outcome: Outcome) -> None:
         trace = stored_trace(outcome, self._options.folder)
-        facts = run_facts(outcome) | ({} if trace is None else {"trace": str(trace)})
+        facts = formatting.run_facts(outcome) | ({} if trace is None else {"trace": str(trace)})
         notes = [("note", note) for note in outcome.notes]
         notes += [(diagnostic.level, diagnostic.message) for diagnostic in outcome.diagnostics]
         for name, value in (*facts.items(), *notes):
             self._line("  ", (f"{name:<10} {value}", "dim"))
-        if output := user_output(outcome):
+        if output := formatting.user_output(outcome):
             self._block("output", output)
 
     def _block(self, title: str, text: str) -> None:

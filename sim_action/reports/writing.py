@@ -22,16 +22,10 @@ from sim_action.reports import ReportOptions, ReportRequest, workspace_of
 from sim_action.reports.escaping import log_text, one_line
 from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.reports.statuses import STATUS_DISPLAYS, display_of
+from sim_action.results import output_folder
 from sim_action.results.artifacts import REPORT_FILE, RUN_FILE_FOLDERS, with_existing_files
 from sim_action.results.journal import JOURNAL_FILE, manifest
 from sim_action.results.outcome import Outcome
-from sim_action.results.output_folder import (
-    create_folder,
-    locked,
-    remove_earlier_files,
-    remove_regular,
-    remove_unfinished_files,
-)
 from sim_action.results.results_json import RESULTS_FILE, Results
 from sim_action.results.written_files import JUNIT_FILE, is_foreign, is_own_junit, refuse_foreign_files
 
@@ -83,7 +77,7 @@ def open_reports(request: ReportRequest, *, keeps_earlier: bool = False) -> Iter
     # Before anything is removed or run: the results of the earlier run may not be there.
     against = None if request.against is None else _earlier_run(request.against, request.folder)
     folder = _created_folder(request.folder)
-    with locked(folder) as room:
+    with output_folder.locked(folder) as room:
         if not keeps_earlier:
             remove_earlier(request)
         yield ReportOptions(
@@ -136,11 +130,11 @@ def _check_targets(request: ReportRequest) -> None:
 
 def remove_earlier(request: ReportRequest, kept: AbstractSet[str] = frozenset()) -> None:
     """Remove the files of the earlier call in the output folder, apart from those named in `kept`."""
-    remove_earlier_files(request.folder, set(manifest(request.folder)) - kept)
-    remove_unfinished_files(request.folder)
+    output_folder.remove_earlier_files(request.folder, set(manifest(request.folder)) - kept)
+    output_folder.remove_unfinished_files(request.folder)
     if request.junit is not None:
         with suppress(OSError):
-            remove_regular(request.junit)
+            output_folder.remove_regular(request.junit)
 
 
 def make_ready(options: ReportOptions) -> None:
@@ -169,7 +163,7 @@ def write_reports(results: Results, options: ReportOptions, annotated: Results |
     """
     with suppress(OSError):
         # A script may have removed it.
-        create_folder(options.folder)
+        output_folder.create_folder(options.folder)
     results = _with_existing_files(results, options)
     annotated = results if annotated is None else _with_existing_files(annotated, options)
     options.room.release()
@@ -226,7 +220,7 @@ def _write(name: str, results: Results, options: ReportOptions) -> None:
 
 def _created_folder(folder: Path) -> Path:
     try:
-        create_folder(folder)
+        output_folder.create_folder(folder)
     except (OSError, ValueError) as error:
         raise UsageError(escaped_line(f"cannot write to the output folder {folder}: {system_reason(error)}")) from None
     return folder

@@ -19,22 +19,7 @@ from typing import TYPE_CHECKING, Final, NoReturn
 from pydantic import JsonValue
 from pydantic_core import PydanticSerializationError, to_json
 
-from sim_action.core.errors import (
-    BadSource,
-    BadStart,
-    EngineError,
-    InternalError,
-    InvalidScenario,
-    Location,
-    MissedContact,
-    ModelError,
-    PackageFault,
-    Problem,
-    RefusedModel,
-    RunError,
-    ScriptError,
-    SimulationUnstable,
-)
+from sim_action.core import errors
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.user_scripts import SharedModules
@@ -186,9 +171,9 @@ def _outcome(job: Job, progress: _Progress, kept: _Kept) -> Outcome:
     shared = SharedModules(row.package for row in ENGINES.values()) if job.loaded.scenario.python_files else None
     try:
         return _judged(job, job.loaded.scenario, _stored_run(job, progress, kept))
-    except InvalidScenario as error:
+    except errors.InvalidScenario as error:
         return Outcome.of_invalid(job.loaded.file, error).model_copy(update={"name": job.loaded.scenario.name})
-    except (RunError, ModelError) as error:
+    except (errors.RunError, errors.ModelError) as error:
         return _of_run_error(job, error)
     except MemoryError:
         return _error(job, _OUT_OF_MEMORY, out_of_memory(job))
@@ -196,18 +181,18 @@ def _outcome(job: Job, progress: _Progress, kept: _Kept) -> Outcome:
         if isinstance(error, OSError) and error.errno in _REFUSALS:
             return _refused_by_system(job, error)
         fault = None if shared is None else shared.fault(error)
-        return _of_fault(job, InternalError.of(error)) if fault is None else _of_run_error(job, fault)
+        return _of_fault(job, errors.InternalError.of(error)) if fault is None else _of_run_error(job, fault)
 
 
-def _of_fault(job: Job, fault: InternalError) -> Outcome:
+def _of_fault(job: Job, fault: errors.InternalError) -> Outcome:
     failure, document = Failure.of_fault(fault), job.loaded.document
-    if isinstance(fault, PackageFault):
+    if isinstance(fault, errors.PackageFault):
         failure = failure.model_copy(update={"location": document.location(document.path_of_key(fault.part))})
     return _failed(job, failure)
 
 
-def _of_run_error(job: Job, error: RunError | ModelError) -> Outcome:
-    if isinstance(error, RunError):
+def _of_run_error(job: Job, error: errors.RunError | errors.ModelError) -> Outcome:
+    if isinstance(error, errors.RunError):
         error.location = _place_of(error, job)
     if isinstance(error.__context__, MemoryError):
         return _error(job, _OUT_OF_MEMORY, f"{error}; {out_of_memory(job)}", error)
@@ -228,7 +213,9 @@ def _stored_run(job: Job, progress: _Progress, kept: _Kept) -> SimulationRun:
         try:
             run = _simulated(loaded, scene, footage, progress)
         except Exception as error:
-            if not isinstance(error, RunError) and not isinstance(InternalError.of(error), PackageFault):
+            if not isinstance(error, errors.RunError) and not isinstance(
+                errors.InternalError.of(error), errors.PackageFault
+            ):
                 raise
             # The recorded part shows the problem.
             job, scene = _as_it_happened(job, scene, footage)
@@ -294,25 +281,25 @@ def _simulated(loaded: LoadedScenario, scene: Scene, footage: RunRecorder, progr
     try:
         with guard:
             run = simulate(loaded.scenario, scene, progress, footage, _seams(loaded.mutation, scene))
-    except BadStart as error:
+    except errors.BadStart as error:
         problems = [loaded.document.problem(*problem) for problem in error.by_keys]
-        raise InvalidScenario([*problems, *error.elsewhere]) from None
-    except BadSource as error:
-        raise InvalidScenario([_of_source(loaded.document, error)]) from None
+        raise errors.InvalidScenario([*problems, *error.elsewhere]) from None
+    except errors.BadSource as error:
+        raise errors.InvalidScenario([_of_source(loaded.document, error)]) from None
     finally:
         if os.getpid() != born:
             # A copy made by os.fork() in user code: only the original may write the verdict.
             os._exit(0)
     closed = [f"{number} ({what})" for number, what in own.items() if not _is_open(number)]
     if closed:
-        raise ScriptError(
+        raise errors.ScriptError(
             f"the controller closed file descriptors of sim-action: {', '.join(closed)}; "
             "printed output is lost, or is in other files"
         )
     return run
 
 
-def _of_source(document: Document, error: BadSource) -> Problem:
+def _of_source(document: Document, error: errors.BadSource) -> errors.Problem:
     return document.problem((*_path_of_source(document, error.index, error.actor), error.key), str(error))
 
 
@@ -322,7 +309,7 @@ def _path_of_source(document: Document, index: int, actor: int | None) -> KeyPat
     return listed if listed in document.marks else (*above, "commands")
 
 
-def _place_of(error: RunError, job: Job) -> Location | None:
+def _place_of(error: errors.RunError, job: Job) -> errors.Location | None:
     """Return the place in the user's file, or else in the scenario."""
     loaded = job.loaded
     if (place := error.location) is not None:
@@ -330,7 +317,7 @@ def _place_of(error: RunError, job: Job) -> Location | None:
     if error.keys is not None:
         return loaded.document.location(error.keys)
     key = _source_of(error, job)
-    if not isinstance(error, ScriptError) or error.source is None or key is None:
+    if not isinstance(error, errors.ScriptError) or error.source is None or key is None:
         return None
     return loaded.document.location((*_path_of_source(loaded.document, error.source, error.actor), key))
 
@@ -341,7 +328,7 @@ _OF_USERS: Final = frozenset({"script", "process", "ros1", "ros2"})
 
 def _source_of(error: Exception, job: Job) -> str | None:
     """Return the key of the command source that failed, such as "pose"; None if no source did."""
-    if not isinstance(error, ScriptError) or error.source is None:
+    if not isinstance(error, errors.ScriptError) or error.source is None:
         return None
     scenario = job.loaded.scenario
     commands = scenario.commands if error.actor is None else scenario.world.actors[error.actor].commands
@@ -365,12 +352,12 @@ _REFUSALS: Final = frozenset(
 
 _OUT_OF_MEMORY: Final[tuple[FailureKind, str]] = ("memory", "out of memory")
 _KINDS: Final[dict[type[Exception], tuple[FailureKind, str]]] = {
-    EngineError: ("engine", "engine error"),
-    SimulationUnstable: ("unstable", "simulation unstable"),
-    MissedContact: ("missed contact", "missed contact"),
-    ScriptError: ("script", "script error"),
-    ModelError: ("invalid", "invalid model"),
-    RefusedModel: ("invalid", "invalid model"),
+    errors.EngineError: ("engine", "engine error"),
+    errors.SimulationUnstable: ("unstable", "simulation unstable"),
+    errors.MissedContact: ("missed contact", "missed contact"),
+    errors.ScriptError: ("script", "script error"),
+    errors.ModelError: ("invalid", "invalid model"),
+    errors.RefusedModel: ("invalid", "invalid model"),
 }
 
 
@@ -482,7 +469,7 @@ def _noted(name: str, notes: list[str], effect: str = "") -> Iterator[None]:
         yield
     except Exception as error:  # noqa: BLE001 - the verdict does not depend on evidence
         is_expected = isinstance(error, OSError | ValueError | MemoryError)
-        reason = system_reason(error) if is_expected else str(InternalError.of(error))
+        reason = system_reason(error) if is_expected else str(errors.InternalError.of(error))
         notes.append(f"{name}: {escaped_line(reason)}{effect and '; '}{effect}")
 
 
@@ -565,8 +552,8 @@ def received_job() -> tuple[Job, ChildFiles]:
     try:
         received: tuple[Job, ChildFiles] = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent
     except Exception as error:
-        fault = InternalError.of(error)
-        if not isinstance(fault, PackageFault):
+        fault = errors.InternalError.of(error)
+        if not isinstance(fault, errors.PackageFault):
             raise
         # The last words of this process are in the outcome.
         sys.stderr.write(f"{fault}\n")

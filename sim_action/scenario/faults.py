@@ -8,15 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from sim_action.core import units
-from sim_action.core.field_types import (
-    FrozenModel,
-    Name,
-    NonNegativeSeconds,
-    PositiveSeconds,
-    PositiveShare,
-    SensorQuantity,
-)
+from sim_action.core import field_types, units
 from sim_action.core.geometry import Twist
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
@@ -45,7 +37,7 @@ _OF_THE_WORLD: Final = {
 _Flag = Annotated[Literal[True] | None, BeforeValidator(lambda value: True if value is None else value)]
 
 
-_Bias = SensorQuantity | tuple[SensorQuantity, ...]
+_Bias = field_types.SensorQuantity | tuple[field_types.SensorQuantity, ...]
 
 
 def _error_of(written: object, column: ReadingColumn) -> float | tuple[float, ...]:
@@ -73,7 +65,7 @@ def _as_text(bias: object) -> str:
     return f"({', '.join(map(str, bias))})" if isinstance(bias, tuple) else str(bias)
 
 
-class Fault(FrozenModel):
+class Fault(field_types.FrozenModel):
     """A motor or a sensor that fails at a time, until the end of the run or for some time.
 
     A motor that is off exerts nothing, and its joint moves freely. A stuck one holds its joint where it is. A weak one
@@ -81,16 +73,19 @@ class Fault(FrozenModel):
     adds a constant error.
     """
 
-    motor: Annotated[Name | None, Field(description="joint whose motor fails")] = None
-    sensor: Annotated[Name | None, Field(description="name of the sensor that fails, instead of a motor")] = None
-    at: Annotated[NonNegativeSeconds, Field(description="sim time at which it begins")]
+    motor: Annotated[field_types.Name | None, Field(description="joint whose motor fails")] = None
+    sensor: Annotated[
+        field_types.Name | None, Field(description="name of the sensor that fails, instead of a motor")
+    ] = None
+    at: Annotated[field_types.NonNegativeSeconds, Field(description="sim time at which it begins")]
     duration: Annotated[
-        PositiveSeconds | None, Field(alias="for", description="its duration; default: until the end of the run")
+        field_types.PositiveSeconds | None,
+        Field(alias="for", description="its duration; default: until the end of the run"),
     ] = None
     off: Annotated[_Flag, Field(description="the motor exerts nothing")] = None
     stuck: Annotated[_Flag, Field(description="the joint stays where it is")] = None
     weak: Annotated[
-        Annotated[PositiveShare, Field(lt=1)] | None,
+        Annotated[field_types.PositiveShare, Field(lt=1)] | None,
         Field(description="the share that is left of the motor's effort limit, such as 50 %"),
     ] = None
     frozen: Annotated[_Flag, Field(description="the sensor repeats its last reading")] = None

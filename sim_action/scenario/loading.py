@@ -12,16 +12,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from sim_action.core.errors import (
-    InternalError,
-    InvalidScenario,
-    Location,
-    ModelError,
-    PackageFault,
-    Problem,
-    RefusedModel,
-    UsageError,
-)
+from sim_action.core import errors
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import counted
@@ -76,7 +67,7 @@ def checked(
     `evaluate` allows models that run code: xacro, and MJCF, which native code reads. Such models are otherwise only
     read in the scenario's own process. Raises InvalidScenario with all problems.
     """
-    document, problems = source.document, tuple[Problem, ...]()
+    document, problems = source.document, tuple[errors.Problem, ...]()
     if isinstance(document.data, dict) and "ego" in document.data:
         from sim_action.scenario.roles import with_roles  # few scenarios turn the roles round
 
@@ -160,15 +151,15 @@ def _loaded_or_refused(
         return source
     try:
         return checked(source, permissions, libraries)
-    except InvalidScenario as error:
+    except errors.InvalidScenario as error:
         return source.refused(error)
-    except UsageError:
+    except errors.UsageError:
         raise
     except Exception as error:  # noqa: BLE001 - the other scenarios have results to give
-        fault = InternalError.of(error)
-        if not isinstance(fault, PackageFault):
+        fault = errors.InternalError.of(error)
+        if not isinstance(fault, errors.PackageFault):
             return source.refused(fault)
-        return source.refused(InvalidScenario([source.document.problem_at_key(fault.part, str(fault))]))
+        return source.refused(errors.InvalidScenario([source.document.problem_at_key(fault.part, str(fault))]))
 
 
 def build_scene(loaded: LoadedScenario) -> Scene:
@@ -368,11 +359,11 @@ class _Loader:
                 self._check_text(robot, path)
                 return None
             return self._libraries.models.load(robot, self._workspace)
-        except RefusedModel as error:
+        except errors.RefusedModel as error:
             # They must be fixed in the model's own file.
             for problem in error.problems:
                 self._problems.note_elsewhere(problem)
-        except ModelError as error:
+        except errors.ModelError as error:
             self._problems.note((*path, "model"), str(error))
         return None
 
@@ -456,7 +447,7 @@ def _with_advice(source: Source | Refused, refused: Refused) -> Refused:
 
 
 def _counted_by_sample(
-    whole: Refused, refused: Sequence[Refused], drawn: AbstractSet[Location], samples: int
+    whole: Refused, refused: Sequence[Refused], drawn: AbstractSet[errors.Location], samples: int
 ) -> Refused:
     """Return a refusal with one problem for each drawn value: the first one, and the number of samples that have one.
 
@@ -466,18 +457,18 @@ def _counted_by_sample(
         drawn: the places of drawn values.
         samples: the number of samples.
     """
-    if isinstance(whole.error, InternalError):
+    if isinstance(whole.error, errors.InternalError):
         return whole
     counts = Counter(place for each in refused for place in {problem.location for problem in each.problems} & drawn)
-    found: dict[object, Problem] = {}
+    found: dict[object, errors.Problem] = {}
     for problem in whole.problems:
         place = problem.location
         if place not in drawn:
             found[problem] = problem
         elif place not in found:
             text = f"{problem.message}; {counts[place]:,} of {counted(samples, 'sample')} have a problem here"
-            found[place] = Problem(place, text)
-    return replace(whole, error=InvalidScenario(found.values()))
+            found[place] = errors.Problem(place, text)
+    return replace(whole, error=errors.InvalidScenario(found.values()))
 
 
 def _is_of_draws(source: Source | Refused, refused: Refused) -> bool:
@@ -490,11 +481,11 @@ def _as_one(refused: Sequence[Refused], number: int) -> Refused:
     A fault of sim-action is reported alone, as it may hide other problems. `number` is that of the first variation,
     where the refusal is reported.
     """
-    if fault := next((each for each in refused if isinstance(each.error, InternalError)), None):
+    if fault := next((each for each in refused if isinstance(each.error, errors.InternalError)), None):
         return replace(fault, number=number)
-    told: list[Problem] = []
+    told: list[errors.Problem] = []
     known: set[str] = set()
     for each in refused:
         told += [problem for problem in each.problems if problem.message not in known]
         known.update(problem.message for problem in each.problems)
-    return replace(refused[0], error=InvalidScenario(told), number=number)
+    return replace(refused[0], error=errors.InvalidScenario(told), number=number)

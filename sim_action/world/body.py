@@ -9,20 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.core import geometry
-from sim_action.core.field_types import (
-    FrozenModel,
-    KilogramSquareMetres,
-    Metres,
-    MetresPerSecond,
-    Name,
-    NonNegativeKilogramSquareMetres,
-    Placement,
-    PositiveKilograms,
-    PositiveSeconds,
-    RadiansPerSecond,
-    RelativePose,
-)
+from sim_action.core import field_types, geometry
 from sim_action.core.geometry import Pose, Twist, symmetric_eigenvalues
 from sim_action.core.units import first_step
 from sim_action.state.timeline import TimeMark
@@ -49,16 +36,16 @@ BODY_SHAPES: Final = ("box", "cylinder", "sphere", "ramp", "stairs", "mesh")
 """The keys of the shapes of which a body can have several."""
 
 MAX_SHAPES: Final = 1000
-Arm = Annotated[Metres, Field(ge=-MAX_LENGTH_M, le=MAX_LENGTH_M)]
+Arm = Annotated[field_types.Metres, Field(ge=-MAX_LENGTH_M, le=MAX_LENGTH_M)]
 _ROUNDING: Final = 1e-3  # moments may break the triangle inequality by this share: files are rounded
 _SMALLEST_SHARE: Final = 1e-7  # the error of a computed principal moment, as a share of the largest one, is less
 
 
-class ShapePose(RelativePose):
+class ShapePose(field_types.RelativePose):
     """The pose of a shape in the frame of its object."""
 
 
-class Shape(FrozenModel):
+class Shape(field_types.FrozenModel):
     """One of several shapes of an object, which are rigidly joined and touch others under one name."""
 
     box: Annotated[tuple[Size, Size, Size] | None, Field(description="full size in x, y and z")] = None
@@ -109,15 +96,15 @@ def solid_parts(shape: Shape | Body) -> Sequence[Part]:
     return made.parts()
 
 
-class Inertia(FrozenModel):
+class Inertia(field_types.FrozenModel):
     """The moments of inertia about the centre of mass, along the axes of the object."""
 
-    ixx: NonNegativeKilogramSquareMetres
-    iyy: NonNegativeKilogramSquareMetres
-    izz: NonNegativeKilogramSquareMetres
-    ixy: KilogramSquareMetres = 0.0
-    ixz: KilogramSquareMetres = 0.0
-    iyz: KilogramSquareMetres = 0.0
+    ixx: field_types.NonNegativeKilogramSquareMetres
+    iyy: field_types.NonNegativeKilogramSquareMetres
+    izz: field_types.NonNegativeKilogramSquareMetres
+    ixy: field_types.KilogramSquareMetres = 0.0
+    ixz: field_types.KilogramSquareMetres = 0.0
+    iyz: field_types.KilogramSquareMetres = 0.0
 
     @model_validator(mode="after")
     def _is_possible(self) -> Self:
@@ -138,17 +125,17 @@ class Inertia(FrozenModel):
         return (self.ixx, self.ixy, self.ixz), (self.ixy, self.iyy, self.iyz), (self.ixz, self.iyz, self.izz)
 
 
-SurfaceSpeed = Annotated[MetresPerSecond, Field(ge=-MAX_SPEED, le=MAX_SPEED)]
+SurfaceSpeed = Annotated[field_types.MetresPerSecond, Field(ge=-MAX_SPEED, le=MAX_SPEED)]
 
 
-class SurfaceVelocity(FrozenModel):
+class SurfaceVelocity(field_types.FrozenModel):
     """The motion of the surface of an object that stands still itself: a belt, a roller or a turntable."""
 
     linear: Annotated[
         tuple[SurfaceSpeed, SurfaceSpeed, SurfaceSpeed], Field(description="along the x, y and z axes of the object")
     ] = geometry.ZERO
     angular: Annotated[
-        RadiansPerSecond, Field(ge=-MAX_SPEED, le=MAX_SPEED, description="about the z axis of the object")
+        field_types.RadiansPerSecond, Field(ge=-MAX_SPEED, le=MAX_SPEED, description="about the z axis of the object")
     ] = 0.0
 
     @model_validator(mode="after")
@@ -167,7 +154,7 @@ SHAPES: Final = ("box", "cylinder", "sphere", "ramp", "stairs", "mesh", "heightf
 _MAY_MOVE: Final = ("box", "cylinder", "sphere", "mesh", "shapes")
 _MAX_LOOP_GAP: Final = 1e-6  # m and rad: the start and the end of a loop may differ by this
 Share = Annotated[float, Field(ge=0, le=1)]
-Mass = Annotated[PositiveKilograms, Field(ge=1e-6, le=MAX_MASS)]
+Mass = Annotated[field_types.PositiveKilograms, Field(ge=1e-6, le=MAX_MASS)]
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -175,10 +162,10 @@ def _listed(names: Sequence[str]) -> str:
     return f"{', '.join(quoted[:-1])} and {quoted[-1]}"
 
 
-class Body(FrozenModel):
+class Body(field_types.FrozenModel):
     """An object of one or several shapes: fixed, or movable with a mass."""
 
-    name: Name
+    name: field_types.Name
     box: Annotated[tuple[Size, Size, Size] | None, Field(description="full size in x, y and z")] = None
     cylinder: Annotated[Cylinder | None, Field(description="upright cylinder about its own z axis")] = None
     sphere: Sphere | None = None
@@ -198,12 +185,12 @@ class Body(FrozenModel):
         ),
     ] = None
     pose: Annotated[
-        Placement,
+        field_types.Placement,
         Field(
             description="pose of the centre of its bounding box; mesh and map: of the file's origin; heightfield: the "
             "centre at height 0; shapes: of the frame in which they are placed"
         ),
-    ] = Placement.model_construct()
+    ] = field_types.Placement.model_construct()
     mass: Annotated[Mass | None, Field(description="mass of the object; default: the object is fixed")] = None
     center_of_mass: Annotated[
         tuple[Arm, Arm, Arm] | None,
@@ -230,10 +217,12 @@ class Body(FrozenModel):
         Field(description="motion of the surface of a fixed object from 0 s on, which carries what touches it"),
     ] = None
     appears: Annotated[
-        PositiveSeconds | None,
+        field_types.PositiveSeconds | None,
         Field(description="sim time at which the object appears; with a mass, it falls from then on"),
     ] = None
-    disappears: Annotated[PositiveSeconds | None, Field(description="sim time at which the object is removed")] = None
+    disappears: Annotated[
+        field_types.PositiveSeconds | None, Field(description="sim time at which the object is removed")
+    ] = None
 
     def time_marks(self) -> Iterator[TimeMark]:
         """Yield the marks of the timeline: when it appears, and when its path begins and ends."""
@@ -258,7 +247,7 @@ class Body(FrozenModel):
         return first, math.inf if self.disappears is None else first_step(self.disappears, rate)
 
     @property
-    def beginning(self) -> Placement:
+    def beginning(self) -> field_types.Placement:
         """The initial placement; on a path, that of its first point."""
         return placements(self.pose, self.path[:1])[0] if self.path else self.pose
 
@@ -357,7 +346,7 @@ def _refuse_impossible_times(body: Body) -> None:
         raise ValueError(f"'disappears' must be later than 'appears' ({body.appears:g} s)")
 
 
-def _differ(places: Sequence[Placement]) -> bool:
+def _differ(places: Sequence[field_types.Placement]) -> bool:
     """Return True if the last placement differs from the first, apart from whole turns."""
     first, last = places[0], places[-1]
     if (first.z is None) != (last.z is None):

@@ -8,20 +8,7 @@ from typing import Annotated, Final, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from sim_action.core import units
-from sim_action.core.field_types import (
-    Coordinate,
-    FrozenModel,
-    MetresPerSecond,
-    MetresPerSecondSquared,
-    Name,
-    NonNegativeSeconds,
-    PositiveHertz,
-    PositiveMetres,
-    PositiveSeconds,
-    Quantity,
-    RadiansPerSecond,
-)
+from sim_action.core import field_types, units
 from sim_action.core.geometry import Vector3
 from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.state.timeline import TimeMark
@@ -32,11 +19,11 @@ MAX_SPEED: Final = 10_000.0
 """m/s and rad/s; engines limit the base and every joint to it, so speed limits cannot be higher."""
 
 
-class Physics(FrozenModel):
+class Physics(field_types.FrozenModel):
     """The physics steps, and the limits beyond which a run is unstable."""
 
     rate: Annotated[
-        PositiveHertz,
+        field_types.PositiveHertz,
         Field(
             ge=1,
             le=MAX_PHYSICS_RATE_HZ,
@@ -45,23 +32,25 @@ class Physics(FrozenModel):
         ),
     ] = 240.0
     settle: Annotated[
-        NonNegativeSeconds, Field(le=60, description="maximum time to come to rest before t = 0; 0: do not wait")
+        field_types.NonNegativeSeconds,
+        Field(le=60, description="maximum time to come to rest before t = 0; 0: do not wait"),
     ] = 2.0
     max_speed: Annotated[
-        MetresPerSecond,
+        field_types.MetresPerSecond,
         Field(gt=0, le=MAX_SPEED, description="speed of the base and of sliding joints from which the run is unstable"),
     ] = 100.0
     max_turn_rate: Annotated[
-        RadiansPerSecond,
+        field_types.RadiansPerSecond,
         Field(
             gt=0, le=MAX_SPEED, description="turn rate of the base and of turning joints from which the run is unstable"
         ),
     ] = 1000.0
     max_distance: Annotated[
-        PositiveMetres, Field(description="distance of the base from its start from which the run is unstable")
+        field_types.PositiveMetres,
+        Field(description="distance of the base from its start from which the run is unstable"),
     ] = 10_000.0
     max_depth: Annotated[
-        PositiveMetres | None,
+        field_types.PositiveMetres | None,
         Field(
             description="depth of the base below ground from which the run is unstable; default: its extent plus 1 m"
         ),
@@ -101,7 +90,8 @@ def _acceleration(value: object) -> float:
 
 
 Gravity = Annotated[
-    MetresPerSecondSquared | tuple[MetresPerSecondSquared, MetresPerSecondSquared, MetresPerSecondSquared],
+    field_types.MetresPerSecondSquared
+    | tuple[field_types.MetresPerSecondSquared, field_types.MetresPerSecondSquared, field_types.MetresPerSecondSquared],
     BeforeValidator(_vector),
     Field(description="downwards, or as [x, y, z]; may be 0", validate_default=True),
 ]
@@ -114,36 +104,36 @@ MAX_FORCE: Final = 1e10
 """N and N m: a thousand times the weight of the heaviest body; more is a mistake and overflows in the engines."""
 
 MAX_MASS: Final = 1e6  # the mass in kg of the heaviest body
-Newtons = Annotated[float, Field(ge=-MAX_FORCE, le=MAX_FORCE), Quantity((units.FORCE,))]
-NewtonMetres = Annotated[float, Field(ge=-MAX_FORCE, le=MAX_FORCE), Quantity((units.TORQUE,))]
-PushMetresPerSecond = Annotated[MetresPerSecond, Field(ge=-MAX_SPEED, le=MAX_SPEED)]
+Newtons = Annotated[float, Field(ge=-MAX_FORCE, le=MAX_FORCE), field_types.Quantity((units.FORCE,))]
+NewtonMetres = Annotated[float, Field(ge=-MAX_FORCE, le=MAX_FORCE), field_types.Quantity((units.TORQUE,))]
+PushMetresPerSecond = Annotated[field_types.MetresPerSecond, Field(ge=-MAX_SPEED, le=MAX_SPEED)]
 
 
-class Disturbance(FrozenModel):
+class Disturbance(field_types.FrozenModel):
     """A force and a torque on a link or a body for some time, a push that changes its velocity, a load, or adhesion."""
 
-    at: Annotated[NonNegativeSeconds, Field(description="sim time at which it starts")]
+    at: Annotated[field_types.NonNegativeSeconds, Field(description="sim time at which it starts")]
     duration: Annotated[
-        PositiveSeconds | None,
+        field_types.PositiveSeconds | None,
         Field(
             alias="for",
             description="duration; needed by a force or a torque; a push has none; default of a payload, adhesion: on",
         ),
     ] = None
     link: Annotated[
-        Name | None,
+        field_types.Name | None,
         Field(
             description="link of the robot; default without 'body': its base, or its last one if a payload loads "
             "a bolted robot; or an <adhesion> of MJCF"
         ),
     ] = None
-    body: Annotated[Name | None, Field(description="body of the world, instead of a link")] = None
+    body: Annotated[field_types.Name | None, Field(description="body of the world, instead of a link")] = None
     force: Annotated[
         tuple[Newtons, Newtons, Newtons] | None,
         Field(description="x, y, z in the world frame; acts at the centre of mass without 'point'"),
     ] = None
     point: Annotated[
-        tuple[Coordinate, Coordinate, Coordinate] | None,
+        tuple[field_types.Coordinate, field_types.Coordinate, field_types.Coordinate] | None,
         Field(description="point at which the force acts, in the frame of the link or body"),
     ] = None
     torque: Annotated[
@@ -154,12 +144,12 @@ class Disturbance(FrozenModel):
         Field(description="x, y, z in the world frame; added to the velocity of a body or of the whole robot"),
     ] = None
     payload: Annotated[
-        Annotated[float, Field(ge=-MAX_MASS, le=MAX_MASS), Quantity((units.MASS,))] | None,
+        Annotated[float, Field(ge=-MAX_MASS, le=MAX_MASS), field_types.Quantity((units.MASS,))] | None,
         Field(description="mass added to a link at its centre of mass; a negative one is taken from it"),
     ] = None
 
     adhesion: Annotated[
-        Annotated[float, Field(ge=0, le=MAX_FORCE), Quantity((units.FORCE,))] | None,
+        Annotated[float, Field(ge=0, le=MAX_FORCE), field_types.Quantity((units.FORCE,))] | None,
         Field(description="holds what touches the link or body with up to this force, as a suction cup or a magnet"),
     ] = None
 

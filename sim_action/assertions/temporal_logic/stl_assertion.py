@@ -12,6 +12,7 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion, Reference, shortened_title
 from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.temporal_logic import formula_claims
 from sim_action.assertions.temporal_logic.formula import (
     Always,
     Eventually,
@@ -21,14 +22,6 @@ from sim_action.assertions.temporal_logic.formula import (
     comparisons,
     everything,
     finite_horizon,
-)
-from sim_action.assertions.temporal_logic.formula_claims import (
-    asks_for_rest,
-    audit_distances,
-    audit_forces,
-    audit_formula,
-    audit_formula_of_robot,
-    is_about_motion,
 )
 from sim_action.assertions.temporal_logic.formula_signals import (
     channels_of,
@@ -140,11 +133,11 @@ class Stl(Assertion):
 
     @override
     def limits_motion(self, scene: Scene) -> bool:
-        return asks_for_rest(self.parsed, scene)
+        return formula_claims.asks_for_rest(self.parsed, scene)
 
     @override
     def judges_rest(self, scene: Scene) -> bool:
-        return asks_for_rest(self.parsed, scene) or not is_about_motion(self.parsed)
+        return formula_claims.asks_for_rest(self.parsed, scene) or not formula_claims.is_about_motion(self.parsed)
 
     @override
     def meaning(self, scene: Scene) -> str:
@@ -152,18 +145,18 @@ class Stl(Assertion):
 
     @override
     def claims(self, setting: Setting) -> Findings:
-        yield from audit_formula(self.formula, self.parsed, setting)
+        yield from formula_claims.audit_formula(self.formula, self.parsed, setting)
 
     @override
     def robot_claims(self, scene: Scene) -> Findings:
-        yield from audit_formula_of_robot(self.formula, self.parsed, scene)
+        yield from formula_claims.audit_formula_of_robot(self.formula, self.parsed, scene)
 
     @override
     def run_claims(self, run: JudgedRun) -> Findings:
         # A premise that never held is a finding of its own.
         if run.verdict.status == "passed" and not run.lacks_premise:
-            yield from audit_forces(self.parsed, run.trace)
-            yield from audit_distances(self.parsed, run)
+            yield from formula_claims.audit_forces(self.parsed, run.trace)
+            yield from formula_claims.audit_distances(self.parsed, run)
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:

@@ -19,16 +19,7 @@ from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2_messages import CdrForm, Frames, Topic, nanoseconds, stamps
 from sim_action.robot.model.robot_model import Joint, Link, RobotModel, Shape
 from sim_action.sensors.rendering import PALETTE, ROBOT
-from sim_action.world.parts import (
-    BoxPart,
-    CylinderPart,
-    GridPart,
-    HullPart,
-    Part,
-    SpherePart,
-    SurfacePart,
-    grid_surface,
-)
+from sim_action.world import parts
 
 Kind = Literal["cube", "sphere", "cylinder", "sphere list", "triangle list"]
 _TYPES: Final[dict[Kind, int]] = {"cube": 1, "sphere": 2, "cylinder": 3, "sphere list": 7, "triangle list": 11}
@@ -89,25 +80,25 @@ def _world_markers(run: RecordedRun, frames: Frames) -> Iterator[tuple[Marker, F
             )
 
 
-def _part_marker(part: Part, blank: Marker) -> tuple[Marker, FloatArray]:
-    if isinstance(part, BoxPart):
+def _part_marker(part: parts.Part, blank: Marker) -> tuple[Marker, FloatArray]:
+    if isinstance(part, parts.BoxPart):
         return replace(blank, kind="cube", pose=part.pose, scale=part.size_xyz), _NO_POINTS
-    if isinstance(part, CylinderPart):
+    if isinstance(part, parts.CylinderPart):
         across = 2 * part.radius
         return replace(blank, kind="cylinder", pose=part.pose, scale=(across, across, part.height)), _NO_POINTS
-    if isinstance(part, SpherePart):
+    if isinstance(part, parts.SpherePart):
         return replace(blank, kind="sphere", pose=part.pose, scale=(2 * part.radius,) * 3), _NO_POINTS
     points = _triangle_corners(part)
     return replace(blank, points=len(points)), points
 
 
-def _triangle_corners(part: HullPart | GridPart | SurfacePart) -> FloatArray:
+def _triangle_corners(part: parts.HullPart | parts.GridPart | parts.SurfacePart) -> FloatArray:
     """Return (3 T, 3) the corners of T triangles."""
-    if isinstance(part, HullPart):
+    if isinstance(part, parts.HullPart):
         points = np.array(part.points_xyz)
         faces = hull_faces(points - points.mean(axis=0))
         return _NO_POINTS if faces is None else points[faces].reshape(-1, 3)
-    surface = grid_surface(part) if isinstance(part, GridPart) else part
+    surface = parts.grid_surface(part) if isinstance(part, parts.GridPart) else part
     return surface.points_xyz[surface.triangles].reshape(-1, 3)
 
 

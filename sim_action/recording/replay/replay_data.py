@@ -11,21 +11,10 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import Field, ValidationInfo, model_validator
 
 from sim_action.core.field_types import FrozenModel
+from sim_action.recording.replay import scene_data
 from sim_action.recording.replay.columns import Column, Index, TextColumn
 from sim_action.recording.replay.pictures import MAX_PICTURE_BYTES, CameraData
 from sim_action.recording.replay.scans import MAX_RANGES, MAX_SENSORS, ScanData
-from sim_action.recording.replay.scene_data import (
-    MAX_BODIES,
-    MAX_LINKS,
-    MAX_MARKS,
-    Length,
-    MarkData,
-    Number,
-    Place,
-    SceneData,
-    Text,
-    scene_problems,
-)
 from sim_action.recording.replay.sightings import MAX_OBSTACLES, ObstacleData
 from sim_action.state.timeline import MAX_TIME_MARKS
 
@@ -39,10 +28,10 @@ class GoldenData(FrozenModel):
     time: Column  # the sim time in s
     base: tuple[Column, Column, Column, Column]  # x, y, z in m and yaw in rad of the base link, in the world frame
     # (index in `Replay.joint_names`, positions in rad, or m if prismatic) of the joints that the file has
-    joints: Annotated[tuple[tuple[Index, Column], ...], Field(max_length=MAX_LINKS)] = ()
+    joints: Annotated[tuple[tuple[Index, Column], ...], Field(max_length=scene_data.MAX_LINKS)] = ()
     # position, yaw: the tolerances of the expectation in m and rad; None if it has none, and in older replays
-    position: Length | None = None
-    yaw: Length | None = None
+    position: scene_data.Length | None = None
+    yaw: scene_data.Length | None = None
 
     @property
     def count(self) -> int:
@@ -78,13 +67,13 @@ class Frames(FrozenModel):
     time: Column  # the sim time in s
     base: PoseColumns  # the pose of the base link in the world
     # the joint positions in rad (m if prismatic), in the order of `Replay.joint_names`
-    joints: Annotated[tuple[Column, ...], Field(max_length=MAX_LINKS)] = ()
+    joints: Annotated[tuple[Column, ...], Field(max_length=scene_data.MAX_LINKS)] = ()
     # the commanded joint positions in the same order, null for a joint that has none; empty if no joint has one
-    commanded: Annotated[tuple[Column | None, ...], Field(max_length=MAX_LINKS)] = ()
+    commanded: Annotated[tuple[Column | None, ...], Field(max_length=scene_data.MAX_LINKS)] = ()
     speed: Column  # the speed of the base link in m/s
     tilt: Column  # the angle in rad between the z axes of the base and the world
     # the poses of moving bodies in the world
-    tracks: Annotated[tuple[PoseColumns, ...], Field(max_length=MAX_BODIES)] = ()
+    tracks: Annotated[tuple[PoseColumns, ...], Field(max_length=scene_data.MAX_BODIES)] = ()
 
     @property
     def count(self) -> int:
@@ -102,26 +91,26 @@ class Frames(FrozenModel):
 class EventData(FrozenModel):
     """A mark of the timeline, see `TimeMark`: from `time` in s, to `until`; null for an instant or for ever."""
 
-    time: Number
-    until: Number | None = None
-    words: Text
+    time: scene_data.Number
+    until: scene_data.Number | None = None
+    words: scene_data.Text
     planned: bool = False
 
 
 class ContactData(FrozenModel):
     """An uninterrupted contact of a link with a body, from `time` to `until` in s."""
 
-    time: Number
-    until: Number
+    time: scene_data.Number
+    until: scene_data.Number
     link: Index  # the index of the link
     body: Index  # the index of the body
-    position: Place  # the position of the first contact point in m, world frame
+    position: scene_data.Place  # the position of the first contact point in m, world frame
     # the largest mean force over 50 ms in N; None if engines compute none, see `Contact.has_force`
-    force: Number | None
-    impulse: Number  # the impulse of the whole contact in N s
+    force: scene_data.Number | None
+    impulse: scene_data.Number  # the impulse of the whole contact in N s
     # the direction of the mean force on the link as a unit vector, world frame; None if it is not known
-    normal: Place | None = None
-    period: Annotated[Length, Field(gt=0)] | None = None  # the time in s between two values of `forces`
+    normal: scene_data.Place | None = None
+    period: Annotated[scene_data.Length, Field(gt=0)] | None = None  # the time in s between two values of `forces`
     forces: Column | None = None  # the mean force in N over each period since `time`
     # x, y and z of the mean contact point in m over each period, world frame; null in older replays
     places: tuple[Column, Column, Column] | None = None
@@ -138,23 +127,23 @@ class SignalData(FrozenModel):
     """One signal of an expectation over time."""
 
     expectation: Index  # the number of the expectation, counted from 0
-    name: Text
-    unit: Text  # the SI unit of values and limits
+    name: scene_data.Text
+    unit: scene_data.Text  # the SI unit of values and limits
     time: Column | None = None  # the times in s; null for the moments of `Frames.time`
     values: Column  # the values, with gaps where the signal does not exist
-    lower: Number | None = None  # lower, upper: the limits of the values; null for none
-    upper: Number | None = None
+    lower: scene_data.Number | None = None  # lower, upper: the limits of the values; null for none
+    upper: scene_data.Number | None = None
     # start, end: the window in s in which the limits apply; an end of null means the end of the run
-    start: Number = 0.0
-    end: Number | None = None
+    start: scene_data.Number = 0.0
+    end: scene_data.Number | None = None
 
 
 class ChannelData(FrozenModel):
     """One recorded quantity over time that belongs to no expectation: of a sensor, of a command or of contacts."""
 
-    group: Text  # the thing it belongs to, for example the name of a sensor
-    name: Text
-    unit: Text  # the SI unit of the values
+    group: scene_data.Text  # the thing it belongs to, for example the name of a sensor
+    name: scene_data.Text
+    unit: scene_data.Text  # the SI unit of the values
     time: TextColumn | None = None  # the times in s; null for the moments of `Frames.time`
     values: TextColumn  # the values, with gaps where there is none
     # True for values that a controller asked for; the measured ones have the same group and name
@@ -168,8 +157,8 @@ class Replay(FrozenModel):
     """The recording of a run for the report."""
 
     version: Literal[1, 2]
-    scene: SceneData
-    joint_names: Annotated[tuple[Text, ...], Field(max_length=MAX_LINKS)] = ()
+    scene: scene_data.SceneData
+    joint_names: Annotated[tuple[scene_data.Text, ...], Field(max_length=scene_data.MAX_LINKS)] = ()
     frames: Frames
     # the contacts with the largest forces, at most 200, in the order of time
     contacts: Annotated[tuple[ContactData, ...], Field(max_length=MAX_CONTACTS)] = ()
@@ -177,17 +166,19 @@ class Replay(FrozenModel):
     # what the scenario lets happen at a time, in the order of time
     events: Annotated[tuple[EventData, ...], Field(max_length=MAX_TIME_MARKS)] = ()
     signals: Annotated[tuple[SignalData, ...], Field(max_length=MAX_SIGNALS)] = ()
-    marks: Annotated[tuple[MarkData, ...], Field(max_length=MAX_MARKS)] = ()
+    marks: Annotated[tuple[scene_data.MarkData, ...], Field(max_length=scene_data.MAX_MARKS)] = ()
     channels: Annotated[tuple[ChannelData, ...], Field(max_length=MAX_CHANNELS)] = ()  # further recorded quantities
-    scenario: Text | None = None  # the name of the scenario; null in version 1 and in runs that a launch file describes
+    scenario: scene_data.Text | None = (
+        None  # the name of the scenario; null in version 1 and in runs that a launch file describes
+    )
     scans: Annotated[tuple[ScanData, ...], Field(max_length=MAX_SENSORS)] = ()  # the scans of lidars
     cameras: Annotated[tuple[CameraData, ...], Field(max_length=MAX_SENSORS)] = ()  # the pictures of cameras
     # the bodies that the robot met, and which sensors saw them
     obstacles: Annotated[tuple[ObstacleData, ...], Field(max_length=MAX_OBSTACLES)] = ()
     # the points of the path that the commands ask for, world frame, in m; empty without one
-    commanded_path: Annotated[tuple[Place, ...], Field(max_length=1_000)] = ()
+    commanded_path: Annotated[tuple[scene_data.Place, ...], Field(max_length=1_000)] = ()
     # the names of sensors that nothing in the run read
-    unread: Annotated[tuple[Text, ...], Field(max_length=MAX_SENSORS)] = ()
+    unread: Annotated[tuple[scene_data.Text, ...], Field(max_length=MAX_SENSORS)] = ()
     # the golden trajectories that the run is compared with
     golden: Annotated[tuple[GoldenData, ...], Field(max_length=MAX_GOLDEN)] = ()
 
@@ -206,7 +197,7 @@ def first_problem(replay: Replay) -> str | None:
 
 def _problems(replay: Replay) -> Iterator[str]:
     scene, frames = replay.scene, replay.frames
-    yield from scene_problems(scene, len(frames.joints), len(frames.tracks))
+    yield from scene_data.scene_problems(scene, len(frames.joints), len(frames.tracks))
     yield from _of_frames(frames)
     if len(replay.joint_names) != len(frames.joints):
         yield "the number of joint names differs from the number of joint columns"

@@ -11,21 +11,8 @@ from sim_action.core.files import append_whole
 from sim_action.core.records import replace
 from sim_action.core.wording import counted, shortened
 from sim_action.recording.replay.replay_data import Replay
-from sim_action.reports import ReportOptions
+from sim_action.reports import ReportOptions, formatting
 from sim_action.reports.escaping import markdown_block, markdown_text
-from sim_action.reports.formatting import (
-    counts_text,
-    measured_text,
-    moment,
-    repeats_text,
-    run_facts,
-    run_headline,
-    shard_text,
-    speed_text,
-    taken_over_text,
-    timeline_text,
-    user_output,
-)
 from sim_action.reports.gate_chances import chance_tables
 from sim_action.reports.github.markdown import (
     MAX_IN_MESSAGE,
@@ -87,7 +74,7 @@ def summary(results: Results, options: ReportOptions, most_bytes: int = MAX_BYTE
     unfolded = sum(group.status != "passed" for group in found[: len(sections)])
     measured = "gates and scenarios" if results.gates else "scenarios"
     parts = [
-        f"## {' '.join(run_headline(results))}",
+        f"## {' '.join(formatting.run_headline(results))}",
         _counts(results, options.taken_over),
         *_overview(found, rows),
         *sections[:unfolded],
@@ -101,12 +88,14 @@ def summary(results: Results, options: ReportOptions, most_bytes: int = MAX_BYTE
 
 def _counts(results: Results, taken_over: int | None) -> str:
     # The simulations of the earlier call took time, too.
-    speed = f" ({speed_text(results.real_time_factor)})" if results.real_time_factor and not taken_over else ""
+    speed = (
+        f" ({formatting.speed_text(results.real_time_factor)})" if results.real_time_factor and not taken_over else ""
+    )
     versions = (f"sim-action {results.sim_action}", f"Python {results.python}", results.platform)
     version = " · ".join(map(markdown_text, versions))
-    part = f" · {shard_text(results.shard)}" if results.shard else ""
-    earlier = "" if taken_over is None else f" · {taken_over_text(taken_over, results)}"
-    return f"**{counts_text(results)}** in {results.wall_time:.1f} s{speed}{part}{earlier} · {version}"
+    part = f" · {formatting.shard_text(results.shard)}" if results.shard else ""
+    earlier = "" if taken_over is None else f" · {formatting.taken_over_text(taken_over, results)}"
+    return f"**{formatting.counts_text(results)}** in {results.wall_time:.1f} s{speed}{part}{earlier} · {version}"
 
 
 def _overview(found: list[ScenarioGroup], rows: list[str]) -> Iterable[str]:
@@ -126,8 +115,8 @@ _OVERVIEW: Final = Table("Scenario", (), (" Sim time", " Speed"), message="Resul
 
 
 def _overview_row(group: ScenarioGroup) -> Row:
-    speed = "" if group.varies else speed_text(group.worst.real_time_factor).removesuffix(" real time")
-    values = (moment(_total_sim_time(group)), speed)
+    speed = "" if group.varies else formatting.speed_text(group.worst.real_time_factor).removesuffix(" real time")
+    values = (formatting.moment(_total_sim_time(group)), speed)
     return Row(group.row_status, group.name, _group_gist(group), values, location=group.location, stands_out=True)
 
 
@@ -179,7 +168,7 @@ def _varied(group: ScenarioGroup, options: ReportOptions, *, drawn: bool) -> str
     ordered = group.worst_first()
     unhappy = [outcome for outcome in ordered if outcome.display_status != "passed"]
     rows = tuple(
-        Row(outcome.display_status, group.values(outcome), _gist(outcome), (moment(outcome.sim_time),))
+        Row(outcome.display_status, group.values(outcome), _gist(outcome), (formatting.moment(outcome.sim_time),))
         for outcome in ordered[: max(len(unhappy), _MAX_ROWS)]
     )
     passed = f"{counted(len(ordered) - len(unhappy), 'variation')} that passed"
@@ -201,7 +190,7 @@ def _outcome_section(outcome: Outcome, options: ReportOptions, *, drawn: bool) -
         _subtitle(outcome, options),
         *(_failure_text(failure, options) for failure in outcome.failures[:_MAX_FAILURES]),
         left_out_note(len(outcome.failures), _MAX_FAILURES, "error"),
-        f"**Timeline**: {message_text(happened)}" if (happened := timeline_text(outcome)) else "",
+        f"**Timeline**: {message_text(happened)}" if (happened := formatting.timeline_text(outcome)) else "",
         _warnings(outcome, options),
         _expectations(outcome, options),
         _measurements(outcome, options),
@@ -247,10 +236,12 @@ def _gist(outcome: Outcome) -> str:
 
 
 def _subtitle(outcome: Outcome, options: ReportOptions) -> str:
-    simulated = f"{moment(outcome.sim_time)} simulated" if outcome.sim_time is not None else ""
+    simulated = f"{formatting.moment(outcome.sim_time)} simulated" if outcome.sim_time is not None else ""
     ended = markdown_text(f"ended by: {outcome.end}") if outcome.end else ""
-    engine, speed = markdown_text(outcome.engine or ""), speed_text(outcome.real_time_factor)
-    return dotted(source_link(options, outcome.location), simulated, ended, speed, engine, repeats_text(outcome))
+    engine, speed = markdown_text(outcome.engine or ""), formatting.speed_text(outcome.real_time_factor)
+    return dotted(
+        source_link(options, outcome.location), simulated, ended, speed, engine, formatting.repeats_text(outcome)
+    )
 
 
 def _failure_text(failure: Failure, options: ReportOptions) -> str:
@@ -290,7 +281,7 @@ def _measurements(outcome: Outcome, options: ReportOptions) -> str:
         f"- {INFORMATION.icon} {markdown_text(measured.name)}: {f'`{bar}` ' if bar else ''}{message_text(message)}"
         f"{_replay_note(outcome, options, measured.time)}"
         for measured in outcome.measurements[:_MAX_ROWS]
-        for bar, message in [measured_text(measured)]
+        for bar, message in [formatting.measured_text(measured)]
     ]
     return paragraphs("\n".join(lines), left_out_note(len(outcome.measurements), _MAX_ROWS, "measurement"))
 
@@ -302,7 +293,7 @@ def _replay_note(outcome: Outcome, options: ReportOptions, time: float | None) -
 
 def _run_details(outcome: Outcome) -> str:
     items = [f"- {remark}" for remark in _remarks(outcome)]
-    if output := user_output(outcome):
+    if output := formatting.user_output(outcome):
         items.append(f"\nOutput:\n\n{_ending_block(output)}")
     if not items:
         return ""
@@ -310,7 +301,7 @@ def _run_details(outcome: Outcome) -> str:
 
 
 def _remarks(outcome: Outcome) -> Iterator[str]:
-    for name, value in run_facts(outcome).items():
+    for name, value in formatting.run_facts(outcome).items():
         yield f"{name}: {message_text(value)}"
     for note in (*outcome.model_notes, *outcome.notes)[:_MAX_REMARKS]:
         yield f"note: {message_text(note)}"
@@ -334,7 +325,7 @@ def gate_section(group: ScenarioGroup, options: ReportOptions) -> str:
             run.display_status,
             group.values(run),
             run.ending,
-            (moment(run.sim_time),),
+            (formatting.moment(run.sim_time),),
             replay=replay_link(run, options, reason_time(run)),
         )
         for run in bad[:_MAX_RUNS]

@@ -12,24 +12,8 @@ import numpy as np
 
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass
+from sim_action.recording.replay import scene_data
 from sim_action.recording.replay.replay_data import Replay
-from sim_action.recording.replay.scene_data import (
-    ArrowMark,
-    BoxShape,
-    CapsuleShape,
-    CircleMark,
-    CylinderShape,
-    EllipsoidShape,
-    JointMotion,
-    MarkData,
-    MeshData,
-    MeshShape,
-    PolygonMark,
-    PolylineMark,
-    PoseNumbers,
-    SceneData,
-    Shape,
-)
 from sim_action.reports.html.document import Html, element
 from sim_action.results.outcome import DisplayStatus, ExpectationOutcome, Outcome
 
@@ -50,12 +34,12 @@ class SceneOutlines:
 
     def __init__(self) -> None:
         """Start without a scene."""
-        self._scene: SceneData | None = None
+        self._scene: scene_data.SceneData | None = None
         self._start: _Posture | None = None
         self._bodies: list[FloatArray] = []
         self._robot: list[FloatArray] = []
 
-    def bodies(self, scene: SceneData) -> list[FloatArray]:
+    def bodies(self, scene: scene_data.SceneData) -> list[FloatArray]:
         """Return the outline (N, 2) in m of each shape of the bodies at their initial poses."""
         if scene is not self._scene:
             owners = [(shape, body.pose) for body in scene.bodies for shape in body.shapes]
@@ -63,7 +47,7 @@ class SceneOutlines:
             self._scene, self._start = scene, None
         return self._bodies
 
-    def robot(self, scene: SceneData, start: _Posture) -> list[FloatArray]:
+    def robot(self, scene: scene_data.SceneData, start: _Posture) -> list[FloatArray]:
         """Return the outline (N, 2) in m of each shape of the robot at the start."""
         self.bodies(scene)
         if start != self._start:
@@ -147,7 +131,7 @@ def _in_view(bodies: Iterable[FloatArray], box: tuple[float, float, float, float
             yield corners
 
 
-def _marks_in_world(replay: Replay) -> list[MarkData]:
+def _marks_in_world(replay: Replay) -> list[scene_data.MarkData]:
     """Return the marks in the world frame; those that move with a link are drawn where they are at the end."""
     if all(mark.link is None for mark in replay.marks):
         return list(replay.marks)
@@ -155,58 +139,58 @@ def _marks_in_world(replay: Replay) -> list[MarkData]:
     return [mark if mark.link is None else _in_world(mark, frames[mark.link]) for mark in replay.marks]
 
 
-def _in_world(mark: MarkData, frame: Frame) -> MarkData:
+def _in_world(mark: scene_data.MarkData, frame: Frame) -> scene_data.MarkData:
     match mark:
-        case CircleMark():
+        case scene_data.CircleMark():
             ((x, y, z),) = frame.transform(np.array([(mark.x, mark.y, mark.z)])).tolist()
             return mark.model_copy(update={"x": x, "y": y, "z": z})
-        case ArrowMark():
+        case scene_data.ArrowMark():
             ahead = (mark.x + math.cos(mark.yaw), mark.y + math.sin(mark.yaw), 0.0)
             (x, y, _), (tip_x, tip_y, _) = frame.transform(np.array([(mark.x, mark.y, 0.0), ahead])).tolist()
             return mark.model_copy(update={"x": x, "y": y, "yaw": math.atan2(tip_y - y, tip_x - x)})
-        case PolygonMark():
+        case scene_data.PolygonMark():
             corners = frame.transform(np.array([(x, y, 0.0) for x, y in mark.points]))
             return mark.model_copy(update={"points": tuple(map(tuple, corners[:, :2].tolist()))})
-        case PolylineMark():
+        case scene_data.PolylineMark():
             return mark.model_copy(
                 update={"points": tuple(map(tuple, frame.transform(np.array(mark.points)).tolist()))}
             )
 
 
-def _mark_points(marks: Sequence[MarkData]) -> Iterator[FloatArray]:
+def _mark_points(marks: Sequence[scene_data.MarkData]) -> Iterator[FloatArray]:
     for mark in marks:
         match mark:
-            case CircleMark():
+            case scene_data.CircleMark():
                 yield np.array([(mark.x + dx, mark.y + dy) for dx in (-mark.radius, mark.radius) for dy in (-0.1, 0.1)])
-            case ArrowMark():
+            case scene_data.ArrowMark():
                 yield np.array([(mark.x, mark.y)])
-            case PolylineMark() if mark.is_aside:
+            case scene_data.PolylineMark() if mark.is_aside:
                 continue
-            case PolylineMark() | PolygonMark():
+            case scene_data.PolylineMark() | scene_data.PolygonMark():
                 yield np.array([point[:2] for point in mark.points])
 
 
-def _mark(mark: MarkData, failed: frozenset[int]) -> Iterator[Html]:
+def _mark(mark: scene_data.MarkData, failed: frozenset[int]) -> Iterator[Html]:
     kind = "goal missed" if mark.expectation in failed else "goal"
     match mark:
-        case CircleMark():
+        case scene_data.CircleMark():
             yield element("circle", class_=kind, cx=_number(mark.x), cy=_number(-mark.y), r=_number(mark.radius))
-        case PolygonMark():
+        case scene_data.PolygonMark():
             yield _polygon(np.array(mark.points), kind)
-        case PolylineMark():
+        case scene_data.PolylineMark():
             points = np.array(mark.points)[:, :2]
             if mark.tolerance:
                 band = kind.replace("goal", "band")
                 yield element("polyline", class_=band, points=_points(points), stroke_width=_number(2 * mark.tolerance))
             yield _line(points, f"{kind} path")
-        case ArrowMark():
+        case scene_data.ArrowMark():
             if mark.tolerance:
                 angles = mark.yaw + np.linspace(-mark.tolerance, mark.tolerance, _ROUND)
                 yield _polygon(np.vstack([(mark.x, mark.y), *map(partial(_towards, mark), angles)]), kind)
             yield _line(np.array([(mark.x, mark.y), _towards(mark, mark.yaw)]), f"{kind} path")
 
 
-def _towards(mark: ArrowMark, angle: float) -> tuple[float, float]:
+def _towards(mark: scene_data.ArrowMark, angle: float) -> tuple[float, float]:
     return mark.x + _ARROW_M * math.cos(angle), mark.y + _ARROW_M * math.sin(angle)
 
 
@@ -281,12 +265,12 @@ def _postures(replay: Replay, *moments: int) -> list[_Posture]:
     ]
 
 
-def outline(shape: Shape, owner: Frame, meshes: dict[str, MeshData]) -> FloatArray:
+def outline(shape: scene_data.Shape, owner: Frame, meshes: dict[str, scene_data.MeshData]) -> FloatArray:
     """Return the convex outline (N, 2) of a shape, seen from above; `owner` is the frame of its link or body."""
     return _hull(_rounded(_seen(shape, owner, meshes)).tolist())
 
 
-def _seen(shape: Shape, owner: Frame, meshes: dict[str, MeshData]) -> FloatArray:
+def _seen(shape: scene_data.Shape, owner: Frame, meshes: dict[str, scene_data.MeshData]) -> FloatArray:
     """Return the points (N, 2) of a shape, seen from above."""
     frame = _fixed_frame(shape.pose).after(owner)
     if (balls := _balls(shape)) is not None:
@@ -294,22 +278,22 @@ def _seen(shape: Shape, owner: Frame, meshes: dict[str, MeshData]) -> FloatArray
         # A ball is a circle from all sides.
         rings = frame.transform(centres)[:, None, :2] + _ring(radius, 0.0)[:, :2]
         return np.asarray(rings.reshape(-1, 2))
-    points = _mesh_points(meshes[shape.mesh]) if isinstance(shape, MeshShape) else _solid_points(shape)
+    points = _mesh_points(meshes[shape.mesh]) if isinstance(shape, scene_data.MeshShape) else _solid_points(shape)
     return frame.transform(points)[:, :2]
 
 
-def _balls(shape: Shape) -> tuple[FloatArray, float] | None:
+def _balls(shape: scene_data.Shape) -> tuple[FloatArray, float] | None:
     """Return the centres (N, 3) and the radius of the balls whose hull a shape is; None if it is another shape."""
     match shape:
-        case EllipsoidShape() if len(set(shape.half)) == 1:
+        case scene_data.EllipsoidShape() if len(set(shape.half)) == 1:
             return np.zeros((1, 3)), shape.half[0]
-        case CapsuleShape():
+        case scene_data.CapsuleShape():
             half = shape.length / 2
             return np.array([(0.0, 0.0, -half), (0.0, 0.0, half)]), shape.radius
     return None
 
 
-def _outlines(scene: SceneData, posture: _Posture) -> list[FloatArray]:
+def _outlines(scene: scene_data.SceneData, posture: _Posture) -> list[FloatArray]:
     links = zip(scene.links, _link_frames(scene, posture), strict=True)
     seen = [_seen(shape, frame, scene.meshes) for link, frame in links for shape in link.shapes]
     # Arrays of few points take long for each call.
@@ -317,7 +301,7 @@ def _outlines(scene: SceneData, posture: _Posture) -> list[FloatArray]:
     return [_hull(islice(rows, len(points))) for points in seen]
 
 
-def _link_frames(scene: SceneData, posture: _Posture) -> list[Frame]:
+def _link_frames(scene: scene_data.SceneData, posture: _Posture) -> list[Frame]:
     """Return the frame of each link."""
     base, joints = posture
     found = [Frame.of(base)]
@@ -331,11 +315,11 @@ def _link_frames(scene: SceneData, posture: _Posture) -> list[Frame]:
 
 
 @lru_cache(maxsize=4096)
-def _fixed_frame(pose: PoseNumbers) -> Frame:
+def _fixed_frame(pose: scene_data.PoseNumbers) -> Frame:
     return Frame.of(pose)
 
 
-def _motion(joint: JointMotion, value: float) -> Frame:
+def _motion(joint: scene_data.JointMotion, value: float) -> Frame:
     moved = joint.multiplier * value + joint.offset
     axis = np.array(joint.axis)
     if joint.type == "prismatic":
@@ -344,20 +328,20 @@ def _motion(joint: JointMotion, value: float) -> Frame:
 
 
 @lru_cache(maxsize=1024)
-def _solid_points(shape: BoxShape | CylinderShape | EllipsoidShape) -> FloatArray:
+def _solid_points(shape: scene_data.BoxShape | scene_data.CylinderShape | scene_data.EllipsoidShape) -> FloatArray:
     """Return points (N, 3) in the frame of the shape; their hull approximates the shape."""
     match shape:
-        case BoxShape():
+        case scene_data.BoxShape():
             signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
             return np.asarray(signs * np.array(shape.size) / 2)
-        case EllipsoidShape():
+        case scene_data.EllipsoidShape():
             return np.asarray(_ball() * np.array(shape.half))
-        case CylinderShape():
+        case scene_data.CylinderShape():
             return np.concatenate([_ring(shape.radius, end * shape.length / 2) for end in (-1, 1)])
 
 
 @lru_cache(maxsize=64)
-def _mesh_points(mesh: MeshData) -> FloatArray:
+def _mesh_points(mesh: scene_data.MeshData) -> FloatArray:
     points = np.asarray(mesh.decoded()[0] * mesh.scale, dtype=np.float64)
     return points[:: max(1, len(points) // _MAX_MESH_POINTS)]
 

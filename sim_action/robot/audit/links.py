@@ -17,16 +17,7 @@ from xml.etree.ElementTree import Element
 from sim_action.core import geometry
 from sim_action.core.geometry import ZERO, Vector3
 from sim_action.robot.audit.joints import is_free_base
-from sim_action.robot.documents.urdf_elements import (
-    MAX_PART_SIZE_M,
-    MOMENTS,
-    SHAPES,
-    child_of,
-    number,
-    origin,
-    parent_of,
-    vector,
-)
+from sim_action.robot.documents import urdf_elements
 from sim_action.robot.documents.xml_document import ModelDocument
 from sim_action.robot.model.findings import Finding
 from sim_action.robot.model.robot_model import WORLD, Link, Shape
@@ -35,7 +26,7 @@ from sim_action.robot.model.robot_model import WORLD, Link, Shape
 _MAX_USUAL_SIZE_M: Final = 10.0
 _MAX_RATIO: Final = 100.0
 _TURN: Final = 6.3  # 360 deg in rad, rounded up
-KINDS: Final = (*SHAPES, "mesh")
+KINDS: Final = (*urdf_elements.SHAPES, "mesh")
 
 
 def kinds(document: ModelDocument) -> Iterator[Finding]:
@@ -74,15 +65,15 @@ def extents(document: ModelDocument) -> Iterator[Finding]:
     # A mesh can be larger than the other parts.
     is_known = usual > 0 and document.root.find("link/collision/geometry/mesh") is None
     for shape, size in sizes.items():
-        if size > MAX_PART_SIZE_M:
+        if size > urdf_elements.MAX_PART_SIZE_M:
             message = f"<{shape.tag}> is {size:g} m large; models are in metres: is it in millimetres?"
             yield document.finding("absurd-size", shape, message)
         elif is_known and size > _MAX_USUAL_SIZE_M and size > _MAX_RATIO * usual:
             message = f"<{shape.tag}> is {size:g} m large, but the other parts at most {usual:g} m"
             yield document.finding("absurd-size", shape, f"{message}: is it in millimetres?")
     for element in document.elements("joint/origin", "link/collision/origin", "link/inertial/origin"):
-        offset = max(map(abs, vector(element, "xyz", (0.0, 0.0, 0.0))))
-        if offset > MAX_PART_SIZE_M:
+        offset = max(map(abs, urdf_elements.vector(element, "xyz", (0.0, 0.0, 0.0))))
+        if offset > urdf_elements.MAX_PART_SIZE_M:
             message = f"<origin> is {offset:g} m away; URDF is in metres: is it in millimetres?"
             yield document.finding("absurd-size", element, message)
 
@@ -90,7 +81,7 @@ def extents(document: ModelDocument) -> Iterator[Finding]:
 def angles(document: ModelDocument) -> Iterator[Finding]:
     """Yield origins that are rotated by more than a full turn."""
     for element in document.elements("joint/origin", "link/collision/origin", "link/inertial/origin"):
-        largest = max(map(abs, vector(element, "rpy", ZERO)))
+        largest = max(map(abs, urdf_elements.vector(element, "rpy", ZERO)))
         if largest > _TURN:
             message = f"<origin> is rotated by {largest:g} rad, more than a full turn: is it in degrees?"
             yield document.finding("odd-angle", element, message)
@@ -104,7 +95,7 @@ def collisions(document: ModelDocument) -> Iterator[Finding]:
 
 
 def _shapes(document: ModelDocument) -> Iterator[Element]:
-    return document.elements(*(f"link/collision/geometry/{tag}" for tag in SHAPES))
+    return document.elements(*(f"link/collision/geometry/{tag}" for tag in urdf_elements.SHAPES))
 
 
 def _extent(shape: Element) -> float:
@@ -112,9 +103,9 @@ def _extent(shape: Element) -> float:
 
 
 def _lengths(shape: Element) -> dict[str, tuple[float, ...]]:
-    named = {name: number(shape, name) for name in ("radius", "length")}
+    named = {name: urdf_elements.number(shape, name) for name in ("radius", "length")}
     lengths: dict[str, tuple[float, ...]] = {name: (value,) for name, value in named.items() if value is not None}
-    return lengths | ({"size": vector(shape, "size", (0.0, 0.0, 0.0))} if shape.tag == "box" else {})
+    return lengths | ({"size": urdf_elements.vector(shape, "size", (0.0, 0.0, 0.0))} if shape.tag == "box" else {})
 
 
 _ROUNDING: Final = 1e-3  # exporters round: smaller deviations are not reported
@@ -139,7 +130,7 @@ def masses(document: ModelDocument) -> Iterator[Finding]:
     bodies: RigidBodies | None = None
     for link in document.elements("link"):
         mass = link.find("inertial/mass")
-        value = number(mass, "value") or 0.0
+        value = urdf_elements.number(mass, "value") or 0.0
         if mass is None or value > 0:
             continue
         name = link.attrib["name"]
@@ -161,8 +152,11 @@ class RigidBodies:
     """The links of a model in groups that fixed joints hold together."""
 
     def __init__(self, document: ModelDocument) -> None:
-        held = {child_of(joint): parent_of(joint) for joint in document.elements("joint[@type='fixed']")}
-        self._moved = {child_of(joint) for joint in document.elements("joint")} - held.keys()
+        held = {
+            urdf_elements.child_of(joint): urdf_elements.parent_of(joint)
+            for joint in document.elements("joint[@type='fixed']")
+        }
+        self._moved = {urdf_elements.child_of(joint) for joint in document.elements("joint")} - held.keys()
         self._first: dict[str, str] = {}
         self._masses: dict[str, float] = {}
         for link in document.elements("link"):
@@ -170,7 +164,7 @@ class RigidBodies:
             while first in held:
                 first = held[first]
             self._first[name] = first
-            mass = number(link.find("inertial/mass"), "value") or 0.0
+            mass = urdf_elements.number(link.find("inertial/mass"), "value") or 0.0
             self._masses[first] = self._masses.get(first, 0.0) + max(0.0, mass)
 
     def holds_mass(self, link: str) -> bool:
@@ -187,7 +181,7 @@ def tensors(document: ModelDocument) -> Iterator[Finding]:
     """Yield inertias whose principal moments are not positive, or break the triangle inequality."""
     for link in document.elements("link"):
         for inertial in link.findall("inertial"):
-            if number(inertial.find("mass"), "value") != 0:
+            if urdf_elements.number(inertial.find("mass"), "value") != 0:
                 yield from _tensor(document, link.attrib["name"], inertial.find("inertia"))
 
 
@@ -196,13 +190,13 @@ def _tensor(document: ModelDocument, link: str, inertia: Element | None) -> Iter
         return
     a, b, c = sorted(principal_moments(inertia))
     found = f"principal moments of inertia {a:.3g}, {b:.3g}, {c:.3g} kg m^2"
-    if all((number(inertia, name) or 0.0) == 0 for name in MOMENTS):
+    if all((urdf_elements.number(inertia, name) or 0.0) == 0 for name in urdf_elements.MOMENTS):
         message = f"{found}: the mass counts as a ball of 5 cm radius; state the moments"
         yield document.finding("zero-inertia", inertia, message)
         return
     lacking, rounding = (
         max(-a, c - a - b),
-        max(_SMALL_SHARE * c, 2 * max(_last_digit(inertia.get(name, "0")) for name in MOMENTS)),
+        max(_SMALL_SHARE * c, 2 * max(_last_digit(inertia.get(name, "0")) for name in urdf_elements.MOMENTS)),
     )
     if a > 0 and lacking <= _ROUNDING * (a + b):
         return
@@ -238,11 +232,11 @@ def inertials(document: ModelDocument) -> Iterator[Finding]:
     is_fixed = any(link.attrib["name"] == WORLD for link in document.elements("link"))
     if is_fixed and all(joint.get("type") == "fixed" for joint in joints):
         return  # Nothing moves, so no mass has an effect.
-    if not any(number(mass, "value") for mass in document.elements("link/inertial/mass")):
+    if not any(urdf_elements.number(mass, "value") for mass in document.elements("link/inertial/mass")):
         message = "no link of the model has a mass: each gets a negligible one, and the base must be fixed"
         yield document.finding("massless-model", document.root, message)
         return
-    free_of_mass = {WORLD, *(parent_of(joint) for joint in joints if is_free_base(document, joint))}
+    free_of_mass = {WORLD, *(urdf_elements.parent_of(joint) for joint in joints if is_free_base(document, joint))}
     for link in document.elements("link"):
         if link.find("inertial") is None and link.attrib["name"] not in free_of_mass:
             message = f"link '{link.attrib['name']}' has no <inertial>: it gets a negligible mass"
@@ -251,7 +245,9 @@ def inertials(document: ModelDocument) -> Iterator[Finding]:
 
 def principal_moments(inertia: Element) -> tuple[float, float, float]:
     """Return the principal moments in kg m^2, in rising order."""
-    xx, xy, xz, yy, yz, zz = (number(inertia, name) or 0.0 for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+    xx, xy, xz, yy, yz, zz = (
+        urdf_elements.number(inertia, name) or 0.0 for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
     return geometry.symmetric_eigenvalues((xx, yy, zz), xy, xz, yz)
 
 
@@ -271,7 +267,7 @@ def _inertia(document: ModelDocument, element: Element, link: Link, least_mass: 
     if inertial is None or inertia is None or not link.mass or link.mass < 0:
         return
     moments = principal_moments(inertia)
-    centre = origin(inertial).position_xyz
+    centre = urdf_elements.origin(inertial).position_xyz
     reach = max(_distance(shape, centre) + _half_diagonal(shape) for shape in link.collisions)
     if min(moments) <= 0:
         return  # impossible-inertia reports it

@@ -45,17 +45,7 @@ from sim_action.runner.child_files import (
     ChildReport,
 )
 from sim_action.runner.child_main import become_child, run_job
-from sim_action.runner.isolation import process_control
-from sim_action.runner.isolation.child_process import (
-    REFUSED,
-    ChildProcess,
-    Former,
-    Starter,
-    former_files,
-    job_environment,
-    remove,
-    scratch_folder,
-)
+from sim_action.runner.isolation import child_process, process_control
 from sim_action.runner.job import ENDED, ENDED_LAST, Job
 from sim_action.runner.process_output import flush_output, muted
 
@@ -177,7 +167,7 @@ Spawn = Callable[[Job, MemoryFiles, int], int]
 """Starts a supervisor for a job, its files and the descriptor for its progress; returns its number."""
 
 
-class LinuxChild(ChildProcess):
+class LinuxChild(child_process.ChildProcess):
     """A running child process, the leader of its own session and group."""
 
     forks = True
@@ -192,7 +182,7 @@ class LinuxChild(ChildProcess):
         files: MemoryFiles,
         scratch: tempfile.TemporaryDirectory[str],
         *,
-        former: Former,
+        former: child_process.Former,
         supervised: bool,
     ) -> None:
         super().__init__(job, progress, former)
@@ -209,7 +199,7 @@ class LinuxChild(ChildProcess):
 
         `spawn`: starts the supervisor in another way. Raises OSError.
         """
-        former = former_files(job)
+        former = child_process.former_files(job)
         with files_of_child() as (scratch, files), ExitStack() as undone:
             reader, writer = os.pipe()
             undone.callback(os.close, reader)
@@ -229,7 +219,7 @@ class LinuxChild(ChildProcess):
 
     @classmethod
     @override
-    def starter(cls, job: Callable[[int], Job]) -> Starter:
+    def starter(cls, job: Callable[[int], Job]) -> child_process.Starter:
         return SharingStarter(job)
 
     def poll(self) -> int | None:
@@ -260,7 +250,7 @@ class LinuxChild(ChildProcess):
         os.close(self._progress)
         self.report = self._files.read()
         self._files.close()
-        remove(self._scratch)
+        child_process.remove(self._scratch)
 
     @property
     def printed(self) -> int:
@@ -300,8 +290,8 @@ class LinuxChild(ChildProcess):
 def files_of_child() -> Iterator[tuple[tempfile.TemporaryDirectory[str], MemoryFiles]]:
     """Make the scratch folder and files of a child process; remove them after an error in here. Raise OSError."""
     with ExitStack() as undone:
-        scratch = scratch_folder()
-        undone.callback(remove, scratch)
+        scratch = child_process.scratch_folder()
+        undone.callback(child_process.remove, scratch)
         files = MemoryFiles(Path(scratch.name))
         undone.callback(files.close)
         yield scratch, files
@@ -344,7 +334,7 @@ def _child_main(
             become_child(files, writer)
             process_control.impose_limits(job.loaded.scenario.memory_bytes)
         except OSError as error:
-            os.write(writer, REFUSED + b"%d\n" % (error.errno or 0))
+            os.write(writer, child_process.REFUSED + b"%d\n" % (error.errno or 0))
             os._exit(code)
         run(files, writer)
         code = 0
@@ -371,7 +361,7 @@ def _spawn(job: Job, files: MemoryFiles, writer: int) -> int:
             stderr=files.output,
             pass_fds=(writer, *files.inherited.descriptors),
             start_new_session=True,
-            env=job_environment(job),
+            env=child_process.job_environment(job),
         )
     # Popen must not wait for the process too; only its number is used from here on.
     process.returncode = 0
@@ -389,7 +379,7 @@ class SharedChild(LinuxChild):
         files: MemoryFiles,
         scratch: tempfile.TemporaryDirectory[str],
         *,
-        former: Former,
+        former: child_process.Former,
         is_first: bool,
         rest: Callable[[SharedChild], None],
     ) -> None:
@@ -403,7 +393,7 @@ class SharedChild(LinuxChild):
         job_of: Callable[[int], Job], index: int, job: Job, rest: Callable[[SharedChild], None]
     ) -> SharedChild:
         """Fork this process for a job, and later ones of `job_of`; `rest` takes it when it waits. Raise OSError."""
-        former = former_files(job)
+        former = child_process.former_files(job)
         with files_of_child() as (scratch, files):
             # A child that is not shared needs none.
             import socket
@@ -419,7 +409,7 @@ class SharedChild(LinuxChild):
 
     def next(self, index: int, job: Job) -> SharedChild:
         """Hand the next job to the waiting child process. Raise OSError if it has gone."""
-        former = former_files(job)
+        former = child_process.former_files(job)
         self._files.empty()
         os.write(self._progress, b"%d\n" % index)
         return SharedChild(
@@ -458,7 +448,7 @@ class SharedChild(LinuxChild):
             super()._take(line)
 
 
-class SharingStarter(Starter):
+class SharingStarter(child_process.Starter):
     """Hands a job to a child process that waits for one, or starts a new child process."""
 
     def __init__(self, job_of: Callable[[int], Job]) -> None:
@@ -470,7 +460,7 @@ class SharingStarter(Starter):
         self._preloads = True
 
     @override
-    def start(self, index: int, job: Job, *, alone: bool, most_waiting: int) -> ChildProcess:
+    def start(self, index: int, job: Job, *, alone: bool, most_waiting: int) -> child_process.ChildProcess:
         if alone or not _may_share(job) or threading.active_count() > 1:
             self._end_children(most_waiting)
             is_preloaded = self._preloads and not alone and job.hash_seed is None
@@ -503,7 +493,7 @@ class SharingStarter(Starter):
         # Few calls have scenarios with user code.
         from sim_action.runner.isolation.preloaded_interpreter import PreloadedInterpreter
 
-        environment, engine = job_environment(job), chosen(job.loaded.scenario.backend)
+        environment, engine = child_process.job_environment(job), chosen(job.loaded.scenario.backend)
         former = self._interpreter
         if former is not None and (former.environment, former.engine) != (environment, engine):
             self._end_interpreter()

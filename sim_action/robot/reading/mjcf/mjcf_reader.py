@@ -23,23 +23,9 @@ from sim_action.core.records import replace
 from sim_action.robot.audit.elements import no_bounce
 from sim_action.robot.documents.packages import Packages
 from sim_action.robot.documents.xml_document import shown_file
+from sim_action.robot.model import robot_model
 from sim_action.robot.model.findings import Finding, finding, refuse_errors, without_harmless
 from sim_action.robot.model.kinematics import joint_motion
-from sim_action.robot.model.robot_model import (
-    MESH_OF_TEXT,
-    WORLD,
-    Color,
-    Joint,
-    JointType,
-    Link,
-    Mimic,
-    Motor,
-    RobotModel,
-    Shape,
-    Surface,
-    Visual,
-    ball_joints,
-)
 from sim_action.robot.reading.mjcf.mjcf_elements import refusal
 from sim_action.robot.reading.mjcf.mjcf_files import MjcfFiles, collect_files
 from sim_action.robot.reading.mjcf.motors import adhesion_of, keyframes_of, largest_efforts, motors_of
@@ -59,7 +45,7 @@ _MAX_VISIBLE_GROUP: Final = 2
 _MAX_RESTITUTION: Final = 0.1  # contacts with a smaller restitution are soft, but do not visibly bounce
 
 
-def read_mjcf(path: Path, packages: Packages, allow: Iterable[str] = ()) -> RobotModel:
+def read_mjcf(path: Path, packages: Packages, allow: Iterable[str] = ()) -> robot_model.RobotModel:
     """Read a file and its includes. `allow`: rules of the audit whose errors are accepted. Raises ModelError."""
     mujoco = _engine(path)
     files = collect_files(path, packages)
@@ -80,14 +66,14 @@ def read_mjcf(path: Path, packages: Packages, allow: Iterable[str] = ()) -> Robo
     return model
 
 
-def _read(path: Path, files: MjcfFiles) -> RobotModel:
+def _read(path: Path, files: MjcfFiles) -> robot_model.RobotModel:
     place = Location(shown_file(path))
     built = build(files, place)
     model = compiled(built.spec)
     reader = _Reader(model, built)
     joints = reader.joints()
     noted, harmless = without_harmless(built.notes.findings())
-    return RobotModel(
+    return robot_model.RobotModel(
         built.spec.modelname,
         str(path),
         reader.links(),
@@ -211,17 +197,20 @@ class _Reader:
         self._bodies, self._meshes = _names(model, model.name_bodyadr), _names(model, model.name_meshadr)
         self._mimics = _mimics(model, self._motors)
 
-    def links(self) -> tuple[Link, ...]:
+    def links(self) -> tuple[robot_model.Link, ...]:
         """Return all links, with one for the world if the robot is fixed to it."""
         links = tuple(map(self._link, range(1, self._model.nbody)))
         tops = [body for body in range(1, self._model.nbody) if not self._model.body_parentid[body]]
-        links = links if any(map(self._is_free, tops)) else (Link(WORLD, None), *links)
+        links = links if any(map(self._is_free, tops)) else (robot_model.Link(robot_model.WORLD, None), *links)
         if self._types.mjJNT_BALL not in self._model.jnt_type:
             return links
         # Between the parts of ball joints.
-        return (*links, *(Link(joint.child, None) for joint in self.joints() if joint.child not in self._bodies))
+        return (
+            *links,
+            *(robot_model.Link(joint.child, None) for joint in self.joints() if joint.child not in self._bodies),
+        )
 
-    def joints(self) -> tuple[Joint, ...]:
+    def joints(self) -> tuple[robot_model.Joint, ...]:
         """Return all joints that are not free."""
         return tuple(joint for body in range(1, self._model.nbody) for joint in self._joints(body))
 
@@ -234,7 +223,7 @@ class _Reader:
         first = self._first_joints[body]
         return bool(first >= 0 and self._kinds[first] == int(self._types.mjJNT_FREE))
 
-    def _link(self, body: int) -> Link:
+    def _link(self, body: int) -> robot_model.Link:
         model = self._model
         first, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
         # Geoms without a contact type are visual only.
@@ -245,9 +234,11 @@ class _Reader:
         # MuJoCo's viewer hides the other groups, too.
         seen = [geom for geom in range(first, first + count) if model.geom_group[geom] <= _MAX_VISIBLE_GROUP]
         visuals = tuple(visual for visual in map(self._visual, seen) if visual is not None)
-        return Link(self._bodies[body], float(model.body_mass[body]), shapes, Surface(friction), (x, y, z), visuals)
+        return robot_model.Link(
+            self._bodies[body], float(model.body_mass[body]), shapes, robot_model.Surface(friction), (x, y, z), visuals
+        )
 
-    def _visual(self, geom: int) -> Visual | None:
+    def _visual(self, geom: int) -> robot_model.Visual | None:
         """Return what is drawn of a geom; None if it cannot be drawn."""
         model = self._model
         kind = _SHAPES[model.geom_type[geom]]
@@ -257,19 +248,19 @@ class _Reader:
             return None
         if kind != "mesh":
             *_, along_x, along_y, along_z = model.geom_aabb[geom].tolist()
-            return Visual(kind, pose, color, (2 * along_x, 2 * along_y, 2 * along_z), opacity=opacity)
+            return robot_model.Visual(kind, pose, color, (2 * along_x, 2 * along_y, 2 * along_z), opacity=opacity)
         mesh = int(model.geom_dataid[geom])
         name = self._meshes[mesh]
         named = self._built.drawn.get(name)
         if named is None:
-            return Visual(kind, pose, color, file=f"{MESH_OF_TEXT}{name}", opacity=opacity)
+            return robot_model.Visual(kind, pose, color, file=f"{robot_model.MESH_OF_TEXT}{name}", opacity=opacity)
         # MuJoCo moves a mesh to its centre of mass and turns it to its axes of inertia.
         own = geometry.inverse(_pose(model.mesh_pos[mesh], model.mesh_quat[mesh]))
         x, y, z = model.mesh_scale[mesh].tolist()
         placed = geometry.compose(pose, own)
-        return Visual(kind, placed, color, file=str(named.path), scale=(x, y, z), opacity=opacity)
+        return robot_model.Visual(kind, placed, color, file=str(named.path), scale=(x, y, z), opacity=opacity)
 
-    def _joints(self, body: int) -> Iterator[Joint]:
+    def _joints(self, body: int) -> Iterator[robot_model.Joint]:
         """Yield the joints between a body and its parent: one, several in series, or a fixed joint without any."""
         model, kinds = self._model, self._types
         first, count = model.body_jntadr[body], model.body_jntnum[body]
@@ -283,10 +274,10 @@ class _Reader:
             raise self._ball_in_series(name, balls[0])
         if balls:
             ax, ay, az = model.jnt_pos[balls[0]].tolist()
-            yield from ball_joints(model.joint(balls[0]).name, parent, name, origin, (ax, ay, az))[0]
+            yield from robot_model.ball_joints(model.joint(balls[0]).name, parent, name, origin, (ax, ay, az))[0]
             return
         if not numbers:
-            yield Joint(f"{name}_joint", "fixed", parent, name, origin, (0.0, 0.0, 1.0))
+            yield robot_model.Joint(f"{name}_joint", "fixed", parent, name, origin, (0.0, 0.0, 1.0))
         yield from at_zero([self._joint(number, parent, name, origin) for number in numbers])
 
     def _ball_in_series(self, body: str, number: int) -> ModelError:
@@ -297,16 +288,16 @@ class _Reader:
         place = self._built.notes.place(self._built.spec.joint(self._model.joint(number).name))
         return refusal(f"{found}: {remedy}, or replace it by three hinges", place)
 
-    def _joint(self, number: int, parent: str, child: str, origin: Pose) -> Joint:
+    def _joint(self, number: int, parent: str, child: str, origin: Pose) -> robot_model.Joint:
         model = self._model
         limited = bool(model.jnt_limited[number])
         turns = self._kinds[number] == int(self._types.mjJNT_HINGE)
-        kind: JointType = ("revolute" if limited else "continuous") if turns else "prismatic"
+        kind: robot_model.JointType = ("revolute" if limited else "continuous") if turns else "prismatic"
         x, y, z = model.jnt_axis[number].tolist()
         ax, ay, az = model.jnt_pos[number].tolist()
         lower, upper = model.jnt_range[number].tolist() if limited else (None, None)
         name = self._joint_names[number]
-        return Joint(
+        return robot_model.Joint(
             name=name,
             type=kind,
             parent=parent,
@@ -328,7 +319,7 @@ def _names(model: Any, starts: Any) -> list[str]:
     return [text[start : text.index(b"\0", start)].decode() for start in starts.tolist()]
 
 
-def at_zero(joints: Sequence[Joint]) -> list[Joint]:
+def at_zero(joints: Sequence[robot_model.Joint]) -> list[robot_model.Joint]:
     """Return joints in series between two links, with the child link's frame at position zero.
 
     Input: `origin` is the frame of the child link with all joints at their `reference`, as MJCF states it.
@@ -345,7 +336,7 @@ def at_zero(joints: Sequence[Joint]) -> list[Joint]:
     return [replace(joint, origin=geometry.compose(joint.origin, back), **_carried(joint, away)) for joint in moved]
 
 
-def _carried(joint: Joint, motion: Pose) -> dict[str, Any]:
+def _carried(joint: robot_model.Joint, motion: Pose) -> dict[str, Any]:
     """Return the axis and the anchor of a joint after a motion."""
     return {
         "axis_xyz": geometry.rotate(motion.orientation_xyzw, joint.axis_xyz),
@@ -353,7 +344,7 @@ def _carried(joint: Joint, motion: Pose) -> dict[str, Any]:
     }
 
 
-def _paint(model: Any, geom: int) -> tuple[Color | None, float]:
+def _paint(model: Any, geom: int) -> tuple[robot_model.Color | None, float]:
     """Return colour and opacity of a geom, or else of its material; no colour if neither states one."""
     stated, material = tuple(model.geom_rgba[geom].tolist()), int(model.geom_matid[geom])
     if stated == _NO_COLOUR:
@@ -364,13 +355,13 @@ def _paint(model: Any, geom: int) -> tuple[Color | None, float]:
     return (red, green, blue), opacity
 
 
-def _shape(model: Any, geom: int) -> Shape:
+def _shape(model: Any, geom: int) -> robot_model.Shape:
     kind = _SHAPES[model.geom_type[geom]]
     radius = float(model.geom_size[geom, 0]) if kind in {"sphere", "cylinder", "capsule"} else None
     x, y, z, along_x, along_y, along_z = model.geom_aabb[geom].tolist()
     lower, upper = (x - along_x, y - along_y, z - along_z), (x + along_x, y + along_y, z + along_z)
     pose = _pose(model.geom_pos[geom], model.geom_quat[geom])
-    return Shape(kind, pose, radius, lower, upper, corners=_corners(model, geom) if kind == "mesh" else b"")
+    return robot_model.Shape(kind, pose, radius, lower, upper, corners=_corners(model, geom) if kind == "mesh" else b"")
 
 
 def _corners(model: Any, geom: int) -> bytes:
@@ -381,11 +372,11 @@ def _corners(model: Any, geom: int) -> bytes:
     return corners
 
 
-def _mimics(model: Any, motors: Mapping[str, Motor]) -> dict[str, Mimic]:
+def _mimics(model: Any, motors: Mapping[str, robot_model.Motor]) -> dict[str, robot_model.Mimic]:
     """Return joints that an equality couples to another, with its linear part; the leader has a motor of its own."""
     import mujoco
 
-    tied: dict[str, Mimic] = {}
+    tied: dict[str, robot_model.Mimic] = {}
     for number in range(model.neq):
         one, other = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
         if model.eq_type[number] != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[number] or other < 0:
@@ -405,7 +396,7 @@ def _mimics(model: Any, motors: Mapping[str, Motor]) -> dict[str, Mimic]:
         while ahead in tied and ahead != follower:
             ahead = tied[ahead].joint
         if follower not in tied and ahead != follower:
-            tied[follower] = Mimic(leader, multiplier, offset)
+            tied[follower] = robot_model.Mimic(leader, multiplier, offset)
     return tied
 
 

@@ -14,16 +14,8 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.records import dataclass, field
 from sim_action.robot.audit.kinematic_tree import MAX_NAME_BYTES
+from sim_action.robot.documents import sdf_elements
 from sim_action.robot.documents.packages import PackageError, Packages, Version, find_model_file
-from sim_action.robot.documents.sdf_elements import (
-    MODEL_FRAME,
-    Notes,
-    SdfProblem,
-    flag_attribute,
-    flag_of,
-    needed,
-    text_of,
-)
 from sim_action.robot.model.findings import finding, refuse_errors
 from sim_action.robot.reading.sdf.sdf_files import ModelTooLarge, SdfFile, SizeBudget, read_sdf_file
 
@@ -115,7 +107,7 @@ class Scope:
         model = self.names.get(head)
         if not separator or model is None or model.scope is None:
             return None
-        return model if rest == MODEL_FRAME else model.scope.find(rest)
+        return model if rest == sdf_elements.MODEL_FRAME else model.scope.find(rest)
 
 
 class Assembly:
@@ -124,7 +116,7 @@ class Assembly:
     `file`: the file with the outermost model; `static`: True if nothing in it moves, whatever it states.
     """
 
-    def __init__(self, file: SdfFile, packages: Packages, notes: Notes, *, static: bool = False) -> None:
+    def __init__(self, file: SdfFile, packages: Packages, notes: sdf_elements.Notes, *, static: bool = False) -> None:
         self._static = static
         self.packages, self.notes = packages, notes
         self._file = file
@@ -136,7 +128,7 @@ class Assembly:
         file = self._file
         self.notes.places.update(file.document.places)
         model = file.model
-        static = self._static or self.notes.attempt(lambda model: flag_of(model, "static"), model) or False
+        static = self._static or self.notes.attempt(lambda model: sdf_elements.flag_of(model, "static"), model) or False
         scope = Scope(file, "", model, model.get("placement_frame", ""), static, None, model.find("pose"))
         return self._filled(scope, (file.path,))
 
@@ -159,7 +151,7 @@ class Assembly:
 
     def _nest(self, scope: Scope, element: Element, path: tuple[Path, ...]) -> None:
         name, pose = _named(element, scope.prefix), element.find("pose")
-        static = scope.static or flag_of(element, "static")
+        static = scope.static or sdf_elements.flag_of(element, "static")
         frame = element.get("placement_frame", "")
         inner = Scope(scope.file, f"{scope.prefix}{name}{SEPARATOR}", element, frame, static, scope, pose)
         self._enter(scope, Entry("model", name, element, scope, pose, self._checked(inner, path)))
@@ -169,12 +161,14 @@ class Assembly:
         self._note_changes(include)
         if file.path in path:
             names = " -> ".join(path.name for path in (*path[path.index(file.path) :], file.path))
-            raise SdfProblem("include-loop", include, f"the model includes itself: {names}")
-        if flag_attribute(include, "merge"):
+            raise sdf_elements.SdfProblem("include-loop", include, f"the model includes itself: {names}")
+        if sdf_elements.flag_attribute(include, "merge"):
             self._merge(scope, include, file, path)
             return
-        name = _short(include, scope.prefix, text_of(include, "name")) or _named(file.model, scope.prefix)
-        static = scope.static or flag_of(file.model if include.find("static") is None else include, "static")
+        name = _short(include, scope.prefix, sdf_elements.text_of(include, "name")) or _named(file.model, scope.prefix)
+        static = scope.static or sdf_elements.flag_of(
+            file.model if include.find("static") is None else include, "static"
+        )
         pose, frame = _placement(include, file.model)
         inner = Scope(file, f"{scope.prefix}{name}{SEPARATOR}", file.model, frame, static, scope, pose)
         self._enter(scope, Entry("model", name, include, scope, pose, self._checked(inner, (*path, file.path))))
@@ -199,7 +193,7 @@ class Assembly:
         while outer is not None:
             depth, outer = depth + 1, outer.parent
         if depth > _MAX_DEPTH:
-            raise SdfProblem("include-loop", scope.element, f"more than {_MAX_DEPTH} models are nested")
+            raise sdf_elements.SdfProblem("include-loop", scope.element, f"more than {_MAX_DEPTH} models are nested")
         return self._filled(scope, path)
 
     def _included(self, scope: Scope, include: Element) -> SdfFile:
@@ -213,14 +207,14 @@ class Assembly:
 
     def _read_within_budget(self, scope: Scope, include: Element) -> SdfFile:
         self._budget.begin_include()
-        reference = _local((needed(include, "uri").text or "").strip())
+        reference = _local((sdf_elements.needed(include, "uri").text or "").strip())
         if not reference:
-            raise SdfProblem("missing-part", include, "<include> has an empty <uri>")
+            raise sdf_elements.SdfProblem("missing-part", include, "<include> has an empty <uri>")
         try:
             found = find_model_file(reference, scope.file.path, self.packages, self._budget.read)
         except PackageError as error:
             rule = "missing-include" if error.rule == "missing-file" else error.rule
-            raise SdfProblem(rule, include, str(error)) from None
+            raise sdf_elements.SdfProblem(rule, include, str(error)) from None
         for note in found.notes:
             self.notes.add(note.rule, include, note.text)
         return self._opened(found.path)
@@ -245,7 +239,9 @@ class Assembly:
             scope.names[entry.name] = entry
         elif taken.kind == entry.kind or scope.file.version >= _UNIQUE_NAMES:
             kinds = f"two {entry.kind}s" if taken.kind == entry.kind else f"a {taken.kind} and a {entry.kind}"
-            raise SdfProblem("duplicate-name", source, f"{kinds} have the name '{entry.name}'; names must be unique")
+            raise sdf_elements.SdfProblem(
+                "duplicate-name", source, f"{kinds} have the name '{entry.name}'; names must be unique"
+            )
         elif _KINDS.index(entry.kind) < _KINDS.index(taken.kind):
             scope.names[entry.name] = entry
 
@@ -260,16 +256,16 @@ def _local(reference: str) -> str:
 
 def _placement(include: Element, model: Element) -> tuple[Element | None, str]:
     """Return the pose of an included model, and the frame that it places; <include> overrides the model."""
-    stated, frame = include.find("pose"), text_of(include, "placement_frame")
+    stated, frame = include.find("pose"), sdf_elements.text_of(include, "placement_frame")
     if frame and stated is None:
-        raise SdfProblem("missing-part", include, "<include> has <placement_frame> but no <pose>; add one")
+        raise sdf_elements.SdfProblem("missing-part", include, "<include> has <placement_frame> but no <pose>; add one")
     return model.find("pose") if stated is None else stated, frame or model.get("placement_frame", "")
 
 
 def _named(element: Element, prefix: str) -> str:
     name = element.get("name", "")
     if not name:
-        raise SdfProblem("missing-part", element, f"<{element.tag}> has no attribute 'name'")
+        raise sdf_elements.SdfProblem("missing-part", element, f"<{element.tag}> has no attribute 'name'")
     return _short(element, prefix, name)
 
 
@@ -278,5 +274,5 @@ def _short(element: Element, prefix: str, name: str) -> str:
     if len(prefix) + len(name) > MAX_NAME_BYTES:
         full, size = prefix + name[:_MAX_SHOWN_CHARS], f"the name has {len(prefix) + len(name):,} characters"
         message = f"{size}, '{full[:_MAX_SHOWN_CHARS]}...'; at most {MAX_NAME_BYTES} are allowed"
-        raise SdfProblem("bad-name", element, message)
+        raise sdf_elements.SdfProblem("bad-name", element, message)
     return name
