@@ -21,7 +21,7 @@ from sim_action.core import units
 from sim_action.core.errors import UsageError
 from sim_action.core.field_types import Quantity, Without, bounds_text
 from sim_action.core.permissions import scripts_refused
-from sim_action.core.records import dataclass
+from sim_action.core.records import dataclass, field
 from sim_action.core.registry import InstalledPart, PackageProblem, Table
 from sim_action.core.version import __version__
 from sim_action.core.wording import did_you_mean
@@ -53,6 +53,7 @@ class FieldEntry:
     takes: str
     default: str
     description: str
+    annotation: Any = field(default=None, compare=False, repr=False)  # its type
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,24 +65,9 @@ class Entry:
     fields: tuple[FieldEntry, ...] = ()
 
 
-def assertions() -> tuple[Entry, ...]:
-    """Return the assertions for `expect:`."""
-    return tuple(_entry(name, ASSERTIONS.load(name)) for name in ASSERTIONS)
-
-
-def commands() -> tuple[Entry, ...]:
-    """Return the command sources for `commands:`."""
-    return tuple(_entry(name, COMMANDS.load(name)) for name in COMMANDS)
-
-
-def drives() -> tuple[Entry, ...]:
-    """Return the drives for `robot.drive:`."""
-    return tuple(_entry(name, DRIVES.load(name)) for name in DRIVES)
-
-
-def sensors() -> tuple[Entry, ...]:
-    """Return the sensors for `sensors:`."""
-    return tuple(_entry(name, SENSORS.load(name)) for name in SENSORS)
+def entries(table: Table[Any]) -> tuple[Entry, ...]:
+    """Return the names of a table of sim-action itself."""
+    return tuple(Entry(name, summary(table.load(name)), fields(table.load(name))) for name in table)
 
 
 def of_packages(table: Table[Any]) -> tuple[Entry, ...]:
@@ -99,10 +85,6 @@ def models() -> tuple[Entry, ...]:
     return tuple(Entry(name, summary) for name, summary in BUILT_IN.items())
 
 
-def _entry(name: str, model: type[BaseModel]) -> Entry:
-    return Entry(name, summary(model), fields(model))
-
-
 def summary(model: type[BaseModel]) -> str:
     """The docstring's first paragraph, on one line."""
     return " ".join((inspect.getdoc(model) or "").split("\n\n")[0].split())
@@ -111,13 +93,17 @@ def summary(model: type[BaseModel]) -> str:
 def fields(model: type[BaseModel]) -> tuple[FieldEntry, ...]:
     """The keys of a model, those that are required first, and those that many models share last."""
     last = getattr(model, "last_keys", ())
-    entries = [
+    rows = [
         FieldEntry(
-            field.alias or name, _takes(field.annotation, field.metadata), _default(field), field.description or ""
+            one.alias or name,
+            _takes(one.annotation, one.metadata),
+            _default(one),
+            one.description or "",
+            one.annotation,
         )
-        for name, field in model.model_fields.items()
+        for name, one in model.model_fields.items()
     ]
-    return tuple(sorted(entries, key=lambda entry: (entry.default != "required", entry.name in last)))
+    return tuple(sorted(rows, key=lambda entry: (entry.default != "required", entry.name in last)))
 
 
 def key_rows(
@@ -126,8 +112,9 @@ def key_rows(
     """Yield each key and the keys below it, but not those of an assertion, and of a model in `shown`."""
     shown = set() if shown is None else shown
     for entry in fields(model):
-        annotation = next(f.annotation for n, f in model.model_fields.items() if (f.alias or n) == entry.name)
-        below = [found for found in _models_below(annotation) if found[0] not in shown and not _is_assertion(found[0])]
+        below = [
+            found for found in _models_below(entry.annotation) if found[0] not in shown and not _is_assertion(found[0])
+        ]
         takes = re.sub(r"\{[\w, ]*\}", "map", entry.takes) if below else entry.takes
         yield FieldEntry(f"{above}{entry.name}", takes, entry.default, entry.description)
         for inner, step, refused in below:
@@ -182,14 +169,10 @@ def _kind_of(annotation: Any, metadata: Iterable[Any]) -> str:  # noqa: PLR0911 
     if (name := _PARTS.get(annotation)) is not None:
         return name
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return _keys(annotation, metadata)
+        refused = {name for item in metadata if isinstance(item, Without) for name in item.names}
+        return f"{{{', '.join(entry.name for entry in fields(annotation) if entry.name not in refused)}}}"
     plain: dict[Any, str] = {str: "text", bool: "true or false", int: "whole number", float: "number", Any: "anything"}
     return plain.get(Any if annotation == JsonValue else annotation, str(annotation))
-
-
-def _keys(model: type[BaseModel], metadata: Iterable[Any]) -> str:
-    refused = {name for item in metadata if isinstance(item, Without) for name in item.names}
-    return f"{{{', '.join(entry.name for entry in fields(model) if entry.name not in refused)}}}"
 
 
 def _kind(dimensions: tuple[units.Dimension, ...]) -> str:
@@ -199,12 +182,12 @@ def _kind(dimensions: tuple[units.Dimension, ...]) -> str:
     return f"{dimensions[0].name} ({symbols[0]})" if symbols else "number"
 
 
-def _default(field: FieldInfo) -> str:
-    if field.is_required():
+def _default(info: FieldInfo) -> str:
+    if info.is_required():
         return "required"
-    value = field.get_default(call_default_factory=True)
+    value = info.get_default(call_default_factory=True)
     if isinstance(value, float):
-        quantity = next((item for item in field.metadata if isinstance(item, Quantity)), None)
+        quantity = next((item for item in info.metadata if isinstance(item, Quantity)), None)
         return units.display(value, quantity.dimensions[0].si if quantity else "")
     if isinstance(value, bool):
         return str(value).lower()
@@ -219,10 +202,10 @@ def listing(entries: Iterable[Entry]) -> str:
 def _lines(entry: Entry) -> Iterator[str]:
     yield click.style(entry.name, bold=True)
     yield f"  {entry.summary}"
-    for field in entry.fields:
-        default = f"  [{field.default}]" if field.default else ""
-        description = f"  {field.description}" if field.description else ""
-        yield f"    {field.name}: {field.takes}{default}{description}"
+    for key in entry.fields:
+        default = f"  [{key.default}]" if key.default else ""
+        description = f"  {key.description}" if key.description else ""
+        yield f"    {key.name}: {key.takes}{default}{description}"
 
 
 _MAX_GUIDE_KEYS: Final = 16  # a part with more keys has only its required ones in the guide
@@ -362,31 +345,18 @@ def _of_model(name: str, model: type[BaseModel], width: int) -> Iterator[str]:
 def _of_keys(name: str, width: int) -> Iterator[str]:
     """Yield a text for each place where a single key has this name."""
     for place, model in _KEYS.items():
-        for entry, field in zip(fields(model), _by_entry(model), strict=True):
+        for entry in fields(model):
             if entry.name == name:
-                yield "\n".join(_of_key(place, entry, field, width))
+                yield "\n".join(_of_key(place, entry, width))
 
 
-def _by_entry(model: type[BaseModel]) -> Iterator[FieldInfo]:
-    named = {field.alias or name: field for name, field in model.model_fields.items()}
-    yield from (named[entry.name] for entry in fields(model))
-
-
-def _of_key(place: str, entry: FieldEntry, field: FieldInfo, width: int) -> Iterator[str]:
+def _of_key(place: str, entry: FieldEntry, width: int) -> Iterator[str]:
     where = "a scenario" if place == "scenario" else place
     yield f"{click.style(entry.name, bold=True)}: key of {where}"
     yield from _key_lines("key", (entry,), width)
-    for model in _models_in(field.annotation):
+    for model, *_ in _models_below(entry.annotation):
         yield from _text(model, width)
         yield from _key_lines(f"keys below '{entry.name}'", fields(model), width)
-
-
-def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Yield the models of keys in a type."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for part in get_args(annotation):
-        yield from _models_in(part)
 
 
 def _text(model: type[BaseModel], width: int) -> Iterator[str]:

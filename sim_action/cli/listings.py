@@ -11,6 +11,7 @@ from sim_action.app.catalogue import explanation, overview
 from sim_action.app.schema import schema_here, schema_text
 from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
+from sim_action.drives import DRIVES
 from sim_action.sensors import SENSORS
 
 _MAX_WIDTH = 100
@@ -25,19 +26,21 @@ def models() -> None:
 @click.command()
 def assertions() -> None:
     """List the assertions for `expect:`."""
-    click.echo(catalogue.listing((*catalogue.assertions(), *catalogue.of_packages(ASSERTIONS))))
+    click.echo(catalogue.listing((*catalogue.entries(ASSERTIONS), *catalogue.of_packages(ASSERTIONS))))
 
 
 @click.command()
 def commands() -> None:
     """List what can drive the robot: the command sources for `commands:`, and the drives."""
-    click.echo(catalogue.listing((*catalogue.commands(), *catalogue.of_packages(COMMANDS), *catalogue.drives())))
+    click.echo(
+        catalogue.listing((*catalogue.entries(COMMANDS), *catalogue.of_packages(COMMANDS), *catalogue.entries(DRIVES)))
+    )
 
 
 @click.command()
 def sensors() -> None:
     """List the sensors for `sensors:`."""
-    click.echo(catalogue.listing((*catalogue.sensors(), *catalogue.of_packages(SENSORS))))
+    click.echo(catalogue.listing((*catalogue.entries(SENSORS), *catalogue.of_packages(SENSORS))))
 
 
 @click.command()
