@@ -14,15 +14,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from action import environment
+from sim_action.core import permissions
 from sim_action.core.errors import UsageError
-from sim_action.core.permissions import (
-    PRIVILEGED_BY_REASON,
-    PRIVILEGED_EVENTS,
-    Permissions,
-    checked_names,
-    foreign_checkout,
-    scripts_refused,
-)
 from tests.soak import examples
 
 ALLOWED = ["push", "pull_request", "schedule", "merge_group", "release", "workflow_dispatch", "repository_dispatch", ""]
@@ -35,23 +28,23 @@ LEAST = {
 
 
 def test_the_table_names_each_event_once() -> None:
-    assert sum(map(len, PRIVILEGED_BY_REASON.values())) == len(PRIVILEGED_EVENTS)
-    assert PRIVILEGED_EVENTS >= LEAST
-    assert not PRIVILEGED_EVENTS & set(ALLOWED)
+    assert sum(map(len, permissions.PRIVILEGED_BY_REASON.values())) == len(permissions.PRIVILEGED_EVENTS)
+    assert permissions.PRIVILEGED_EVENTS >= LEAST
+    assert not permissions.PRIVILEGED_EVENTS & set(ALLOWED)
 
 
 def test_nothing_is_cached_on_the_same_events() -> None:
-    assert environment.NEVER_CACHED_ON == PRIVILEGED_EVENTS
+    assert environment.NEVER_CACHED_ON == permissions.PRIVILEGED_EVENTS
 
 
 @pytest.mark.parametrize("event", ALLOWED)
 def test_code_runs_where_only_the_rights_of_its_author_are_at_stake(event: str, tmp_path: Path) -> None:
-    assert scripts_refused("auto", {"GITHUB_EVENT_NAME": event}, [tmp_path]) is None
+    assert permissions.scripts_refused("auto", {"GITHUB_EVENT_NAME": event}, [tmp_path]) is None
 
 
-@pytest.mark.parametrize("event", sorted(PRIVILEGED_EVENTS))
+@pytest.mark.parametrize("event", sorted(permissions.PRIVILEGED_EVENTS))
 def test_code_is_refused_where_strangers_would_have_the_rights_of_the_base_branch(event: str) -> None:
-    refusal = scripts_refused("auto", {"GITHUB_EVENT_NAME": event})
+    refusal = permissions.scripts_refused("auto", {"GITHUB_EVENT_NAME": event})
     assert refusal is not None
     assert event in refusal
     assert "allow-scripts" in refusal
@@ -59,19 +52,19 @@ def test_code_is_refused_where_strangers_would_have_the_rights_of_the_base_branc
 
 
 def test_code_runs_on_a_machine_of_ones_own(tmp_path: Path) -> None:
-    assert scripts_refused("auto", {}, [pull_request(tmp_path)]) is None
+    assert permissions.scripts_refused("auto", {}, [pull_request(tmp_path)]) is None
 
 
 def test_the_caller_decides(tmp_path: Path) -> None:
     privileged = {"GITHUB_EVENT_NAME": "pull_request_target"}
-    assert scripts_refused("true", privileged, [pull_request(tmp_path)]) is None
-    assert scripts_refused("false", {"GITHUB_EVENT_NAME": "push"}) is not None
-    assert scripts_refused("false", {}) is not None
+    assert permissions.scripts_refused("true", privileged, [pull_request(tmp_path)]) is None
+    assert permissions.scripts_refused("false", {"GITHUB_EVENT_NAME": "push"}) is not None
+    assert permissions.scripts_refused("false", {}) is not None
 
 
 @pytest.mark.parametrize("event", [*ALLOWED, "pull_request_review", "an event to come"])
 def test_a_pull_request_is_only_trusted_on_its_own_event(event: str, tmp_path: Path) -> None:
-    refusal = scripts_refused("auto", {"GITHUB_EVENT_NAME": event}, [pull_request(tmp_path)])
+    refusal = permissions.scripts_refused("auto", {"GITHUB_EVENT_NAME": event}, [pull_request(tmp_path)])
     if event in ("", "pull_request"):
         assert refusal is None
         return
@@ -83,19 +76,19 @@ def test_a_pull_request_is_only_trusted_on_its_own_event(event: str, tmp_path: P
 
 
 def test_a_refusal_is_an_error_that_names_its_subject() -> None:
-    Permissions().require_scripts("rostest")
+    permissions.Permissions().require_scripts("rostest")
     with pytest.raises(UsageError, match=r"^rostest: no$"):
-        Permissions(scripts_refused="no").require_scripts("rostest")
+        permissions.Permissions(scripts_refused="no").require_scripts("rostest")
 
 
 def test_names_of_variables_are_sorted_and_unique() -> None:
-    assert checked_names(["B", "A_1", "B"]) == ("A_1", "B")
+    assert permissions.checked_names(["B", "A_1", "B"]) == ("A_1", "B")
 
 
 @pytest.mark.parametrize("name", ["", "A=B", "1A", "A*", "A B", "A\nB", "Ä"])
 def test_anything_else_is_no_name_of_a_variable(name: str) -> None:
     with pytest.raises(UsageError, match="--pass-env takes the name"):
-        checked_names([name])
+        permissions.checked_names([name])
 
 
 def pull_request(folder: Path) -> Path:
@@ -134,7 +127,7 @@ def repository(root: Path, head: str = OWN, **files: str) -> Path:
 
 
 def sign(folder: Path, **variables: str) -> str | None:
-    return foreign_checkout({**PUSH, **variables}, [folder])
+    return permissions.foreign_checkout({**PUSH, **variables}, [folder])
 
 
 def test_a_branch_of_ones_own_has_no_sign(tmp_path: Path) -> None:
@@ -146,7 +139,7 @@ def test_a_branch_of_ones_own_has_no_sign(tmp_path: Path) -> None:
 
 def test_no_checkout_has_no_sign(tmp_path: Path) -> None:
     assert sign(tmp_path) is None
-    assert foreign_checkout({}, []) is None
+    assert permissions.foreign_checkout({}, []) is None
 
 
 @pytest.mark.parametrize(
@@ -350,7 +343,7 @@ def test_the_owner_is_also_known_from_the_repository(tmp_path: Path) -> None:
 
 
 def test_a_workflow_for_a_pull_request_is_refused_without_a_checkout() -> None:
-    assert "refs/pull/7/merge" in (foreign_checkout({**PUSH, "GITHUB_REF": "refs/pull/7/merge"}, []) or "")
+    assert "refs/pull/7/merge" in (permissions.foreign_checkout({**PUSH, "GITHUB_REF": "refs/pull/7/merge"}, []) or "")
 
 
 def test_another_commit_than_that_of_a_dispatch_may_be_anything(tmp_path: Path) -> None:

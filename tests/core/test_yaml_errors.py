@@ -8,16 +8,8 @@ from typing import Annotated, Any, Literal
 import pytest
 from pydantic import Field, ValidationError
 
+from sim_action.core import field_types
 from sim_action.core.errors import Location, Problem
-from sim_action.core.field_types import (
-    FrozenModel,
-    Metres,
-    Name,
-    NonNegativeSeconds,
-    PositiveMetres,
-    PositiveRadians,
-    spec_errors,
-)
 from sim_action.core.yaml_document import read_document
 from sim_action.core.yaml_errors import ProblemList
 
@@ -48,21 +40,21 @@ def test_what_is_wrong_further_down_is_known() -> None:
     assert not found.has_below(("expect",))
 
 
-class Inner(FrozenModel):
-    size: PositiveMetres = 1.0
-    for_: Annotated[NonNegativeSeconds, Field(alias="for")] = 1.0
+class Inner(field_types.FrozenModel):
+    size: field_types.PositiveMetres = 1.0
+    for_: Annotated[field_types.NonNegativeSeconds, Field(alias="for")] = 1.0
 
 
-class Spec(FrozenModel):
-    name: Name
+class Spec(field_types.FrozenModel):
+    name: field_types.Name
     kind: Literal["big", "small"] = "big"
     inner: Inner | None = None
     many: tuple[Inner, ...] = ()
-    pair: tuple[PositiveMetres, PositiveMetres] | None = None
-    named: dict[str, PositiveMetres] = {}  # noqa: RUF012 - pydantic copies it
+    pair: tuple[field_types.PositiveMetres, field_types.PositiveMetres] | None = None
+    named: dict[str, field_types.PositiveMetres] = {}  # noqa: RUF012 - pydantic copies it
     count: Annotated[int, Field(ge=1, le=9)] = 1
-    angle: Annotated[PositiveRadians, Field(le=math.radians(170))] = 1.0
-    near: Annotated[Metres, Field(ge=0.001, lt=10_000)] = 1.0
+    angle: Annotated[field_types.PositiveRadians, Field(le=math.radians(170))] = 1.0
+    near: Annotated[field_types.Metres, Field(ge=0.001, lt=10_000)] = 1.0
     flag: bool = False
     some: Annotated[tuple[str, ...], Field(min_length=1)] = ("a",)
     path: Annotated[tuple[int, ...], Field(min_length=2)] = (1, 2)
@@ -73,7 +65,9 @@ class Spec(FrozenModel):
 def findings(**data: Any) -> list[tuple[str, str]]:
     with pytest.raises(ValidationError) as raised:
         Spec.model_validate(written := {"name": "a", **data})
-    return [(".".join(map(str, path)), message) for path, message in spec_errors(Spec, written, raised.value)]
+    return [
+        (".".join(map(str, path)), message) for path, message in field_types.spec_errors(Spec, written, raised.value)
+    ]
 
 
 ALLOWED = "(allowed: angle, count, flag, inner, kind, many, name, named, near, pair, path, some, table, word)"
@@ -126,15 +120,15 @@ def test_a_finding_is_a_sentence_at_a_path(data: dict[str, Any], path: str, mess
 def test_a_missing_key_is_named() -> None:
     with pytest.raises(ValidationError) as raised:
         Spec.model_validate({})
-    assert list(spec_errors(Spec, {}, raised.value)) == [(("name",), "the key 'name' is missing")]
+    assert list(field_types.spec_errors(Spec, {}, raised.value)) == [(("name",), "the key 'name' is missing")]
 
 
-class Deep(FrozenModel):
-    angle: Annotated[PositiveRadians, Field(le=math.radians(170))] = 1.0
+class Deep(field_types.FrozenModel):
+    angle: Annotated[field_types.PositiveRadians, Field(le=math.radians(170))] = 1.0
     some: tuple[str, ...] = ()
 
 
-class Outer(FrozenModel):
+class Outer(field_types.FrozenModel):
     deep: Deep
 
 
@@ -150,15 +144,17 @@ def test_units_and_hints_are_those_of_the_innermost_key(
 ) -> None:
     with pytest.raises(ValidationError) as raised:
         Outer.model_validate({"deep": data})
-    assert list(spec_errors(Outer, {"deep": data}, raised.value)) == [(path, message)]
+    assert list(field_types.spec_errors(Outer, {"deep": data}, raised.value)) == [(path, message)]
 
 
 def test_a_bad_key_of_a_map_is_told_at_the_key() -> None:
-    class Named(FrozenModel):
+    class Named(field_types.FrozenModel):
         places: dict[Annotated[str, Field(max_length=3)], float]
 
     data = {"places": {"kitchen": 1.0}}
     with pytest.raises(ValidationError) as caught:
         Named.model_validate(data)
 
-    assert list(spec_errors(Named, data, caught.value)) == [(("places", "kitchen"), "must have at most 3 characters")]
+    assert list(field_types.spec_errors(Named, data, caught.value)) == [
+        (("places", "kitchen"), "must have at most 3 characters")
+    ]

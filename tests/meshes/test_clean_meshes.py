@@ -15,22 +15,8 @@ from hypothesis import strategies as st
 from sim_action.core.geometry import Vector3
 from sim_action.meshes import MeshError, clean_mesh, read_mesh
 from sim_action.meshes.collision_hulls import MAX_HULL_POINTS
+from tests import mesh_files
 from tests.fuzz.damage import damaged
-from tests.mesh_files import (
-    CORNERS,
-    GOOD,
-    L_FACES,
-    L_POINTS,
-    Face,
-    Point,
-    ball,
-    moved,
-    obj,
-    stl,
-    two_instances,
-    two_objects,
-    wheel,
-)
 from tests.soak import examples
 
 Points = np.ndarray[tuple[int, int], np.dtype[np.float64]]
@@ -60,40 +46,40 @@ def cleaned(folder: Path, name: str, data: bytes, scale: Vector3 = (1, 1, 1), ma
     return hulls(clean_mesh(path, folder / "clean", scale, margin).text)
 
 
-@pytest.mark.parametrize("name", GOOD)
+@pytest.mark.parametrize("name", mesh_files.GOOD)
 def test_what_is_written_is_the_corners_of_the_box(name: str, tmp_path: Path) -> None:
-    (hull,) = cleaned(tmp_path, name, GOOD[name])
-    assert np.allclose(sorted(hull.tolist()), sorted(CORNERS), atol=1e-7)
+    (hull,) = cleaned(tmp_path, name, mesh_files.GOOD[name])
+    assert np.allclose(sorted(hull.tolist()), sorted(mesh_files.CORNERS), atol=1e-7)
 
 
 def test_each_body_is_an_object_of_its_own(tmp_path: Path) -> None:
-    for name, data in {"two.obj": two_objects(), "two.dae": two_instances()}.items():
+    for name, data in {"two.obj": mesh_files.two_objects(), "two.dae": mesh_files.two_instances()}.items():
         found = sorted(sorted(hull.tolist()) for hull in cleaned(tmp_path, name, data))
-        assert np.allclose(found, [sorted(CORNERS), sorted(moved(CORNERS, 1))])
+        assert np.allclose(found, [sorted(mesh_files.CORNERS), sorted(mesh_files.moved(mesh_files.CORNERS, 1))])
 
 
 @pytest.mark.parametrize("scale", [(2, 3, 4), (-1, 1, 1), (-0.001, 0.002, -0.003)])
 def test_the_scale_is_in_the_points(scale: Vector3, tmp_path: Path) -> None:
-    (hull,) = cleaned(tmp_path, "L.obj", obj(L_POINTS, L_FACES), scale)
-    expected = sorted([scale[0] * x, scale[1] * y, scale[2] * z] for x, y, z in L_POINTS)
+    (hull,) = cleaned(tmp_path, "L.obj", mesh_files.obj(mesh_files.L_POINTS, mesh_files.L_FACES), scale)
+    expected = sorted([scale[0] * x, scale[1] * y, scale[2] * z] for x, y, z in mesh_files.L_POINTS)
     assert np.allclose(sorted(hull.tolist()), expected, atol=1e-9)
 
 
 @pytest.mark.parametrize("scale", [(0, 1, 1), (1, math.nan, 1), (1, 1, math.inf), (1, 1, 1e30)])
 def test_a_scale_that_leaves_no_body_is_refused(scale: Vector3, tmp_path: Path) -> None:
     with pytest.raises(MeshError, match=r"has the scale|extends beyond") as raised:
-        cleaned(tmp_path, "box.stl", stl(), scale)
+        cleaned(tmp_path, "box.stl", mesh_files.stl(), scale)
     assert raised.value.rule == "bad-shape"
     assert [path.name for path in tmp_path.rglob("*")] == ["box.stl"]
 
 
 def test_a_box_is_drawn_in_by_the_margin(tmp_path: Path) -> None:
-    (hull,) = cleaned(tmp_path, "box.stl", stl(), (0.1, 0.1, 0.1), margin=0.001)
+    (hull,) = cleaned(tmp_path, "box.stl", mesh_files.stl(), (0.1, 0.1, 0.1), margin=0.001)
     assert np.allclose(np.abs(hull), (0.009, 0.019, 0.029), atol=1e-8)
 
 
 def test_what_is_thinner_than_the_margin_keeps_a_thickness(tmp_path: Path) -> None:
-    (hull,) = cleaned(tmp_path, "box.stl", stl(), (0.001, 1, 1), margin=0.001)
+    (hull,) = cleaned(tmp_path, "box.stl", mesh_files.stl(), (0.001, 1, 1), margin=0.001)
     assert np.allclose(np.abs(hull), (0.00001, 0.199, 0.299), atol=1e-7)
 
 
@@ -104,16 +90,16 @@ DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
 @pytest.mark.parametrize(
     ("scale", "points", "faces"),
     [
-        ((1, 1, 1), *ball(rings=100, spokes=200)),
-        ((1, 1, 20), *ball(rings=100, spokes=200)),
-        ((1, 1, 1), *wheel(0.1, 0.02, 900)),
+        ((1, 1, 1), *mesh_files.ball(rings=100, spokes=200)),
+        ((1, 1, 20), *mesh_files.ball(rings=100, spokes=200)),
+        ((1, 1, 1), *mesh_files.wheel(0.1, 0.02, 900)),
     ],
     ids=["ball", "needle", "wheel"],
 )
 def test_a_fine_mesh_is_given_with_fewer_points(
-    scale: Vector3, points: list[Point], faces: list[Face], tmp_path: Path
+    scale: Vector3, points: list[mesh_files.Point], faces: list[mesh_files.Face], tmp_path: Path
 ) -> None:
-    data = obj([(x * scale[0], y * scale[1], z * scale[2]) for x, y, z in points], faces)
+    data = mesh_files.obj([(x * scale[0], y * scale[1], z * scale[2]) for x, y, z in points], faces)
     (hull,) = cleaned(tmp_path, "fine.obj", data)
     every = np.array(points) * scale
     assert len(every) > MAX_HULL_POINTS >= len(hull)
@@ -125,8 +111,8 @@ def test_a_fine_mesh_is_given_with_fewer_points(
 
 
 def test_a_content_is_rewritten_once_wherever_it_is(tmp_path: Path) -> None:
-    (tmp_path / "a.stl").write_bytes(stl())
-    (tmp_path / "b.STL").write_bytes(stl())
+    (tmp_path / "a.stl").write_bytes(mesh_files.stl())
+    (tmp_path / "b.STL").write_bytes(mesh_files.stl())
     first = clean_mesh(tmp_path / "a.stl", tmp_path / "clean")
     (entry,) = (tmp_path / "clean").iterdir()
     before = entry.stat()
@@ -138,8 +124,8 @@ def test_a_content_is_rewritten_once_wherever_it_is(tmp_path: Path) -> None:
 
 
 def test_what_differs_is_rewritten_apart(tmp_path: Path) -> None:
-    (tmp_path / "a.stl").write_bytes(stl())
-    (tmp_path / "b.stl").write_bytes(stl(points=moved(CORNERS, 1)))
+    (tmp_path / "a.stl").write_bytes(mesh_files.stl())
+    (tmp_path / "b.stl").write_bytes(mesh_files.stl(points=mesh_files.moved(mesh_files.CORNERS, 1)))
     folder = tmp_path / "clean"
     texts = [
         clean_mesh(tmp_path / "a.stl", folder).text,
@@ -152,7 +138,7 @@ def test_what_differs_is_rewritten_apart(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("left", [b"", b"# facts: {", b"# facts: {}\n", b"\xff", b"# facts: [1]\n"])
 def test_what_a_killed_process_left_is_written_again(left: bytes, tmp_path: Path) -> None:
-    (tmp_path / "a.stl").write_bytes(stl())
+    (tmp_path / "a.stl").write_bytes(mesh_files.stl())
     first = clean_mesh(tmp_path / "a.stl", tmp_path / "clean")
     (entry,) = (tmp_path / "clean").iterdir()
     whole = entry.read_bytes()
@@ -162,7 +148,7 @@ def test_what_a_killed_process_left_is_written_again(left: bytes, tmp_path: Path
 
 
 def test_no_name_of_a_stranger_is_in_what_is_written(tmp_path: Path) -> None:
-    data = b"mtllib /etc/passwd\no ../../evil\nusemtl x\n" + obj()
+    data = b"mtllib /etc/passwd\no ../../evil\nusemtl x\n" + mesh_files.obj()
     (tmp_path / "a.obj").write_bytes(data)
     written = clean_mesh(tmp_path / "a.obj", tmp_path / "clean").text.decode()
     comment, *statements = written.splitlines()
@@ -174,13 +160,20 @@ def test_no_name_of_a_stranger_is_in_what_is_written(tmp_path: Path) -> None:
 
 
 @examples(300)
-@given(st.sampled_from(sorted(GOOD)), st.sampled_from(["", "a.stl", "a.obj", "a.dae"]), st.integers(0, 2**32 - 1))
+@given(
+    st.sampled_from(sorted(mesh_files.GOOD)),
+    st.sampled_from(["", "a.stl", "a.obj", "a.dae"]),
+    st.integers(0, 2**32 - 1),
+)
 def test_no_file_raises_anything_else(
     tmp_path_factory: pytest.TempPathFactory, good: str, renamed: str, seed: int
 ) -> None:
     folder = tmp_path_factory.getbasetemp() / "fuzzed"
     folder.mkdir(exist_ok=True)
-    name, data = renamed or good, GOOD[good] if seed % 4 == 0 else damaged(GOOD[good], random.Random(seed))
+    name, data = (
+        renamed or good,
+        mesh_files.GOOD[good] if seed % 4 == 0 else damaged(mesh_files.GOOD[good], random.Random(seed)),
+    )
     try:
         found = cleaned(folder, name, data)
         facts = read_mesh(folder / name)

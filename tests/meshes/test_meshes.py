@@ -15,25 +15,7 @@ from sim_action.core.geometry import Vector3
 from sim_action.meshes import MeshFacts, read_mesh
 from sim_action.meshes.collada import Colour, colour_of
 from sim_action.meshes.collision_hulls import MAX_HULLS
-from tests.mesh_files import (
-    CORNERS,
-    GOOD,
-    L_FACES,
-    L_POINTS,
-    SHOWN,
-    SIDES,
-    Face,
-    Point,
-    ascii_stl,
-    ball,
-    dae,
-    moved,
-    obj,
-    stl,
-    two_instances,
-    two_objects,
-    wheel,
-)
+from tests import mesh_files
 
 BOX = ((-0.1, -0.2, -0.3), (0.1, 0.2, 0.3))
 
@@ -48,20 +30,20 @@ def corners(facts: MeshFacts) -> tuple[Vector3, Vector3]:
     return facts.lower_xyz, facts.upper_xyz
 
 
-@pytest.mark.parametrize("name", GOOD)
+@pytest.mark.parametrize("name", mesh_files.GOOD)
 def test_a_box_is_the_same_box_in_every_format(name: str, tmp_path: Path) -> None:
-    facts = read(tmp_path, name, GOOD[name])
+    facts = read(tmp_path, name, mesh_files.GOOD[name])
     assert np.allclose(corners(facts), BOX, atol=1e-7)
     assert (facts.triangles, facts.vertices, facts.hulls, facts.shape) == (12, 8, 1, "convex")
     assert facts.format == name.lower()[-3:]
 
 
 def test_a_file_may_hold_several_bodies(tmp_path: Path) -> None:
-    solids = ascii_stl() + ascii_stl(moved(CORNERS, 1))
+    solids = mesh_files.ascii_stl() + mesh_files.ascii_stl(mesh_files.moved(mesh_files.CORNERS, 1))
     files = {
-        "two.obj": two_objects(),
-        "groups.obj": two_objects("g right"),
-        "two.dae": two_instances(),
+        "two.obj": mesh_files.two_objects(),
+        "groups.obj": mesh_files.two_objects("g right"),
+        "two.dae": mesh_files.two_instances(),
         "two.stl": solids,
     }
     for name, data in files.items():
@@ -71,19 +53,22 @@ def test_a_file_may_hold_several_bodies(tmp_path: Path) -> None:
 
 
 def test_a_material_begins_no_body(tmp_path: Path) -> None:
-    facts = read(tmp_path, "two.obj", two_objects("usemtl red"))
+    facts = read(tmp_path, "two.obj", mesh_files.two_objects("usemtl red"))
     assert (facts.hulls, facts.shape) == (1, "concave")
 
 
 def test_sides_drawn_apart_are_sides_of_one_body(tmp_path: Path) -> None:
-    sides = b"".join(b"g side\n" + obj(points=(), faces=[side]) for side in SIDES)
-    facts = read(tmp_path, "sides.obj", obj(faces=()) + sides)
+    sides = b"".join(b"g side\n" + mesh_files.obj(points=(), faces=[side]) for side in mesh_files.SIDES)
+    facts = read(tmp_path, "sides.obj", mesh_files.obj(faces=()) + sides)
     assert (facts.hulls, facts.shape) == (1, "convex")
 
 
 def test_bodies_beyond_counting_are_one_hull(tmp_path: Path) -> None:
     def row(count: int) -> bytes:
-        return b"".join(b"o box\n" + obj(moved(CORNERS, nth), corner=lambda row: str(row - 8)) for nth in range(count))
+        return b"".join(
+            b"o box\n" + mesh_files.obj(mesh_files.moved(mesh_files.CORNERS, nth), corner=lambda row: str(row - 8))
+            for nth in range(count)
+        )
 
     assert read(tmp_path, "screws.obj", row(MAX_HULLS)).hulls == MAX_HULLS
     assert read(tmp_path, "screws.obj", row(MAX_HULLS + 1)).hulls == 1
@@ -92,24 +77,32 @@ def test_bodies_beyond_counting_are_one_hull(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("shape", "points", "faces"),
     [
-        ("convex", *ball()),
-        ("convex", *ball(rings=60, spokes=120)),
-        ("convex", *wheel(0.033, 0.018)),
-        ("convex", CORNERS, [face[::-1] if turned else face for turned, face in enumerate(SIDES)]),
-        ("concave", L_POINTS, L_FACES),
-        ("concave", CORNERS, SIDES[1:]),  # no lid
-        ("concave", CORNERS, SIDES[2:]),  # a tube
-        ("concave", [*CORNERS, *moved(CORNERS, 1)], [*SIDES, *([row + 8 for row in side] for side in SIDES)]),
-        ("flat", CORNERS, SIDES[:1]),
-        ("flat", [(x + y, y - x, 0.1 * x + 0.7 * y) for x, y, _ in L_POINTS], L_FACES[:1]),
+        ("convex", *mesh_files.ball()),
+        ("convex", *mesh_files.ball(rings=60, spokes=120)),
+        ("convex", *mesh_files.wheel(0.033, 0.018)),
+        (
+            "convex",
+            mesh_files.CORNERS,
+            [face[::-1] if turned else face for turned, face in enumerate(mesh_files.SIDES)],
+        ),
+        ("concave", mesh_files.L_POINTS, mesh_files.L_FACES),
+        ("concave", mesh_files.CORNERS, mesh_files.SIDES[1:]),  # no lid
+        ("concave", mesh_files.CORNERS, mesh_files.SIDES[2:]),  # a tube
+        (
+            "concave",
+            [*mesh_files.CORNERS, *mesh_files.moved(mesh_files.CORNERS, 1)],
+            [*mesh_files.SIDES, *([row + 8 for row in side] for side in mesh_files.SIDES)],
+        ),
+        ("flat", mesh_files.CORNERS, mesh_files.SIDES[:1]),
+        ("flat", [(x + y, y - x, 0.1 * x + 0.7 * y) for x, y, _ in mesh_files.L_POINTS], mesh_files.L_FACES[:1]),
     ],
     ids=["ball", "fine ball", "wheel", "turned sides", "L", "open box", "tube", "two boxes", "side", "tilted L"],
 )
 def test_the_shape_says_what_a_hull_would_add(
-    shape: str, points: list[Point], faces: list[Face], tmp_path: Path
+    shape: str, points: list[mesh_files.Point], faces: list[mesh_files.Face], tmp_path: Path
 ) -> None:
-    assert read(tmp_path, "it.obj", obj(points, faces)).shape == shape
-    assert read(tmp_path, "it.stl", stl(points, faces)).shape == shape
+    assert read(tmp_path, "it.obj", mesh_files.obj(points, faces)).shape == shape
+    assert read(tmp_path, "it.stl", mesh_files.stl(points, faces)).shape == shape
 
 
 MATRIX = "<matrix>0 -1 0 1  1 0 0 2  0 0 1 3  0 0 0 1</matrix>"
@@ -118,27 +111,27 @@ MATRIX = "<matrix>0 -1 0 1  1 0 0 2  0 0 1 3  0 0 0 1</matrix>"
 @pytest.mark.parametrize(
     ("node", "lower", "upper"),
     [
-        (MATRIX + SHOWN, (0.8, 1.9, 2.7), (1.2, 2.1, 3.3)),
-        (MATRIX * 2 + SHOWN, (-1.1, 2.8, 5.7), (-0.9, 3.2, 6.3)),
-        ("<translate>1 2 3</translate><scale>2 1 1</scale>" + SHOWN, (0.8, 1.8, 2.7), (1.2, 2.2, 3.3)),
-        ("<scale>2 1 1</scale><translate>1 2 3</translate>" + SHOWN, (1.8, 1.8, 2.7), (2.2, 2.2, 3.3)),
-        ("<rotate>0 0 9 90</rotate>" + SHOWN, (-0.2, -0.1, -0.3), (0.2, 0.1, 0.3)),
-        ("<rotate>1 0 0 90</rotate><rotate>0 0 1 90</rotate>" + SHOWN, (-0.2, -0.3, -0.1), (0.2, 0.3, 0.1)),
-        (f"<translate>1 0 0</translate><node>{MATRIX}{SHOWN}</node>", (1.8, 1.9, 2.7), (2.2, 2.1, 3.3)),
+        (MATRIX + mesh_files.SHOWN, (0.8, 1.9, 2.7), (1.2, 2.1, 3.3)),
+        (MATRIX * 2 + mesh_files.SHOWN, (-1.1, 2.8, 5.7), (-0.9, 3.2, 6.3)),
+        ("<translate>1 2 3</translate><scale>2 1 1</scale>" + mesh_files.SHOWN, (0.8, 1.8, 2.7), (1.2, 2.2, 3.3)),
+        ("<scale>2 1 1</scale><translate>1 2 3</translate>" + mesh_files.SHOWN, (1.8, 1.8, 2.7), (2.2, 2.2, 3.3)),
+        ("<rotate>0 0 9 90</rotate>" + mesh_files.SHOWN, (-0.2, -0.1, -0.3), (0.2, 0.1, 0.3)),
+        ("<rotate>1 0 0 90</rotate><rotate>0 0 1 90</rotate>" + mesh_files.SHOWN, (-0.2, -0.3, -0.1), (0.2, 0.3, 0.1)),
+        (f"<translate>1 0 0</translate><node>{MATRIX}{mesh_files.SHOWN}</node>", (1.8, 1.9, 2.7), (2.2, 2.1, 3.3)),
     ],
 )
 def test_the_scene_of_a_dae_puts_its_surfaces_in_place(
     node: str, lower: Vector3, upper: Vector3, tmp_path: Path
 ) -> None:
-    assert np.allclose(corners(read(tmp_path, "box.dae", dae(node=node))), (lower, upper), atol=1e-9)
-    with_unit = read(tmp_path, "box.dae", dae(node=node, asset='<unit name="cm" meter="0.01"/>'))
+    assert np.allclose(corners(read(tmp_path, "box.dae", mesh_files.dae(node=node))), (lower, upper), atol=1e-9)
+    with_unit = read(tmp_path, "box.dae", mesh_files.dae(node=node, asset='<unit name="cm" meter="0.01"/>'))
     assert np.allclose(corners(with_unit), np.array((lower, upper)) / 100, atol=1e-9)
 
 
 def test_a_node_of_a_dae_may_be_used_again(tmp_path: Path) -> None:
-    library = f'<library_nodes><node id="part">{SHOWN}</node></library_nodes><library_visual'
+    library = f'<library_nodes><node id="part">{mesh_files.SHOWN}</node></library_nodes><library_visual'
     again = '<instance_node url="#part"/><node><translate>1 0 0</translate><instance_node url="#part"/></node>'
-    data = dae(node=again).replace(b"<library_visual", library.encode(), 1)
+    data = mesh_files.dae(node=again).replace(b"<library_visual", library.encode(), 1)
     assert read(tmp_path, "box.dae", data).hulls == 2
 
 
@@ -149,7 +142,7 @@ def test_numpy_is_not_imported_before_a_mesh_is_read() -> None:
 
 
 def test_every_reader_is_named_by_what_it_reads() -> None:
-    assert set(meshes.READERS) == {name.lower()[-3:] for name in GOOD}
+    assert set(meshes.READERS) == {name.lower()[-3:] for name in mesh_files.GOOD}
 
 
 OBJ = b"mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl few\nf 1 2 3\nusemtl many\nf 1 2 3\nf 1 3 2\n"

@@ -9,29 +9,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.results.artifacts import (
-    StoredFile,
-    copy_stored,
-    namesake_number,
-    replay_path,
-    stored_file,
-    stored_files_of,
-    trace_paths,
-    with_copied_files,
-    with_existing_files,
-)
+from sim_action.results import artifacts
 from sim_action.results.outcome import Outcome, Repeats
 from tests.work import work_of
 
 
 def test_a_name_becomes_a_plain_file_name() -> None:
-    (path,) = trace_paths(["burger: 1.5 m / 30 s"], Path("out"))
+    (path,) = artifacts.trace_paths(["burger: 1.5 m / 30 s"], Path("out"))
     assert path == Path("out/traces/burger-1.5-m-30-s.npz")
 
 
 @given(st.lists(st.text(max_size=200), max_size=10))
 def test_paths_stay_in_the_folder_and_differ_whatever_the_case(names: list[str]) -> None:
-    paths = trace_paths(names, Path("out"))
+    paths = artifacts.trace_paths(names, Path("out"))
     assert all(path.parent == Path("out/traces") and path.suffix == ".npz" for path in paths)
     assert len({str(path).lower() for path in paths}) == len(names)
     assert all(len(path.name.encode()) < 120 for path in paths)
@@ -39,15 +29,15 @@ def test_paths_stay_in_the_folder_and_differ_whatever_the_case(names: list[str])
 
 def test_of_equal_names_each_has_the_first_number_that_is_free() -> None:
     names = ["a", "A", "a-2", "b", "a-4", "a", "a", "a-2"]
-    assert [path.stem for path in trace_paths(names, Path())] == [
+    assert [path.stem for path in artifacts.trace_paths(names, Path())] == [
         *("a", "A-2", "a-2-2", "b", "a-4", "a-3", "a-5", "a-2-3")
     ]
 
 
 def test_of_equal_names_each_is_told_by_its_number() -> None:
     names = ["a", "A", "a-2", "b", "a-4", "a", "a", "a-2"]
-    stored = [replay_path(path).as_posix() for path in trace_paths(names, Path())]
-    numbers = [namesake_number(name, path) for name, path in zip(names, stored, strict=True)]
+    stored = [artifacts.replay_path(path).as_posix() for path in artifacts.trace_paths(names, Path())]
+    numbers = [artifacts.namesake_number(name, path) for name, path in zip(names, stored, strict=True)]
     assert list(zip(names, numbers, strict=True)) == [
         *(("a", 1), ("A", 2), ("a-2", 2), ("b", 1), ("a-4", 1), ("a", 3), ("a", 5), ("a-2", 3))
     ]
@@ -55,14 +45,14 @@ def test_of_equal_names_each_is_told_by_its_number() -> None:
 
 @pytest.mark.parametrize("stored", ["", "replays/", "replays/b-2.json.gz", "replays/a-x.json.gz", f"a-{9**99}.json.gz"])
 def test_what_tells_no_number_is_the_first(stored: str) -> None:
-    assert namesake_number("a", stored) == 1
+    assert artifacts.namesake_number("a", stored) == 1
 
 
 def test_very_many_equal_names_take_no_longer_than_others() -> None:
     def work(count: int) -> int:
-        return work_of(lambda: trace_paths(["same"] * count, Path()))
+        return work_of(lambda: artifacts.trace_paths(["same"] * count, Path()))
 
-    assert len({path.stem for path in trace_paths(["same"] * 2_000, Path())}) == 2_000
+    assert len({path.stem for path in artifacts.trace_paths(["same"] * 2_000, Path())}) == 2_000
     assert work(400) - work(200) < 1.2 * (work(200) - work(100)) * 2
 
 
@@ -77,12 +67,12 @@ def results_folder(tmp_path: Path) -> Path:
 
 def test_a_trace_is_found_beside_its_results(results_folder: Path) -> None:
     for name in ("traces/a.npz", "./traces//a.npz", "traces/../traces/a.npz"):
-        assert stored_file(results_folder, name) == (results_folder / "traces" / "a.npz").resolve()
+        assert artifacts.stored_file(results_folder, name) == (results_folder / "traces" / "a.npz").resolve()
 
 
 def test_it_is_found_if_the_folder_itself_is_behind_a_link(results_folder: Path, tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(results_folder)
-    assert stored_file(tmp_path / "link", "traces/a.npz") == (results_folder / "traces" / "a.npz").resolve()
+    assert artifacts.stored_file(tmp_path / "link", "traces/a.npz") == (results_folder / "traces" / "a.npz").resolve()
 
 
 @pytest.mark.parametrize(
@@ -97,13 +87,13 @@ def test_what_is_outside_or_behind_a_link_or_no_file_is_not_found(results_folder
     (results_folder / "loop").symlink_to("loop")
     (results_folder / "traces" / "link.npz").symlink_to("../../secret")
     os.mkfifo(results_folder / "traces" / "pipe.npz")
-    assert stored_file(results_folder, name) is None
+    assert artifacts.stored_file(results_folder, name) is None
 
 
 def test_a_copy_replaces_a_link_and_not_what_it_leads_to(results_folder: Path, tmp_path: Path) -> None:
     target = tmp_path / "b.npz"
     target.symlink_to("secret")
-    copy_stored(results_folder / "traces" / "a.npz", target)
+    artifacts.copy_stored(results_folder / "traces" / "a.npz", target)
     assert (target.read_text(), target.is_symlink()) == ("trace", False)
     assert (tmp_path / "secret").read_text() == "secret"
 
@@ -112,7 +102,7 @@ def test_nothing_is_left_of_a_copy_that_failed(results_folder: Path, tmp_path: P
     (results_folder / "link.npz").symlink_to("../secret")
     (tmp_path / "out").mkdir()
     with pytest.raises(OSError, match="link"):
-        copy_stored(results_folder / "link.npz", tmp_path / "out" / "b.npz")
+        artifacts.copy_stored(results_folder / "link.npz", tmp_path / "out" / "b.npz")
     assert list((tmp_path / "out").iterdir()) == []
 
 
@@ -126,15 +116,15 @@ def test_files_that_an_outcome_names_are_copied_under_the_name_of_the_new_trace(
     for name in names:
         (shard / name).parent.mkdir(parents=True, exist_ok=True)
         (shard / name).write_text(name)
-    files = stored_files_of(WHOLE, shard)
+    files = artifacts.stored_files_of(WHOLE, shard)
     assert files == [
-        StoredFile("trace", names[0], shard / names[0]),
-        StoredFile("replay", names[1], shard / names[1]),
-        StoredFile("recording", names[2], shard / names[2]),
-        StoredFile("recording", names[3], shard / names[3]),
+        artifacts.StoredFile("trace", names[0], shard / names[0]),
+        artifacts.StoredFile("replay", names[1], shard / names[1]),
+        artifacts.StoredFile("recording", names[2], shard / names[2]),
+        artifacts.StoredFile("recording", names[3], shard / names[3]),
     ]
     merged.mkdir()
-    found = with_copied_files(WHOLE, files, merged / "traces/a-2.npz", merged)
+    found = artifacts.with_copied_files(WHOLE, files, merged / "traces/a-2.npz", merged)
     new = [found.trace, found.replay, *found.recordings]
     assert new == ["traces/a-2.npz", "replays/a-2.json.gz", "recordings/a-2.mcap", "recordings/a-2.csv"]
     assert [(merged / str(name)).read_text() for name in new] == names
@@ -144,19 +134,23 @@ def test_files_that_an_outcome_names_are_copied_under_the_name_of_the_new_trace(
 def test_the_replay_of_a_repetition_is_not_copied_and_not_named(tmp_path: Path) -> None:
     repeats = Repeats(count=3, agreed=2, digests=2, replay="replays/a-run-2.json.gz")
     flaky = WHOLE.model_copy(update={"repeats": repeats})
-    found = with_copied_files(flaky, stored_files_of(flaky, tmp_path), tmp_path / "traces/a.npz", tmp_path)
+    found = artifacts.with_copied_files(
+        flaky, artifacts.stored_files_of(flaky, tmp_path), tmp_path / "traces/a.npz", tmp_path
+    )
     assert found.repeats == Repeats(count=3, agreed=2, digests=2)
 
 
 def test_what_an_outcome_does_not_name_is_not_missed(tmp_path: Path) -> None:
-    assert [file.kind for file in stored_files_of(RUN, tmp_path)] == ["trace"]
-    assert stored_files_of(RUN.model_copy(update={"trace": None}), tmp_path) == []
+    assert [file.kind for file in artifacts.stored_files_of(RUN, tmp_path)] == ["trace"]
+    assert artifacts.stored_files_of(RUN.model_copy(update={"trace": None}), tmp_path) == []
 
 
 def test_a_file_that_is_not_there_is_noted(tmp_path: Path) -> None:
     other = WHOLE.model_copy(update={"recordings": ("recordings/a.exe",)})
     for folder in (tmp_path, None):
-        found = with_copied_files(other, stored_files_of(other, folder), tmp_path / "traces/a.npz", tmp_path)
+        found = artifacts.with_copied_files(
+            other, artifacts.stored_files_of(other, folder), tmp_path / "traces/a.npz", tmp_path
+        )
         assert (found.trace, found.replay, found.recordings) == (None, None, ())
         assert found.notes == (
             "its trace traces/a.npz was not found next to the results of its shard",
@@ -172,7 +166,9 @@ def test_a_file_that_cannot_be_copied_is_a_note(tmp_path: Path) -> None:
         (folder / name).write_text(name)
     (merged / "traces/a-2.npz").mkdir(parents=True)
     (merged / "replays").touch()
-    found = with_copied_files(WHOLE, stored_files_of(WHOLE, folder), merged / "traces/a-2.npz", merged)
+    found = artifacts.with_copied_files(
+        WHOLE, artifacts.stored_files_of(WHOLE, folder), merged / "traces/a-2.npz", merged
+    )
     assert (found.trace, found.replay) == (None, None)
     assert [Path(name).parent.name for name in found.recordings] == ["recordings"] * len(WHOLE.recordings)
     assert found.notes == ("trace: is a directory", "replay: file exists")
@@ -182,7 +178,7 @@ def test_files_that_exist_stay_named(tmp_path: Path) -> None:
     for name in (WHOLE.trace or "", WHOLE.replay or "", *WHOLE.recordings):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(name)
-    assert with_existing_files(WHOLE, tmp_path) is WHOLE
+    assert artifacts.with_existing_files(WHOLE, tmp_path) is WHOLE
 
 
 def test_files_that_do_not_exist_are_named_in_notes_alone(tmp_path: Path) -> None:
@@ -190,10 +186,10 @@ def test_files_that_do_not_exist_are_named_in_notes_alone(tmp_path: Path) -> Non
     (tmp_path / "target").touch()
     (tmp_path / (WHOLE.replay or "")).parent.mkdir()
     (tmp_path / (WHOLE.replay or "")).symlink_to(tmp_path / "target")
-    found = with_existing_files(WHOLE, tmp_path)
+    found = artifacts.with_existing_files(WHOLE, tmp_path)
     assert (found.trace, found.replay, found.recordings) == (None, None, ())
     kinds = ["trace", "replay", *(f"{Path(name).suffix[1:]} recording" for name in WHOLE.recordings)]
     assert found.notes == tuple(f"{kind}: it was removed after the run" for kind in kinds)
-    assert with_existing_files(found, tmp_path) is found
+    assert artifacts.with_existing_files(found, tmp_path) is found
     strange = WHOLE.model_copy(update={"trace": "a\0b", "replay": "x" * 5000})
-    assert with_existing_files(strange, tmp_path).trace is None
+    assert artifacts.with_existing_files(strange, tmp_path).trace is None

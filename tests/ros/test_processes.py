@@ -9,14 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.ros.processes import (
-    ChildProcesses,
-    children,
-    descendants,
-    is_result_written,
-    process_name,
-    rostest_result_path,
-)
+from sim_action.ros import processes
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="it reads Linux's /proc")
 
@@ -40,7 +33,7 @@ def test_children_of_all_threads_as_they_come_and_go() -> None:
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as it:
         assert it.stdin is not None
         assert it.stdout is not None
-        looking = ChildProcesses(it.pid)
+        looking = processes.ChildProcesses(it.pid)
         assert looking.look() == frozenset()
         started: set[int] = set()
         for _ in range(2):
@@ -48,15 +41,15 @@ def test_children_of_all_threads_as_they_come_and_go() -> None:
             it.stdin.flush()
             started.add(int(it.stdout.readline()))
             assert looking.look() == started
-            assert children(it.pid) == started
-        assert descendants(it.pid) == started
-        assert started < descendants(os.getpid())
+            assert processes.children(it.pid) == started
+        assert processes.descendants(it.pid) == started
+        assert started < processes.descendants(os.getpid())
         for pid in started:
             os.kill(pid, 9)
         it.kill()
         it.wait()
         assert looking.look() == frozenset()
-        assert descendants(it.pid) == frozenset()
+        assert processes.descendants(it.pid) == frozenset()
 
 
 @pytest.mark.process
@@ -66,12 +59,12 @@ def test_where_a_test_writes_what_it_found() -> None:
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as it:
         assert it.stdout is not None
         it.stdout.readline()
-        assert rostest_result_path(it.pid) == Path("/tmp/a b.xml")
-        assert rostest_result_path(os.getpid()) is None
-        assert process_name(it.pid) == f"{Path(sys.executable).name} -c"
+        assert processes.rostest_result_path(it.pid) == Path("/tmp/a b.xml")
+        assert processes.rostest_result_path(os.getpid()) is None
+        assert processes.process_name(it.pid) == f"{Path(sys.executable).name} -c"
         it.communicate(b"\n")
-    assert rostest_result_path(it.pid) is None
-    assert process_name(it.pid) == f"process {it.pid}"
+    assert processes.rostest_result_path(it.pid) is None
+    assert processes.process_name(it.pid) == f"process {it.pid}"
 
 
 HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
@@ -93,4 +86,4 @@ def test_a_result_that_is_whole(text: str | None, is_whole: bool, tmp_path: Path
     if text is not None:
         path.write_text(text)
 
-    assert is_result_written(path) is is_whole
+    assert processes.is_result_written(path) is is_whole

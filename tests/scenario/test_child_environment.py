@@ -6,16 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.scenario.child_environment import (
-    MAX_VALUE_CHARS,
-    PASSED,
-    RESERVED,
-    SECRET_WORDS,
-    code_environment,
-    compared_variables,
-    passed_variables,
-    problem_of,
-)
+from sim_action.scenario import child_environment
 
 HARMLESS = [
     *("PATH", "HOME", "LANG", "LC_ALL", "TMPDIR", "TZ", "PYTHONPATH", "VIRTUAL_ENV", "CONDA_PREFIX", "ROS_DISTRO"),
@@ -42,28 +33,28 @@ SECRET = [
 
 @pytest.mark.parametrize("name", HARMLESS)
 def test_harmless_variables_are_seen(name: str) -> None:
-    assert code_environment({name: "x"}) == {name: "x"}
+    assert child_environment.code_environment({name: "x"}) == {name: "x"}
 
 
 @pytest.mark.parametrize("name", SECRET)
 def test_other_variables_are_seen_only_if_the_caller_names_them(name: str) -> None:
-    assert code_environment({name: "x"}) == {}
-    assert code_environment({name: "x"}, [name]) == {name: "x"}
-    assert compared_variables({name: "x"}, [name]) == {name: "x"}
+    assert child_environment.code_environment({name: "x"}) == {}
+    assert child_environment.code_environment({name: "x"}, [name]) == {name: "x"}
+    assert child_environment.compared_variables({name: "x"}, [name]) == {name: "x"}
 
 
 def test_the_last_source_counts() -> None:
     job = {"TZ": "job", "ROUTE": "job", "PATH": "/bin"}
-    assert code_environment(job, (), {"TZ": "scenario", "ROUTE": "scenario"}) == {
+    assert child_environment.code_environment(job, (), {"TZ": "scenario", "ROUTE": "scenario"}) == {
         "TZ": "scenario",
         "ROUTE": "scenario",
         "PATH": "/bin",
     }
-    assert code_environment(job, ["ROUTE"], {"ROUTE": "scenario"})["ROUTE"] == "job"
+    assert child_environment.code_environment(job, ["ROUTE"], {"ROUTE": "scenario"})["ROUTE"] == "job"
 
 
 def test_variables_that_differ_from_call_to_call_are_not_compared() -> None:
-    assert compared_variables({"GITHUB_SHA": "1", "TMPDIR": "/t", "PATH": "/b", "HOME": "/"}) == {
+    assert child_environment.compared_variables({"GITHUB_SHA": "1", "TMPDIR": "/t", "PATH": "/b", "HOME": "/"}) == {
         "HOME": "/",
         "PATH": "/b",
     }
@@ -88,37 +79,37 @@ def test_variables_that_differ_from_call_to_call_are_not_compared() -> None:
     ],
 )
 def test_a_scenario_does_not_change_how_anything_starts_or_where_files_may_be(name: str) -> None:
-    assert "cannot be set by a scenario" in (problem_of(name, "x") or "")
+    assert "cannot be set by a scenario" in (child_environment.problem_of(name, "x") or "")
 
 
 @pytest.mark.parametrize("name", ["ROUTE", "TZ", "LANG", "TURTLEBOT3_MODEL", "_x1", "MAP_URL", "PYTHO"])
 def test_a_scenario_can_set_others(name: str) -> None:
-    assert problem_of(name, "x") is None
-    assert problem_of(name, "x" * (MAX_VALUE_CHARS + 1)) is not None
-    assert problem_of(name, "a\0b") is not None
+    assert child_environment.problem_of(name, "x") is None
+    assert child_environment.problem_of(name, "x" * (child_environment.MAX_VALUE_CHARS + 1)) is not None
+    assert child_environment.problem_of(name, "a\0b") is not None
 
 
 @pytest.mark.parametrize("name", ["", "1A", "A=B", "A B", "A-B", "Ä", "A\n"])
 def test_names_are_names(name: str) -> None:
-    assert "is not a name" in (problem_of(name, "x") or "")
+    assert "is not a name" in (child_environment.problem_of(name, "x") or "")
 
 
 def test_patterns_end_with_their_star() -> None:
-    for pattern in (*RESERVED, *(name for group in PASSED for name in group.names)):
+    for pattern in (*child_environment.RESERVED, *(name for group in child_environment.PASSED for name in group.names)):
         assert "*" not in pattern[:-1]
 
 
-@given(st.text("ABCXYZ_", max_size=8), st.sampled_from(SECRET_WORDS), st.booleans())
+@given(st.text("ABCXYZ_", max_size=8), st.sampled_from(child_environment.SECRET_WORDS), st.booleans())
 def test_no_wildcard_matches_a_secret(text: str, word: str, lower: bool) -> None:
-    for pattern in (name for each in PASSED for name in each.names if name.endswith("*")):
+    for pattern in (name for each in child_environment.PASSED for name in each.names if name.endswith("*")):
         name = pattern[:-1] + text + (word.lower() if lower else word)
-        assert passed_variables({name: "x"}) == {}
+        assert child_environment.passed_variables({name: "x"}) == {}
 
 
 @given(st.dictionaries(st.text(min_size=1), st.text()))
 def test_seen_variables_are_some_of_all(variables: dict[str, str]) -> None:
-    seen = passed_variables(variables)
+    seen = child_environment.passed_variables(variables)
     assert seen.items() <= variables.items()
-    compared = compared_variables(variables)
+    compared = child_environment.compared_variables(variables)
     assert compared.items() <= seen.items()
     assert list(compared) == sorted(compared)

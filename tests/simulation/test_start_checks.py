@@ -18,14 +18,7 @@ from sim_action.engines.engine import Engine
 from sim_action.robot.model.robot_model import Joint, JointType, Link, RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.scenario.world_checks import DEPTH
-from sim_action.simulation.start_checks import (
-    MAX_LIFT_M,
-    Spawns,
-    fell_while_settling,
-    moved_while_settling,
-    opened_on_top,
-    refuse_bad_start,
-)
+from sim_action.simulation import start_checks
 from sim_action.state.observation import Clash, Overlap
 from sim_action.world import GROUND, Body, Heightfield, Physics, World
 from sim_action.world.parts import GridPart
@@ -54,7 +47,7 @@ ARM = RobotModel(
 def settled(down: float, pitch: float, z: float | None = None, base: str = "free") -> str | None:
     robot = Robot.model_validate({"model": "arm.urdf", "base": base, "pose": {"z": z}})
     after = Pose((0.0, 0.0, 0.5 - down), quaternion_from_rpy(0.0, pitch, 1.0))
-    return moved_while_settling(Scene(robot, ARM, World(), Physics(), HERE), Pose((0.0, 0.0, 0.5)), after)
+    return start_checks.moved_while_settling(Scene(robot, ARM, World(), Physics(), HERE), Pose((0.0, 0.0, 0.5)), after)
 
 
 @pytest.mark.parametrize(
@@ -84,7 +77,7 @@ def test_a_robot_that_starts_in_the_air_and_falls_is_told_how_to_begin_there(
     before, after = Pose((0.0, 0.0, 0.5)), Pose((0.0, 0.0, 0.5 - down))
     for base, expected in (("free", notes), ("fixed", 0)):
         robot = Robot.model_validate({"model": "arm.urdf", "base": base, "pose": {"z": z}})
-        found = fell_while_settling(Scene(robot, ARM, World(), Physics(), HERE), before, after)
+        found = start_checks.fell_while_settling(Scene(robot, ARM, World(), Physics(), HERE), before, after)
         assert (found is not None) == bool(expected)
         assert found is None or ("fell 0.25 m before t = 0" in found and "physics: {settle: 0}" in found)
 
@@ -92,7 +85,9 @@ def test_a_robot_that_starts_in_the_air_and_falls_is_told_how_to_begin_there(
 def told(*overlaps: Overlap, base: str = "free", z: float | None = 0.1, clashes: Sequence[Clash] = ()) -> list[str]:
     robot = Robot.model_validate({"model": "arm.urdf", "base": base, "pose": {"z": z}})
     try:
-        refuse_bad_start(Scene(robot, ARM, World(objects=(CRATE, WALL)), Physics(), HERE), Pose(), overlaps, clashes)
+        start_checks.refuse_bad_start(
+            Scene(robot, ARM, World(objects=(CRATE, WALL)), Physics(), HERE), Pose(), overlaps, clashes
+        )
     except BadStart as error:
         return [".".join(map(str, path)) + f": {message}" for path, message in error.by_keys]
     return []
@@ -162,10 +157,10 @@ def test_a_robot_below_a_heightfield_is_told_though_it_touches_nothing(x: float,
     parts = {"hill": (GridPart((2, 2), np.full((2, 2), 0.5)),)}
     scene = Scene(Robot(model="arm.urdf"), ARM, World(objects=(body,)), Physics(), HERE, parts=parts)
     if not is_buried:
-        refuse_bad_start(scene, Pose((x, 0, z)), (), ())
+        start_checks.refuse_bad_start(scene, Pose((x, 0, z)), (), ())
         return
     with pytest.raises(BadStart, match=r"starts 0.1 m below the surface of 'hill'"):
-        refuse_bad_start(scene, Pose((x, 0, z)), (), ())
+        start_checks.refuse_bad_start(scene, Pose((x, 0, z)), (), ())
 
 
 @dataclass
@@ -206,7 +201,7 @@ def lifted(top: float, z: float | None, place: Location | None = None, base: str
         opened.append(Floor(scene, top))
         return cast(Engine, opened[-1])
 
-    backend, notes = opened_on_top(scene, start)
+    backend, notes = start_checks.opened_on_top(scene, start)
     assert [each.is_closed for each in opened] == [True] * (len(opened) - 1) + [False]
     assert cast(object, backend) is opened[-1]
     return opened[-1].z, list(notes)
@@ -234,8 +229,8 @@ def test_a_robot_of_a_world_file_starts_on_top_with_a_note_on_its_line() -> None
         (0.05, 0.0, None, "free"),
         (0.05, None, None, "fixed"),
         (DEPTH, None, None, "free"),
-        (MAX_LIFT_M + 0.01, None, None, "free"),
-        (MAX_LIFT_M + 0.01, 0.0, HERE_IN_WORLD, "free"),
+        (start_checks.MAX_LIFT_M + 0.01, None, None, "free"),
+        (start_checks.MAX_LIFT_M + 0.01, 0.0, HERE_IN_WORLD, "free"),
     ],
     ids=["stated z", "bolted", "a contact", "too deep", "too deep in a world file"],
 )
@@ -248,7 +243,7 @@ def of_file(overlaps: Sequence[Overlap] = (), clashes: Sequence[Clash] = (), **p
     at = WorldPlaces({name: place for name, place in places.items() if name != "robot"}, places.get("robot"))
     scene = Scene(robot, ARM, World(objects=(CRATE, WALL)), Physics(), HERE, places=at)
     with pytest.raises(BadStart) as told:
-        refuse_bad_start(scene, Pose(), overlaps, clashes)
+        start_checks.refuse_bad_start(scene, Pose(), overlaps, clashes)
     own = [".".join(map(str, path)) + f": {message}" for path, message in told.value.by_keys]
     return [*own, *map(str, told.value.elsewhere)]
 
@@ -269,7 +264,7 @@ def test_bodies_of_the_world_file_may_begin_a_little_in_each_other() -> None:
     scene = Scene(
         Robot(model="arm.urdf"), ARM, World(objects=(CRATE, WALL)), Physics(), HERE, places=WorldPlaces(places)
     )
-    (note,) = refuse_bad_start(scene, Pose(), (), [Clash("crate", "wall", 0.02)])
+    (note,) = start_checks.refuse_bad_start(scene, Pose(), (), [Clash("crate", "wall", 0.02)])
 
     assert note == (
         "1 body of the world file begins a little inside others, and the engine moves them apart: "
@@ -295,15 +290,15 @@ time_limit: 10 s
 
 
 @pytest.fixture
-def arrivals(tmp_path: Path) -> Spawns:
-    return Spawns.of(load(tmp_path, TEXT).scenario)
+def arrivals(tmp_path: Path) -> start_checks.Spawns:
+    return start_checks.Spawns.of(load(tmp_path, TEXT).scenario)
 
 
-def test_steps_are_the_first_at_or_after_a_time(arrivals: Spawns) -> None:
+def test_steps_are_the_first_at_or_after_a_time(arrivals: start_checks.Spawns) -> None:
     assert arrivals.names == {120: ("first",), 121: ("second", "third")}
 
 
-def test_the_next_arrival_ends_a_period_that_it_falls_in(arrivals: Spawns) -> None:
+def test_the_next_arrival_ends_a_period_that_it_falls_in(arrivals: start_checks.Spawns) -> None:
     assert [arrivals.next(step, step + 24) for step in (0, 95, 96, 97, 119, 120, 121)] == [
         24,
         119,
@@ -331,23 +326,23 @@ class Inside:
         return self.bodies
 
 
-def refuse(arrivals: Spawns, step: int, engine: Inside) -> None:
+def refuse(arrivals: start_checks.Spawns, step: int, engine: Inside) -> None:
     arrivals.refuse_blocked(step, 240.0, cast(Engine, engine))
 
 
-def test_engines_are_asked_only_when_something_appears(arrivals: Spawns) -> None:
+def test_engines_are_asked_only_when_something_appears(arrivals: start_checks.Spawns) -> None:
     engine = Inside()
     for step in range(100, 130):
         refuse(arrivals, step, engine)
     assert engine.asked == 2
 
 
-def test_what_was_there_before_is_not_told(arrivals: Spawns) -> None:
+def test_what_was_there_before_is_not_told(arrivals: start_checks.Spawns) -> None:
     links = (Overlap("base", "first", 0.1), Overlap("base", "ever", 0.1), Overlap("base", "third", 0.004))
     refuse(arrivals, 121, Inside(links, (Clash("first", "ever", 0.1),)))
 
 
-def test_the_deepest_is_told(arrivals: Spawns) -> None:
+def test_the_deepest_is_told(arrivals: start_checks.Spawns) -> None:
     links = (Overlap("base", "second", 0.01), Overlap("wheel", "second", 0.02), Overlap("arm", "ever", 1.0))
     with pytest.raises(RunError, match=r"'second' appears at 0.5042 s, 0.02 m inside the robot's link 'wheel'") as told:
         refuse(arrivals, 121, Inside(links))
@@ -355,6 +350,6 @@ def test_the_deepest_is_told(arrivals: Spawns) -> None:
 
 
 @pytest.mark.parametrize("clash", [Clash("ever", "third", 0.03), Clash("third", "ever", 0.03)])
-def test_bodies_are_inside_each_other_either_way(arrivals: Spawns, clash: Clash) -> None:
+def test_bodies_are_inside_each_other_either_way(arrivals: start_checks.Spawns, clash: Clash) -> None:
     with pytest.raises(RunError, match=r"'third' appears at 0.5042 s, 0.03 m inside 'ever', and the engine would"):
         refuse(arrivals, 121, Inside(bodies=(clash,)))

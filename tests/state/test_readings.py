@@ -8,35 +8,27 @@ import numpy as np
 import pytest
 
 from sim_action.core.geometry import Pose, Twist
-from sim_action.state.readings import (
-    READING_COLUMNS,
-    CameraImage,
-    ContactReading,
-    ImuReading,
-    LidarScan,
-    OdometryReading,
-    Reading,
-)
+from sim_action.state import readings
 
-READINGS: dict[str, Reading] = {
-    "camera": CameraImage(0.0, np.zeros((2, 3, 3), dtype=np.uint8), np.zeros((2, 3), dtype=np.float32)),
-    "contact": ContactReading(0.0, touching=True, force=1.0, bodies=("wall",)),
-    "imu": ImuReading(0.0, (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 9.8)),
-    "lidar": LidarScan(0.0, 0.0, 0.1, 0.0, 3.5, np.ones(5)),
-    "odometry": OdometryReading(0.0, Pose(), Twist()),
+READINGS: dict[str, readings.Reading] = {
+    "camera": readings.CameraImage(0.0, np.zeros((2, 3, 3), dtype=np.uint8), np.zeros((2, 3), dtype=np.float32)),
+    "contact": readings.ContactReading(0.0, touching=True, force=1.0, bodies=("wall",)),
+    "imu": readings.ImuReading(0.0, (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 9.8)),
+    "lidar": readings.LidarScan(0.0, 0.0, 0.1, 0.0, 3.5, np.ones(5)),
+    "odometry": readings.OdometryReading(0.0, Pose(), Twist()),
 }
 
 
-@pytest.mark.parametrize("kind", list(READING_COLUMNS))
+@pytest.mark.parametrize("kind", list(readings.READING_COLUMNS))
 def test_a_kind_has_the_columns_of_its_readings(kind: str) -> None:
     told = {name: np.asarray(column) for name, column in READINGS[kind].columns().items()}
-    assert set(told) == set(READING_COLUMNS[kind])
-    for name, column in READING_COLUMNS[kind].items():
+    assert set(told) == set(readings.READING_COLUMNS[kind])
+    for name, column in readings.READING_COLUMNS[kind].items():
         assert column.many or told[name].shape == ((len(column.axes),) if column.axes else ())
         assert column.is_single == (told[name].shape == ())
 
 
-SCAN = LidarScan(0.0, -math.pi, math.pi / 2, 0.1, 10.0, np.array([4.0, 3.0, 2.0, 5.0]))
+SCAN = readings.LidarScan(0.0, -math.pi, math.pi / 2, 0.1, 10.0, np.array([4.0, 3.0, 2.0, 5.0]))
 """Behind, to the right, ahead, to the left."""
 
 
@@ -67,7 +59,7 @@ def test_the_nearest_is_sought_counter_clockwise(start: float, end: float, neare
     assert SCAN.nearest(math.radians(start), math.radians(end)) == nearest
 
 
-FORWARD = LidarScan(0.0, -math.pi / 4, math.pi / 4, 0.1, 10.0, np.array([4.0, 3.0, 2.0]))
+FORWARD = readings.LidarScan(0.0, -math.pi / 4, math.pi / 4, 0.1, 10.0, np.array([4.0, 3.0, 2.0]))
 
 
 @pytest.mark.parametrize(
@@ -79,6 +71,6 @@ def test_where_no_ray_looks_nothing_is_seen_but_beside_a_ray(start: float, end: 
 
 
 def test_what_is_too_near_is_the_nearest() -> None:
-    scan = LidarScan(0.0, 0.0, 0.1, 0.1, 10.0, np.array([np.inf, -np.inf, 3.0]))
+    scan = readings.LidarScan(0.0, 0.0, 0.1, 0.1, 10.0, np.array([np.inf, -np.inf, 3.0]))
     assert scan.nearest(0.0, 1.0) == -math.inf
     assert scan.nearest(0.0, 0.0) == math.inf

@@ -9,48 +9,40 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim_action.state import trace_records
 from sim_action.state.readings import ContactReading
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import ClearanceWatch
-from sim_action.state.trace_records import (
-    BodyRecord,
-    ClearanceRecord,
-    CommandedValues,
-    ContactRecord,
-    LinkTouch,
-    Nearness,
-    SensorRecord,
-)
 from sim_action.state.trace_storage import TraceError, load_trace, save_trace
 from tests.traces import trace
 
 NEAR = [
-    Nearness(0.1, 2.0, "base", "wall"),
-    Nearness(0.2, 1.5, "arm", "post"),
-    Nearness(0.3, -0.01, "base", "wall"),
-    Nearness(0.4, -0.02, "base", "post"),
+    trace_records.Nearness(0.1, 2.0, "base", "wall"),
+    trace_records.Nearness(0.2, 1.5, "arm", "post"),
+    trace_records.Nearness(0.3, -0.01, "base", "wall"),
+    trace_records.Nearness(0.4, -0.02, "base", "post"),
 ]
-RECORD = ClearanceRecord.of(NEAR, ((0.1, 0.25), (0.3, math.inf)))
+RECORD = trace_records.ClearanceRecord.of(NEAR, ((0.1, 0.25), (0.3, math.inf)))
 WATCHES = (ClearanceWatch(), ClearanceWatch(links=("base",), bodies=("wall", "post"), within=0.5, always=True))
 
 
-def told(record: ClearanceRecord) -> list[Nearness]:
+def told(record: trace_records.ClearanceRecord) -> list[trace_records.Nearness]:
     return [record.at(index) for index in range(len(record))]
 
 
 def test_a_record_tells_what_it_was_made_of() -> None:
     assert told(RECORD) == NEAR
-    assert len(ClearanceRecord.of([])) == 0
+    assert len(trace_records.ClearanceRecord.of([])) == 0
 
 
 def test_pieces_make_the_whole_again_though_each_numbers_its_pairs_anew() -> None:
     pieces = [
-        ClearanceRecord.of(NEAR[:1]),
-        ClearanceRecord.of([]),
-        ClearanceRecord.of(NEAR[1:3]),
-        ClearanceRecord.of(NEAR[3:]),
+        trace_records.ClearanceRecord.of(NEAR[:1]),
+        trace_records.ClearanceRecord.of([]),
+        trace_records.ClearanceRecord.of(NEAR[1:3]),
+        trace_records.ClearanceRecord.of(NEAR[3:]),
     ]
-    assert told(ClearanceRecord.concatenate(pieces)) == NEAR
+    assert told(trace_records.ClearanceRecord.concatenate(pieces)) == NEAR
 
 
 def test_the_moments_of_a_window_are_those_at_its_ends_too() -> None:
@@ -83,7 +75,7 @@ READINGS = [ContactReading(time, time > 0.1, 10 * time, ("wall",)) for time in (
 
 
 def test_readings_become_columns_at_their_own_times() -> None:
-    record = SensorRecord.of_readings("contact", READINGS)
+    record = trace_records.SensorRecord.of_readings("contact", READINGS)
     assert len(record) == 4
     assert record.time.tolist() == [0.0, 0.1, 0.2, 0.3]
     assert record.columns["touching"].tolist() == [0, 0, 1, 1]
@@ -91,19 +83,19 @@ def test_readings_become_columns_at_their_own_times() -> None:
 
 
 def test_a_record_in_pieces_is_the_record() -> None:
-    record = SensorRecord.of_readings("contact", READINGS)
+    record = trace_records.SensorRecord.of_readings("contact", READINGS)
     pieces = record.between(-1, 0.15), record.between(0.15, 0.17), record.between(0.2, 0.3)
     assert [len(piece) for piece in pieces] == [2, 0, 2]
-    joined = SensorRecord.concatenate(pieces)
+    joined = trace_records.SensorRecord.concatenate(pieces)
     assert joined.time.tolist() == record.time.tolist()
     assert joined.columns["force"].tolist() == record.columns["force"].tolist()
 
 
 TIME = np.array([0.1, 0.2, 0.3, 0.4])
 RECORDS = (
-    BodyRecord(TIME, np.zeros((4, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (4, 1))),
+    trace_records.BodyRecord(TIME, np.zeros((4, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (4, 1))),
     RECORD,
-    SensorRecord("contact", TIME, {"touching": np.zeros(4)}),
+    trace_records.SensorRecord("contact", TIME, {"touching": np.zeros(4)}),
 )
 
 
@@ -113,15 +105,20 @@ RECORDS = (
     [(0.2, 0.3, [0.2, 0.3]), (0.1 + 0.2, 0.4, [0.3, 0.4]), (0.11, 0.19, []), (0.0, 0.1, [0.1]), (0.35, 9.0, [0.4])],
 )
 def test_records_between_two_times_keep_both_ends_in_spite_of_rounding(
-    record: BodyRecord | ClearanceRecord | SensorRecord, start: float, end: float, kept: list[float]
+    record: trace_records.BodyRecord | trace_records.ClearanceRecord | trace_records.SensorRecord,
+    start: float,
+    end: float,
+    kept: list[float],
 ) -> None:
     assert record.between(start, end).time.tolist() == kept
 
 
-def crate(*times: float) -> BodyRecord:
+def crate(*times: float) -> trace_records.BodyRecord:
     """A crate that moves along x with 1 m/s."""
     time = np.array(times)
-    return BodyRecord(time, np.outer(time, [1.0, 0.0, 0.0]), np.tile([0.0, 0.0, 0.0, 1.0], (len(time), 1)))
+    return trace_records.BodyRecord(
+        time, np.outer(time, [1.0, 0.0, 0.0]), np.tile([0.0, 0.0, 0.0, 1.0], (len(time), 1))
+    )
 
 
 def crates(*times: float) -> Trace:
@@ -162,18 +159,18 @@ def test_objects_are_stored_if_they_have_a_pose_for_each_moment(tmp_path: Path) 
         load_trace(tmp_path / "t.npz")
 
 
-def foot(*touches: tuple[float, str]) -> ContactRecord:
+def foot(*touches: tuple[float, str]) -> trace_records.ContactRecord:
     """Contacts of a foot at these times with these bodies."""
     up = (0.0, 0.0, 1.0)
-    return ContactRecord.of(
-        [(time, LinkTouch("foot", body, (time, 0.0, 0.0), up, 10 * time)) for time, body in touches]
+    return trace_records.ContactRecord.of(
+        [(time, trace_records.LinkTouch("foot", body, (time, 0.0, 0.0), up, 10 * time)) for time, body in touches]
     )
 
 
 STEPS = ((0.1, "ground"), (0.1, "ramp"), (0.3, "ramp"), (0.4, "ground"))
 
 
-def touched(record: ContactRecord) -> list[tuple[float, str]]:
+def touched(record: trace_records.ContactRecord) -> list[tuple[float, str]]:
     assert record.is_whole
     assert record.force.tolist() == [10 * time for time in record.time]
     return [(float(time), record.bodies[body]) for time, body in zip(record.time, record.body, strict=True)]
@@ -206,9 +203,9 @@ def test_a_file_whose_contacts_of_links_do_not_fit_is_no_trace(tmp_path: Path) -
 
 
 def test_a_joint_keeps_its_commanded_position_until_the_next_one() -> None:
-    told = CommandedValues.of([(0.1, {"a": 1.0}), (0.2, {"b": 5.0}), (0.4, {"a": np.nan})])
+    told = trace_records.CommandedValues.of([(0.1, {"a": 1.0}), (0.2, {"b": 5.0}), (0.4, {"a": np.nan})])
     time = np.array([0.0, 0.1, 0.3, 0.4])
     np.testing.assert_array_equal(told.at("a", time), [np.nan, 1.0, 1.0, np.nan])
     np.testing.assert_array_equal(told.at("b", time), [np.nan, np.nan, 5.0, 5.0])
     np.testing.assert_array_equal(told.at("c", time), [np.nan] * 4)
-    np.testing.assert_array_equal(CommandedValues().at("a", time), [np.nan] * 4)
+    np.testing.assert_array_equal(trace_records.CommandedValues().at("a", time), [np.nan] * 4)

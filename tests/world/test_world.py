@@ -9,24 +9,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from sim_action import world
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.robot.model.robot_spec import Robot
-from sim_action.world import (
-    GRAVITY,
-    Body,
-    Disturbance,
-    Ground,
-    Heightfield,
-    Patch,
-    PathPoint,
-    Physics,
-    Ramp,
-    Sphere,
-    Stairs,
-    World,
-    placed,
-)
 from sim_action.world.mass_properties import mass_properties_of
 from sim_action.world.parts import BoxPart, CylinderPart, HullPart, SpherePart, moved
 
@@ -34,15 +20,17 @@ BALL: dict[str, Any] = {"name": "ball", "sphere": {"radius": "10 cm"}}
 
 
 def test_the_least_world_is_flat_and_empty() -> None:
-    assert World() == World(ground=Ground(friction=1.0), objects=())
-    assert Physics() == Physics(rate=240.0, settle=2.0)
+    assert world.World() == world.World(ground=world.Ground(friction=1.0), objects=())
+    assert world.Physics() == world.Physics(rate=240.0, settle=2.0)
 
 
 def test_bounds_of_physics_are_the_engines_or_lower() -> None:
-    assert Physics.model_validate({"max_speed": "36 km/h", "max_turn_rate": "60 rpm"}).max_speed == pytest.approx(10.0)
+    assert world.Physics.model_validate({"max_speed": "36 km/h", "max_turn_rate": "60 rpm"}).max_speed == pytest.approx(
+        10.0
+    )
     for key, bound in [("max_speed", 1.1e4), ("max_turn_rate", 1.1e4), ("max_speed", 0.0), ("max_depth", 0.0)]:
         with pytest.raises(ValidationError, match=key):
-            Physics.model_validate({key: bound})
+            world.Physics.model_validate({key: bound})
 
 
 def test_a_placement_left_out_stands_on_the_ground_unturned() -> None:
@@ -59,7 +47,7 @@ def test_a_placement_turns_by_its_angles() -> None:
 @pytest.mark.parametrize("key", ["x", "y", "z"])
 @pytest.mark.parametrize("value", [-100_001, "101 km", 1e300])
 def test_nothing_is_where_engines_know_no_millimetres(key: str, value: object) -> None:
-    for model, keys in ((Placement, {}), (PathPoint, {"at": 0})):
+    for model, keys in ((Placement, {}), (world.PathPoint, {"at": 0})):
         assert model.model_validate({**keys, key: 100_000})
         with pytest.raises(ValidationError, match="100000"):
             model.model_validate({**keys, key: value})
@@ -79,7 +67,7 @@ def test_joints_of_two_robots_are_not_shared() -> None:
     "shape", [{"box": (1, 2, 3)}, {"cylinder": {"radius": 1, "height": 2}}, {"sphere": {"radius": 1}}]
 )
 def test_a_body_has_one_shape(shape: dict[str, Any]) -> None:
-    body = Body.model_validate({"name": "thing", **shape})
+    body = world.Body.model_validate({"name": "thing", **shape})
     assert body.mass is None
     assert body.friction == 0.5
 
@@ -87,7 +75,7 @@ def test_a_body_has_one_shape(shape: dict[str, Any]) -> None:
 @pytest.mark.parametrize("shape", [{}, {"box": (1, 2, 3), "sphere": {"radius": 1}}])
 def test_a_body_with_no_shape_or_two_is_refused(shape: dict[str, Any]) -> None:
     with pytest.raises(ValidationError, match=r"exactly one shape of 'box', 'cylinder', .* 'map' and 'shapes'"):
-        Body.model_validate({"name": "thing", **shape})
+        world.Body.model_validate({"name": "thing", **shape})
 
 
 @pytest.mark.parametrize(
@@ -120,18 +108,20 @@ def test_a_body_with_no_shape_or_two_is_refused(shape: dict[str, Any]) -> None:
 def test_impossible_bodies_are_refused(change: dict[str, Any]) -> None:
     body = {key: value for key, value in {**BALL, **change}.items() if value is not None}
     with pytest.raises(ValidationError):
-        Body.model_validate(body)
+        world.Body.model_validate(body)
 
 
 @pytest.mark.parametrize("rate", [0, -240, 0.5, "1 MHz", 100_001])
 def test_a_physics_rate_is_one_that_can_be_stepped(rate: float | str) -> None:
     with pytest.raises(ValidationError):
-        Physics.model_validate({"rate": rate})
+        world.Physics.model_validate({"rate": rate})
 
 
 def test_units_are_read_on_the_way_in() -> None:
-    assert Physics.model_validate({"rate": "1 kHz", "settle": "500 ms"}) == Physics(rate=1000.0, settle=0.5)
-    assert Body.model_validate({**BALL, "mass": "500 g"}) == Body(name="ball", sphere=Sphere(radius=0.1), mass=0.5)
+    assert world.Physics.model_validate({"rate": "1 kHz", "settle": "500 ms"}) == world.Physics(rate=1000.0, settle=0.5)
+    assert world.Body.model_validate({**BALL, "mass": "500 g"}) == world.Body(
+        name="ball", sphere=world.Sphere(radius=0.1), mass=0.5
+    )
 
 
 @pytest.mark.parametrize(
@@ -139,13 +129,13 @@ def test_units_are_read_on_the_way_in() -> None:
     [(1.62, (0, 0, -1.62)), ("162 cm/s^2", (0, 0, -1.62)), (0, (0, 0, 0)), ((0, "1 m/s^2", -9), (0, 1, -9))],
 )
 def test_gravity_is_downwards_or_a_vector(written: object, xyz: tuple[float, ...]) -> None:
-    assert World.model_validate({"gravity": written}).gravity_xyz == pytest.approx(xyz)
-    assert World().gravity_xyz == (0, 0, -GRAVITY)
+    assert world.World.model_validate({"gravity": written}).gravity_xyz == pytest.approx(xyz)
+    assert world.World().gravity_xyz == (0, 0, -world.GRAVITY)
 
 
 def test_weight_is_that_of_the_world() -> None:
-    assert World().weight == GRAVITY
-    assert World.model_validate({"gravity": (0, 3, -4)}).weight == 5.0
+    assert world.World().weight == world.GRAVITY
+    assert world.World.model_validate({"gravity": (0, 3, -4)}).weight == 5.0
 
 
 @pytest.mark.parametrize(
@@ -162,21 +152,24 @@ def test_weight_is_that_of_the_world() -> None:
 )
 def test_gravity_that_is_none_is_refused(written: object, message: str) -> None:
     with pytest.raises(ValidationError, match=message):
-        World.model_validate({"gravity": written})
+        world.World.model_validate({"gravity": written})
 
 
 def test_a_ramp_is_told_by_its_height_or_its_angle() -> None:
-    by_angle, by_height = Ramp(length=2, width=1, angle=math.atan(0.25)), Ramp(length=2, width=1, height=0.5)
+    by_angle, by_height = (
+        world.Ramp(length=2, width=1, angle=math.atan(0.25)),
+        world.Ramp(length=2, width=1, height=0.5),
+    )
     (part,), (same,) = by_angle.parts(), by_height.parts()
     assert np.array(part.points_xyz) == pytest.approx(np.array(same.points_xyz))
     assert set(same.points_xyz) == {(x, y, z) for x, z in ((-1, -0.25), (1, -0.25), (1, 0.25)) for y in (-0.5, 0.5)}
     for neither_or_both in ({}, {"height": 1, "angle": 0.1}):
         with pytest.raises(ValidationError, match="either 'height' or 'angle'"):
-            Ramp.model_validate({"length": 1, "width": 1, **neither_or_both})
+            world.Ramp.model_validate({"length": 1, "width": 1, **neither_or_both})
 
 
 def test_stairs_are_columns_that_stand_on_one_floor() -> None:
-    columns = Stairs(steps=3, rise=0.1, run=0.3, width=1).parts()
+    columns = world.Stairs(steps=3, rise=0.1, run=0.3, width=1).parts()
     assert [round(column.pose.position_xyz[2] - column.size_xyz[2] / 2, 9) for column in columns] == [-0.15] * 3
     assert [column.pose.position_xyz[2] + column.size_xyz[2] / 2 for column in columns] == pytest.approx(
         [-0.05, 0.05, 0.15]
@@ -198,47 +191,47 @@ def test_stairs_are_columns_that_stand_on_one_floor() -> None:
 )
 def test_a_heightfield_is_a_whole_grid_of_numbers(heights: object, message: str) -> None:
     with pytest.raises(ValidationError, match=message):
-        Heightfield.model_validate({"heights": heights, "size": (1, 1)})
+        world.Heightfield.model_validate({"heights": heights, "size": (1, 1)})
 
 
 def test_a_heightfield_is_told_by_numbers_or_an_image() -> None:
     flat = ((0.0, 0.0), (0.0, 0.0))
     for wrong in ({}, {"heights": flat, "image": "a.pgm"}, {"heights": flat, "height": 1}, {"image": "a.pgm"}):
         with pytest.raises(ValidationError, match=r"either 'heights' or 'image'|'height' is the height"):
-            Heightfield.model_validate({"size": (1, 1), **wrong})
+            world.Heightfield.model_validate({"size": (1, 1), **wrong})
 
 
 def test_what_cannot_move_has_no_mass() -> None:
     ramp = {"length": 1, "width": 1, "height": 1}
     with pytest.raises(ValidationError, match="'ramp' is always fixed: remove 'mass'"):
-        Body.model_validate({"name": "it", "ramp": ramp, "mass": 1})
+        world.Body.model_validate({"name": "it", "ramp": ramp, "mass": 1})
 
 
 def test_a_body_without_z_stands_on_the_ground_however_it_is_turned() -> None:
-    body = Body(name="it", box=(2, 1, 1), pose=Placement(x=1, pitch=math.pi / 2))
-    assert placed(body, body.parts()).position_xyz == pytest.approx((1, 0, 1))
+    body = world.Body(name="it", box=(2, 1, 1), pose=Placement(x=1, pitch=math.pi / 2))
+    assert world.placed(body, body.parts()).position_xyz == pytest.approx((1, 0, 1))
     (part,) = body.parts()
     assert part == BoxPart((2, 1, 1))
     high = body.model_copy(update={"pose": Placement(z=7)})
-    assert placed(high, body.parts()) == Pose((0, 0, 7))
-    assert isinstance(Ramp(length=1, width=1, height=1).parts()[0], HullPart)
+    assert world.placed(high, body.parts()) == Pose((0, 0, 7))
+    assert isinstance(world.Ramp(length=1, width=1, height=1).parts()[0], HullPart)
 
 
 def test_patches_have_bounds() -> None:
-    assert Patch(x=1, y=2, size=(2, 1), friction=0.1).bounds == ((0, 2), (1.5, 2.5))
+    assert world.Patch(x=1, y=2, size=(2, 1), friction=0.1).bounds == ((0, 2), (1.5, 2.5))
     for wrong in ({"size": (0, 1)}, {"size": (1e9, 1)}, {"friction": -1}, {"x": 1e9}):
         with pytest.raises(ValidationError):
-            Patch.model_validate({"size": (1, 1), "friction": 0.1, **wrong})
+            world.Patch.model_validate({"size": (1, 1), "friction": 0.1, **wrong})
 
 
 FORCE: dict[str, Any] = {"at": "2 s", "for": "100 ms", "force": ("10 N", 0, "1 kN")}
 
 
 def test_units_are_read() -> None:
-    disturbance = Disturbance.model_validate(FORCE)
+    disturbance = world.Disturbance.model_validate(FORCE)
     assert disturbance.force == (10.0, 0.0, 1000.0)
     assert disturbance.end == pytest.approx(2.1)
-    push = Disturbance.model_validate({"at": 4, "velocity": (0, "36 km/h", 0), "body": "ball"})
+    push = world.Disturbance.model_validate({"at": 4, "velocity": (0, "36 km/h", 0), "body": "ball"})
     assert push.velocity == (0.0, 10.0, 0.0)
     assert push.end == 4.0
 
@@ -260,7 +253,7 @@ def test_units_are_read() -> None:
 )
 def test_disturbances_that_do_not_fit_together_are_refused(keys: dict[str, Any], told: str) -> None:
     with pytest.raises(ValidationError, match=told):
-        Disturbance.model_validate(keys)
+        world.Disturbance.model_validate(keys)
 
 
 TABLE: dict[str, Any] = {
@@ -273,7 +266,7 @@ TABLE: dict[str, Any] = {
 
 
 def test_the_shapes_of_a_body_are_placed_in_its_frame() -> None:
-    body = Body.model_validate(TABLE)
+    body = world.Body.model_validate(TABLE)
 
     top, leg = body.parts()
     assert (body.shape, body.is_read, body.has_own_inertia) == ("shapes", False, False)
@@ -281,7 +274,7 @@ def test_the_shapes_of_a_body_are_placed_in_its_frame() -> None:
     assert top.pose == Pose((0.0, 0.0, 0.72))
     assert isinstance(leg, CylinderPart)
     assert leg.pose == Pose((0.0, 0.0, 0.35))
-    assert placed(body, body.parts()).position_xyz == (0.0, 0.0, 0.0)
+    assert world.placed(body, body.parts()).position_xyz == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -307,13 +300,13 @@ def test_the_shapes_of_a_body_are_placed_in_its_frame() -> None:
 )
 def test_mass_properties_and_shapes_that_do_not_fit_are_refused(keys: dict[str, Any], message: str) -> None:
     with pytest.raises(ValidationError, match=message):
-        Body.model_validate({"name": "b", **keys})
+        world.Body.model_validate({"name": "b", **keys})
 
 
 def test_the_mass_of_several_shapes_is_spread_by_their_volumes() -> None:
     halves = tuple({"box": (1, 1, 1), "pose": {"x": x}} for x in (-0.5, 0.5))
-    whole = Body.model_validate({"name": "w", "shapes": ({"box": (2, 1, 1)},), "mass": 6})
-    both = Body.model_validate({"name": "b", "shapes": halves, "mass": 6})
+    whole = world.Body.model_validate({"name": "w", "shapes": ({"box": (2, 1, 1)},), "mass": 6})
+    both = world.Body.model_validate({"name": "b", "shapes": halves, "mass": 6})
 
     one, other = (mass_properties_of(body, body.parts()) for body in (whole, both))
     assert other.centre_xyz == pytest.approx(one.centre_xyz)
@@ -325,7 +318,7 @@ def test_a_turned_cylinder_has_the_inertia_of_its_hull() -> None:
     turned = Pose((0.1, 0.2, 0.3), quaternion_from_rpy(0.3, 0.7, -0.4))
     angles = np.linspace(0, 2 * math.pi, 400, endpoint=False)
     rim = [(0.2 * math.cos(angle), 0.2 * math.sin(angle), z) for angle in angles for z in (-0.4, 0.4)]
-    body = Body.model_validate({"name": "c", "shapes": ({"sphere": {"radius": 1}},), "mass": 2})
+    body = world.Body.model_validate({"name": "c", "shapes": ({"sphere": {"radius": 1}},), "mass": 2})
 
     exact = mass_properties_of(body, [moved(CylinderPart(0.2, 0.8), turned)])
     sampled = mass_properties_of(body, [moved(HullPart(tuple(rim)), turned)])
@@ -336,7 +329,7 @@ def test_a_turned_cylinder_has_the_inertia_of_its_hull() -> None:
 
 def test_stated_mass_properties_replace_those_of_uniform_density() -> None:
     inertia = {"ixx": 0.1, "iyy": 0.2, "izz": 0.25, "ixy": 0.01}
-    body = Body.model_validate({**TABLE, "mass": 4, "center_of_mass": (0, 0, 0.1), "inertia": inertia})
+    body = world.Body.model_validate({**TABLE, "mass": 4, "center_of_mass": (0, 0, 0.1), "inertia": inertia})
 
     found = mass_properties_of(body, body.parts())
 

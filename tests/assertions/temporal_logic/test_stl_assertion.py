@@ -25,14 +25,7 @@ from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Judged, Verdict
-from tests.assertions.temporal_logic.formulas import (
-    every_step_formulas,
-    evidence,
-    meaning,
-    plain_formulas,
-    simple,
-    walks,
-)
+from tests.assertions.temporal_logic import formulas
 from tests.soak import examples
 from tests.traces import monitor, piece, scene, trace
 
@@ -201,7 +194,7 @@ def test_a_window_with_an_end_is_watched_until_it_closes_unless_all_is_decided()
 
 
 @examples(100)
-@given(plain_formulas, walks)
+@given(formulas.plain_formulas, formulas.walks)
 def test_the_needed_time_never_grows_and_ends_with_the_decision(formula: Formula, walk: list[tuple[int, int]]) -> None:
     opened = [folded(formula, walk[:length], []) for length in range(1, len(walk) + 1)]
     needed = [one.needed_until for one in opened]
@@ -311,10 +304,10 @@ def test_a_window_begins_it_and_cuts_it() -> None:
 
 
 @examples(100)
-@given(plain_formulas, walks)
+@given(formulas.plain_formulas, formulas.walks)
 def test_the_margin_is_the_robustness_at_the_first_moment(formula: Formula, walk: list[tuple[int, int]]) -> None:
     verdict = folded(formula, walk, []).verdict()
-    expected, moments = evidence(formula, walk)
+    expected, moments = formulas.evidence(formula, walk)
     assert verdict.passed == (expected >= 0 and moments > 0)
     assert verdict.margin == (None if math.isinf(expected) else expected)
     assert verdict.judged is not None
@@ -322,7 +315,7 @@ def test_the_margin_is_the_robustness_at_the_first_moment(formula: Formula, walk
 
 
 @examples(100)
-@given(plain_formulas, walks, st.integers(0, 5), st.integers(5, 30))
+@given(formulas.plain_formulas, formulas.walks, st.integers(0, 5), st.integers(5, 30))
 def test_a_formula_that_passes_was_judged_inside_its_window(
     formula: Formula, walk: list[tuple[int, int]], after: int, before: int
 ) -> None:
@@ -337,7 +330,7 @@ def test_a_formula_that_passes_was_judged_inside_its_window(
 
 
 @examples(100)
-@given(every_step_formulas, walks, st.integers(1, 20))
+@given(formulas.every_step_formulas, formulas.walks, st.integers(1, 20))
 def test_a_longer_run_turns_no_failed_invariant_into_a_pass(
     formula: Formula, walk: list[tuple[int, int]], length: int
 ) -> None:
@@ -348,20 +341,20 @@ def test_a_longer_run_turns_no_failed_invariant_into_a_pass(
 
 
 @examples(100)
-@given(simple, walks, st.integers(0, 3), st.integers(0, 4), st.integers(0, 6))
+@given(formulas.simple, formulas.walks, st.integers(0, 3), st.integers(0, 4), st.integers(0, 6))
 def test_a_goal_that_passes_has_a_witness_whose_whole_interval_was_seen(
     inner: Formula, walk: list[tuple[int, int]], start: int, length: int, end: int
 ) -> None:
     formula = Eventually(Always(inner, Interval(start, start + length)), Interval(0.0, end))
     verdict = folded(formula, walk, []).verdict()
-    holds = [meaning(inner, walk, at) >= 0 for at in range(len(walk))]
+    holds = [formulas.meaning(inner, walk, at) >= 0 for at in range(len(walk))]
     whole = [holds[at + start : at + start + length + 1] for at in range(end + 1) if at + start + length < len(walk)]
     assert verdict.passed == any(map(all, whole))
     assert verdict.status == ("not_exercised" if not whole else "passed" if verdict.passed else "failed")
 
 
 @examples(100)
-@given(plain_formulas, walks, st.lists(st.integers(0, 20), max_size=8))
+@given(formulas.plain_formulas, formulas.walks, st.lists(st.integers(0, 20), max_size=8))
 def test_pieces_say_what_the_whole_says_and_a_decision_stands(
     formula: Formula, walk: list[tuple[int, int]], at: list[int]
 ) -> None:

@@ -22,21 +22,7 @@ from sim_action.commands.waypoints import Waypoint, WaypointCommands
 from sim_action.core.geometry import quaternion_from_rpy
 from sim_action.core.records import replace
 from sim_action.core.workspace import Workspace
-from sim_action.recording.replay.build import (
-    MAX_PATH_POINTS,
-    Track,
-    coarse,
-    commanded_path,
-    frames_of,
-    joined_touches,
-    replay_of,
-    stored_golden,
-    stored_marks,
-    stored_signal,
-    stored_signals,
-    strongest_touches,
-    thinned,
-)
+from sim_action.recording.replay import build
 from sim_action.recording.replay.columns import MAX_MOMENTS, Column
 from sim_action.recording.replay.replay_data import MAX_CONTACTS, Frames
 from sim_action.simulation.recorder import TWIST_NAMES
@@ -57,7 +43,7 @@ def curve(time: list[float], values: list[float], **limits: float) -> Signal:
 
 def test_curves_stand_with_the_number_of_their_expectation() -> None:
     expected = (expectation(Travel(at_least=2.0)), expectation(Upright(max_tilt=0.5), after=1.0))
-    travelled, tilt = stored_signals(scenario(*expected), scene(), START, FILM)
+    travelled, tilt = build.stored_signals(scenario(*expected), scene(), START, FILM)
     assert (travelled.expectation, travelled.name, travelled.unit, travelled.lower) == (0, "travelled", "m", 2.0)
     assert (tilt.expectation, tilt.name, tilt.unit, tilt.upper) == (1, "tilt", "rad", 0.5)
     assert (tilt.start, tilt.end) == (1.0, 2.0)
@@ -67,20 +53,20 @@ def test_curves_stand_with_the_number_of_their_expectation() -> None:
 
 def test_they_fit_the_replay_that_they_are_in() -> None:
     expected = scenario(expectation(Travel(at_least=2.0)), expectation(Reach(x=1, y=0, yaw=0)))
-    signals, marks = stored_signals(expected, scene(), START, FILM), stored_marks(expected, scene(), START)
-    made = replay_of(scene(), FILM, signals, marks)
+    signals, marks = build.stored_signals(expected, scene(), START, FILM), build.stored_marks(expected, scene(), START)
+    made = build.replay_of(scene(), FILM, signals, marks)
     assert (made.signals, made.marks) == (signals, marks)
 
 
 def test_what_has_moments_of_its_own_keeps_them() -> None:
-    stored = stored_signal(0, curve([0.1, 0.6], [1.0, np.nan]), FILM.time, RATE)
+    stored = build.stored_signal(0, curve([0.1, 0.6], [1.0, np.nan]), FILM.time, RATE)
     assert stored.time is not None
     np.testing.assert_allclose(stored.time.decoded(2), [0.1, 0.6])
     np.testing.assert_array_equal(np.isnan(stored.values.decoded(2)), [False, True])
 
 
 def test_a_limit_that_no_number_reaches_is_none() -> None:
-    stored = stored_signal(0, curve([0.0, 1.0], [0.0, 1.0], lower=1e300), FILM.time, RATE)
+    stored = build.stored_signal(0, curve([0.0, 1.0], [0.0, 1.0], lower=1e300), FILM.time, RATE)
     assert (stored.lower, stored.end) == (None, None)
 
 
@@ -95,7 +81,7 @@ def test_a_limit_that_no_number_reaches_is_none() -> None:
     ],
 )
 def test_places_are_marked(assertion: Assertion, kinds: list[str]) -> None:
-    marks = stored_marks(scenario(expectation(Upright()), expectation(assertion)), scene(), START)
+    marks = build.stored_marks(scenario(expectation(Upright()), expectation(assertion)), scene(), START)
     assert [(mark.expectation, mark.kind) for mark in marks] == [(1, kind) for kind in kinds]
 
 
@@ -104,7 +90,7 @@ def test_golden_trajectories_are_kept_with_their_joints(tmp_path: Path) -> None:
     spec = Matches.model_validate({"trace": "x.csv", "position": 0.02, "joints": {"wheel_right_joint": "5 deg"}})
     rows = np.array([(0.0, 0.0, 0.0, 0.01, 0.0, 0.0), (0.5, 0.1, 0.2, 0.01, 3.5, 1.5)])
     Golden(spec.form_in(here), rows).write(tmp_path / "x.csv")
-    [found] = stored_golden(scenario(expectation(Upright()), expectation(spec)), here)
+    [found] = build.stored_golden(scenario(expectation(Upright()), expectation(spec)), here)
     assert found.expectation == 1
     assert found.time.decoded(found.count).tolist() == [0.0, 0.5]
     assert [column.decoded(found.count)[1] for column in found.base] == pytest.approx([0.1, 0.2, 0.01, 3.5])
@@ -112,14 +98,14 @@ def test_golden_trajectories_are_kept_with_their_joints(tmp_path: Path) -> None:
     assert here.model.moving_joints[index].name == "wheel_right_joint"
     assert turned.decoded(found.count).tolist() == pytest.approx([0.0, 1.5])
     rewritten = replace(here, workspace=replace(here.workspace, updates_golden=True))
-    assert stored_golden(scenario(expectation(spec)), rewritten) == ()
+    assert build.stored_golden(scenario(expectation(spec)), rewritten) == ()
 
 
 @pytest.mark.parametrize(("frame", "link"), [("world", None), ("base", 0), ("base_scan", 4)])
 def test_a_place_in_the_frame_of_a_link_moves_with_it(frame: str, link: int | None) -> None:
     reach = Reach(link="wheel_left_link", frame=frame, x=1, y=0, yaw=0.5)
-    marks = stored_marks(scenario(expectation(reach)), scene(), START)
-    made = replay_of(scene(), FILM, (), marks)
+    marks = build.stored_marks(scenario(expectation(reach)), scene(), START)
+    made = build.replay_of(scene(), FILM, (), marks)
     assert [mark.link for mark in marks] == [link, link]
     assert link is None or made.scene.links[link].name == {"base": "base_footprint"}.get(frame, frame)
 
@@ -131,7 +117,7 @@ steps = st.lists(st.integers(0, 100_000), min_size=1, max_size=300, unique=True)
 def test_a_coarse_curve_keeps_its_ends_and_its_extremes(at: list[int], random: Random) -> None:
     values = [random.choice([random.uniform(-1, 1), 5.0, -5.0]) for _ in at]
     whole = curve([step / RATE for step in at], values)
-    kept = coarse(whole, RATE)
+    kept = build.coarse(whole, RATE)
     assert (kept.time[0], kept.time[-1]) == (whole.time[0], whole.time[-1])
     assert (kept.values.min(), kept.values.max()) == (min(values), max(values))
     assert np.all(np.diff(kept.time * RATE) > 0.5)
@@ -139,22 +125,22 @@ def test_a_coarse_curve_keeps_its_ends_and_its_extremes(at: list[int], random: R
 
 def test_a_curve_of_every_step_gets_few_moments_a_second() -> None:
     time = np.arange(0, 2400) / RATE
-    kept = coarse(Signal("gap", "m", time, np.sin(time)), RATE)
+    kept = build.coarse(Signal("gap", "m", time, np.sin(time)), RATE)
     assert len(kept.time) <= 4 * 15 * 10 + 4
 
 
 def test_a_curve_of_hours_fits_a_column() -> None:
     time = np.arange(0, 3_000_000) / RATE
-    assert len(coarse(Signal("gap", "m", time, np.sin(1e3 * time)), RATE).time) <= 20_000
+    assert len(build.coarse(Signal("gap", "m", time, np.sin(1e3 * time)), RATE).time) <= 20_000
 
 
 def test_gaps_stay() -> None:
-    kept = coarse(curve([0.0, 0.5, 1.0], [1.0, np.nan, 2.0]), RATE)
+    kept = build.coarse(curve([0.0, 0.5, 1.0], [1.0, np.nan, 2.0]), RATE)
     np.testing.assert_array_equal(np.isnan(kept.values), [False, True, False])
 
 
 def test_two_moments_at_one_step_are_one() -> None:
-    assert len(coarse(curve([0.0, 1e-9, 1.0], [1.0, 1.0, 2.0]), RATE).time) == 2
+    assert len(build.coarse(curve([0.0, 1e-9, 1.0], [1.0, 1.0, 2.0]), RATE).time) == 2
 
 
 DRIVE = scenario(expectation(Upright()))
@@ -168,7 +154,7 @@ def twists(*told: tuple[float, float, float]) -> CommandedValues:
 
 def test_twists_lead_along_an_arc() -> None:
     # Half a circle of 1 m/s in 1 s, then standstill.
-    path = commanded_path(DRIVE, START, twists((0.0, 1.0, math.pi), (1.0, 0.0, 0.0)), TIME)
+    path = build.commanded_path(DRIVE, START, twists((0.0, 1.0, math.pi), (1.0, 0.0, 0.0)), TIME)
     x, y, _ = START.pose.position_xyz
     assert path[0][:2] == pytest.approx((x, y))
     assert path[-1][:2] == pytest.approx((x, y + 2 / math.pi), abs=1e-3)
@@ -177,23 +163,23 @@ def test_twists_lead_along_an_arc() -> None:
 
 def test_waypoints_are_the_path() -> None:
     drives = WaypointCommands(waypoints=(Waypoint(x=1.0, y=0.0), Waypoint(x=1.0, y=2.0)))
-    path = commanded_path(like(DRIVE, commands=(drives,)), START, twists((0.0, 1.0, 0.0)), TIME)
+    path = build.commanded_path(like(DRIVE, commands=(drives,)), START, twists((0.0, 1.0, 0.0)), TIME)
     assert [point[:2] for point in path[1:]] == [(1.0, 0.0), (1.0, 2.0)]
 
 
 def test_a_long_path_has_fewer_points() -> None:
-    path = commanded_path(DRIVE, START, twists((0.0, 1.0, 0.1)), np.linspace(0.0, 600.0, 18_001))
-    assert len(path) == MAX_PATH_POINTS
+    path = build.commanded_path(DRIVE, START, twists((0.0, 1.0, 0.1)), np.linspace(0.0, 600.0, 18_001))
+    assert len(path) == build.MAX_PATH_POINTS
 
 
 def test_without_twists_there_is_no_path() -> None:
-    assert commanded_path(DRIVE, START, None, TIME) == ()
-    assert commanded_path(DRIVE, START, twists((0.0, 1e300, 0.0)), TIME) == ()
+    assert build.commanded_path(DRIVE, START, None, TIME) == ()
+    assert build.commanded_path(DRIVE, START, twists((0.0, 1e300, 0.0)), TIME) == ()
 
 
 def test_columns_are_the_trace_to_half_a_step() -> None:
     time = [0.0, 0.1, 0.2]
-    frames = frames_of(trace(time, x=[0.0, 0.12345, 0.3], position=[0.0, 1.0004, 2.0]), [], RATE, [False, True])
+    frames = build.frames_of(trace(time, x=[0.0, 0.12345, 0.3], position=[0.0, 1.0004, 2.0]), [], RATE, [False, True])
     assert frames.count == 3
     assert frames.time.decoded(3) == pytest.approx(time, abs=1 / RATE / 2)
     assert frames.base[0].decoded(3) == pytest.approx([0.0, 0.12345, 0.3], abs=5e-5)
@@ -204,7 +190,7 @@ def test_columns_are_the_trace_to_half_a_step() -> None:
 def test_turning_round_and_round_does_not_jump() -> None:
     yaw = np.linspace(0, 8 * np.pi, 200)
     flipped = trace(list(np.arange(200) / 10), yaw=[float(np.remainder(turn, 2 * np.pi)) for turn in yaw])
-    frames = frames_of(flipped, [], RATE, [False, False])
+    frames = build.frames_of(flipped, [], RATE, [False, False])
     for column in frames.base[3:]:
         assert np.abs(np.diff(column.decoded(200))).max() < 0.2
 
@@ -215,7 +201,7 @@ def test_a_body_is_where_it_was_last_looked_at_and_not_where_it_waits() -> None:
         np.array([[0.0, 0.0, 1e6], [1.0, 0.0, 0.5], [2.0, 0.0, 0.1]]),
         np.tile([0.0, 0.0, 0.0, 1.0], (3, 1)),
     )
-    (track,) = frames_of(trace([0.0, 1.5, 2.0]), [Track(record, appears=0.9)], RATE, [False, False]).tracks
+    (track,) = build.frames_of(trace([0.0, 1.5, 2.0]), [build.Track(record, appears=0.9)], RATE, [False, False]).tracks
     assert track[0].decoded(3) == pytest.approx([1.0, 1.0, 2.0])
     assert track[2].decoded(3) == pytest.approx([0.5, 0.5, 0.1])
 
@@ -223,49 +209,49 @@ def test_a_body_is_where_it_was_last_looked_at_and_not_where_it_waits() -> None:
 def test_the_very_last_moment_goes_on_as_it_went() -> None:
     turned = np.array([quaternion_from_rpy(0.0, 0.0, yaw) for yaw in (0.0, 0.1, 0.2)])
     record = BodyRecord(np.array([0.0, 0.1, 0.2]), np.outer([0.0, 1.0, 2.0], [1.0, 0.0, 0.0]), turned)
-    (track,) = frames_of(trace([0.0, 0.1, 0.2, 0.25]), [Track(record)], RATE, [False, False]).tracks
+    (track,) = build.frames_of(trace([0.0, 0.1, 0.2, 0.25]), [build.Track(record)], RATE, [False, False]).tracks
     assert track[0].decoded(4) == pytest.approx([0.0, 1.0, 2.0, 2.5])
     assert 2 * np.arcsin(track[5].decoded(4)) == pytest.approx([0.0, 0.1, 0.2, 0.25], abs=3e-4)
 
 
 def test_what_lasts_for_hours_is_thinned_and_keeps_its_ends() -> None:
     long = trace([step / 30 for step in range(2 * MAX_MOMENTS)])
-    kept = thinned(long)
+    kept = build.thinned(long)
     assert len(kept) == MAX_MOMENTS
     assert (kept.time[0], kept.time[-1]) == (long.time[0], long.time[-1])
-    frames = frames_of(kept, [], RATE, [False, False])
+    frames = build.frames_of(kept, [], RATE, [False, False])
     assert Frames.model_validate_json(frames.model_dump_json(exclude_defaults=True)) == frames
 
 
 def test_steps_of_one_pair_are_one_contact_with_its_largest_mean_force_and_its_impulse() -> None:
     steps = [contact(1.0 + step / RATE, force=12.0 if 40 <= step < 60 else 6.0) for step in range(100)]
-    (touch,) = joined_touches(steps)
+    (touch,) = build.joined_touches(steps)
     assert (touch.first, touch.until) == (steps[0], steps[-1].time)
     assert (touch.force(RATE), touch.impulse(RATE)) == pytest.approx((12.0, (80 * 6 + 20 * 12) / RATE))
 
 
 @pytest.mark.parametrize("rate", [120, 240, 960])
 def test_the_force_of_an_impact_does_not_depend_on_the_rate(rate: int) -> None:
-    (touch,) = joined_touches([contact(1.0, force=0.25 * rate), contact(1.0, force=0.25 * rate)])
+    (touch,) = build.joined_touches([contact(1.0, force=0.25 * rate), contact(1.0, force=0.25 * rate)])
     assert (touch.force(rate), touch.impulse(rate)) == pytest.approx((10.0, 0.5))
 
 
 def test_a_step_longer_than_the_window_is_its_own_mean() -> None:
-    (touch,) = joined_touches([contact(1.0, force=4.0), contact(13 / 12, force=6.0)])
+    (touch,) = build.joined_touches([contact(1.0, force=4.0), contact(13 / 12, force=6.0)])
     assert touch.force(12) == pytest.approx(6.0)
 
 
 def test_points_of_a_step_add_up() -> None:
     points = [contact(1.0, force=30.0), contact(1.0, force=40.0), contact(1.01, force=50.0), contact(1.02, force=5.0)]
-    assert [touch.force(100) for touch in joined_touches(points)] == pytest.approx([(70 + 50 + 5) / 5])
+    assert [touch.force(100) for touch in build.joined_touches(points)] == pytest.approx([(70 + 50 + 5) / 5])
 
 
 def test_a_pair_that_lets_go_touches_again() -> None:
-    assert [touch.until for touch in joined_touches([contact(1.0), contact(1.05), contact(1.5)])] == [1.05, 1.5]
+    assert [touch.until for touch in build.joined_touches([contact(1.0), contact(1.05), contact(1.5)])] == [1.05, 1.5]
 
 
 def test_pairs_are_told_apart() -> None:
-    found = joined_touches(
+    found = build.joined_touches(
         [contact(1.0), contact(1.0, body="ball"), contact(1.01), contact(1.01, link="caster_back_link")]
     )
     assert [(touch.first.link, touch.first.body) for touch in found] == [
@@ -277,22 +263,22 @@ def test_pairs_are_told_apart() -> None:
 
 def test_of_many_the_strongest_are_kept_in_the_order_of_time() -> None:
     many = [contact(float(number), force=float(number % 100)) for number in range(3 * MAX_CONTACTS)]
-    kept, left_out = strongest_touches(joined_touches(many), {"base_footprint": 0}, {"wall": 0}, RATE)
+    kept, left_out = build.strongest_touches(build.joined_touches(many), {"base_footprint": 0}, {"wall": 0}, RATE)
     assert (len(kept), left_out) == (MAX_CONTACTS, 2 * MAX_CONTACTS)
     assert min(touch.force or 0.0 for touch in kept) >= 66 / 12
     assert [touch.time for touch in kept] == sorted(touch.time for touch in kept)
 
 
 def test_what_touches_something_unknown_is_passed_over() -> None:
-    assert strongest_touches(
-        joined_touches([contact(1.0, body="ground")]), {"base_footprint": 0}, {"wall": 0}, RATE
+    assert build.strongest_touches(
+        build.joined_touches([contact(1.0, body="ground")]), {"base_footprint": 0}, {"wall": 0}, RATE
     ) == ((), 0)
 
 
 def test_a_contact_without_a_force_is_kept_before_weak_ones() -> None:
     stuck = contact(0.5, force=0.0)._replace(has_force=False)
     many = [contact(float(number), force=float(number)) for number in range(1, 3 * MAX_CONTACTS)]
-    kept, _ = strongest_touches(joined_touches([stuck, *many]), {"base_footprint": 0}, {"wall": 0}, RATE)
+    kept, _ = build.strongest_touches(build.joined_touches([stuck, *many]), {"base_footprint": 0}, {"wall": 0}, RATE)
     assert (kept[0].time, kept[0].force) == (0.5, None)
     assert all(touch.force is not None for touch in kept[1:])
 
@@ -302,7 +288,7 @@ def test_the_force_on_the_link_has_a_direction_and_a_course() -> None:
         contact(step / RATE, force=6.0 if step < 8 else 12.0)._replace(normal_xyz=(0.0, -0.6, 0.8))
         for step in range(16)
     ]
-    ((found,), _) = strongest_touches(joined_touches(steps), {"base_footprint": 0}, {"wall": 0}, RATE)
+    ((found,), _) = build.strongest_touches(build.joined_touches(steps), {"base_footprint": 0}, {"wall": 0}, RATE)
     assert found.normal == pytest.approx((0.0, -0.6, 0.8))
     assert found.period == pytest.approx(1 / 30)
     assert found.forces == Column(scale=0.01, first=600, deltas=(600,))
@@ -310,7 +296,7 @@ def test_the_force_on_the_link_has_a_direction_and_a_course() -> None:
 
 def test_a_long_contact_has_fewer_forces() -> None:
     steps = [contact(step / RATE)._replace(normal_xyz=(1.0, 0.0, 0.0)) for step in range(100 * RATE)]
-    ((found,), _) = strongest_touches(joined_touches(steps), {"base_footprint": 0}, {"wall": 0}, RATE)
+    ((found,), _) = build.strongest_touches(build.joined_touches(steps), {"base_footprint": 0}, {"wall": 0}, RATE)
     assert found.period == pytest.approx(80 / RATE)
     assert found.forces is not None
     # Each period has as many steps, so a constant force is a straight line.
@@ -319,7 +305,9 @@ def test_a_long_contact_has_fewer_forces() -> None:
 
 
 def test_a_contact_without_a_direction_has_no_course() -> None:
-    ((found,), _) = strongest_touches(joined_touches([contact(1.0)]), {"base_footprint": 0}, {"wall": 0}, RATE)
+    ((found,), _) = build.strongest_touches(
+        build.joined_touches([contact(1.0)]), {"base_footprint": 0}, {"wall": 0}, RATE
+    )
     assert (found.normal, found.period, found.forces, found.places) == (None, None, None, None)
 
 
@@ -329,7 +317,7 @@ def test_the_place_of_a_force_moves_with_it() -> None:
 
     # Two points of each step, one with three times the force of the other; in between, a period without contact.
     steps = [at(step, x, y, 1.0 + y) for step, x in ((0, 1.0), (1, 1.2), (24, 4.0)) for y in (0.0, 2.0)]
-    ((found,), _) = strongest_touches(joined_touches(steps), {"base_footprint": 0}, {"wall": 0}, RATE)
+    ((found,), _) = build.strongest_touches(build.joined_touches(steps), {"base_footprint": 0}, {"wall": 0}, RATE)
     assert found.places is not None
     x, y, z = (column.decoded(4) for column in found.places)
     assert x == pytest.approx([1.1, 2.067, 3.033, 4.0], abs=1e-3)

@@ -10,15 +10,7 @@ import pytest
 
 from sim_action.core.field_types import Placement
 from sim_action.core.records import replace
-from sim_action.recording.replay.scene_data import (
-    BoxShape,
-    CylinderShape,
-    EllipsoidShape,
-    LinkData,
-    MeshData,
-    MeshShape,
-    SceneData,
-)
+from sim_action.recording.replay import scene_data
 from sim_action.recording.replay.scenery import scenery
 from sim_action.recording.replay.surfaces import Budget
 from sim_action.scenario.loading import build_scene
@@ -54,7 +46,7 @@ RED = '<material name="red"/>'
 BLUE = '<material name="paint"><color rgba="0 0 1 1"/></material>'
 
 
-def seen(folder: Path, base: str = "", hand: str = "") -> SceneData:
+def seen(folder: Path, base: str = "", hand: str = "") -> scene_data.SceneData:
     (folder / "robot.urdf").write_text(ROBOT.format(base=base, hand=hand))
     (folder / "box.stl").write_bytes(stl())
     text = LEAST.replace("turtlebot3_burger", "robot.urdf").partition("commands")[0]
@@ -62,7 +54,7 @@ def seen(folder: Path, base: str = "", hand: str = "") -> SceneData:
     return scenery(build_scene(load(folder, text)), [])
 
 
-def extents(mesh: MeshData) -> list[float]:
+def extents(mesh: scene_data.MeshData) -> list[float]:
     points, _ = mesh.decoded()
     found: list[float] = (np.ptp(points, axis=0) * mesh.scale).tolist()
     return found
@@ -102,7 +94,7 @@ def test_bodies_are_where_they_begin() -> None:
     assert (wall.name, wall.track, wall.pose) == ("wall", None, (0.0, 0.0, 0.25, 0.0, 0.0, 0.0, 1.0))
     assert (ball.name, ball.track, ball.pose[2]) == ("ball", 0, 0.1)
     (shape,) = ball.shapes
-    assert isinstance(shape, EllipsoidShape)
+    assert isinstance(shape, scene_data.EllipsoidShape)
     assert shape.half == (0.1, 0.1, 0.1)
 
 
@@ -110,7 +102,7 @@ def test_what_a_model_draws_is_what_is_seen(tmp_path: Path) -> None:
     base, hand = seen(tmp_path, BOX.format(material=RED), BOX.format(material=BLUE)).links
     for link, color in ((base, (1.0, 0.0, 0.0)), (hand, (0.0, 0.0, 1.0))):
         (shape,) = link.shapes
-        assert isinstance(shape, BoxShape)
+        assert isinstance(shape, scene_data.BoxShape)
         assert (shape.size, shape.color, shape.pose[:3]) == ((0.1, 0.2, 0.3), color, (0.0, 0.0, 1.0))
     assert [link.shapes[0].opacity for link in (base, hand)] == [0.5, 1.0]
     assert hand.joint is not None
@@ -130,7 +122,7 @@ def test_a_link_that_is_not_drawn_on_a_robot_that_is_cannot_be_seen(tmp_path: Pa
 def test_meshes_of_one_file_are_one(tmp_path: Path) -> None:
     found = seen(tmp_path, MESH.format(material=RED), MESH.format(material=BLUE))
     shapes = [shape for link in found.links for shape in link.shapes]
-    assert all(isinstance(shape, MeshShape) for shape in shapes)
+    assert all(isinstance(shape, scene_data.MeshShape) for shape in shapes)
     assert len({shape.color for shape in shapes}) == 2
     assert sorted(shape.opacity for shape in shapes) == [0.5, 1.0]
     (mesh,) = found.meshes.values()
@@ -154,7 +146,7 @@ def test_a_mesh_that_cannot_be_read_leaves_what_can_be_touched(data: bytes, tmp_
     (tmp_path / "box.stl").write_bytes(data)
     found = scenery(build_scene(load(tmp_path, (tmp_path / "s.sim.yml").read_text())), [])
     (shape,) = found.links[0].shapes
-    assert isinstance(shape, BoxShape)
+    assert isinstance(shape, scene_data.BoxShape)
     assert found.meshes == {}
 
 
@@ -200,27 +192,27 @@ def test_every_kind_of_body_is_seen(tmp_path: Path) -> None:
     found = scenery(build_scene(load(tmp_path, WORLD)), [])
     shapes = {body.name: body.shapes for body in found.bodies}
     assert shapes["box"][0].color == (1.0, 0.0, 0.0)
-    assert isinstance(shapes["cylinder"][0], CylinderShape)
+    assert isinstance(shapes["cylinder"][0], scene_data.CylinderShape)
     assert [shape.kind for shape in shapes["stairs"]] == ["box"] * 4
     assert shapes["map"][0].kind == "box"
     sizes = {}
     for name in ("ramp", "mesh", "hull", "hills"):
         (shape,) = shapes[name]
-        assert isinstance(shape, MeshShape)
+        assert isinstance(shape, scene_data.MeshShape)
         sizes[name] = extents(found.meshes[shape.mesh])
     assert sizes["ramp"] == pytest.approx([2, 1, 0.5], abs=5e-3)
     assert sizes["mesh"] == sizes["hull"] == pytest.approx([2 * half for half in HALF], abs=2e-3)
     assert sizes["hills"] == pytest.approx([4, 2, 1], abs=1e-2)
     assert found.patches[0].size == (1.0, 2.0)
     hull, mesh = shapes["hull"][0], shapes["mesh"][0]
-    assert isinstance(hull, MeshShape)
-    assert isinstance(mesh, MeshShape)
+    assert isinstance(hull, scene_data.MeshShape)
+    assert isinstance(mesh, scene_data.MeshShape)
     assert len(found.meshes[hull.mesh].triangles) == len(found.meshes[mesh.mesh].triangles) == 36
 
 
 def test_links_of_a_model_stand_after_their_parents() -> None:
     links = scenery(scene(), []).links
-    assert isinstance(links[0], LinkData)
+    assert isinstance(links[0], scene_data.LinkData)
     assert all(link.parent is not None and link.parent < number for number, link in enumerate(links) if number)
 
 
@@ -231,7 +223,7 @@ def test_meshes_that_collide_are_seen_as_their_hulls(tmp_path: Path) -> None:
     for _ in range(2):  # found, and found again
         found = scenery(build_scene(load(tmp_path, (tmp_path / "s.sim.yml").read_text())), [])
         (shape,) = found.links[0].shapes
-        assert isinstance(shape, MeshShape)
+        assert isinstance(shape, scene_data.MeshShape)
         # The engine puts a margin of 1 mm around.
         assert extents(found.meshes[shape.mesh]) == pytest.approx([2 * half - 0.002 for half in HALF], abs=2e-3)
 

@@ -9,17 +9,7 @@ import numpy as np
 import pytest
 
 from sim_action.core.geometry import quaternion_from_rpy, rotate
-from sim_action.recording.replay.scene_data import (
-    ArrowMark,
-    BoxShape,
-    CapsuleShape,
-    CircleMark,
-    CylinderShape,
-    EllipsoidShape,
-    MeshShape,
-    PolygonMark,
-    PolylineMark,
-)
+from sim_action.recording.replay import scene_data
 from sim_action.reports.html.top_view import Frame, SceneOutlines, drawing, outline
 from tests.outcomes import like, outcome
 from tests.replays import GREY, HERE, MESH, drive, passed_by
@@ -62,8 +52,10 @@ def test_a_goal_that_was_missed_is_told_apart(holds: bool, kind: str) -> None:
 
 
 def test_tolerances_of_a_path_and_of_a_heading_are_areas() -> None:
-    path = PolylineMark(kind="polyline", points=((0.0, 1.0, 0.0), (1.0, 1.0, 0.0)), tolerance=0.2, expectation=0)
-    arrow = ArrowMark(kind="arrow", x=0.0, y=2.0, yaw=0.0, tolerance=0.5, expectation=0)
+    path = scene_data.PolylineMark(
+        kind="polyline", points=((0.0, 1.0, 0.0), (1.0, 1.0, 0.0)), tolerance=0.2, expectation=0
+    )
+    arrow = scene_data.ArrowMark(kind="arrow", x=0.0, y=2.0, yaw=0.0, tolerance=0.5, expectation=0)
     replay = like(drive(distance=3.0), marks=(path, arrow))
     svg = ET.fromstring(drawing(replay, outcome("a.sim.yml", holds=False)))
     [band] = [shape for shape in svg if shape.get("class") == "band missed"]
@@ -74,7 +66,7 @@ def test_tolerances_of_a_path_and_of_a_heading_are_areas() -> None:
 
 
 def test_a_line_around_a_far_body_does_not_widen_the_view() -> None:
-    far = PolylineMark(kind="polyline", points=((0.0, 90.0, 0.0), (1.0, 90.0, 0.0)), is_aside=True)
+    far = scene_data.PolylineMark(kind="polyline", points=((0.0, 90.0, 0.0), (1.0, 90.0, 0.0)), is_aside=True)
     plain, added = (like(drive(), marks=marks) for marks in ((), (far,)))
     views = [ET.fromstring(drawing(replay, outcome("a.sim.yml"))).attrib["viewBox"] for replay in (plain, added)]
     assert views[0] == views[1]
@@ -83,10 +75,10 @@ def test_a_line_around_a_far_body_does_not_widen_the_view() -> None:
 def test_marks_that_move_with_a_link_are_drawn_where_they_are_at_the_end() -> None:
     # The robot ends at (3, 0), with its heading.
     moved = drive(distance=3.0)
-    circle = CircleMark(kind="circle", x=0.5, y=0.25, radius=0.1, link=0, expectation=1)
-    line = PolylineMark(kind="polyline", points=((0.0, 1.0, 0.0), (1.0, 1.0, 0.0)), link=0, expectation=1)
-    square = PolygonMark(kind="polygon", points=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), link=0, expectation=1)
-    arrow = ArrowMark(kind="arrow", x=0.0, y=2.0, yaw=0.0, link=0, expectation=1)
+    circle = scene_data.CircleMark(kind="circle", x=0.5, y=0.25, radius=0.1, link=0, expectation=1)
+    line = scene_data.PolylineMark(kind="polyline", points=((0.0, 1.0, 0.0), (1.0, 1.0, 0.0)), link=0, expectation=1)
+    square = scene_data.PolygonMark(kind="polygon", points=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), link=0, expectation=1)
+    arrow = scene_data.ArrowMark(kind="arrow", x=0.0, y=2.0, yaw=0.0, link=0, expectation=1)
     replay = like(moved, marks=(circle, line, square, arrow))
     svg = ET.fromstring(drawing(replay, outcome("a.sim.yml")))
     [goal] = [shape for shape in svg if shape.tag == "circle" and "goal" in shape.attrib["class"]]
@@ -130,28 +122,30 @@ def test_frames_follow_each_other() -> None:
 @pytest.mark.parametrize(
     ("shape", "half"),
     [
-        (BoxShape(kind="box", pose=HERE, color=GREY, size=(0.4, 0.2, 0.1)), (0.2, 0.1)),
-        (CylinderShape(kind="cylinder", pose=HERE, color=GREY, radius=0.3, length=1.0), (0.3, 0.3)),
-        (EllipsoidShape(kind="ellipsoid", pose=HERE, color=GREY, half=(0.3, 0.1, 0.2)), (0.3, 0.1)),
-        (CapsuleShape(kind="capsule", pose=LYING, color=GREY, radius=0.1, length=0.4), (0.3, 0.1)),
+        (scene_data.BoxShape(kind="box", pose=HERE, color=GREY, size=(0.4, 0.2, 0.1)), (0.2, 0.1)),
+        (scene_data.CylinderShape(kind="cylinder", pose=HERE, color=GREY, radius=0.3, length=1.0), (0.3, 0.3)),
+        (scene_data.EllipsoidShape(kind="ellipsoid", pose=HERE, color=GREY, half=(0.3, 0.1, 0.2)), (0.3, 0.1)),
+        (scene_data.CapsuleShape(kind="capsule", pose=LYING, color=GREY, radius=0.1, length=0.4), (0.3, 0.1)),
     ],
     ids=lambda value: getattr(value, "kind", ""),
 )
-def test_a_solid_covers_the_ground_below_it(shape: BoxShape, half: tuple[float, float]) -> None:
+def test_a_solid_covers_the_ground_below_it(shape: scene_data.BoxShape, half: tuple[float, float]) -> None:
     x, y = half
     assert extent(outline(shape, ORIGIN, {})) == pytest.approx([-x, -y, x, y], abs=1e-3)
 
 
 def test_a_turned_box_is_as_wide_as_its_diagonal() -> None:
     turned = (1.0, 0.0, 0.0, *quaternion_from_rpy(0.0, 0.0, math.pi / 4))
-    corners = outline(BoxShape(kind="box", pose=HERE, color=GREY, size=(2.0, 2.0, 1.0)), Frame.of(turned), {})
+    corners = outline(
+        scene_data.BoxShape(kind="box", pose=HERE, color=GREY, size=(2.0, 2.0, 1.0)), Frame.of(turned), {}
+    )
     assert len(corners) == 4
     assert extent(corners) == pytest.approx([1 - math.sqrt(2), -math.sqrt(2), 1 + math.sqrt(2), math.sqrt(2)], abs=1e-3)
 
 
 def test_a_mesh_is_its_points() -> None:
     meshes = drive().scene.meshes
-    corners = outline(MeshShape(kind="mesh", pose=HERE, color=GREY, mesh=MESH), ORIGIN, meshes)
+    corners = outline(scene_data.MeshShape(kind="mesh", pose=HERE, color=GREY, mesh=MESH), ORIGIN, meshes)
     assert extent(corners) == pytest.approx([0.0, 0.0, 0.3, 0.3])
 
 
@@ -178,7 +172,7 @@ def test_drawings_that_share_outlines_are_those_made_alone() -> None:
 @pytest.mark.parametrize("middle", [0.00005, 0.12345, -0.00025, 1.00015, 123.45675])
 def test_outlines_are_rounded_as_python_rounds(middle: float) -> None:
     half = 2 * middle
-    box = BoxShape(kind="box", pose=HERE, color=GREY, size=(abs(half), abs(half), 1.0))
+    box = scene_data.BoxShape(kind="box", pose=HERE, color=GREY, size=(abs(half), abs(half), 1.0))
     corners = outline(box, Frame.of(HERE), {})
     assert {abs(value) for value in corners.ravel().tolist()} == {round(abs(half) / 2, 4)}
 
@@ -186,6 +180,6 @@ def test_outlines_are_rounded_as_python_rounds(middle: float) -> None:
 def test_each_point_of_a_shape_is_rounded_as_python_rounds() -> None:
     # The products of some coordinates with 1e4 are near the middle of two whole numbers, those of others are not.
     x, y = 1.00015, 0.77777
-    box = BoxShape(kind="box", pose=HERE, color=GREY, size=(2 * x, 2 * y, 1.0))
+    box = scene_data.BoxShape(kind="box", pose=HERE, color=GREY, size=(2 * x, 2 * y, 1.0))
     corners = {(abs(x), abs(y)) for x, y in outline(box, Frame.of(HERE), {}).tolist()}
     assert corners == {(round(2 * x / 2, 4), round(2 * y / 2, 4))}

@@ -11,15 +11,7 @@ from sim_action.cli.ros import rostest
 from sim_action.core.errors import Location
 from sim_action.core.records import replace
 from sim_action.ros.launches import LaunchRequest
-from sim_action.ros.ros1 import command
-from sim_action.ros.ros1.launch_request import (
-    RUN_FILE,
-    SimulationResult,
-    loss_failures,
-    loss_warnings,
-    new_run_folder,
-    run_folders,
-)
+from sim_action.ros.ros1 import command, launch_request
 from sim_action.world.world_files.losses import Loss
 
 HERE = Location("a.launch")
@@ -62,35 +54,37 @@ def test_what_is_typed_again_is_the_same_call(tmp_path: Path, monkeypatch: pytes
 
 
 def test_each_start_has_a_folder_of_its_own_in_the_order_of_starts(tmp_path: Path) -> None:
-    made = [new_run_folder(tmp_path) for _ in range(11)]
+    made = [launch_request.new_run_folder(tmp_path) for _ in range(11)]
     (tmp_path / "results").mkdir()
 
-    assert run_folders(tmp_path) == made
+    assert launch_request.run_folders(tmp_path) == made
     assert made[-1].name == "11"
 
 
 def test_what_is_told_is_read_again(tmp_path: Path) -> None:
-    told = SimulationResult(end="time limit", sim_time=30.0, travelled=0.0, messages={"/clock published": 3000})
+    told = launch_request.SimulationResult(
+        end="time limit", sim_time=30.0, travelled=0.0, messages={"/clock published": 3000}
+    )
     told.write(tmp_path)
 
-    assert SimulationResult.read(tmp_path) == told
+    assert launch_request.SimulationResult.read(tmp_path) == told
 
 
 def test_what_cannot_be_understood_is_nothing(tmp_path: Path) -> None:
-    assert SimulationResult.read(tmp_path) is None
-    (tmp_path / RUN_FILE).write_text('{"end": "tired"}')
-    assert SimulationResult.read(tmp_path) is None
+    assert launch_request.SimulationResult.read(tmp_path) is None
+    (tmp_path / launch_request.RUN_FILE).write_text('{"end": "tired"}')
+    assert launch_request.SimulationResult.read(tmp_path) is None
 
 
 def test_a_loss_is_a_failure_with_its_place_and_the_option() -> None:
-    (failure,) = loss_failures([WALL, WALL])
+    (failure,) = launch_request.loss_failures([WALL, WALL])
 
     assert (failure.kind, failure.location) == ("invalid", Location("a.world", 3))
     assert failure.message == "the wall is left out; to run without it: --allow-losses"
 
 
 def test_an_allowed_loss_is_a_warning_with_a_place() -> None:
-    placed, unplaced = loss_warnings([WALL, Loss(message="a\nplugin")], HERE)
+    placed, unplaced = launch_request.loss_warnings([WALL, Loss(message="a\nplugin")], HERE)
 
     assert str(placed) == "the wall is left out [not-simulated]"
     assert placed.location == Location("a.world", 3)
@@ -100,5 +94,5 @@ def test_an_allowed_loss_is_a_warning_with_a_place() -> None:
 def test_many_losses_are_counted() -> None:
     losses = [Loss(message=f"part {number}") for number in range(30)]
 
-    assert len(loss_failures(losses)) == 21
-    assert loss_warnings(losses, HERE)[-1].message == "10 more parts of the launch"
+    assert len(launch_request.loss_failures(losses)) == 21
+    assert launch_request.loss_warnings(losses, HERE)[-1].message == "10 more parts of the launch"

@@ -19,30 +19,14 @@ from sim_action.core.geometry import Pose, Twist
 from sim_action.robot.model.robot_model import Joint
 from sim_action.ros.joint_commands import TrajectoryPoint, Waypoint, joint_curves
 from sim_action.ros.messages import Message, vector
-from sim_action.ros.ros2.graph import (
-    LATCHED,
-    TRANSFORMS,
-    USUAL,
-    Qos,
-    TopicEnd,
-    large_message_problem,
-    subscriber_problems,
-)
+from sim_action.ros.ros2 import graph, received_commands
 from sim_action.ros.ros2.node_spec import JointController
-from sim_action.ros.ros2.received_commands import (
-    BadMessage,
-    ReceivedCommands,
-    TrajectoryReceiver,
-    ValuesReceiver,
-    any_joints_subscription,
-    twist_subscription,
-)
 from sim_action.ros.ros2.topics import channels, controller_problems, topics_of
 from sim_action.state.command import JointTargets
 from tests.ros.ros2.scenes import ARM, moment, resting, scene
 
 TWIST, STAMPED, TEXT = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped", "std_msgs/msg/String"
-DRIVE = twist_subscription("cmd_vel", "/cmd_vel")
+DRIVE = received_commands.twist_subscription("cmd_vel", "/cmd_vel")
 
 
 def end(
@@ -52,8 +36,8 @@ def end(
     reliability: str = "reliable",
     durability: str = "volatile",
     demands: tuple[str, ...] = (),
-) -> TopicEnd:
-    return TopicEnd(node, type, reliability, durability, demands)
+) -> graph.TopicEnd:
+    return graph.TopicEnd(node, type, reliability, durability, demands)
 
 
 def twist(x: float = 0.3, turn: float = 0.2) -> Message:
@@ -64,7 +48,7 @@ def twist(x: float = 0.3, turn: float = 0.2) -> Message:
 def test_a_subscription_has_the_type_of_its_publisher(kind: str) -> None:
     found = DRIVE.matched([end(type=kind)])
 
-    assert (found.type, found.qos) == (kind, USUAL)
+    assert (found.type, found.qos) == (kind, graph.USUAL)
     assert set(found.types) == {TWIST, STAMPED}
 
 
@@ -96,14 +80,14 @@ SEVERAL = (
         ([end(), end("/joystick")], SEVERAL),
     ],
 )
-def test_publishers_that_cannot_command_the_robot_are_named(publishers: list[TopicEnd], message: str) -> None:
+def test_publishers_that_cannot_command_the_robot_are_named(publishers: list[graph.TopicEnd], message: str) -> None:
     with pytest.raises(ScriptError) as raised:
         DRIVE.matched(publishers)
     assert str(raised.value) == message
 
 
 def test_the_last_twist_holds() -> None:
-    commands = ReceivedCommands([DRIVE])
+    commands = received_commands.ReceivedCommands([DRIVE])
     assert commands.answer(moment()) is None
 
     commands.take("/cmd_vel", twist(0.1), "/mover", moment())
@@ -114,7 +98,7 @@ def test_the_last_twist_holds() -> None:
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_a_twist_that_is_not_finite_names_node_and_topic(bad: float) -> None:
-    commands = ReceivedCommands([DRIVE])
+    commands = received_commands.ReceivedCommands([DRIVE])
 
     with pytest.raises(ScriptError, match=r"'/mover' sent a bad command on /cmd_vel: .* not finite"):
         commands.take("/cmd_vel", twist(bad), "/mover", moment())
@@ -122,7 +106,9 @@ def test_a_twist_that_is_not_finite_names_node_and_topic(bad: float) -> None:
 
 def test_a_base_and_its_joints_are_commanded_together() -> None:
     joint = Joint("a", "revolute", "base", "a", moment().pose, (0.0, 0.0, 1.0))
-    commands = ReceivedCommands([DRIVE, any_joints_subscription("joint_trajectory", "/joint_trajectory", [joint])])
+    commands = received_commands.ReceivedCommands(
+        [DRIVE, received_commands.any_joints_subscription("joint_trajectory", "/joint_trajectory", [joint])]
+    )
     seen = moment(joints={"a": 0.0})
     points = [{"positions": [1.0], "velocities": [], "accelerations": [], "time_from_start": {"sec": 1, "nanosec": 0}}]
     trajectory = {"header": {"stamp": {"sec": 0, "nanosec": 0}}, "joint_names": ["a"], "points": points}
@@ -142,19 +128,25 @@ def test_a_base_and_its_joints_are_commanded_together() -> None:
 @pytest.mark.parametrize(
     ("offered", "subscriber", "problem"),
     [
-        (USUAL, end(), None),
-        (USUAL, end(reliability="best_effort"), None),
-        (LATCHED, end(durability="transient_local"), None),
-        (LATCHED, end(), None),
-        (TRANSFORMS, end(), None),
-        (USUAL, end(type=TEXT), "as std_msgs/msg/String, but the robot publishes geometry_msgs/msg/Twist"),
-        (USUAL, end(durability="transient_local"), "so that they do not connect; subscribe with volatile"),
-        (USUAL, end(demands=("a deadline", "a liveliness")), "with a deadline and a liveliness, which the robot does"),
-        (Qos("best_effort"), end(), "so that they do not connect; subscribe with best_effort"),
+        (graph.USUAL, end(), None),
+        (graph.USUAL, end(reliability="best_effort"), None),
+        (graph.LATCHED, end(durability="transient_local"), None),
+        (graph.LATCHED, end(), None),
+        (graph.TRANSFORMS, end(), None),
+        (graph.USUAL, end(type=TEXT), "as std_msgs/msg/String, but the robot publishes geometry_msgs/msg/Twist"),
+        (graph.USUAL, end(durability="transient_local"), "so that they do not connect; subscribe with volatile"),
+        (
+            graph.USUAL,
+            end(demands=("a deadline", "a liveliness")),
+            "with a deadline and a liveliness, which the robot does",
+        ),
+        (graph.Qos("best_effort"), end(), "so that they do not connect; subscribe with best_effort"),
     ],
 )
-def test_subscribers_that_cannot_connect_are_named(offered: Qos, subscriber: TopicEnd, problem: str | None) -> None:
-    found = list(subscriber_problems("/topic", TWIST, offered, [subscriber]))
+def test_subscribers_that_cannot_connect_are_named(
+    offered: graph.Qos, subscriber: graph.TopicEnd, problem: str | None
+) -> None:
+    found = list(graph.subscriber_problems("/topic", TWIST, offered, [subscriber]))
 
     assert len(found) == (problem is not None)
     assert all(each.startswith("'/mover' subscribes to /topic") and str(problem) in each for each in found)
@@ -163,12 +155,12 @@ def test_subscribers_that_cannot_connect_are_named(offered: Qos, subscriber: Top
 def test_messages_that_the_system_does_not_buffer_are_named(tmp_path: Path) -> None:
     limit = tmp_path / "rmem_max"
     limit.write_text("212992\n")
-    assert large_message_problem("/image", 200_000, limit) is None
-    assert "sudo sysctl -w net.core.rmem_max=4194304" in str(large_message_problem("/image", 921_600, limit))
+    assert graph.large_message_problem("/image", 200_000, limit) is None
+    assert "sudo sysctl -w net.core.rmem_max=4194304" in str(graph.large_message_problem("/image", 921_600, limit))
     limit.write_text("4194304\n")
-    assert large_message_problem("/image", 921_600, limit) is None
-    assert str(large_message_problem("/image", 6_220_800, limit)).endswith("make the messages smaller")
-    assert large_message_problem("/image", 921_600, tmp_path / "missing") is None
+    assert graph.large_message_problem("/image", 921_600, limit) is None
+    assert str(graph.large_message_problem("/image", 6_220_800, limit)).endswith("make the messages smaller")
+    assert graph.large_message_problem("/image", 921_600, tmp_path / "missing") is None
 
 
 def joint(name: str, limit: float | None = None) -> Joint:
@@ -193,11 +185,11 @@ def trajectory(names: Sequence[str], *points: Message, stamp: float = 0.0) -> Me
 AT_REST = moment(2.0, joints={"a": 0.5, "b": -0.5})
 
 
-def receiver(*, needs_all: bool = True) -> TrajectoryReceiver:
-    return TrajectoryReceiver([joint("a"), joint("b")], needs_all=needs_all)
+def receiver(*, needs_all: bool = True) -> received_commands.TrajectoryReceiver:
+    return received_commands.TrajectoryReceiver([joint("a"), joint("b")], needs_all=needs_all)
 
 
-def answered(it: TrajectoryReceiver, time: float) -> JointTargets:
+def answered(it: received_commands.TrajectoryReceiver, time: float) -> JointTargets:
     targets = it.answer(moment(time, joints={"a": 0.5, "b": -0.5}))
     assert targets is not None
     return targets
@@ -274,7 +266,7 @@ def test_a_point_at_the_start_is_reached_at_once() -> None:
 
 
 def test_targets_stay_within_the_limits_of_joints() -> None:
-    it = TrajectoryReceiver([joint("a", 1.0)])
+    it = received_commands.TrajectoryReceiver([joint("a", 1.0)])
     it.take(trajectory(["a"], point(0.1, [7.0])), AT_REST)
 
     assert answered(it, 2.05).position == {"a": 1.0}
@@ -309,7 +301,7 @@ NAN = math.nan
 )
 def test_trajectories_that_a_controller_refuses(message: Message, problem: str) -> None:
     it = receiver()
-    with pytest.raises(BadMessage) as raised:
+    with pytest.raises(received_commands.BadMessage) as raised:
         it.take(message, AT_REST)
     assert problem in str(raised.value)
     assert answered(it, 2.0).position == {"a": 0.5, "b": -0.5}
@@ -324,7 +316,7 @@ def test_trajectories_that_a_controller_refuses(message: Message, problem: str) 
     ],
 )
 def test_values_are_passed_on_within_limits(reading: Any, before: dict[str, float] | None, after: Any) -> None:
-    it = ValuesReceiver([joint("a", 1.0), joint("b", 1.0)], reading)
+    it = received_commands.ValuesReceiver([joint("a", 1.0), joint("b", 1.0)], reading)
 
     held = it.answer(AT_REST)
     assert (None if held is None else getattr(held, reading)) == before
@@ -339,8 +331,8 @@ def test_values_are_passed_on_within_limits(reading: Any, before: dict[str, floa
     [([1.0], "1 values in data for 2 joints: a, b"), ([1.0, NAN], "data[1] is nan, which is not finite")],
 )
 def test_values_that_cannot_be(data: list[float], problem: str) -> None:
-    it = ValuesReceiver([joint("a"), joint("b")], "position")
-    with pytest.raises(BadMessage) as raised:
+    it = received_commands.ValuesReceiver([joint("a"), joint("b")], "position")
+    with pytest.raises(received_commands.BadMessage) as raised:
         it.take({"data": array("d", data)}, AT_REST)
     assert problem in str(raised.value)
 
@@ -359,7 +351,7 @@ def test_controllers_have_the_topics_of_ros2_control(tmp_path: Path) -> None:
     assert arm.joints(there.model) == ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint")
     assert not list(controller_problems(there, controllers))
 
-    commands = ReceivedCommands(found.values())
+    commands = received_commands.ReceivedCommands(found.values())
     commands.take("/w", {"data": array("d", [0.1, 0.2])}, "/node", resting(there))
     answer = commands.answer(resting(there))
     assert isinstance(answer, JointTargets)
@@ -399,7 +391,7 @@ def test_a_controller_has_one_kind() -> None:
 
 def test_an_error_names_the_node_and_the_topic(tmp_path: Path) -> None:
     there = scene(tmp_path, ARM, robot=", base: fixed")
-    commands = ReceivedCommands(channels(there, {}, 100.0).subscriptions)
+    commands = received_commands.ReceivedCommands(channels(there, {}, 100.0).subscriptions)
 
     with pytest.raises(ScriptError) as raised:
         commands.take("/joint_trajectory", trajectory(["elbow"], point(1.0, [0.0])), "/planner", resting(there))

@@ -11,19 +11,7 @@ from sim_action.core.errors import Location
 from sim_action.core.records import replace
 from sim_action.results.outcome import Failure, Outcome, status_of
 from sim_action.results.proof import MutantResult, MutantStatus
-from sim_action.runner.mutation.judgement import (
-    JudgedMutant,
-    judged,
-    next_strengths,
-    not_mutated,
-    path_change,
-    place_of,
-    proven,
-    reason_of,
-    stored,
-    with_strengths,
-    with_suggestion,
-)
+from sim_action.runner.mutation import judgement
 from sim_action.runner.mutation.mutant import Mutant, Original
 from sim_action.runner.mutation.planning import TABLE
 from sim_action.scenario.model import Severity
@@ -84,22 +72,22 @@ def silenced(run: Original) -> Mutant:
 def test_a_mutant_is_noticed_by_verdicts_that_change(
     mutant: Outcome, status: MutantStatus, noticed: tuple[int, ...], run: Original, tmp_path: Path
 ) -> None:
-    result = judged(run, silenced(run), mutant, tmp_path).result
+    result = judgement.judged(run, silenced(run), mutant, tmp_path).result
     assert (result.name, result.status, result.noticed_by) == ("silenced", status, noticed)
 
 
 def test_an_expectation_that_failed_before_notices_nothing(run: Original, tmp_path: Path) -> None:
     failing = replace(run, outcome=judged_run(HOLDS, FAILS, digest="ours"))
-    each = judged(failing, silenced(run), judged_run(FAILS, FAILS), tmp_path)
+    each = judgement.judged(failing, silenced(run), judged_run(FAILS, FAILS), tmp_path)
     assert each.result.noticed_by == (0,)
-    found = proven(failing, [each], 0).expectations
+    found = judgement.proven(failing, [each], 0).expectations
     assert [(one.finding, one.passed) for one in found] == [("notices", True), ("unknown", False)]
 
 
 def test_a_crash_is_no_notice(run: Original, tmp_path: Path) -> None:
     failure = Failure(kind="crash", title="SIGSEGV", message="the process ended")
     crashed = Outcome(name="a", file="a.sim.yml", status="error", failures=(failure,))
-    result = judged(run, silenced(run), crashed, tmp_path).result
+    result = judgement.judged(run, silenced(run), crashed, tmp_path).result
     assert (result.status, result.reason) == ("could not run", "SIGSEGV: the process ended")
 
 
@@ -107,71 +95,72 @@ def test_the_reason_of_an_error_counts_further_problems() -> None:
     here = Location("a.sim.yml", 3, 9)
     one = Failure(kind="invalid", title="invalid scenario", message="unknown key 'x'", location=here)
     broken = Outcome(name="a", file="a.sim.yml", status="error", failures=(one, one, one))
-    assert reason_of(broken) == "invalid scenario: unknown key 'x'; and 2 more problems"
-    assert place_of(broken) == here
+    assert judgement.reason_of(broken) == "invalid scenario: unknown key 'x'; and 2 more problems"
+    assert judgement.place_of(broken) == here
 
 
 def test_findings_count_mutants_that_changed_the_run(run: Original, tmp_path: Path) -> None:
     several = [
-        judged(run, silenced(run), each, tmp_path) for each in (judged_run(HOLDS, FAILS), judged_run(HOLDS, HOLDS))
+        judgement.judged(run, silenced(run), each, tmp_path)
+        for each in (judged_run(HOLDS, FAILS), judged_run(HOLDS, HOLDS))
     ]
-    scenario = proven(run, several, 0)
+    scenario = judgement.proven(run, several, 0)
     useless, useful = scenario.expectations
     assert (useless.finding, useless.noticed, useless.missed) == ("checks nothing", (), ("silenced",))
     assert (useful.finding, useful.noticed, useful.missed) == ("notices", ("silenced",), ())
     assert (useless.sensitivity, scenario.useless) == (0.25, (useless,))
-    same = [judged(run, silenced(run), judged_run(HOLDS, HOLDS, digest="ours"), tmp_path)]
-    assert [each.finding for each in proven(run, same, 0).expectations] == ["unknown", "unknown"]
+    same = [judgement.judged(run, silenced(run), judged_run(HOLDS, HOLDS, digest="ours"), tmp_path)]
+    assert [each.finding for each in judgement.proven(run, same, 0).expectations] == ["unknown", "unknown"]
 
 
 def test_nothing_is_blamed_before_all_mutants_ran(run: Original, tmp_path: Path) -> None:
-    several = [judged(run, silenced(run), judged_run(HOLDS, FAILS), tmp_path)]
-    for scenario in (proven(run, several, 3), proven(run, several, 0, 3)):
+    several = [judgement.judged(run, silenced(run), judged_run(HOLDS, FAILS), tmp_path)]
+    for scenario in (judgement.proven(run, several, 3), judgement.proven(run, several, 0, 3)):
         assert [(each.finding, each.changed) for each in scenario.expectations] == [("unknown", 1), ("notices", 1)]
         assert (scenario.left_out, scenario.unfinished) in ((3, 0), (0, 3))
 
 
 def test_a_mutant_with_the_same_motion_counts_for_the_verdict_that_it_changed(run: Original, tmp_path: Path) -> None:
-    reading = judged(run, silenced(run), judged_run(HOLDS, FAILS, digest="ours"), tmp_path)
-    other, reader = proven(run, [reading], 0).expectations
+    reading = judgement.judged(run, silenced(run), judged_run(HOLDS, FAILS, digest="ours"), tmp_path)
+    other, reader = judgement.proven(run, [reading], 0).expectations
     assert (other.finding, other.changed, other.missed) == ("unknown", 0, ())
     assert (reader.finding, reader.changed, reader.noticed) == ("notices", 1, ("silenced",))
 
 
 def test_an_expectation_that_was_not_exercised_has_noticed_nothing(run: Original, tmp_path: Path) -> None:
-    lost = judged(run, silenced(run), judged_run(HOLDS, UNEXERCISED), tmp_path)
+    lost = judgement.judged(run, silenced(run), judged_run(HOLDS, UNEXERCISED), tmp_path)
     assert (lost.result.noticed_by, lost.result.not_exercised) == ((), (1,))
-    other, unexercised = proven(run, [lost], 0).expectations
+    other, unexercised = judgement.proven(run, [lost], 0).expectations
     assert (other.finding, other.changed, other.missed) == ("checks nothing", 1, ("silenced",))
     assert (unexercised.finding, unexercised.changed, unexercised.not_exercised) == ("unknown", 0, ("silenced",))
-    survivor = judged(run, silenced(run), judged_run(HOLDS, HOLDS), tmp_path)
-    _, useless = proven(run, [lost, survivor], 0).expectations
+    survivor = judgement.judged(run, silenced(run), judged_run(HOLDS, HOLDS), tmp_path)
+    _, useless = judgement.proven(run, [lost, survivor], 0).expectations
     assert (useless.finding, useless.changed, useless.not_exercised) == ("checks nothing", 1, ("silenced",))
 
 
 def test_the_motion_of_a_survivor_is_compared(run: Original, tmp_path: Path) -> None:
     save_trace(straight(1.0), tmp_path / "m.npz")
-    each = judged(run, silenced(run), judged_run(HOLDS, HOLDS, trace="m.npz"), tmp_path)
+    each = judgement.judged(run, silenced(run), judged_run(HOLDS, HOLDS, trace="m.npz"), tmp_path)
     assert each.result.change is not None
     assert each.result.change.text == "the robot was 1.00 m behind at 20.00 s"
-    told = with_suggestion(each, "- no_collision").result
+    told = judgement.with_suggestion(each, "- no_collision").result
     assert told.suggestion == "- no_collision"
-    assert proven(run, [replace(each, result=told)], 0).survivors == (told,)
+    assert judgement.proven(run, [replace(each, result=told)], 0).survivors == (told,)
 
 
 def test_a_trace_that_is_missing_or_damaged_is_none(tmp_path: Path) -> None:
     (tmp_path / "m.npz").write_bytes(b"no trace")
-    assert stored(judged_run(HOLDS, trace="m.npz"), tmp_path) is None
-    assert stored(judged_run(HOLDS, trace="gone.npz"), tmp_path) is None
-    assert stored(judged_run(HOLDS), tmp_path) is None
+    assert judgement.stored(judged_run(HOLDS, trace="m.npz"), tmp_path) is None
+    assert judgement.stored(judged_run(HOLDS, trace="gone.npz"), tmp_path) is None
+    assert judgement.stored(judged_run(HOLDS), tmp_path) is None
 
 
 def test_a_scenario_that_did_not_pass_says_why(run: Original) -> None:
-    told = not_mutated(run.loaded, judged_run(FAILS))
+    told = judgement.not_mutated(run.loaded, judged_run(FAILS))
     assert (told.is_proven, told.exit_code) == (False, 1)
     assert told.reason.startswith("failed")
     assert told.location == Location("a.sim.yml", 8, 5)
-    assert not_mutated(run.loaded, judged_run(HOLDS)).reason == "it left no trace"
+    assert judgement.not_mutated(run.loaded, judged_run(HOLDS)).reason == "it left no trace"
 
 
 TIME = [0.0, 1.0, 2.0]
@@ -197,58 +186,58 @@ AHEAD = moved(x=[0, 1, 2])
     ],
 )
 def test_the_greatest_change_is_told(mutant: Trace, told: str) -> None:
-    change = path_change(AHEAD, mutant)
+    change = judgement.path_change(AHEAD, mutant)
     assert change is not None
     assert change.text == told
 
 
 def test_directions_are_those_of_the_robot() -> None:
     north = moved(y=[0, 1, 2], yaw=[math.pi / 2] * 3)
-    change = path_change(north, moved(y=[0, 1, 2], x=[0, 0, -0.4], yaw=[math.pi / 2] * 3))
+    change = judgement.path_change(north, moved(y=[0, 1, 2], x=[0, 0, -0.4], yaw=[math.pi / 2] * 3))
     assert change is not None
     assert "0.40 m further left" in change.text
 
 
 def test_small_changes_do_not_count() -> None:
-    assert path_change(AHEAD, AHEAD) is None
-    assert path_change(AHEAD, moved(x=[0, 1.09, 2], yaw=[0, 0.08, 0])) is None
+    assert judgement.path_change(AHEAD, AHEAD) is None
+    assert judgement.path_change(AHEAD, moved(x=[0, 1.09, 2], yaw=[0, 0.08, 0])) is None
 
 
 def test_a_longer_run_counts_where_it_ends() -> None:
-    change = path_change(AHEAD, trace([*TIME, 3.0], x=[0, 1, 2, 3]))
+    change = judgement.path_change(AHEAD, trace([*TIME, 3.0], x=[0, 1, 2, 3]))
     assert change is not None
     assert change.text == "the robot was 1.00 m further ahead at the end"
 
 
 def test_the_joints_of_a_robot_that_stays_count() -> None:
     still, bent = moved(position=[0, 0, 0]), moved(position=[0, 0.5, 0])
-    change = path_change(still, bent)
+    change = judgement.path_change(still, bent)
     assert change is not None
     assert (change.joint, change.joint_change) == ("wheel_left_joint", 0.5)
     assert change.text == "joint 'wheel_left_joint' was 28.65 deg elsewhere at 1.00 s"
-    slid = path_change(still, bent, ["wheel_left_joint"])
+    slid = judgement.path_change(still, bent, ["wheel_left_joint"])
     assert slid is not None
     assert slid.text == "joint 'wheel_left_joint' was 0.5 m elsewhere at 1.00 s"
-    assert path_change(still, moved(position=[0, 0.05, 0])) is None
-    assert path_change(straight(), straight()) is None
+    assert judgement.path_change(still, moved(position=[0, 0.05, 0])) is None
+    assert judgement.path_change(straight(), straight()) is None
 
 
 def test_other_strengths_follow_what_was_noticed(run: Original) -> None:
     """A milder fault runs if one was noticed, a stronger one if not, or while an expectation has noticed nothing."""
     first, second, third = (replace(silenced(run), subject=name) for name in "abc")
 
-    def judged_one(mutant: Mutant, *noticed_by: int) -> JudgedMutant:
+    def judged_one(mutant: Mutant, *noticed_by: int) -> judgement.JudgedMutant:
         status = "noticed" if noticed_by else "survived"
         result = MutantResult.model_validate(
             {"name": mutant.name, "words": "w", "status": status, "noticed_by": noticed_by}
         )
-        return JudgedMutant(mutant, run.outcome, result)
+        return judgement.JudgedMutant(mutant, run.outcome, result)
 
-    def following(*ran: JudgedMutant) -> list[Mutant]:
-        return next_strengths(run, ran)
+    def following(*ran: judgement.JudgedMutant) -> list[Mutant]:
+        return judgement.next_strengths(run, ran)
 
-    def names(*ran: JudgedMutant) -> list[str]:
-        return [each.mutant.subject for each in with_strengths(ran[:1], ran[1:])]
+    def names(*ran: judgement.JudgedMutant) -> list[str]:
+        return [each.mutant.subject for each in judgement.with_strengths(ran[:1], ran[1:])]
 
     milder, stronger = replace(first, milder=(second, third)), replace(first, stronger=(second, third))
     assert following(judged_one(milder)) == []
@@ -259,5 +248,5 @@ def test_other_strengths_follow_what_was_noticed(run: Original) -> None:
     assert following(judged_one(stronger, 0, 1)) == []
     assert following(judged_one(stronger, 0)) == following(judged_one(stronger)) == [replace(second, stronger=(third,))]
     assert names(judged_one(stronger), judged_one(second)) == ["a", "b"]
-    (kept,) = with_strengths([judged_one(milder, 0)], [judged_one(second)])
+    (kept,) = judgement.with_strengths([judged_one(milder, 0)], [judged_one(second)])
     assert following(kept) == []

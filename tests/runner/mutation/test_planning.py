@@ -9,18 +9,8 @@ import pytest
 
 from sim_action.core.errors import InvalidScenario, UsageError
 from sim_action.core.records import replace
+from sim_action.runner.mutation import planning
 from sim_action.runner.mutation.mutant import Mutant, Original
-from sim_action.runner.mutation.planning import (
-    DELAYS_S,
-    KINDS,
-    TABLE,
-    cost,
-    first_runs,
-    planned,
-    refuse_unknown,
-    refuse_unmatched,
-    within,
-)
 from sim_action.runner.mutation.world_faults import ICE, SHOVE_S, WALL
 from sim_action.scenario.mutation import Mutation, SensorFault
 from sim_action.scenario.source import Refused
@@ -36,7 +26,7 @@ def test_the_first_variation_on_the_first_engine_is_proven(tmp_path: Path) -> No
     varied = replace(plain.source, group="burger")
     several = [replace(plain, source=replace(varied, number=number), compared=True) for number in (1, 2)]
     refused = Refused("b.sim.yml", "b", None, InvalidScenario([]))
-    found = list(first_runs([(plain,), (several[0], plain), (several[1],), refused]))
+    found = list(planning.first_runs([(plain,), (several[0], plain), (several[1],), refused]))
     assert [each if isinstance(each, Refused) else (each.source.number, each.compared) for each in found] == [
         *((1, False), (1, False)),
         refused,
@@ -45,41 +35,41 @@ def test_the_first_variation_on_the_first_engine_is_proven(tmp_path: Path) -> No
 
 def test_the_command_line_chooses_kinds_and_single_mutants(tmp_path: Path) -> None:
     run = original(tmp_path)
-    (plan,) = planned([run], ("removed:crate", "motor-off"))
+    (plan,) = planning.planned([run], ("removed:crate", "motor-off"))
     assert [mutant.name for mutant in plan.chosen] == ["motor-off:wheel_left_joint", "removed:crate"]
     assert plan.left_out == 17
-    assert within([plan], 0.5, 1)[0].left_out == 19
-    assert len(planned([run])[0].chosen) == 19
-    refuse_unknown(["wall", "removed:any name"])
+    assert planning.within([plan], 0.5, 1)[0].left_out == 19
+    assert len(planning.planned([run])[0].chosen) == 19
+    planning.refuse_unknown(["wall", "removed:any name"])
     with pytest.raises(UsageError, match="did you mean 'wall'") as refused:
-        refuse_unknown(["wal"])
+        planning.refuse_unknown(["wal"])
     assert str(refused.value).count("silenced") == 1
 
 
 def test_a_single_mutant_that_no_run_has_is_refused(tmp_path: Path) -> None:
-    plans = planned([original(tmp_path)])
-    refuse_unmatched(plans, ["motor-off:wheel_left_joint", "dropped"])
-    refuse_unmatched([], ["motor-off:wheel"])
+    plans = planning.planned([original(tmp_path)])
+    planning.refuse_unmatched(plans, ["motor-off:wheel_left_joint", "dropped"])
+    planning.refuse_unmatched([], ["motor-off:wheel"])
     for name, hint in (("motor-off:wheel_lft_joint", "did you mean 'motor-off:wheel_left_joint'"), ("noisy:x", "none")):
         with pytest.raises(UsageError, match=hint) as refused:
-            refuse_unmatched(plans, ["silenced", name])
+            planning.refuse_unmatched(plans, ["silenced", name])
         assert "removed:crate" not in str(refused.value)
 
 
 def test_a_budget_takes_the_first_of_each_kind_first_and_scenarios_in_turns(tmp_path: Path) -> None:
     quick, slow = original(tmp_path), original(tmp_path, wall_time=2.0)
-    plans = planned([quick, slow])
-    assert cost(plans, 2) == (19 + 38) / 2
-    some = within(plans, 4.5, 2)
+    plans = planning.planned([quick, slow])
+    assert planning.cost(plans, 2) == (19 + 38) / 2
+    some = planning.within(plans, 4.5, 2)
     assert [[mutant.kind for mutant in plan.chosen] for plan in some] == [["silenced", "swapped", "wall"]] * 2
     assert [plan.left_out for plan in some] == [16, 16]
-    (first,) = within(plans[:1], 14.0, 1)
+    (first,) = planning.within(plans[:1], 14.0, 1)
     assert [mutant.name for mutant in plans[0].chosen if mutant not in first.chosen] == [
         *("reversed:angular", "reversed:wheel_left_joint", "scaled:x2"),
         "removed:far crate",
         "moved:far crate",
     ]
-    assert within(plans, 1000.0, 1) == plans
+    assert planning.within(plans, 1000.0, 1) == plans
 
 
 SENSOR_FAULTS: tuple[SensorFault, ...] = ("frozen", "stale", "biased", "drifting")
@@ -87,11 +77,11 @@ SENSORS = "{lidar: {noise: 0.01}}, {imu: {}}, {contact: {}}"
 
 
 def of_kind(run: Original, kind: str) -> list[Mutant]:
-    return list(next(row for row in TABLE if row.kind == kind).mutants(run))
+    return list(next(row for row in planning.TABLE if row.kind == kind).mutants(run))
 
 
 def names(run: Original) -> list[str]:
-    return [mutant.name for kind in KINDS for mutant in of_kind(run, kind)]
+    return [mutant.name for kind in planning.KINDS for mutant in of_kind(run, kind)]
 
 
 def only(run: Original, kind: str) -> Mutant:
@@ -148,7 +138,7 @@ def test_a_delay_adds_to_that_of_the_scenario(tmp_path: Path) -> None:
     run = original(tmp_path, commands="commands: [{twist: [{linear: 0.2}], latency: 0.1}]")
     late = only(run, "delayed")
     latencies = [strength.loaded.scenario.commands[0].latency for strength in late.strengths]
-    assert latencies == [0.1 + delay for delay in DELAYS_S]
+    assert latencies == [0.1 + delay for delay in planning.DELAYS_S]
     assert late.loaded.mutation == Mutation()
 
 
@@ -157,7 +147,7 @@ def test_strengths_of_a_fault(tmp_path: Path) -> None:
     slippery, faster = only(run, "slippery"), of_kind(run, "scaled")[1]
     assert [strength.loaded.scenario.world.ground.friction for strength in slippery.strengths] == [0.2, ICE]
     assert [strength.name for strength in faster.stronger] == ["scaled:x10", "scaled:x57.3"]
-    (chosen,) = planned([run], ["scaled:x57.3"])[0].chosen
+    (chosen,) = planning.planned([run], ["scaled:x57.3"])[0].chosen
     assert (chosen.name, chosen.strengths[1:]) == ("scaled:x57.3", ())
 
 
@@ -271,5 +261,5 @@ def test_sensors_have_mutants_if_somebody_may_read_them(tmp_path: Path) -> None:
 
 
 def test_every_row_says_what_it_changes() -> None:
-    assert len(set(KINDS)) == len(TABLE)
-    assert all(row.words for row in TABLE)
+    assert len(set(planning.KINDS)) == len(planning.TABLE)
+    assert all(row.words for row in planning.TABLE)

@@ -14,23 +14,14 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sim_action.scenario.variations.draws import (
-    DRAWS,
-    Choice,
-    Distribution,
-    Integers,
-    LogUniform,
-    Normal,
-    Sobol,
-    Uniform,
-)
+from sim_action.scenario.variations import draws
 
 COUNT = 4000
 SHARES = st.floats(0, 1, exclude_max=True)
 FIGURES = st.floats(-1e6, 1e6)
 
 
-def drawn(draw: Distribution, seed: int = 1) -> list[Any]:
+def drawn(draw: draws.Distribution, seed: int = 1) -> list[Any]:
     generator = Random(seed)
     return list(draw.drawn(generator.random() for _ in range(COUNT)))
 
@@ -56,14 +47,14 @@ def simpson(function: Callable[[float], float], low: float, high: float, steps: 
 @pytest.mark.parametrize(
     ("draw", "share_below"),
     [
-        (Uniform(uniform=(-2, 6)), lambda x: (x + 2) / 8),
-        (Sobol(sobol=(-2, 6)), lambda x: (x + 2) / 8),
-        (LogUniform(log_uniform=(0.01, 100)), lambda x: (math.log10(x) + 2) / 4),
-        (Normal(normal=(3, 2)), NormalDist(3, 2).cdf),
+        (draws.Uniform(uniform=(-2, 6)), lambda x: (x + 2) / 8),
+        (draws.Sobol(sobol=(-2, 6)), lambda x: (x + 2) / 8),
+        (draws.LogUniform(log_uniform=(0.01, 100)), lambda x: (math.log10(x) + 2) / 4),
+        (draws.Normal(normal=(3, 2)), NormalDist(3, 2).cdf),
     ],
 )
 def test_samples_have_the_distribution_that_they_are_drawn_from(
-    draw: Distribution, share_below: Callable[[float], float]
+    draw: draws.Distribution, share_below: Callable[[float], float]
 ) -> None:
     assert largest_gap(drawn(draw), share_below) < SIGNIFICANT
     assert largest_gap(drawn(draw), lambda x: share_below(x) ** 1.2) > SIGNIFICANT
@@ -76,7 +67,7 @@ def test_a_truncated_normal_distribution_is_the_density_integrated_over_its_rang
     """By Simpson's rule, which shares no code with the error function."""
     mean, deviation = 2.0, 3.0
     low, high = (mean + deviation * bound for bound in between)
-    samples = drawn(Normal(normal=(mean, deviation), between=(low, high)))
+    samples = drawn(draws.Normal(normal=(mean, deviation), between=(low, high)))
 
     def density(x: float) -> float:
         return math.exp(-(((x - mean) / deviation) ** 2) / 2)
@@ -95,7 +86,7 @@ def test_quantiles_of_a_truncated_normal_distribution_are_exact_far_from_its_mea
     """The median halves the tail, with all digits of the error function."""
     for side in (1, -1):
         between = (5.5, 30.0) if side > 0 else (-30.0, -5.5)
-        (median,) = Normal(normal=(0, 1), between=between).drawn([0.5])
+        (median,) = draws.Normal(normal=(0, 1), between=between).drawn([0.5])
         assert isinstance(median, float)
         tail = math.erfc(abs(median) / math.sqrt(2)) / math.erfc(5.5 / math.sqrt(2))
         assert tail == pytest.approx(0.5, rel=1e-9)
@@ -105,7 +96,7 @@ def test_quantiles_of_a_truncated_normal_distribution_are_exact_far_from_its_mea
 def test_truncated_samples_are_in_their_range(mean: float, deviation: float, a: float, b: float, share: float) -> None:
     low, high = sorted((mean + deviation * a, mean + deviation * b))
     assume((high - low) / deviation > 0.1)
-    (sample,) = Normal(normal=(mean, deviation), between=(low, high)).drawn([share])
+    (sample,) = draws.Normal(normal=(mean, deviation), between=(low, high)).drawn([share])
     assert isinstance(sample, float)
     assert low <= sample <= high
 
@@ -114,7 +105,7 @@ def test_truncated_samples_are_in_their_range(mean: float, deviation: float, a: 
 def test_samples_of_a_range_are_in_it(one: float, other: float, share: float) -> None:
     low, high = sorted((one, other))
     assume(low < high)
-    for draw in (Uniform(uniform=(low, high)), Sobol(sobol=(low, high))):
+    for draw in (draws.Uniform(uniform=(low, high)), draws.Sobol(sobol=(low, high))):
         (sample,) = draw.drawn([share])
         assert isinstance(sample, float)
         assert low <= sample <= high
@@ -124,7 +115,7 @@ def test_samples_of_a_range_are_in_it(one: float, other: float, share: float) ->
 def test_samples_of_orders_of_magnitude_are_in_their_range(one: float, other: float, share: float) -> None:
     low, high = sorted((one, other))
     assume(low < high)
-    (sample,) = LogUniform(log_uniform=(low, high)).drawn([share])
+    (sample,) = draws.LogUniform(log_uniform=(low, high)).drawn([share])
     assert isinstance(sample, float)
     assert low <= sample <= high
 
@@ -133,14 +124,14 @@ def test_samples_of_orders_of_magnitude_are_in_their_range(one: float, other: fl
 def test_whole_numbers_are_in_their_range(one: int, other: int, share: float) -> None:
     low, high = sorted((one, other))
     assume(low < high)
-    draw = Integers(integers=(low, high))
+    draw = draws.Integers(integers=(low, high))
     first, sample, last = draw.drawn([0.0, share, 1 - 2**-53])
     assert isinstance(sample, int)
     assert first == low <= sample <= high == last
 
 
 def test_whole_numbers_are_equally_likely() -> None:
-    count = Counter(drawn(Integers(integers=(-2, 5))))
+    count = Counter(drawn(draws.Integers(integers=(-2, 5))))
     assert sorted(count) == list(range(-2, 6))
     squares = sum((found - COUNT / 8) ** 2 / (COUNT / 8) for found in count.values())
     # A chi-squared of 7 degrees of freedom is larger with a probability of 1e-3.
@@ -149,18 +140,18 @@ def test_whole_numbers_are_equally_likely() -> None:
 
 def test_values_are_chosen_as_often_as_their_weights_say() -> None:
     generator = Random(2)
-    choice = Choice(choice=("a", "b", "c", "d"), weights=(0, 3, 1, 0))
+    choice = draws.Choice(choice=("a", "b", "c", "d"), weights=(0, 3, 1, 0))
     count = Counter(choice.indices(generator.random() for _ in range(COUNT)))
     assert set(count) == {1, 2}
     assert abs(count[1] / COUNT - 0.75) < 4 * (0.75 * 0.25 / COUNT) ** 0.5
-    even = Counter(Choice(choice=("a", "b", "c")).indices(generator.random() for _ in range(COUNT)))
+    even = Counter(draws.Choice(choice=("a", "b", "c")).indices(generator.random() for _ in range(COUNT)))
     assert all(abs(even[index] / COUNT - 1 / 3) < 4 * (2 / 9 / COUNT) ** 0.5 for index in range(3))
 
 
 @given(st.lists(st.floats(0, 1e300), min_size=2, max_size=8), SHARES)
 def test_a_value_without_weight_is_never_chosen(weights: list[float], share: float) -> None:
     assume(0 < sum(weights) < math.inf)
-    choice = Choice(choice=tuple(range(len(weights))), weights=tuple(weights))
+    choice = draws.Choice(choice=tuple(range(len(weights))), weights=tuple(weights))
     for index in choice.indices([0.0, share, 1 - 2**-53]):
         assert weights[index] > 0
 
@@ -200,14 +191,14 @@ def test_a_value_without_weight_is_never_chosen(weights: list[float], share: flo
 )
 def test_draws_that_cannot_be(way: str, stated: dict[str, Any], message: str) -> None:
     with pytest.raises(ValidationError) as refused:
-        DRAWS[way].model_validate(stated)
+        draws.DRAWS[way].model_validate(stated)
     assert message in refused.value.errors()[0]["msg"]
 
 
 def test_bounds_of_a_normal_distribution_have_the_unit_of_its_mean_or_none_for_0() -> None:
     plain, other = (
-        list(Normal(normal=("0 m", "5 cm"), between=between).drawn([0.1, 0.9]))
+        list(draws.Normal(normal=("0 m", "5 cm"), between=between).drawn([0.1, 0.9]))
         for between in (("-1 cm", "10 cm"), ("-10 mm", "0.1 m"))
     )
     assert plain == other
-    assert list(Normal(normal=("3 cm", "5 cm"), between=(0, "1 m")).drawn([0.0])) == ["0.0 cm"]
+    assert list(draws.Normal(normal=("3 cm", "5 cm"), between=(0, "1 m")).drawn([0.0])) == ["0.0 cm"]

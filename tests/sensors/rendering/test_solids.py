@@ -13,25 +13,17 @@ from hypothesis import strategies as st
 
 from sim_action.core.geometry import Vector3
 from sim_action.meshes import clean_mesh
-from sim_action.sensors.rendering.solids import (
-    Capsule,
-    Cylinder,
-    Ellipsoid,
-    Polyhedron,
-    Solid,
-    hull_polyhedron,
-    read_hull_polyhedra,
-)
+from sim_action.sensors.rendering import solids
 from tests.mesh_files import two_objects
 from tests.sensors.rendering.solid_rays import entry
 
-BOX = Polyhedron.box((1.0, 2.0, 3.0))
+BOX = solids.Polyhedron.box((1.0, 2.0, 3.0))
 CORNERS = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-2.0, 2.0) for z in (-3.0, 3.0)])
-CAN, PILL = Cylinder(1.0, 2.0), Capsule(1.0, 2.0)
-EGG = Ellipsoid((1.0, 2.0, 3.0))
-SOLIDS: list[tuple[Solid, Callable[[float, float, float], float]]] = [
+CAN, PILL = solids.Cylinder(1.0, 2.0), solids.Capsule(1.0, 2.0)
+EGG = solids.Ellipsoid((1.0, 2.0, 3.0))
+SOLIDS: list[tuple[solids.Solid, Callable[[float, float, float], float]]] = [
     (BOX, lambda x, y, z: max(abs(x) - 1, abs(y) - 2, abs(z) - 3)),
-    (hull_polyhedron(CORNERS), lambda x, y, z: max(abs(x) - 1, abs(y) - 2, abs(z) - 3)),
+    (solids.hull_polyhedron(CORNERS), lambda x, y, z: max(abs(x) - 1, abs(y) - 2, abs(z) - 3)),
     (CAN, lambda x, y, z: max(math.hypot(x, y) - 1, abs(z) - 2)),
     (PILL, lambda x, y, z: math.hypot(x, y, max(0.0, abs(z) - 2)) - 1),
     (EGG, lambda x, y, z: math.hypot(x, y / 2, z / 3) - 1),
@@ -58,11 +50,11 @@ vector = st.tuples(part, part, part)
         (PILL, (0, 0, -9), (0, 0, 1), 6.0, (0, 0, -1)),
         (EGG, (0, -9, 0), (0, 1, 0), 7.0, (0, -1, 0)),
         (EGG, (0, -9, 3.1), (0, 1, 0), math.inf, None),
-        (Ellipsoid((2.0, 2.0, 2.0)), (-9, 0, 1), (1, 0, 0), 9 - math.sqrt(3), (-math.sqrt(3) / 2, 0, 0.5)),
+        (solids.Ellipsoid((2.0, 2.0, 2.0)), (-9, 0, 1), (1, 0, 0), 9 - math.sqrt(3), (-math.sqrt(3) / 2, 0, 0.5)),
     ],
 )
 def test_a_ray_enters_where_algebra_says(
-    solid: Solid, start: Vector3, way: Vector3, depth: float, normal: Vector3 | None
+    solid: solids.Solid, start: Vector3, way: Vector3, depth: float, normal: Vector3 | None
 ) -> None:
     found, faces = entry(solid, start, way)
     assert found == pytest.approx(depth, abs=1e-12)
@@ -72,7 +64,7 @@ def test_a_ray_enters_where_algebra_says(
 @pytest.mark.parametrize(("solid", "outside"), SOLIDS, ids=ids)
 @given(start=vector, aim=vector, spread=st.sampled_from((1, 1, 8)))
 def test_before_it_enters_a_ray_is_outside_and_then_inside(
-    solid: Solid, outside: Callable[[float, float, float], float], start: Vector3, aim: Vector3, spread: int
+    solid: solids.Solid, outside: Callable[[float, float, float], float], start: Vector3, aim: Vector3, spread: int
 ) -> None:
     """Most rays aim at the solid: otherwise few of them would meet it."""
     (ax, ay, az), (bx, by, bz) = ((far * x, far * y, far * z) for far, (x, y, z) in ((8, start), (spread, aim)))
@@ -94,14 +86,14 @@ def test_before_it_enters_a_ray_is_outside_and_then_inside(
 
 
 @pytest.mark.parametrize("solid", [solid for solid, _ in SOLIDS], ids=ids)
-def test_from_inside_nothing_is_entered_ahead(solid: Solid) -> None:
+def test_from_inside_nothing_is_entered_ahead(solid: solids.Solid) -> None:
     for way in ((1, 0, 0), (0, -1, 0), (0, 0, 1), (1, 1, 1)):
         depth, _ = entry(solid, (0.1, 0.2, 0.3), way)
         assert depth < 0
 
 
 @pytest.mark.parametrize(("solid", "outside"), SOLIDS, ids=ids)
-def test_its_radius_holds_it(solid: Solid, outside: Callable[[float, float, float], float]) -> None:
+def test_its_radius_holds_it(solid: solids.Solid, outside: Callable[[float, float, float], float]) -> None:
     beyond = solid.radius * 1.001
     turns = [(math.cos(a) * math.sin(b), math.sin(a) * math.sin(b), math.cos(b)) for a in range(9) for b in range(9)]
     assert all(outside(beyond * x, beyond * y, beyond * z) > 0 for x, y, z in turns)
@@ -112,7 +104,7 @@ coordinate = st.floats(-1, 1).map(lambda value: round(value, 2))
 points = st.lists(st.tuples(coordinate, coordinate, coordinate), min_size=1, max_size=30)
 
 
-def heights(hull: Polyhedron, of: np.ndarray) -> np.ndarray:
+def heights(hull: solids.Polyhedron, of: np.ndarray) -> np.ndarray:
     """How far each point is above each plane: (N, P)."""
     above: np.ndarray = of @ hull.normals.T - hull.offsets
     return above
@@ -121,7 +113,7 @@ def heights(hull: Polyhedron, of: np.ndarray) -> np.ndarray:
 @given(points)
 def test_a_hull_holds_its_points_and_touches_each_plane(given_points: list[tuple[float, float, float]]) -> None:
     cloud = np.array(given_points)
-    hull = hull_polyhedron(cloud)
+    hull = solids.hull_polyhedron(cloud)
     above = heights(hull, cloud)
     assert above.max() <= 1e-12
     assert np.abs(above.max(axis=0)).max() <= 1e-12
@@ -130,7 +122,7 @@ def test_a_hull_holds_its_points_and_touches_each_plane(given_points: list[tuple
 
 def test_a_tilted_cube_has_no_room_to_spare() -> None:
     turn, _ = np.linalg.qr(np.array([(1.0, 2, 3), (4, 5, 7), (7, 8, 8)]))
-    hull = hull_polyhedron(CUBE @ turn)
+    hull = solids.hull_polyhedron(CUBE @ turn)
     faces = np.concatenate((turn, -turn))
     assert all((np.abs(hull.normals - face).max(axis=1) < 1e-6).any() for face in faces)
 
@@ -138,7 +130,7 @@ def test_a_tilted_cube_has_no_room_to_spare() -> None:
 def test_of_many_points_it_is_near_the_ball_they_lie_on() -> None:
     directions = np.random.default_rng(1).normal(size=(2000, 3))
     ball = directions / np.linalg.norm(directions, axis=1)[:, None]
-    hull = hull_polyhedron(ball)
+    hull = solids.hull_polyhedron(ball)
     seen = [entry(hull, tuple(3 * point), tuple(-point))[0] for point in ball[:200]]
     assert min(seen) > 1.95
     assert max(seen) <= 2 + 1e-9
@@ -147,7 +139,7 @@ def test_of_many_points_it_is_near_the_ball_they_lie_on() -> None:
 
 @pytest.mark.parametrize("flat", [CUBE[:1], CUBE[:2], CUBE[:4]])
 def test_what_has_no_volume_is_still_seen(flat: np.ndarray) -> None:
-    depth, normal = entry(hull_polyhedron(flat, 0.001), (-1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    depth, normal = entry(solids.hull_polyhedron(flat, 0.001), (-1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     assert depth == pytest.approx(0.999)
     assert normal == (-1, 0, 0)
 
@@ -155,7 +147,7 @@ def test_what_has_no_volume_is_still_seen(flat: np.ndarray) -> None:
 def test_a_mesh_that_was_written_here_is_as_large_as_it_was(tmp_path: Path) -> None:
     (tmp_path / "two.obj").write_bytes(two_objects())
     clean = clean_mesh(tmp_path / "two.obj", tmp_path / "cache", margin=0.001)
-    hulls = list(read_hull_polyhedra(clean.text))
+    hulls = list(solids.read_hull_polyhedra(clean.text))
     assert [middle for _, middle in hulls] == [(0, 0, 0), (1, 0, 0)]
     for hull, _ in hulls:
         assert entry(hull, (-1, 0, 0), (1, 0, 0))[0] == pytest.approx(0.9)

@@ -14,22 +14,13 @@ from hypothesis import strategies as st
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy, rotate
 from sim_action.robot.model.robot_model import Joint, Link, RobotModel
-from sim_action.ros.ros1.node.world_models import (
-    Alter,
-    ChangeQueue,
-    JointEfforts,
-    ModelFrame,
-    SpawnedRobot,
-    WorldModels,
-    link_state,
-    twist_at,
-)
+from sim_action.ros.ros1.node import world_models
 from sim_action.state.command import Answer, JointTargets, commands_of
 from sim_action.state.observation import JointState
 from sim_action.world import Body, Disturbance, World
 
 HERE, THERE, AWAY = Pose((1.0, 2.0, 0.5)), Pose((3.0, 0.0, 0.5)), Pose((-4.0, 0.0, 0.1))
-ROBOT = SpawnedRobot("rover", Element("robot"), Pose())
+ROBOT = world_models.SpawnedRobot("rover", Element("robot"), Pose())
 HINGE = Joint("hinge", "continuous", "base", "arm", Pose((0.0, 0.0, 1.0)), (0.0, 0.0, 1.0))
 TIP = Joint("tip", "fixed", "arm", "hand", Pose((2.0, 0.0, 0.0)), (0.0, 0.0, 1.0))
 MODEL = RobotModel("m", "", (Link("base", 1.0), Link("arm", 1.0), Link("hand", 1.0)), (HINGE, TIP), "")
@@ -39,26 +30,26 @@ def box(name: str, pose: Pose = HERE) -> Body:
     return Body(name=name, box=(1.0, 1.0, 1.0), pose=Placement.of(pose))
 
 
-def places(models: WorldModels) -> dict[str, tuple[float, float, float | None]]:
+def places(models: world_models.WorldModels) -> dict[str, tuple[float, float, float | None]]:
     return {body.name: (body.pose.x, body.pose.y, body.pose.z) for body in models.world.objects}
 
 
 def test_the_ground_is_the_first_of_all_models() -> None:
-    assert WorldModels(World()).names == ("ground_plane",)
-    assert WorldModels(World(objects=(box("wall"),)), ROBOT).names == ("ground_plane", "wall", "rover")
+    assert world_models.WorldModels(World()).names == ("ground_plane",)
+    assert world_models.WorldModels(World(objects=(box("wall"),)), ROBOT).names == ("ground_plane", "wall", "rover")
 
 
 def test_what_comes_and_goes() -> None:
-    one = WorldModels(World()).with_body(box("a")).with_body(box("b"))
+    one = world_models.WorldModels(World()).with_body(box("a")).with_body(box("b"))
 
     assert places(one).keys() == {"a", "b"}
     assert places(one.with_body(box("a", THERE)))["a"] == THERE.position_xyz
     assert places(one.without("a")).keys() == {"b"}
-    assert WorldModels(World(), ROBOT).without("rover").robot is None
+    assert world_models.WorldModels(World(), ROBOT).without("rover").robot is None
 
 
 def test_all_are_at_home_again_however_often_they_were_moved() -> None:
-    first = WorldModels(World(objects=(box("wall"),)), ROBOT)
+    first = world_models.WorldModels(World(objects=(box("wall"),)), ROBOT)
     moved = first.moved({"wall": THERE, "rover": THERE}, {"wheel": 2.0}).moved({"wall": AWAY, "rover": HERE})
     back = moved.at_spawn_poses()
 
@@ -71,7 +62,7 @@ def test_all_are_at_home_again_however_often_they_were_moved() -> None:
 
 
 def test_what_comes_in_the_place_of_another_has_a_home_of_its_own() -> None:
-    first = WorldModels(World(objects=(box("wall"),)), ROBOT).moved({"wall": THERE, "rover": THERE})
+    first = world_models.WorldModels(World(objects=(box("wall"),)), ROBOT).moved({"wall": THERE, "rover": THERE})
     again = first.without("wall").with_body(box("wall", AWAY)).without("rover")
     after = again.moved({"wall": HERE})
 
@@ -80,7 +71,7 @@ def test_what_comes_in_the_place_of_another_has_a_home_of_its_own() -> None:
 
 def test_pushes_go_on_where_they_were_and_end_when_they_did() -> None:
     pushes = (Disturbance.model_validate({"at": at, "for": lasts, "force": (1.0, 0.0, 0.0)}) for at, lasts in TIMES)
-    after = WorldModels(World(disturbances=tuple(pushes)), ROBOT).after(2.0)
+    after = world_models.WorldModels(World(disturbances=tuple(pushes)), ROBOT).after(2.0)
 
     left = [(push.at, push.duration) for push in after.world.disturbances]
     assert left == [(0.0, 1.0), (1.0, 1.0)]
@@ -101,21 +92,21 @@ def test_a_placement_is_where_the_pose_is(roll: float, pitch: float, yaw: float)
         assert rotate(placed.orientation_xyzw, axis) == pytest.approx(rotate(pose.orientation_xyzw, axis), abs=1e-6)
 
 
-EMPTY = WorldModels(World())
+EMPTY = world_models.WorldModels(World())
 
 
-def spawned(name: str) -> SpawnedRobot:
-    return SpawnedRobot(name, Element("robot"), Pose())
+def spawned(name: str) -> world_models.SpawnedRobot:
+    return world_models.SpawnedRobot(name, Element("robot"), Pose())
 
 
-def refusing(_: WorldModels) -> WorldModels:
+def refusing(_: world_models.WorldModels) -> world_models.WorldModels:
     raise ValueError("not here")
 
 
 class Asking(threading.Thread):
     """A service's thread, which waits for its answer."""
 
-    def __init__(self, changes: ChangeQueue, alter: Alter, *, restarts: bool = False) -> None:
+    def __init__(self, changes: world_models.ChangeQueue, alter: world_models.Alter, *, restarts: bool = False) -> None:
         super().__init__()
         self._asked = changes, alter, restarts
         self.answer: str | None = "none yet"
@@ -126,13 +117,13 @@ class Asking(threading.Thread):
         self.answer = changes.request(alter, restarts_time=restarts)
 
 
-def wait_for(changes: ChangeQueue) -> None:
+def wait_for(changes: world_models.ChangeQueue) -> None:
     while not changes.has_pending():
         threading.Event().wait(0.001)
 
 
 def test_who_asks_waits_until_the_change_is_made() -> None:
-    changes = ChangeQueue()
+    changes = world_models.ChangeQueue()
     assert not changes.has_pending()
     asking = Asking(changes, lambda models: replace(models, robot=spawned("rover")))
     wait_for(changes)
@@ -146,7 +137,7 @@ def test_who_asks_waits_until_the_change_is_made() -> None:
 
 
 def test_what_is_refused_changes_nothing_and_the_rest_is_made() -> None:
-    changes = ChangeQueue()
+    changes = world_models.ChangeQueue()
     first = Asking(changes, refusing, restarts=True)
     wait_for(changes)
     models, restarts = changes.apply(EMPTY)
@@ -156,8 +147,8 @@ def test_what_is_refused_changes_nothing_and_the_rest_is_made() -> None:
 
 
 def test_sim_time_begins_anew_if_a_change_says_so() -> None:
-    changes = ChangeQueue()
-    asking = Asking(changes, WorldModels.at_spawn_poses, restarts=True)
+    changes = world_models.ChangeQueue()
+    asking = Asking(changes, world_models.WorldModels.at_spawn_poses, restarts=True)
     wait_for(changes)
 
     assert changes.apply(EMPTY)[1]
@@ -176,7 +167,7 @@ def efforts_in(answer: Answer) -> dict[str, float]:
 
 
 def test_they_act_for_their_time_and_the_joint_is_let_go_once() -> None:
-    efforts = JointEfforts()
+    efforts = world_models.JointEfforts()
     efforts.apply("a", 2.0, 1.0, 0.5)
 
     times = [0.99, 1.0, 1.49, 1.5, 1.6]
@@ -190,7 +181,7 @@ def test_they_act_for_their_time_and_the_joint_is_let_go_once() -> None:
 
 
 def test_those_of_one_joint_add_up_and_last_until_they_are_cleared() -> None:
-    efforts = JointEfforts()
+    efforts = world_models.JointEfforts()
     efforts.apply("a", 2.0, 0.0, -1.0)
     efforts.apply("a", 3.0, 0.0, 1.0)
     efforts.apply("b", 1.0, 0.0, -1.0)
@@ -204,7 +195,7 @@ def test_those_of_one_joint_add_up_and_last_until_they_are_cleared() -> None:
 
 
 def test_they_come_after_what_moves_the_joint_otherwise() -> None:
-    efforts = JointEfforts()
+    efforts = world_models.JointEfforts()
     efforts.apply("a", 2.0, 0.0, 1.0)
 
     held = JointTargets(position={"a": 1.0})
@@ -216,7 +207,7 @@ def test_they_come_after_what_moves_the_joint_otherwise() -> None:
 
 
 def test_wheels_that_a_twist_turns_are_the_drives() -> None:
-    efforts = JointEfforts()
+    efforts = world_models.JointEfforts()
     efforts.apply("wheel", 2.0, 0.0, -1.0)
 
     assert efforts_in(efforts.added_to(None, 0.0, frozenset({"wheel"}))) == {"wheel": 2.0}
@@ -224,7 +215,7 @@ def test_wheels_that_a_twist_turns_are_the_drives() -> None:
 
 
 def test_a_model_whose_base_link_is_not_at_its_origin() -> None:
-    frame = ModelFrame(Pose((1.0, 0.0, 0.2)))
+    frame = world_models.ModelFrame(Pose((1.0, 0.0, 0.2)))
     turned = Pose((0.0, 0.0, 0.2), quaternion_from_rpy(0, 0, math.pi / 2))
 
     assert frame.pose(turned).position_xyz == pytest.approx((0, -1, 0))
@@ -235,14 +226,14 @@ def test_a_model_whose_base_link_is_not_at_its_origin() -> None:
 
 def test_a_point_away_from_what_turns_goes_around_it() -> None:
     twist = Twist((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-    assert twist_at(twist, (0.0, 3.0, 0.0)).linear_xyz == pytest.approx((-2, 0, 0))
+    assert world_models.twist_at(twist, (0.0, 3.0, 0.0)).linear_xyz == pytest.approx((-2, 0, 0))
 
 
 def test_a_link_moves_with_the_base_and_with_its_joint() -> None:
     base = Pose((5.0, 0.0, 0.0), quaternion_from_rpy(0, 0, math.pi / 2)), Twist((0.1, 0.0, 0.0), (0.0, 0.0, 1.0))
     joints = {"hinge": JointState(math.pi / 2, 3.0, 0.0)}
 
-    pose, twist = link_state(MODEL, base, joints, "hand")
+    pose, twist = world_models.link_state(MODEL, base, joints, "hand")
 
     assert pose.position_xyz == pytest.approx((3, 0, 1))
     assert pose.yaw == pytest.approx(math.pi)
@@ -252,4 +243,4 @@ def test_a_link_moves_with_the_base_and_with_its_joint() -> None:
 
 def test_a_link_that_there_is_not() -> None:
     with pytest.raises(KeyError):
-        link_state(MODEL, (Pose(), Twist()), {}, "foot")
+        world_models.link_state(MODEL, (Pose(), Twist()), {}, "foot")
