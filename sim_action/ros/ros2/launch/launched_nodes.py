@@ -22,7 +22,6 @@ from sim_action.core.errors import ControllersFinished, Location, ScriptError, S
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
-from sim_action.core.workspace import Workspace
 from sim_action.robot.documents.xml_document import shown_file
 from sim_action.ros.launches import EventFile
 from sim_action.ros.lost_parts import LeftOutProgram, lost_parts
