@@ -133,10 +133,7 @@ def unchecked_notes(key: str, launch: Sequence[str] | None, why_no_ros: str | No
 
 
 def workspace_folder(stated: str | None, workspace: Workspace, is_workspace: Callable[[Path], bool]) -> Path:
-    """Return the folder `stated`, else the nearest workspace of ROS around the scenario, else the root.
-
-    Raises PathError.
-    """
+    """Return the folder `stated`, else the nearest workspace around the scenario, else the root. Raises PathError."""
     if stated is not None:
         folder = workspace.file_or_folder(stated)
         if not folder.is_dir():

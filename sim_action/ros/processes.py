@@ -151,10 +151,7 @@ class WatchedThread:
 
 
 class WatchedProcesses:
-    """The processes to wait for; `spared`: id of the thread of this process that waits, and so may run.
-
-    `at_rest`: the threads when all processes waited last -> how long and how often each has run.
-    """
+    """The processes to wait for, but not our thread `spared`; `at_rest`: threads -> how often each had run then."""
 
     def __init__(self, spared: int) -> None:
         _allow_many_files()

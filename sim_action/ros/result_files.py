@@ -31,10 +31,7 @@ _CDATA: Final = re.compile(r"\A\s*<!\[CDATA\[\n?(.*?)\n?\]\]>\s*\Z", re.DOTALL)
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One method of a test, or one test of a file; `text`: the message, then the traceback.
-
-    `problem`: the tag of a case that did not pass, "failure", "error" or "skipped"; None: it passed.
-    """
+    """One method of a test, or one test of a file; `problem`: "failure", "error" or "skipped"; None: it passed."""
 
     name: str
     problem: str | None = None

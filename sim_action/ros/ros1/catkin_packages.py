@@ -62,11 +62,7 @@ def exported_models(packages: Iterable[Path]) -> Iterator[str]:
 
 
 def workspace_of(stated: str | None, workspace: Workspace) -> Path:
-    """Return the catkin workspace of a scenario.
-
-    It is the folder `stated`, else the nearest one around the scenario with packages in its `src`, else the root.
-    Raises PathError.
-    """
+    """Return `stated`, else the nearest folder with packages in its `src`, else the root. Raises PathError."""
     return workspace_folder(stated, workspace, lambda folder: bool(packages_below(folder / "src")))
 
 

@@ -87,11 +87,7 @@ class Tags:
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
-    """A plugin of a model or of a sensor on a link; `own`: its tags; `sensor`: the tags of its sensor, or none.
-
-    `name`: its file, without "lib" and ".so". `given_space`: the namespace of the spawn request, if the plugin states
-    none.
-    """
+    """A plugin of a model or of a sensor on a link; `own`: its tags; `given_space`: namespace of the spawn request."""
 
     name: str
     own: Tags

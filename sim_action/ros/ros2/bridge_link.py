@@ -35,10 +35,7 @@ _MAX_ANSWER_S: Final = 60.0  # wall time for an answer: a loaded machine starts 
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """A topic that the bridge publishes or subscribes to; `type`: such as "nav_msgs/msg/Odometry".
-
-    `least`: a field, and the least value that it has in messages that are taken; None: all are.
-    """
+    """A topic of the bridge; `least`: a field, and the least value of it in messages that are taken; None: all are."""
 
     topic: str
     type: str

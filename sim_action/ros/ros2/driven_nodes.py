@@ -181,10 +181,7 @@ class Session:
     def open(
         cls, spec: Ros2Nodes, ros: Ros2, workspace: Workspace, inherited: Mapping[str, str], undo: ExitStack
     ) -> Session:
-        """Start the bridge, and return at once. Raise SourceProblem.
-
-        `inherited`: variables that all processes see; `undo`: gets what ends the session.
-        """
+        """Start the bridge; all processes see `inherited`, and `undo` gets what ends it. Raise SourceProblem."""
         domain = Domain.free()
         undo.callback(domain.close)
         folder = scratch_of(domain, workspace, inherited)

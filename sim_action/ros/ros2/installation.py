@@ -356,10 +356,7 @@ def _library_folders(prefix: Path) -> Iterator[Path]:
 
 
 def _wheel_variables(prefix: Path, variables: Mapping[str, str]) -> dict[str, str]:
-    """Return the variables that the bootstrap of the wheels sets, and those that tools of ROS 2 read.
-
-    Other ROS 2 environments are left out: their modules and libraries would be mixed with those of the wheels.
-    """
+    """Return the variables of the wheels' bootstrap and of tools, without other ROS 2 environments, which would mix."""
     libraries = [prefix / "lib", *_library_folders(prefix)]
     return {
         **_IS_BOOTSTRAPPED,

@@ -52,10 +52,7 @@ def clock_of(number: int | str) -> str:
 
 
 class Lockstep:
-    """The clocks of all nodes, in the order in which they hear of the time; `clocks`: the numbers of their publishers.
-
-    `losses`: reasons why another run may differ.
-    """
+    """The clocks of all nodes, in the order in which they hear of the time; `losses`: why another run may differ."""
 
     def __init__(self, bridge: Bridge, roots: Sequence[int]) -> None:
         """Open the clock of all tools; `roots`: processes from which all nodes descend. Raise BridgeEnded."""

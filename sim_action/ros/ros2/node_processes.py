@@ -127,10 +127,7 @@ class ProcessFolder:
             process.forward()
 
     def close(self) -> None:
-        """End all processes: interrupt them, wait a moment, terminate them, and kill the rest.
-
-        Many programs print a traceback when they are interrupted. It is not forwarded.
-        """
+        """End all processes: interrupt them, terminate them, and kill the rest. Their tracebacks are not forwarded."""
         for number, wait_s in ((signal.SIGINT, _SIGINT_WAIT_S), (signal.SIGTERM, _SIGTERM_WAIT_S)):
             for process in self._started:
                 if process.exit_code() is None:

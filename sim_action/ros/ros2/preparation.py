@@ -166,10 +166,7 @@ def _lacking(sources: Mapping[str, Source], prefixes: Iterable[Path]) -> dict[st
 
 
 def _wanted(sources: Mapping[str, Source], names: Collection[str] | None) -> list[Source]:
-    """Return the packages to build: those with messages and those that packages in Python need, with their needs.
-
-    `names`: only those of these names, with their needs; None: all.
-    """
+    """Return the packages to build, with their needs: those in `names`; None: with messages, or needed in Python."""
     first = [source for source in sources.values() if source.has_messages or not source.is_built]
     wanted = {source.name for source in first} if names is None else {*names} & sources.keys()
     for source in reversed(list(sources.values())):
@@ -262,10 +259,7 @@ def _why_not(source: Source, lacks: Mapping[str, str], wanted: Collection[Source
 
 
 def needed_by(scenarios: Iterable[Path]) -> dict[Path, set[str]]:
-    """Return the workspaces of scenarios, each with the packages to build that its programs in Python import.
-
-    Scenarios, workspaces and packages that cannot be read are left out: the run names them.
-    """
+    """Return workspace -> packages to build that programs of readable scenarios import; a run names the others."""
     wanted = dict[Path, set[str]]()
     for path in scenarios:
         with suppress(YAMLError, UnicodeDecodeError, PathError, UsageError):

@@ -281,10 +281,7 @@ def _check_finite(values: Sequence[float], place: str) -> None:
 
 
 class ValuesReceiver:
-    """Passes the last values on to joints, as forward_command_controller does.
-
-    Before the first command, positions hold still, velocities are 0, and efforts are left as they are.
-    """
+    """Passes the last values on, as forward_command_controller does; before, positions hold, and velocities are 0."""
 
     def __init__(self, joints: Sequence[Joint], reading: Reading) -> None:
         self._joints, self._reading = joints, reading

@@ -85,10 +85,7 @@ class RobotFrames:
 
     @classmethod
     def of(cls, scene: Scene, space: str = "") -> RobotFrames:
-        """Return the frames of a robot and its sensors, with distinct names: a name that is taken gets a suffix.
-
-        `space`: the namespace that they begin with, such as "/robot2"; or empty.
-        """
+        """Return the frames of a robot in a namespace `space`, with distinct names: one that is taken gets a suffix."""
         model, prefix = scene.model, f"{space[1:]}/" if space else ""
         taken = {link.name for link in model.links}
         odom = free_name(_ODOM, taken)

@@ -47,10 +47,7 @@ def free_port() -> int:
 
 
 class Launch:
-    """One launcher below a supervisor (`runner.isolation.command_supervisor`).
-
-    `output`: file of the output of all processes. `folder`: of the call; the environment of every process names it.
-    """
+    """One launcher below a supervisor; the environment of every process names the `folder` of the call."""
 
     def __init__(self, process: subprocess.Popen[bytes], folder: Path, output: Path) -> None:
         self._process = process

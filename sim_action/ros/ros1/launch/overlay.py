@@ -227,10 +227,7 @@ def generate_messages(packages: Mapping[str, Path], known: Mapping[str, Path], m
 
 
 def scratch_parent() -> str:
-    """Return a folder for the folders of calls, with a path that roslaunch accepts. Raises UsageError.
-
-    roslaunch replaces `$(find xacro)` by a path and then splits `$(find xacro)/xacro ...` at blanks.
-    """
+    """Return a folder for those of calls, without blanks, at which roslaunch splits commands. Raises UsageError."""
     for folder in (tempfile.gettempdir(), *_SCRATCH_FOLDERS):
         if not _SPLIT_CHARACTERS.search(os.path.realpath(folder)) and os.access(folder, os.W_OK | os.X_OK):
             return folder

@@ -44,10 +44,7 @@ _LOG_NODE: Final = "/rosout"
 
 
 class Traffic:
-    """The messages between the simulation and the nodes; `counts`: topic -> their number since the clock started.
-
-    `deliveries`: number of deliveries so far. What nodes send between two of them may arrive in any order.
-    """
+    """The messages between simulation and nodes; what nodes send between two `deliveries` may arrive in any order."""
 
     def __init__(self) -> None:
         self.counts = Counter[str]()
@@ -183,10 +180,7 @@ class OdometryPublisher:
 
 
 class Subscription:
-    """A subscription to a topic; `value`: of the last message, None: there was none; `count`: of messages so far.
-
-    Of messages from several nodes between two deliveries, that of the node whose name sorts last counts as the last.
-    """
+    """A subscription; of messages between two deliveries, the one of the node whose name sorts last is kept."""
 
     def __init__(self, topic: str, kind: type[Any], read: Callable[[Any], Any], traffic: Traffic) -> None:
         self.topic = topic

@@ -238,11 +238,7 @@ class JointEfforts:
         self._efforts, self._moved = (), frozenset()
 
     def added_to(self, answer: Answer, seconds: float, wheels: frozenset[str]) -> Answer:
-        """Return the commands with efforts in place of other commands to their joints.
-
-        `wheels`: joints that a twist turns; efforts on them are ignored while a twist drives the robot. A joint whose
-        effort has ended is let go, unless another command moves it.
-        """
+        """Return the commands with efforts instead of others to their joints, except to `wheels` that a twist turns."""
         if not self._efforts and not self._moved:
             return answer
         commands = commands_of(answer)

@@ -29,10 +29,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class TestFindings:
-    """The findings of one test; `tag` None: it is in an included file; `methods` None: the test wrote no results.
-
-    `launched`: the result that rostest reports. `callbacks`: callbacks that raised during the test.
-    """
+    """The findings of one test; `tag` None: it is in an included file; `methods` None: the test wrote no results."""
 
     name: str
     tag: TestTag | None = None

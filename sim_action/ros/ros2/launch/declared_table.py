@@ -67,10 +67,7 @@ def _refuse(*_: Any) -> Any:
 
 
 class Context:
-    """The state of a launch. `start` starts a process, `read` reads a file, `folder` is for files.
-
-    Launch files in Python make one without arguments, in which only texts are known.
-    """
+    """The state of a launch. Launch files in Python make one without arguments, in which only texts are known."""
 
     def __init__(
         self,

@@ -61,10 +61,7 @@ class RobotTopics:
 
 @dataclass(frozen=True, slots=True)
 class LaunchSpec:
-    """The input of a launch; `workspace`: the folder of the user's own code.
-
-    `results`: the file for the results of a launch test; None: it is a launch file. `package`: which the results name.
-    """
+    """The input of a launch; `results`: file for those of a launch test, which name `package`; None: a launch file."""
 
     file: Path
     python: Path

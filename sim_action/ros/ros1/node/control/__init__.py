@@ -80,10 +80,7 @@ def _nothing() -> None:
 
 @dataclass(frozen=True, slots=True)
 class Controller:
-    """A loaded controller, and the joints that it alone may move while it runs.
-
-    While it runs, `mover` is called at every tick, and `device` publishes. `begin` is called before each start.
-    """
+    """A loaded controller, and the joints that it alone moves while it runs; `begin` is called before each start."""
 
     interface: str
     joints: tuple[str, ...] = ()
