@@ -61,7 +61,7 @@ _INTEGRATION: Final = {
     "reports": "cli suites report_in_browser replay",
     "results": "cli suites shards repeats not_exercised kept_verdicts resume journal",
     "robot": "robots bad_models sdf native_robots meshes inspect allowed templates",
-    "ros": "patches ros1_processes ros1_launches ros1_scenarios ros1_losses ros1",
+    "ros": "patches ros1_processes ros1_launches ros1_scenarios ros1",
     "runner": "execution processes repeats golden_runs killers resource_guards shards inspection_process "
     "kept_verdicts resume journal interruptions injected_faults",
     "scenario": "cli suites worlds moving_worlds watch checked_nothing check_nothing selecting_nothing",
