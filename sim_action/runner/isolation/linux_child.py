@@ -159,7 +159,7 @@ assert sys.platform == "linux"
 # The time for a supervisor to end all descendants; a busy machine needs long.
 _ENDING_TIMEOUT_S: Final = 5.0
 _ENDING_POLL_S: Final = 0.001
-MAX_RUNS: Final = 100  # the most runs of one shared child process: whatever they leave behind stays bounded
+MAX_RUNS: Final = 500  # the most runs of one shared child process: each of them may leave a few kilobytes behind
 _MAX_ORDER_BYTES: Final = 32
 
 
