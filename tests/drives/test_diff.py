@@ -51,10 +51,6 @@ def problems(drive: DiffDrive, model: RobotModel) -> Sequence[tuple[tuple[str | 
     return list(drive.problems(model))
 
 
-def test_the_burger_is_recognised() -> None:
-    assert recognise(burger()) == BURGER
-
-
 @pytest.mark.parametrize(
     "model",
     [
@@ -63,72 +59,63 @@ def test_the_burger_is_recognised() -> None:
         cart(wheel("left_1", 0.2, 0.3), wheel("left_2", -0.2, 0.3), wheel("right", 0.0, -0.3)),
         without_radii(burger()),
         dataclasses.replace(burger(), joints=(), links=burger().links[:1]),
+        changed(burger(), wheel_right_joint={"origin": burger().joints_by_name[LEFT].origin}),
     ],
-    ids=["a name that tells nothing", "a joint with limits", "three wheels", "wheels that are meshes", "no joints"],
+    ids=["odd name", "a joint with limits", "three wheels", "wheels that are meshes", "no joints", "one place"],
 )
 def test_what_is_not_plain_is_not_recognised(model: RobotModel) -> None:
     assert recognise(model) is None
 
 
-def test_a_lidar_that_turns_is_no_wheel() -> None:
-    assert recognise(changed(burger(), scan_joint={"type": "continuous", "name": "left_lidar"})) == BURGER
+def test_the_burger_is_recognised_and_a_lidar_that_turns_is_no_wheel() -> None:
+    lidar = changed(burger(), scan_joint={"type": "continuous", "name": "left_lidar"})
+    assert recognise(burger()) == recognise(lidar) == BURGER
 
 
-def test_the_burger_has_no_problems() -> None:
-    assert problems(BURGER, burger()) == []
+def of_left(**fields: Any) -> RobotModel:
+    return changed(burger(), wheel_left_joint=fields)
 
 
-def test_every_joint_that_is_not_there_is_a_problem_at_its_place() -> None:
-    found = problems(DiffDrive(left=(LEFT, "wheel_left"), right=("scan_joint",)), burger())
-    allowed = "(allowed: wheel_left_joint, wheel_right_joint)"
-    assert found == [
-        (("left", 1), f"the model has no moving joint 'wheel_left'; did you mean 'wheel_left_joint'? {allowed}"),
-        (("right", 0), f"the model has no moving joint 'scan_joint' {allowed}"),
-    ]
+STACKED = changed(burger(), wheel_right_joint={"origin": burger().joints_by_name[LEFT].origin})
+ALLOWED = "(allowed: wheel_left_joint, wheel_right_joint)"
+CONTINUOUS = "a wheel needs a 'continuous' joint"
+SWAPPED = "these wheels are on the right in the model; swap 'left' and 'right', or give 'heading'"
 
 
-def test_a_wheel_turns_for_ever() -> None:
-    # So do exporters write a wheel, and an engine's motor would turn it through its limits.
-    limited = changed(burger(), wheel_right_joint={"type": "revolute", "lower": 0.0, "upper": 0.0})
-    ((path, message),) = problems(BURGER, limited)
-    assert path == ("right", 0)
-    limits = "joint 'wheel_right_joint' has limits, 0 deg to 0 deg"
-    assert message == f"{limits}: a wheel needs a 'continuous' joint"
-
-
-def test_a_wheel_does_not_slide() -> None:
-    ((path, message),) = problems(BURGER, changed(burger(), wheel_left_joint={"type": "prismatic"}))
-    assert path == ("left", 0)
-    assert message == "joint 'wheel_left_joint' slides: a wheel needs a 'continuous' joint"
-
-
-@pytest.mark.parametrize("limits", [(None, None), (-1e9, 1e9), (2.0, -1.0)], ids=str)
-def test_a_joint_that_nothing_stops_turns_a_wheel(limits: tuple[float | None, float | None]) -> None:
-    lower, upper = limits
-    free = changed(burger(), wheel_left_joint={"type": "revolute", "lower": lower, "upper": upper})
-    assert problems(BURGER, free) == []
-
-
-def test_a_wheel_is_on_one_side() -> None:
-    assert problems(DiffDrive(left=(LEFT,), right=(LEFT, RIGHT)), burger()) == [
-        (("right",), "a wheel cannot be on both sides")
-    ]
-
-
-def test_wheels_at_the_same_place_need_a_separation() -> None:
-    origin = burger().joints_by_name[LEFT].origin
-    stacked = changed(burger(), wheel_right_joint={"origin": origin})
-    ((path, message),) = problems(BURGER, stacked)
-    assert path == ()
-    assert message.endswith("give 'separation'")
-    assert problems(BURGER.model_copy(update={"separation": 0.16}), stacked) == []
-
-
-def test_wheels_without_a_radius_need_one() -> None:
-    ((path, message),) = problems(BURGER, without_radii(burger()))
-    assert path == ()
-    assert message == f"the model has no radius for the wheel at '{LEFT}'; give 'radius'"
-    assert problems(BURGER.model_copy(update={"radius": 0.033}), without_radii(burger())) == []
+@pytest.mark.parametrize(
+    ("keys", "model", "expected"),
+    [
+        ({}, burger(), []),
+        *(({}, of_left(type="revolute", lower=a, upper=b), []) for a, b in ((None, None), (-1e9, 1e9), (2.0, -1.0))),
+        ({"radius": 0.033}, without_radii(burger()), []),
+        ({"separation": 0.16}, STACKED, []),
+        (
+            {"left": (LEFT, "wheel_left"), "right": ("scan_joint",)},
+            burger(),
+            [
+                f"left.1: the model has no moving joint 'wheel_left'; did you mean 'wheel_left_joint'? {ALLOWED}",
+                f"right.0: the model has no moving joint 'scan_joint' {ALLOWED}",
+            ],
+        ),
+        # So do exporters write a wheel, and an engine's motor would turn it through its limits.
+        (
+            {},
+            of_left(type="revolute", lower=0.0, upper=0.0),
+            [f"left.0: joint 'wheel_left_joint' has limits, 0 deg to 0 deg: {CONTINUOUS}"],
+        ),
+        ({}, of_left(type="prismatic"), [f"left.0: joint 'wheel_left_joint' slides: {CONTINUOUS}"]),
+        ({"right": (LEFT, RIGHT)}, burger(), ["right: a wheel cannot be on both sides"]),
+        ({"left": (RIGHT,), "right": (LEFT,)}, burger(), [f"left: {SWAPPED}"]),
+        ({}, STACKED, [": the left and right wheels are at the same place in the model; give 'separation'"]),
+        ({}, without_radii(burger()), [f": the model has no radius for the wheel at '{LEFT}'; give 'radius'"]),
+        *(({key: 1e-9}, burger(), [f"{key}: must be at least 1e-06 m"]) for key in ("radius", "separation")),
+    ],
+)
+def test_what_does_not_fit_a_model_is_a_problem_at_its_place(
+    keys: dict[str, Any], model: RobotModel, expected: list[str]
+) -> None:
+    found = problems(BURGER.model_copy(update=keys), model)
+    assert [f"{'.'.join(map(str, path))}: {message}" for path, message in found] == expected
 
 
 def test_a_description_has_every_figure() -> None:
@@ -193,12 +180,6 @@ def test_a_heading_that_is_stated_wins() -> None:
     assert problems(drive, model) == []
     (targets,) = drive.open(model, 0.1).targets(Twist.planar(1.0), 1)
     assert targets.velocity == {"a": pytest.approx(-10), "b": pytest.approx(-10)}
-
-
-def test_sides_that_are_swapped_are_a_problem() -> None:
-    ((path, message),) = problems(DiffDrive(left=(RIGHT,), right=(LEFT,)), burger())
-    assert path == ("left",)
-    assert message == "these wheels are on the right in the model; swap 'left' and 'right', or give 'heading'"
 
 
 def test_names_against_places_are_no_drive_but_lead_to_one() -> None:
@@ -312,13 +293,3 @@ def test_a_shape_that_is_round_makes_a_wheel() -> None:
         for link in model.links
     )
     assert recognise(dataclasses.replace(model, links=links)) == BURGER
-
-
-def test_names_that_make_no_drive_are_passed_over() -> None:
-    origin = burger().joints_by_name[LEFT].origin
-    assert recognise(changed(burger(), wheel_right_joint={"origin": origin})) is None
-
-
-@pytest.mark.parametrize("key", ["radius", "separation"])
-def test_lengths_that_no_wheels_have_are_problems(key: str) -> None:
-    assert problems(BURGER.model_copy(update={key: 1e-9}), burger()) == [((key,), "must be at least 1e-06 m")]
