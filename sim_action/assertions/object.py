@@ -361,10 +361,7 @@ class ObjectMonitor(Monitor):
 
 
 def motion_of(spec: ObjectAssertion, scene: Scene, trace: Trace, known: tuple[tuple[float, ...], ...] = ()) -> Trace:
-    """Return the steps at which the object is there and its speed, if that counts, is known.
-
-    Their base has the motion of the object. Its speed is the distance from the step before.
-    """
+    """Return the steps at which the object is there, with its motion, and a known speed if that counts."""
     here = _present(trace, spec.name)
     if not len(here):
         return here
@@ -398,10 +395,7 @@ def _poses(trace: Trace, name: str) -> FloatArray:
 
 
 def _rates(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the mean velocities (T, 3) m/s and (T, 3) rad/s from each row of time and pose (T + 1, 8) to the next.
-
-    They are 0 between rows of the same time.
-    """
+    """Return the mean velocities (T, 3) m/s and rad/s between rows (T + 1, 8) of time and pose; 0 at equal times."""
     before, after = rows[:-1], rows[1:]
     elapsed = after[:, :1] - before[:, :1]
     factor = np.divide(1.0, elapsed, out=np.zeros_like(elapsed), where=elapsed > 0)

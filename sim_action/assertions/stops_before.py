@@ -146,10 +146,7 @@ class StopsBeforeMonitor(Monitor):
         )
 
     def truth(self, trace: Trace) -> Truth:
-        """See Monitor.truth. It is true while the robot is at rest with an allowed gap, and without a touch.
-
-        The moments are the steps: gaps are not known at t = 0.
-        """
+        """See Monitor.truth. It is true at steps at rest with an allowed gap, without a touch, after t = 0."""
         times = np.unique([contact.time for contact in trace.contacts if contact.body == self.spec.body])
         touching = touching_at(trace, times, 2 * TIME_EPSILON_S)
         rests = self._rests(trace, self._gaps(trace))[len(trace) - len(touching.time) :]

@@ -213,10 +213,7 @@ class PoseCommands(LinkCommands):
         yield from late_points(("pose", "waypoints"), self.arrivals(scene), setting)
 
     def arrivals(self, scene: Scene) -> tuple[float, ...]:
-        """Return the sim time in s of arrival at each waypoint, or at those before one that cannot be reached in time.
-
-        The link begins where `robot.pose` and `robot.joints` put it.
-        """
+        """Return the sim time in s of arrival at each waypoint, from the start on, until one is not reached."""
         found = list[float]()
         if _why_not_moved(self.pose.link, scene) is not None:
             return ()
@@ -296,10 +293,7 @@ _FULL_POSE: Final = 6  # an arm needs at least so many joints to reach every pos
 
 
 class _Motion:
-    """The motion of the link during a run.
-
-    `notes`: notes for the user; `marks`: the arrivals at its waypoints, once its path is planned.
-    """
+    """The motion of the link in a run, with notes for the user; `marks`: arrivals, once planned."""
 
     def __init__(self, spec: PoseCommands, follower: Follower, start: Values) -> None:
         self.notes: list[str] = []

@@ -28,10 +28,7 @@ _MAX_TICK: Final = 2.0**53  # beyond, floats do not tell ticks apart
 
 
 def missed_by_ticks(start: float, duration: float, rate: float) -> str | None:
-    """Return a message if no tick falls into a span of sim time, else None.
-
-    `start`, `duration`: of the span, in s; `rate`: of the ticks, in Hz.
-    """
+    """Return a message if no tick, at `rate` Hz, falls into a span of sim time from `start` in s; else None."""
     end = start + duration
     first_tick = math.ceil(min((start - _ROUNDING) * rate, _MAX_TICK)) / rate
     if first_tick + _ROUNDING < end:

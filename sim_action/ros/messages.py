@@ -103,10 +103,7 @@ def scan_message(time: float, frame: str, reading: LidarScan, period: float) -> 
 def imu_message(
     time: float, frame: str, reading: ImuReading, noise: Sequence[float], orientation: float = 0
 ) -> Message:
-    """Return sensor_msgs/Imu; `noise`: standard deviations in rad/s and m/s^2, and in rad of the orientation.
-
-    A covariance of zeros means "unknown", as with Gazebo.
-    """
+    """Return sensor_msgs/Imu; `noise`: deviations in rad/s, m/s^2 and rad; zeros mean "unknown", as with Gazebo."""
     gyro, accelerometer = noise
     return {
         "header": header(time, frame),

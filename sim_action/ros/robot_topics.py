@@ -44,10 +44,7 @@ _BILLION: Final = 1_000_000_000
 def topics_of(
     sensors: Sequence[Fitting], stated: Mapping[str, str], robot: Mapping[str, str] = ROBOT_TOPICS
 ) -> dict[str, str]:
-    """Return the topics of a robot, by their keys.
-
-    The keys are those of `robot` (`odom` only if no sensor measures odometry) and the names of sensors.
-    """
+    """Return the topics of a robot by the keys of `robot` (`odom` if not measured) and the names of sensors."""
     measured = any(sensor.kind == "odometry" for sensor in sensors)
     found = {name: topic for name, topic in robot.items() if name != ODOMETRY or not measured}
     found |= {sensor.name: _topic(sensor, sensors) for sensor in sensors if sensor.kind in _SENSOR_TOPICS}

@@ -68,10 +68,7 @@ def become_child(files: ChildFiles, progress_descriptor: int) -> None:
 
 
 def run_job(job: Job, files: ChildFiles, progress_descriptor: int, *, is_first: bool = True) -> bool:
-    """Run the scenario in this process, and write its outcome. The parent hears that the first job here begins.
-
-    Return True if it ended normally: nothing that this process did before can have changed the outcome.
-    """
+    """Run the scenario here, and write its outcome. Return True if it ended normally, for others to follow."""
     started = time.perf_counter()
     writer, progress = OutcomeWriter(files.outcome), _Progress(progress_descriptor, job.loaded.scenario)
     if is_first:

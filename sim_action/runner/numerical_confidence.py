@@ -337,10 +337,7 @@ def _pair(several: Iterable[_Values | None]) -> tuple[_Values, _Values] | None:
 
 
 def _time_left(verdict: Verdict, end: float) -> _Values | None:
-    """Return the time in s of a decision, and the time left, or missed; None if the end decided it.
-
-    The margin of an early decision belongs to its moment, and says little.
-    """
+    """Return the time in s of a decision, and the time left or missed; None if the end decided it."""
     at = verdict.time
     if at is None or verdict.goal != verdict.passed or not (verdict.goal or at < end - TIME_EPSILON_S):
         return None

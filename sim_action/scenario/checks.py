@@ -390,10 +390,7 @@ def _rates_near(physics_rate: float, rate: float) -> list[float]:
 
 
 def environment_problems(scenario: Scenario) -> SpecProblems:
-    """Yield a problem if variables are set although no code reads them.
-
-    They would reach the process of the run itself, in which no code of the repository was permitted.
-    """
+    """Yield a problem if variables are set although no code reads them: the run's process would have them."""
     if scenario.environment and not scenario.runs_user_code:
         code = "script, process, assertion, xacro or ROS nodes"
         yield ("environment",), f"nothing in this scenario runs code that could read variables ({code}); remove it"

@@ -170,10 +170,7 @@ class Fault(field_types.FrozenModel):
 def fault_problems(
     faults: Sequence[Fault], scene: Scene, drive: Drive | None, sensors: Sequence[MountedSensor], limit: float
 ) -> SpecProblems:
-    """Yield faults of missing motors or sensors, of such that cannot fail in this way, and with bad times.
-
-    `drive`: that the scenario states; `limit`: of sim time, in s.
-    """
+    """Yield faults that motors or sensors lack, cannot have, or at bad times; `limit`: of sim time, in s."""
     for index, fault in enumerate(faults):
         path = ("faults", index)
         yield from late_problems((*path, "at"), fault.at, limit)

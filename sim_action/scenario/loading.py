@@ -52,10 +52,7 @@ class Libraries:
 def load_scenario(
     path: Path, permissions: Permissions = _PERMISSIONS, libraries: Libraries | None = None, *, evaluate: bool = False
 ) -> LoadedScenario:
-    """Read a file with one scenario and check everything that can be checked without a run.
-
-    `path` is the file as problems name it. Raises InvalidScenario with all problems.
-    """
+    """Read a file with one scenario, `path` in problems, and check all but a run. Raises InvalidScenario."""
     return checked(read_only_scenario(path, permissions), permissions, libraries, evaluate=evaluate)
 
 
@@ -346,10 +343,7 @@ class _Loader:
             yield from event_problems(scenario)
 
     def _read_model(self, robot: DrivenRobot, path: KeyPath = ("robot",)) -> RobotModel | None:
-        """Return the robot model; None if it has a noted problem, or may only be read in the scenario's own process.
-
-        `path`: of the robot.
-        """
+        """Return the robot model at `path`; None if it has a noted problem, or only the run may read it."""
         wrong = (*package_problems(robot, self._workspace), *srdf_problems(robot, self._workspace))
         if wrong:
             self._problems.note_all((), _of_actor(wrong, path))

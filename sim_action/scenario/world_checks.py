@@ -37,10 +37,7 @@ _ADVISED: Final = 0.001  # advised times are rounded up to this step in s
 
 
 def motion_problems(scenario: Scenario, parts: Mapping[str, Sequence[Part]]) -> SpecProblems:
-    """Yield bodies that move too fast, in no time, or after the end.
-
-    `parts`: name of a body -> its parts, for bodies read from files.
-    """
+    """Yield bodies that move too fast, in no time, or after the end; `parts`: by body, for those of files."""
     for index, body in enumerate(scenario.world.objects):
         limit = scenario.time_limit
         yield from late_problems(("world", "objects", index, "appears"), body.appears, limit)

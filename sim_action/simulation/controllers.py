@@ -96,10 +96,7 @@ class TargetStep(NamedTuple):
 
 
 class _Motions:
-    """The motions of position targets that are in effect, and the steps of all targets of positions and velocities.
-
-    `steps`: joint -> the steps of its target; `active`: the motions that have not ended.
-    """
+    """The position targets in effect, `active` ones alone, and `steps`: joint -> the steps of its targets."""
 
     def __init__(self, beginnings: Mapping[str, float], rate: float, told: Told) -> None:
         """`beginnings`: the positions in rad (or m) of the joints at t = 0."""
@@ -285,10 +282,7 @@ class Controls:
         return spec.marks_between(source.controller, name, source.origin / self._rate, end)
 
     def undelivered(self, end: float) -> dict[int, float]:
-        """Return the index of each source whose commands all arrive after a sim time in s -> the first arrival.
-
-        It is in s, and infinite if all commands were lost. Sources without a command until then are left out.
-        """
+        """Return the index of each source without a command before a sim time in s -> the first arrival, or inf."""
         last = end * self._rate - units.STEP_EPSILON
         late = ((source, line) for source, line in self._late if line.first_sent < last <= line.first_arrival)
         return {source.index: line.first_arrival / self._rate for source, line in late}
@@ -363,10 +357,7 @@ class Controls:
         self._halt = halt if self._halt is None else self._halt.updated_by(halt)
 
     def plan(self, step: int, end: int, look: Look) -> list[JointTargets | None]:
-        """Return the targets of the steps until the next tick, the next late command, or step `end`. Raise ScriptError.
-
-        A target of None keeps the last one.
-        """
+        """Return the targets until the next tick, late command, or `end`; None keeps the last. Raise ScriptError."""
         asked = self._ask(step, look)
         if self._halt is not None:
             asked, self._halt = self._halt if asked is None else self._halt.updated_by(asked), None

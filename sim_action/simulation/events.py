@@ -28,10 +28,7 @@ MAX_TIMES: Final = 200  # the number of times that the results of a run keep of 
 
 
 class _Watch:
-    """The condition of one event, judged from a step on.
-
-    `holds`: True if it became true at the last moments that it saw.
-    """
+    """The condition of one event, judged from a step on; `holds`: it was true at the last moments."""
 
     def __init__(self, condition: Condition, scene: Scene, start: Observation) -> None:
         assert condition.assertion is not None

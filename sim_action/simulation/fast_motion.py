@@ -92,10 +92,7 @@ class Parts:
         self._reaches = np.array([mover.reach for mover in self.movers[: self.heavy]])
 
     def calm_state(self) -> FloatArray:
-        """Return bounds (6 + 2 J,) on a row of `Trace.state` from its velocities to those of the joints.
-
-        Within them nothing is fast. They are stricter than `fast_pairs`, but cheaper to check.
-        """
+        """Return bounds (6 + 2 J,) on velocities in `Trace.state` within which nothing is fast; see `fast_pairs`."""
         joints = self._ways.shape[1] - 2
         ways = self._paths - self._mover_widths
         # A link that meets those of other robots may not move by more than its own width.
@@ -130,10 +127,7 @@ class Parts:
         return found
 
     def spare(self, trace: Trace) -> FloatArray:
-        """Return (L,) m, the width of each link minus its greatest motion in a step.
-
-        The sum of two that meet is negative if one may pass through the other.
-        """
+        """Return (L,) m, the width of links minus motion in a step; below 0 in sum, one may pass through another."""
         peaks = np.abs(trace.state[:, 8:]).max(axis=0).tolist()
         joints = (len(peaks) - 6) // 3
         speeds = (math.hypot(*peaks[:3]), math.hypot(*peaks[3:6]), *peaks[6 + joints : 6 + 2 * joints])

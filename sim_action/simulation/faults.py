@@ -165,10 +165,7 @@ def _only(targets: JointTargets, joint: str) -> JointTargets | None:
 
 
 def frozen(measure: Measure, is_frozen: Callable[[float], bool] = lambda _: True) -> Measure:
-    """Return the function of a sensor that repeats its last reading, with the time of the moment.
-
-    `is_frozen`: returns True for the sim times in s at which it does so.
-    """
+    """Return the function of a sensor that repeats its last reading at times that `is_frozen` returns True for."""
     # Each kind of sensor has a record of its own.
     last: Any = None
 

@@ -303,10 +303,7 @@ class _Loop:
         return in_order((*own, *(() if trace is None else reached_patches(self._scene, trace))), end)
 
     def _explained(self, verdict: Verdict, expected: Expectation, end: float) -> Verdict:
-        """Return a verdict whose message names what may have decided it: a step of a target, or marks before it.
-
-        `end`: the sim time in s at the end of the run.
-        """
+        """Return a verdict whose message names what may have decided it: steps of targets, or marks until `end` s."""
         causes = [*self._decisive_step(verdict, expected.assertion.step_memory_s)]
         if not verdict.passed and not verdict.cut_off:
             decided = end if verdict.goal or verdict.time is None else verdict.time

@@ -189,10 +189,7 @@ class _Search:
         return best
 
     def _fast_steps(self, piece: Piece, end: int) -> list[tuple[int, float, float]]:
-        """Return the steps in which a piece moves further than its extent and the least thickness of the obstacle.
-
-        Each comes with the motion and the extent in m.
-        """
+        """Return steps with more motion than the extent of a piece and the least thickness, each with both in m."""
         motion, thickness = self._motion, self._obstacle.least_thickness
         orientation: Any = tuple(self._turns.T)
         x, y, z = geometry.rotate(orientation, tuple(piece.centre.tolist()))

@@ -16,14 +16,9 @@ from sim_action.core.wording import counted
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 
-MAX_TIME_MARKS: Final = 200
-"""The number of marks that the results of a run keep, the first ones."""
-
-NOT_YET: Final = math.inf
-"""The time of what waits for an event that has not happened."""
-
-# The number of marks that a message names.
-_MAX_NAMED: Final = 3
+MAX_TIME_MARKS: Final = 200  # the number of marks that the results of a run keep, the first ones
+NOT_YET: Final = math.inf  # the time of what waits for an event that has not happened
+_MAX_NAMED: Final = 3  # the number of marks that a message names
 
 
 def waits(time: float | None) -> bool:
@@ -77,10 +72,7 @@ def waypoint_mark(time: float, passed: int, total: int, link: str = "") -> TimeM
 
 
 def in_order(marks: Iterable[TimeMark], end: float) -> tuple[TimeMark, ...]:
-    """Return the marks of a run that ended at a sim time in s, in the order of time, as many as results keep.
-
-    A command at 0 s, which most runs have, is no news and left out.
-    """
+    """Return the marks of a run that ended at a time in s, in order, as many as fit, without a command at 0 s."""
     begun = (mark for mark in marks if mark.time <= end + TIME_EPSILON_S and (mark.time or not mark.is_planned))
     return tuple(sorted(begun, key=lambda mark: mark.time)[:MAX_TIME_MARKS])
 

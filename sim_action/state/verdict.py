@@ -271,10 +271,7 @@ def goal(
     *,
     angle_tolerance: float = 0.0,
 ) -> Iterator[Mark]:
-    """Yield the marks of a goal: its circle, and a yaw in rad or the x and the z axis of an orientation.
-
-    `angle_tolerance` in rad is that of the yaw.
-    """
+    """Yield the marks of a goal: circle, and yaw within `angle_tolerance` in rad, or x and z axis."""
     height = z or 0.0
     yield Circle(x, y, tolerance, height)
     if isinstance(facing, tuple):

@@ -28,7 +28,6 @@ from tests.traces import WHEELS
 from tools.bench.robots import ROBOTS
 
 Twist = dict[str, float]
-
 ROOT: Final = Path(__file__).resolve().parents[2]
 KNOWN: Final = {known.name: known for known in ROBOTS}
 RATE: Final = 20

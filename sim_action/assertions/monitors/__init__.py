@@ -92,10 +92,7 @@ class Monitor(Fold):
         return False
 
     def begin(self, trace: Trace) -> Self:
-        """Return the monitor after the steps before the time window, including the step at which it opens.
-
-        Only a monitor that accumulates from the previous step needs to know them.
-        """
+        """Return the monitor after the steps up to the one that opens its window, if it accumulates."""
         return self
 
     @abstractmethod

@@ -84,10 +84,7 @@ class MeanForce:
         return later, Forces(steps / self.rate, mean)
 
     def is_filling(self, time: FloatArray, contacts: Iterable[Contact]) -> NDArray[np.bool_]:
-        """Return True at (N,) s of the first window, as long as there was a contact at each step since the first.
-
-        An engine that has not settled knows no contacts at t = 0: such a contact may be older, so its mean is unknown.
-        """
+        """Return True at (N,) s of the first window while there was a contact at each step: it may be older."""
         if any(step <= 0 for step, _ in self.recent) or not len(time) or time[0] > self.window:
             return np.zeros(len(time), dtype=bool)
         touched = {*dict(self.recent), *self._by_step(contacts)}
@@ -143,10 +140,7 @@ def _with_rows(
 
 
 def _sliding_sums(values: FloatArray, count: int) -> FloatArray:
-    """Return (N - count + 1,) sums of `count` successive values.
-
-    Each sum adds the same values in the same order, so it does not depend on the way to cut a trace into blocks.
-    """
+    """Return (N - count + 1,) sums of `count` successive values, each in the same order in any block."""
     total: FloatArray | None = None
     offset, size, sums = 0, 1, values
     length = len(values) - count + 1

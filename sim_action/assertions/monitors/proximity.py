@@ -78,10 +78,7 @@ def strength(contact: Contact) -> str:
 
 
 def touching_at(trace: Trace, time: FloatArray, step: float) -> Truth:
-    """Return True at each step of a trace at which there is a contact; `time`: (N,) s of the contacts, `step` in s.
-
-    The first moment is the first step: an engine that has not settled knows no contacts at t = 0.
-    """
+    """Return True at each step of `step` s with a contact at (N,) s; the first moment is the first step."""
     steps = trace.time[trace.time > step / 2]
     # Two computations of the time of a step differ by rounding.
     at = np.searchsorted(time, steps - step / 2)

@@ -105,10 +105,7 @@ class Parts(Monitor):
         return tuple(self._truths(trace)[:, -1].tolist()) if self.remembers and len(trace) else self.before
 
     def _truths(self, trace: Trace) -> NDArray[np.int8]:
-        """Return (P, T) the truth of each of P parts at the steps of a trace: 1, 0 or UNKNOWN.
-
-        A reading of a sensor counts from the step after it on.
-        """
+        """Return (P, T) the truth of parts at steps: 1, 0, UNKNOWN; a reading counts from the step after it on."""
         rows = []
         for monitor, last in zip(self.monitors, self.before, strict=True):
             truth = monitor.truth(trace)

@@ -81,10 +81,7 @@ def constants(formula: Formula, possible: Possible) -> Iterator[Constant]:
 
 
 def can_be(formula: Formula, possible: Possible, *, true: bool) -> bool:
-    """Return False only if no signals within their possible values make a formula true, or false.
-
-    As in `robustness`, a margin of 0 is true, also that of a negation.
-    """
+    """Return False only if no possible values of signals make a formula true, or false; a margin of 0 is true."""
     try:
         return any(_is_possible(case, possible, strict=not true) for case in _cases(formula, true))
     except _Unclear:

@@ -11,8 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Final
 
-PLUGINS: Final = "mujoco.plugins"
-"""The group of entry points with which packages add plugins to MuJoCo."""
+PLUGINS: Final = "mujoco.plugins"  # the group of entry points with which packages add plugins to MuJoCo
 
 
 def import_mujoco() -> None:

@@ -142,10 +142,7 @@ class Lockstep:
         return not self._is_everybody_there() or any(program in command_line(pid) for pid in self._siblings)
 
     def await_leavers(self, within: float) -> None:
-        """Wait until processes that are no longer nodes have ended, for at most `within` s of wall time.
-
-        A node that fails leaves the graph first. Its exit code is known only when its process has ended.
-        """
+        """Wait until processes that left the graph have ended, for `within` s of wall time, to know their codes."""
         deadline = time.monotonic() + within
         with suppress(OSError):
             while (self._launcher.look() & self._joined) - set(self._master.graph().pids.values()):

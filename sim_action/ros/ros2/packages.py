@@ -353,10 +353,7 @@ class Packages:
         return next((file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None)
 
     def missing_modules(self, program: Path) -> list[str]:
-        """Return the modules that a Python program imports first of all, and that are in no place where it looks.
-
-        Imports inside of functions and `try` may be optional, and are not looked at. Needs an installation.
-        """
+        """Return modules that a program imports at its start and that are in no place where it looks, if installed."""
         assert self.ros is not None
         stated = [path for path in (self.ros.variables.get("PYTHONPATH") or "").split(os.pathsep) if path]
         own = (self.ros.python.parent.parent, Path("/usr"), Path("/usr/local"), Path.home() / ".local")

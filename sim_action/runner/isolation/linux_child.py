@@ -195,10 +195,7 @@ class LinuxChild(child_process.ChildProcess):
     @classmethod
     @override
     def start(cls, job: Job, spawn: Spawn | None = None) -> Self:
-        """Fork this process, or start a fresh interpreter for user code, for repeats, or if this process has threads.
-
-        `spawn`: starts the supervisor in another way. Raises OSError.
-        """
+        """Fork, or start an interpreter for user code, repeats, or beside threads; `spawn`: for it. Raises OSError."""
         former = child_process.former_files(job)
         with files_of_child() as (scratch, files), ExitStack() as undone:
             reader, writer = os.pipe()

@@ -227,10 +227,7 @@ def _nearest(original: Original, body: Body, start: int = 0) -> tuple[int, float
 
 
 def _moved_place(original: Original, body: Body) -> tuple[float, float] | None:
-    """Return where an object is after it moved by its own size towards the way; None if there is no such place.
-
-    It never goes beyond the way, nor into the robot at its start.
-    """
+    """Return where an object is after its own size towards the way, not beyond it or in the robot; else None."""
     parts = parts_of(original, body)
     at, (start_x, start_y) = np.array((body.pose.x, body.pose.y)), original.moving_xy[0].tolist()
     index, distance = _nearest(original, body)
@@ -250,10 +247,7 @@ def _moved_place(original: Original, body: Body) -> tuple[float, float] | None:
 
 
 def _farther_place(original: Original, body: Body) -> tuple[float, float] | None:
-    """Return where an object is after it moved by its own size away from the base; None if there is no such place.
-
-    It is for arms that come to the object.
-    """
+    """Return where an object that an arm comes to is after its own size away from the base; None: nowhere."""
     away = np.array((body.pose.x, body.pose.y)) - original.way_xy[0]
     distance = float(np.linalg.norm(away))
     if distance == 0:

@@ -112,10 +112,7 @@ class Bridge:
         self.over: ControllersFinished | None = None
 
     def tick(self, seen: Observation) -> Answer:
-        """Publish a moment, wait until the nodes have handled it, and return their commands.
-
-        Raises ControllersFinished if no node is left, WorldChanged if a node changes the world.
-        """
+        """Publish a moment, and return the commands that follow. Raises ControllersFinished, WorldChanged."""
         try:
             return self._answer(seen)
         except ControllersFinished as over:

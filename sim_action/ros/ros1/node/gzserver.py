@@ -47,8 +47,7 @@ from sim_action.world.claims import NOT_REPRODUCIBLE
 from sim_action.world.world_files.losses import Loss
 
 _POLL_S: Final = 0.01
-# Wall time for nodes that have left to end, before the launch is judged.
-_MAX_LEAVING_S: Final = 5.0
+_MAX_LEAVING_S: Final = 5.0  # wall time for nodes that have left to end, before the launch is judged
 
 # Wall time in which nodes that are up may call the services that spawn a robot.
 _MAX_SPAWN_WAIT_S: Final = 10.0

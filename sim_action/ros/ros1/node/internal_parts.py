@@ -119,10 +119,7 @@ class OnDemandSensor(Sensor):
 
     @classmethod
     def of(cls, inner: Sensor, is_wanted: Callable[[float], bool], *, keeps_first: bool = False) -> OnDemandSensor:
-        """Return the sensor; `is_wanted`: called at each of its ticks, with the sim time in s.
-
-        `keeps_first`: True if a reading does not depend on the one before.
-        """
+        """Return the sensor; `is_wanted`: called at its ticks; `keeps_first`: a reading does not depend on others."""
         sensor = cls()
         sensor._inner, sensor._is_wanted, sensor._keeps_first = inner, is_wanted, keeps_first
         return sensor

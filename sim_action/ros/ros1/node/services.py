@@ -65,9 +65,7 @@ _TYPES: Final[dict[JointType, int]] = {
     "fixed": GetJointPropertiesResponse.FIXED,
 }
 _INERTIA_KEYS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-# The name of the one link of every body.
-_BODY_LINK: Final = "link"
-
+_BODY_LINK: Final = "link"  # the name of the one link of every body
 _FOREVER_S: Final = 1e5
 
 

@@ -65,10 +65,7 @@ def _report(done: bool, what: str, name: str) -> bool:
 
 
 def spawner() -> int:
-    """Load and start controllers, then stop and unload them when asked to leave. Return the exit code.
-
-    It becomes a node after the controllers run: the clock waits for processes that are not nodes yet.
-    """
+    """Run controllers until asked to leave, as a node only then: the clock waits for others. Return the exit code."""
     asked = _spawner_parser().parse_args(rospy.myargv()[1:])
     manager = _Manager(asked.namespace, _TIMEOUT_S if asked.timeout is None else asked.timeout)
     try:
