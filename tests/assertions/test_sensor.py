@@ -83,11 +83,7 @@ def test_what_is_out_of_range_is_far_away_and_what_is_too_near_is_near() -> None
     assert (verdict.passed, verdict.measured, verdict.margin) == (True, None, None)
     assert not judged(least(at_most=5), empty).passed
     assert not judged(least(at_least=0.25), sensing("lidar", [1.0], ranges=[[-math.inf, 1.0]])).passed
-    assert not judged(replace_which(least(at_most=5), "mean"), empty).passed
-
-
-def replace_which(spec: SensorReading, which: str) -> SensorReading:
-    return spec.model_copy(update={"which": which})
+    assert not judged(least(at_most=5).model_copy(update={"which": "mean"}), empty).passed
 
 
 def test_what_was_not_read_is_not_exercised() -> None:

@@ -120,10 +120,6 @@ ROOM = World(
 WHEELS = ("wheel_left_joint", "wheel_right_joint")
 
 
-def burger_in_the_room() -> Scene:
-    return replace(traces.scene(), world=ROOM)
-
-
 def waggling_arm(folder: Path) -> Scene:
     """Three links that turn about different axes, one that slides, on a base that is bolted."""
     moments = 'ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"'
@@ -144,7 +140,7 @@ def waggling_arm(folder: Path) -> Scene:
 
 def driven(engine: str, watches: list[ClearanceWatch], openings: tuple[float, ...] = ()) -> Trace:
     """A curve past the post, through the ball and into the wall."""
-    scene = burger_in_the_room()
+    scene = replace(traces.scene(), world=ROOM)
     channels = Channels(clearances=frozenset(watches), openings=frozenset(openings))
     pytest.importorskip(engine)
     backend = ENGINES[engine].load()(scene, channels)
