@@ -1,10 +1,8 @@
-"""The MuJoCo engine. MuJoCo is imported here for the first time, so that its import costs two thirds of the time."""
+"""The MuJoCo engine. MuJoCo is imported here for the first time, so that its import takes two thirds of the time."""
 
 from __future__ import annotations
 
-import os
 import sys
-from collections.abc import Iterator
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -17,7 +15,7 @@ PLUGINS: Final = "mujoco.plugins"  # the group of entry points with which packag
 def import_mujoco() -> None:
     """Import MuJoCo, without its search for plugins if no package has some: the search alone imports 25 modules."""
     name = "importlib.metadata"
-    if name in sys.modules or any(f"[{PLUGINS}]".encode() in stated for stated in _entry_points()):
+    if name in sys.modules or _have_plugins():
         import_module("mujoco")
         return
     stand_in = sys.modules[name] = ModuleType(name)
@@ -28,14 +26,12 @@ def import_mujoco() -> None:
         del sys.modules[name]
 
 
-def _entry_points() -> Iterator[bytes]:
-    """Yield the entry points that installed packages state."""
-    for folder in dict.fromkeys(sys.path):
-        with suppress(OSError):
-            for package in os.listdir(folder or os.curdir):  # noqa: PTH208 - several times quicker than pathlib
-                if package.endswith((".dist-info", ".egg-info")):
-                    with suppress(OSError):
-                        yield Path(folder, package, "entry_points.txt").read_bytes()
+def _have_plugins() -> bool:
+    """Return True if installed packages state plugins, or if that cannot be read."""
+    stated = (file for folder in dict.fromkeys(sys.path) for file in Path(folder).glob("*-info/entry_points.txt"))
+    with suppress(OSError):
+        return any(f"[{PLUGINS}]".encode() in file.read_bytes() for file in stated)
+    return True
 
 
 import_mujoco()
