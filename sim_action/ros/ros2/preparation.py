@@ -17,7 +17,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 from xml.etree import ElementTree as ET
 
 import yaml
@@ -32,6 +32,7 @@ from sim_action.core.workspace import PathError, Workspace
 from sim_action.robot.documents.package_search import PACKAGE_FILE, folders_below
 from sim_action.ros.ros2.installation import Ros2
 from sim_action.ros.ros2.packages import INSTALL, imported, read_package, workspace_of
+from sim_action.scenario.part_reader import actors_of
 
 GENERATORS: Final = (
     *("ament-cmake", "ament-cmake-core", "ament-cmake-export-definitions", "ament-cmake-export-dependencies"),
@@ -263,10 +264,7 @@ def needed_by(scenarios: Iterable[Path]) -> dict[Path, set[str]]:
     wanted = dict[Path, set[str]]()
     for path in scenarios:
         with suppress(YAMLError, UnicodeDecodeError, PathError, UsageError):
-            content = yaml.safe_load(_content(path))
-            commands = content.get("commands") if isinstance(content, dict) else None
-            nodes = commands.get("ros2") if isinstance(commands, dict) else None
-            if isinstance(nodes, dict):
+            for nodes in _nodes_of(yaml.safe_load(_content(path))):
                 stated = nodes.get("workspace")
                 folder = workspace_of(stated if isinstance(stated, str) else None, Workspace.around(path))
                 sources = sources_in(folder)
@@ -279,6 +277,16 @@ def needed_by(scenarios: Iterable[Path]) -> dict[Path, set[str]]:
                 names = {name.partition(".")[0] for program in programs for name in imported(program)}
                 wanted.setdefault(folder, set()).update(built & names)
     return {folder: names for folder, names in wanted.items() if names}
+
+
+def _nodes_of(content: Any) -> Iterator[dict[str, Any]]:
+    """Yield the values of `ros2` in a scenario, of the robot and of its actors."""
+    if isinstance(content, dict):
+        for robot in (content, *(actors_of(content) or ())):
+            commands = robot.get("commands") if isinstance(robot, dict) else None
+            for source in commands if isinstance(commands, list) else [commands]:
+                if isinstance(source, dict) and isinstance(source.get("ros2"), dict):
+                    yield source["ros2"]
 
 
 def _require_tools(ros: Ros2) -> None:

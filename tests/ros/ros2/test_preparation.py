@@ -219,6 +219,7 @@ def test_libraries_that_packages_in_python_need_are_built(tmp_path: Path, wheels
     [
         ("ros2: {nodes: [nodes/nodes]}", {"tf"}),
         ("ros2: {nodes: [./own.py, {file: ./own.py, name: b}]}", {"tf", "a"}),
+        ("}\nworld: {actors: [{commands: [{ros2: {nodes: [./own.py]}}]}, 3]", {"tf", "a"}),
         ("ros2: {nodes: 1}", {"tf"}),
         ("ros2: {workspace: nowhere, nodes: [nodes/nodes]}", set()),
         ("twist: {linear: 1}", set()),
