@@ -24,6 +24,7 @@ from sim_action.engines.observers import presences
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.trace_records import ALWAYS, ClearanceRecord, Nearness
 from sim_action.world import Body, World
+from sim_action.world.parts import reach
 from sim_action.world.scene import Scene
 
 LinkDistances = Callable[[str, Collection[str] | None, float], dict[str, float]]
@@ -168,7 +169,7 @@ class ClearanceRecorder:
         self._next = math.inf
         watched = {body for watch_state in self._watches for body in watch_state.names}
         moving = (body for body in scene.world.objects if body.name in watched and _moves(body))
-        self._moving = [_motion_of(body, body_at) for body in moving]
+        self._moving = [_motion_of(body.name, max(map(reach, scene.parts_of(body))), body_at) for body in moving]
         self._moving += [bound for name, bound in actors.items() if name in watched]
 
     def follow(self, world: World, time: float) -> None:
@@ -271,19 +272,10 @@ class ClearanceRecorder:
         self._next = -math.inf
 
 
-def _motion_of(body: Body, body_at: Callable[[str], Sequence[float]]) -> Callable[[], float]:
-    bound = BodyMotionBound(_radius(body))
-    return lambda: bound.advance(body_at(body.name))
+def _motion_of(name: str, radius: float, body_at: Callable[[str], Sequence[float]]) -> Callable[[], float]:
+    bound = BodyMotionBound(radius)
+    return lambda: bound.advance(body_at(name))
 
 
 def _moves(body: Body) -> bool:
     return body.mass is not None or bool(body.path) or body.appears is not None or body.disappears is not None
-
-
-def _radius(body: Body) -> float:
-    """Return the greatest distance of the shape from its centre in m."""
-    if body.box is not None:
-        return math.hypot(*body.box) / 2
-    if body.cylinder is not None:
-        return math.hypot(body.cylinder.radius, body.cylinder.height / 2)
-    return body.sphere.radius if body.sphere is not None else math.inf

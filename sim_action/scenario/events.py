@@ -7,7 +7,7 @@ event that has not happened has an infinite time. When it happens, the world get
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -22,7 +22,7 @@ from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.scenario.faults import Fault
 from sim_action.state.timeline import NOT_YET, TimeMark, late_problems, waits
-from sim_action.world import Body, Disturbance
+from sim_action.world import Body, Disturbance, Patch
 from sim_action.world.body_path import MAX_PACE, Pace
 from sim_action.world.scene import Scene
 
@@ -239,16 +239,28 @@ def with_events(scenario: Scenario) -> Scenario:
         events.append(replace(event, places=tuple(places)))
     actions = [action for event in scenario.events for action in event.actions]
     come, gone = {action.appear for action in actions}, {action.remove for action in actions}
-    objects = tuple(_waiting_body(body, actions, come, gone) for body in world.objects)
-    patches = tuple(
-        patch.model_copy(update={"appears": NOT_YET}) if patch.name is not None and patch.name in come else patch
-        for patch in world.patches
-    )
-    changed = {"disturbances": tuple(disturbances), "objects": objects, "patches": patches}
+    objects = (_waiting_body(body, actions, come, gone) for body in world.objects)
+    patches = (_appearing(patch, NOT_YET) if patch.name in come - {None} else patch for patch in world.patches)
     expect = tuple(replace(each, after=NOT_YET) if each.since else each for each in scenario.expect)
-    update = {"world": world.model_copy(update=changed), "faults": tuple(faults)}
-    update |= {"events": tuple(events), "expect": expect}
-    return scenario.model_copy(update=update)
+    return _changed(scenario, disturbances, objects, patches, faults, events=tuple(events), expect=expect)
+
+
+def _appearing(patch: Patch, time: float) -> Patch:
+    return patch.model_copy(update={"appears": time})
+
+
+def _changed(
+    scenario: Scenario,
+    disturbances: Iterable[Disturbance],
+    objects: Iterable[Body],
+    patches: Iterable[Patch],
+    faults: Iterable[Fault],
+    **others: object,
+) -> Scenario:
+    """Return a scenario with other parts of its world, and other faults."""
+    parts = {"disturbances": tuple(disturbances), "objects": tuple(objects), "patches": tuple(patches)}
+    world = scenario.world.model_copy(update=parts)
+    return scenario.model_copy(update={"world": world, "faults": tuple(faults), **others})
 
 
 def _waiting_body(body: Body, actions: Sequence[Action], come: set[str | None], gone: set[str | None]) -> Body:
@@ -289,16 +301,13 @@ def _after(scenario: Scenario, event: Event, time: float) -> Scenario:
         faults = [_repaired(fault, time) if action.repair == fault.target else fault for fault in faults]
         objects = [_body_after(body, action, time) for body in objects]
         patches = [
-            patch.model_copy(update={"appears": time}) if action.appear and patch.name == action.appear else patch
-            for patch in patches
+            _appearing(patch, time) if action.appear and patch.name == action.appear else patch for patch in patches
         ]
     expect = tuple(
         replace(expected, after=time) if expected.since == event.name and waits(expected.after) else expected
         for expected in scenario.expect
     )
-    changed = {"disturbances": tuple(disturbances), "objects": tuple(objects), "patches": tuple(patches)}
-    update = {"world": world.model_copy(update=changed), "faults": tuple(faults), "expect": expect}
-    return scenario.model_copy(update=update)
+    return _changed(scenario, disturbances, objects, patches, faults, expect=expect)
 
 
 def _repaired(fault: Fault, time: float) -> Fault:
@@ -309,13 +318,9 @@ def without_absent(scenario: Scenario) -> Scenario:
     """Return a scenario without the bodies, patches, disturbances and faults that wait for an event."""
     world = scenario.world
     bodies = (_without_waiting(body) for body in world.objects if not waits(body.appears))
-    update = {
-        "objects": tuple(bodies),
-        "patches": tuple(patch for patch in world.patches if not waits(patch.appears)),
-        "disturbances": tuple(each for each in world.disturbances if not waits(each.at)),
-    }
-    faults = tuple(fault for fault in scenario.faults if not waits(fault.at))
-    return scenario.model_copy(update={"world": world.model_copy(update=update), "faults": faults})
+    patches = (patch for patch in world.patches if not waits(patch.appears))
+    disturbances = (each for each in world.disturbances if not waits(each.at))
+    return _changed(scenario, disturbances, bodies, patches, (each for each in scenario.faults if not waits(each.at)))
 
 
 def _without_waiting(body: Body) -> Body:

@@ -191,7 +191,7 @@ class Actors(Guard):
             unseen, self._unseen[actor.name] = self._unseen[actor.name], []
             seen, missed = actor.watch(Trace.concatenate(unseen), bodies)
             if missed is not None and len(seen) < len(trace):
-                trace = trace.first(len(seen)) if len(seen) else trace.rows(slice(0))
+                trace = trace.first(len(seen))
                 keys = missed.keys
                 if keys and keys[0] == "robot":
                     keys = ("world", "actors", index, *keys[1:])

@@ -159,7 +159,7 @@ class Pinning(Guard):
             "the path where it touches the robot, or keep the robot out of its way",
             keys=("world", "objects", self._indices[name], "path"),
         )
-        return (trace.first(row) if row else trace.rows(slice(0))), error
+        return trace.first(row), error
 
     def _step(self, time: float) -> int:
         return round(time * self._rate)

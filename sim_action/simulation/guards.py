@@ -146,7 +146,7 @@ class Watchdog(Guard):
         fault = next(watch.fault(first) for watch in worst if watch.excess[first] >= 1)
         message = f"simulation unstable {self._when(float(trace.time[first]))}, {fault}"
         unstable = SimulationUnstable(message, keys=("robot", "model"))
-        return trace.first(first) if first else trace.rows(slice(0)), unstable
+        return trace.first(first), unstable
 
     def _joints(self, trace: Trace) -> Iterator[_Watch]:
         physics, readings = self.physics, (trace.joint_position, trace.joint_velocity, trace.joint_effort)
@@ -285,8 +285,7 @@ def until_miss(trace: Trace, miss: Miss | None, scene: Scene) -> tuple[Trace, Ru
     """Return the moments of a trace before a missed contact, and its error."""
     if miss is None or miss.row >= len(trace):
         return trace, None
-    error = _missed(miss, float(trace.time[miss.row]), scene.physics.rate)
-    return trace.first(miss.row) if miss.row else trace.rows(slice(0)), error
+    return trace.first(miss.row), _missed(miss, float(trace.time[miss.row]), scene.physics.rate)
 
 
 def _missed(miss: Miss, time: float, rate: float) -> MissedContact:

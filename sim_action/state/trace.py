@@ -148,8 +148,8 @@ class Trace:
         return self.state[:, 14 + group * joints : 14 + (group + 1) * joints]
 
     def first(self, count: int) -> Self:
-        """Return the first `count` moments (at least one), with the contacts up to the last of them."""
-        end = self.time[count - 1]
+        """Return the first `count` moments, with the contacts up to the last of them."""
+        end = self.time[count - 1] if count else -np.inf
         return self._part(slice(count), -np.inf, end, end)
 
     def rows(self, wanted: slice | NDArray[np.intp]) -> Self:
