@@ -61,7 +61,11 @@ backend: {engine}
 variations: {{robot.pose.yaw: {{uniform: [-1 deg, 1 deg], samples: {samples}}}}}
 """
 
-_GATE: Final = f"{_VARIATIONS}gate: {{{{passes: {{{{at_least: 90 %}}}}, runs: {{samples}}}}}}\n"
+# Its runs must differ: a heading has no effect on a burger that drives straight on.
+_GATE: Final = (
+    _VARIATIONS.replace("robot.pose.yaw: {{uniform: [-1 deg, 1 deg]", "commands.twist.0.linear: {{uniform: [0.9, 1.0]")
+    + "gate: {{passes: {{at_least: 90 %}}, runs: {samples}}}\n"
+)
 
 _HUSKY: Final = """\
 name: husky drives
