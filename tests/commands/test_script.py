@@ -20,6 +20,7 @@ from sim_action.world.scene import Scene
 from tests.traces import START, scene
 
 GOOD = "from sim_action import Twist\ndef control(observation):\n    return Twist.planar(observation.time + 1)\n"
+STEP = "    def step(self, seen): ...\n"
 
 
 @pytest.fixture(autouse=True)
@@ -81,9 +82,15 @@ def test_a_good_script_has_no_problems_and_is_not_run(tmp_path: Path) -> None:
         "try:\n    import fast\n    control = fast.control\nexcept ImportError:\n    def control(seen): ...",
         "with open('x') as control: pass",
         "(control := print)",
+        "from neighbour import Base\nclass Controller(Base): ...",
+        "def made(kind): return kind\n@made\nclass Controller: ...",
+        "class Controller:\n    step = print",
+        f"class Controller:\n    def __init__(self, a=1, /, *more, b=2, **others): ...\n{STEP}",
+        f"class Controller:\n    def __init__(*all): ...\n{STEP}",
+        f"def made(kind): return kind\nclass Controller:\n    @made\n    def __init__(self, a): ...\n{STEP}",
     ],
 )
-def test_a_name_may_be_bound_in_any_way(text: str, tmp_path: Path) -> None:
+def test_what_may_well_work_is_no_problem(text: str, tmp_path: Path) -> None:
     assert problems(tmp_path, written(tmp_path, text)) == []
 
 
@@ -102,9 +109,19 @@ def test_a_name_may_be_bound_in_any_way(text: str, tmp_path: Path) -> None:
         ("def control(seen):\nreturn 1", "controller.py:2: not valid Python: expected an indented block"),
         ("a = '\0'", "controller.py: not valid Python: "),
         ("(" * 5000, "not valid Python: "),
+        ("class Controller:\n    def stepp(self, seen): ...", "class 'Controller' has no method 'step'; did you mean"),
+        ("class Controler:\n    def step(self, seen): ...", "no class 'Controller'; did you mean 'Controler'?"),
+        (
+            f"class Controller:\n    def __init__(self, robot): ...\n{STEP}",
+            ":2: class 'Controller' requires 'robot'; add it to 'with'; reset(self, robot) gets data of the robot",
+        ),
+        (
+            f"class Controller:\n    def __init__(self, a=1, *, bot): ...\n{STEP}",
+            ":2: class 'Controller' requires 'bot'",
+        ),
     ],
 )
-def test_a_script_that_cannot_work_is_a_problem(text: str, message: str, tmp_path: Path) -> None:
+def test_what_cannot_work_is_a_problem(text: str, message: str, tmp_path: Path) -> None:
     ((path, found),) = problems(tmp_path, written(tmp_path, text))
     assert path == ("script",)
     assert message in found
@@ -339,9 +356,14 @@ def test_an_error_in_a_neighbour_is_told_with_the_line_that_called_it(tmp_path: 
         ("x = 1\ndef control(:\n", "SyntaxError: ", 2),
         ("control = 5\n", "'control' in controller.py is not a function", None),
         ("", "controller.py defines no function 'control'", None),
+        ("class Controller:\n    def __init__(self, speed): ...", "missing 1 required positional argument", None),
+        ("class Controller:\n    def reset(self, robot):\n        robot.speed", "AttributeError", 3),
+        ("class Controller:\n    reset = None", "class 'Controller' in controller.py has no method 'step'", None),
+        ("Controller = print", "'Controller' in controller.py is not a class; write 'function: Controller'", None),
+        ("Controller = 5", "'Controller' in controller.py is not a class", None),
     ],
 )
-def test_a_script_that_does_not_load_is_an_error(text: str, message: str, line: int | None, tmp_path: Path) -> None:
+def test_what_does_not_load_is_an_error(text: str, message: str, line: int | None, tmp_path: Path) -> None:
     with pytest.raises(ScriptError) as raised:
         opened(tmp_path, text)
     assert message in str(raised.value)
@@ -425,69 +447,12 @@ def test_a_key_says_which_of_two_controllers_is_asked(tmp_path: Path) -> None:
         failing.command(START)
 
 
-STEP = "    def step(self, seen): ...\n"
-
-
 def test_class_and_function_exclude_each_other(tmp_path: Path) -> None:
     written(tmp_path, BOTH)
     spec = ScriptCommands.model_validate({"script": "controller.py", "class": "Controller", "function": "control"})
     assert problems(tmp_path, spec) == [
         (("class",), "remove either 'class' or 'function': a script has one controller")
     ]
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("class Controller:\n    def stepp(self, seen): ...", "class 'Controller' has no method 'step'; did you mean"),
-        ("class Controler:\n    def step(self, seen): ...", "no class 'Controller'; did you mean 'Controler'?"),
-        (
-            f"class Controller:\n    def __init__(self, robot): ...\n{STEP}",
-            ":2: class 'Controller' requires 'robot'; add it to 'with'; reset(self, robot) gets data of the robot",
-        ),
-        (
-            f"class Controller:\n    def __init__(self, a=1, *, bot): ...\n{STEP}",
-            ":2: class 'Controller' requires 'bot'",
-        ),
-    ],
-)
-def test_a_class_that_cannot_work_is_a_problem(text: str, message: str, tmp_path: Path) -> None:
-    ((path, found),) = problems(tmp_path, written(tmp_path, text))
-    assert path == ("script",)
-    assert message in found
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "from neighbour import Base\nclass Controller(Base): ...",
-        "def made(kind): return kind\n@made\nclass Controller: ...",
-        "class Controller:\n    step = print",
-        f"class Controller:\n    def __init__(self, a=1, /, *more, b=2, **others): ...\n{STEP}",
-        f"class Controller:\n    def __init__(*all): ...\n{STEP}",
-        f"def made(kind): return kind\nclass Controller:\n    @made\n    def __init__(self, a): ...\n{STEP}",
-    ],
-)
-def test_what_may_well_work_is_no_problem(text: str, tmp_path: Path) -> None:
-    assert problems(tmp_path, written(tmp_path, text)) == []
-
-
-@pytest.mark.parametrize(
-    ("text", "message", "line"),
-    [
-        ("class Controller:\n    def __init__(self, speed): ...", "missing 1 required positional argument", None),
-        ("class Controller:\n    def reset(self, robot):\n        robot.speed", "AttributeError", 3),
-        ("class Controller:\n    reset = None", "class 'Controller' in controller.py has no method 'step'", None),
-        ("Controller = print", "'Controller' in controller.py is not a class; write 'function: Controller'", None),
-        ("Controller = 5", "'Controller' in controller.py is not a class", None),
-    ],
-)
-def test_a_class_that_cannot_be_asked_is_an_error(text: str, message: str, line: int | None, tmp_path: Path) -> None:
-    with pytest.raises(ScriptError) as raised:
-        opened(tmp_path, text)
-    assert message in str(raised.value)
-    assert raised.value.location is not None
-    assert raised.value.location.line == line
 
 
 def test_a_class_that_raises_or_answers_nonsense_is_told_by_its_name(tmp_path: Path) -> None:
