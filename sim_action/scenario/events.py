@@ -427,7 +427,9 @@ def _why_no_moment(assertion: Assertion) -> SpecProblems:
         return
     use = "use an stl formula, or an assertion such as reach, contact or upright"
     if any(isinstance(leaf, Stl) for leaf in leaves):
-        word = "or" if assertion.key == "any_of" else "and"
+        from sim_action.assertions.combined import AnyOf  # few scenarios have events
+
+        word = "or" if isinstance(assertion, AnyOf) else "and"
         use = f"write all of it as one formula, such as stl: x > 1 m {word} clearance(box) < 0.5 m"
     elif all(leaf.has_truth for leaf in leaves):
         use = "use at_once for what must be true at one moment"
