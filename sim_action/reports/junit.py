@@ -165,7 +165,8 @@ class _Document:
             add_child(case, "skipped", "", {"message": message})
         elif kind := STATUS_DISPLAYS[expected.status].junit:
             body = self._body(message, expected.name, expected.location)
-            add_child(case, kind, body, {"type": _problem_type(expected), "message": message})
+            problem = expected.assertion if expected.failed else expected.status
+            add_child(case, kind, body, {"type": problem, "message": message})
         self._attach_trace(case, outcome)
         add_line(case, "system-out", f"warning: {message}" if expected.warned else message)
         add_line(case, "system-out", formatting.measurements(expected.verdict))
@@ -234,7 +235,9 @@ class _Document:
     def _attach_trace(self, case: ET.Element, outcome: Outcome) -> None:
         trace = stored_trace(outcome, self._options.folder)
         if trace is not None:
-            add_attachment(case, relative_path(self._options.workspace, trace))
+            # In the syntax of the Jenkins plugin and of GitLab.
+            path = plain_text(relative_path(self._options.workspace, trace))
+            _append(case, "system-out", f"{_ATTACHMENT}{path}]]")
 
 
 def _reasons(outcome: Outcome) -> tuple[Failure, ...]:
@@ -326,10 +329,6 @@ def _java_frame(where: str) -> Iterator[str]:
     folder = PurePosixPath(path).parent.name
     if folder[:1] > "Z" and "." not in folder and line.isdigit():
         yield f"at {folder}.Scenario({PurePosixPath(path).name}:{line})"
-
-
-def _problem_type(expected: ExpectationOutcome) -> str:
-    return expected.assertion if expected.failed else expected.status
 
 
 def _case_properties(expected: ExpectationOutcome) -> dict[str, object]:
@@ -433,11 +432,6 @@ def add_line(parent: ET.Element, tag: str, text: str) -> None:
     """Append lines to the single child element with this tag, unless the text is empty."""
     if text:
         _append(parent, tag, _harmless(text))
-
-
-def add_attachment(parent: ET.Element, path: str) -> None:
-    """Name a file that belongs to a testcase, in the syntax of the Jenkins plugin and of GitLab."""
-    _append(parent, "system-out", f"{_ATTACHMENT}{plain_text(path)}]]")
 
 
 def add_properties(parent: ET.Element, values: Mapping[str, object]) -> None:

@@ -71,7 +71,7 @@ class ProgressListener:
         self._gate: _RunsOfGate | None = None
         self._rewrites = is_full_terminal(self._stream, os.environ)
         self._total = total
-        self._word_of = word_of or _status_word
+        self._word_of = word_of or (lambda ended: f"{STATUS_DISPLAYS[ended.outcome.status].word:<6}")
         self._done = 0
         self._running: dict[str, str] = {}
         self._shown_at = float("-inf")
@@ -146,10 +146,6 @@ class ProgressListener:
         except OSError:
             # The reader has closed the stream; the run continues.
             self._silent = True
-
-
-def _status_word(ended: RunEnded) -> str:
-    return f"{STATUS_DISPLAYS[ended.outcome.status].word:<6}"
 
 
 def _cut(text: str, columns: int) -> str:

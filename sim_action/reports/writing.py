@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from contextlib import contextmanager, suppress
+from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, Protocol, TextIO
@@ -146,11 +147,8 @@ def make_ready(options: ReportOptions) -> None:
 
 
 def _enabled_reports(options: ReportOptions) -> list[str]:
-    return [name for name in REPORTS if name not in options.silenced and _has_reader(name, options.environment)]
-
-
-def _has_reader(name: str, environment: Mapping[str, str]) -> bool:
-    return name not in _VARIABLES or bool(environment.get(_VARIABLES[name]))
+    unread = {name for name, variable in _VARIABLES.items() if not options.environment.get(variable)}
+    return [name for name in REPORTS if name not in options.silenced and name not in unread]
 
 
 def write_reports(results: Results, options: ReportOptions, annotated: Results | None = None) -> ExitCode:
@@ -195,7 +193,8 @@ def _with_room(name: str, written: Results, options: ReportOptions, results: Res
         try:
             _write(name, written, options)
         except OSError as error:
-            if name not in _REQUIRED or not options.room.make(error, _files_of_runs(results)):
+            stored = ((outcome.trace, outcome.replay, *outcome.recordings) for outcome in results.outcomes)
+            if name not in _REQUIRED or not options.room.make(error, filter(None, chain.from_iterable(stored))):
                 raise
             results = written = _with_existing_files(results, options)
             if name != _RESULTS:
@@ -204,11 +203,6 @@ def _with_room(name: str, written: Results, options: ReportOptions, results: Res
                     _write(_RESULTS, results, options)
         else:
             return results
-
-
-def _files_of_runs(results: Results) -> Iterator[str]:
-    for outcome in results.outcomes:
-        yield from filter(None, (outcome.trace, outcome.replay, *outcome.recordings))
 
 
 def _write(name: str, results: Results, options: ReportOptions) -> None:

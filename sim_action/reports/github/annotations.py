@@ -71,7 +71,9 @@ def print_annotations(found: Sequence[Annotation], options: ReportOptions) -> No
 def _of_group(group: ScenarioGroup, options: ReportOptions) -> Iterator[Annotation]:
     if group.gate is not None or group.is_part:
         return _of_gate(group, options)
-    return _of_variations(group, options) if group.varies else _of_one(group, options)
+    if group.varies:
+        return _of_variations(group, options)
+    return (annotation for annotation, _ in _annotations(group.name, group.worst, options))
 
 
 def _of_gate(group: ScenarioGroup, options: ReportOptions) -> Iterator[Annotation]:
@@ -91,10 +93,6 @@ def _of_gate(group: ScenarioGroup, options: ReportOptions) -> Iterator[Annotatio
     for warning, runs in group.warnings:
         message = group.warning_text(warning, runs)
         yield Annotation("warning", f"{group.name}: {warning.rule}", message, warning.location)
-
-
-def _of_one(group: ScenarioGroup, options: ReportOptions) -> Iterator[Annotation]:
-    return (annotation for annotation, _ in _annotations(group.name, group.worst, options))
 
 
 def _of_variations(group: ScenarioGroup, options: ReportOptions) -> Iterator[Annotation]:

@@ -50,12 +50,9 @@ def markdown_row(table: Table, row: Row, options: ReportOptions | None = None) -
     below = ((name, place), (message, replay)) if table.message else ((name, message, place, replay),)
     texts = ("<br>".join(filter(None, lines)) for lines in below)
     kind = (row.kind,) if table.kind else ()
-    return _cells((row.display.icon, *kind, *texts, *(unwrapped(value_text(value)) for value in table.values_of(row))))
-
-
-def unwrapped(text: str) -> str:
-    """Return text of a cell that stays on one line, such as a value with its unit."""
-    return markdown_text(text).replace(" ", "&nbsp;")
+    # A value stays on one line with its unit.
+    values = (markdown_text(value_text(value)).replace(" ", "&nbsp;") for value in table.values_of(row))
+    return _cells((row.display.icon, *kind, *texts, *values))
 
 
 def folded(title: str, markdown: str) -> str:

@@ -37,7 +37,8 @@ def chart(signal: Signal, moment: float | None = None) -> str:
     """Return a fenced chart of a signal with its limits, exact at the sim time `moment` (s); empty without data."""
     there = np.isfinite(signal.values)
     time, factor, unit = signal.time[there], *_shown_in(signal.unit)
-    if len(time) < 2 or not _is_sane(time, signal.values[there]) or not time[-1] - time[0] > _SHORTEST:
+    start, end = map(float, time[[0, -1]]) if len(time) else (0.0, 0.0)
+    if not end - start > _SHORTEST or max(np.abs(time).max(), np.abs(signal.values[there]).max()) > _LARGEST:
         return ""
     values = sampled(time, factor * signal.values[there], moment)
     limits = [factor * limit for limit in (signal.lower, signal.upper) if limit is not None]
@@ -49,16 +50,12 @@ def chart(signal: Signal, moment: float | None = None) -> str:
             _settings(len(limits)),
             "xychart-beta",
             f"    title {_text(_title(signal))}",
-            f'    x-axis "sim time in s" {_span(*_almost(float(time[0]), float(time[-1])))}',
+            f'    x-axis "sim time in s" {_span(start, end - _SLIVER * (end - start))}',
             f"    y-axis {_text(f'in {unit}' if unit else signal.name)} {_span(low, high)}",
             *(f"    line [{', '.join(_number(value, high - low) for value in line)}]" for line in lines),
             "```",
         )
     )
-
-
-def _is_sane(*columns: FloatArray) -> bool:
-    return all(float(np.abs(column).max()) <= _LARGEST for column in columns)
 
 
 def sampled(time: FloatArray, values: FloatArray, moment: float | None = None, most: int = _MAX_POINTS) -> list[float]:
@@ -118,10 +115,6 @@ def _range(values: Sequence[float]) -> tuple[float, float]:
 
 def _text(text: str) -> str:
     return f'"{shortened(one_line(_UNSAFE.sub(" ", text)), _MAX_IN_TEXT)}"'
-
-
-def _almost(start: float, end: float) -> tuple[float, float]:
-    return start, end - _SLIVER * (end - start)
 
 
 def _span(low: float, high: float) -> str:

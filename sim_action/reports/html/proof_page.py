@@ -103,7 +103,10 @@ def proof_page(proof: Proof, shown: Sequence[ShownScenario], options: ReportOpti
         for entry, result in zip(runs.survivors, runs.shown.scenario.survivors, strict=True):
             faulty, still = drawer.drawn(entry)
             body.append(_survivor_article(entry, result, runs.entry, still))
-            ghosts = () if original is None or faulty is None else (_without_fault(runs.entry, faulty, original),)
+            ghosts: tuple[Ghost, ...] = ()
+            if original is not None and faulty is not None:
+                name = replay_id(runs.entry.identity)
+                ghosts = (ghost("the run without the fault", name, faulty, original, is_shown=True),)
             index.append(index_entry(entry, drawer.blocks, (), ghosts))
     body.append("</main></div>")
     return Page(
@@ -153,10 +156,6 @@ class _Drawer:
             return None, element("p", missing, class_="faint") if missing else Html("")
         self.blocks.add(replay_id(entry.identity), replay)
         return replay, drawn(replay, entry.outcome, self._outlines)
-
-
-def _without_fault(original: PageEntry, faulty: Replay, replay: Replay) -> Ghost:
-    return ghost("the run without the fault", replay_id(original.identity), faulty, replay, is_shown=True)
 
 
 def _head(proof: Proof) -> Html:

@@ -174,7 +174,8 @@ def measurements(outcome: Outcome) -> Html:
         element("li", mark, " ", each.message, " ", "" if each.time is None else value_link(each.time), _bar(each.left))
         for each in outcome.measurements[:_MAX_MEASUREMENTS]
     ]
-    return titled(INFORMATION.headline, bullets(items, "measurements"))
+    has_margins = any(each.left for each in outcome.measurements)
+    return titled("Margins" if has_margins else INFORMATION.headline, bullets(items, "measurements"))
 
 
 def _bar(left: tuple[float | None, float | None] | None) -> Html:
