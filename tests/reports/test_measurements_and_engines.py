@@ -165,3 +165,14 @@ def test_no_part_of_a_page_has_a_class_that_the_player_hides(own: ReportOptions)
     for results in (*SAMPLES.values(), like(SAMPLES["passed"], outcomes=(outcome,))):
         used = {name for names in re.findall(r' class="?([\w -]+)', html(results, own)) for name in names.split()}
         assert used & hidden == set()
+
+
+def test_the_margins_of_a_factor_are_bars_below_a_heading_of_their_own(own: ReportOptions) -> None:
+    of_factor = like(APART, left=(None, 0.25))
+    plain, bars = (
+        html(like(SAMPLES["passed"], outcomes=(like(measured()[0], measurements=(one,)),)), own)
+        for one in (APART, of_factor)
+    )
+    assert (">Margins<" in plain, INFORMATION.headline in plain) == (False, True)
+    assert (">Margins<" in bars, INFORMATION.headline in bars) == (True, False)
+    assert 'width="25.0"' in bars
