@@ -186,20 +186,18 @@ class _Call:
     def _outcomes(self, scenarios: Sequence[tuple[int, LoadedScenario]]) -> list[Outcome]:
         """Run scenarios, each with its place, or take over their outcomes; those without a factor run always."""
         outcomes: dict[int, Outcome] = {}
-        if self._earlier and self._turns:
-            keys = [self._keys.of(loaded) for _, loaded in scenarios]
-            outcomes = {index: self._earlier[key] for index, key in enumerate(keys) if key in self._earlier}
-            for index, outcome in outcomes.items():
-                place = scenarios[index][0]
-                self._turns[place] += 1
-                self._record(RunEnded(place, self._turns[place], outcome, keys[index]))
-            self._taken += len(outcomes)
-        left = [index for index in range(len(scenarios)) if index not in outcomes]
+        left: dict[int, int] = {}  # index -> turn
+        earlier = self._earlier if self._turns else {}
+        for index, (place, loaded) in enumerate(scenarios):
+            key = self._keys.of(loaded) if earlier else None
+            if (outcome := earlier.get(key or "")) is not None:
+                outcomes[index] = outcome
+                self._record(RunEnded(place, self._turns[place] + 1, outcome, key))
+            else:
+                left[index] = self._turns[place]
+            self._turns[place] += 1
+        self._taken += len(outcomes)
         if left:
-            turns = []
-            for index in left:
-                turns.append(self._turns[scenarios[index][0]])
-                self._turns[scenarios[index][0]] += 1
             progress = ProgressListener(len(left), self._request.reports.verbosity)
 
             def emit(event: Event) -> None:
@@ -208,7 +206,7 @@ class _Call:
 
             places, runs = [scenarios[index][0] for index in left], [scenarios[index][1] for index in left]
             pool = Pool(
-                Runs(runs, self._folder, places=places, turns=turns),
+                Runs(runs, self._folder, places=places, turns=list(left.values())),
                 emit,
                 self._interruption,
                 PoolOptions(self._request.jobs, self._keys),
@@ -235,12 +233,5 @@ class _Call:
 
 def _margins(outcome: Outcome, margins: Sequence[Margin] | None) -> ScenarioMargins:
     reason = "" if margins is not None else f"it has no margins, because it {outcome.ending} with its nominal values"
-    return ScenarioMargins(
-        name=outcome.name,
-        file=outcome.file,
-        line=outcome.line,
-        variation=outcome.variation,
-        engine=outcome.engine,
-        reason=reason,
-        margins=tuple(margins or ()),
-    )
+    same = {key: getattr(outcome, key) for key in ("name", "file", "line", "variation", "engine")}
+    return ScenarioMargins(**same, reason=reason, margins=tuple(margins or ()))

@@ -26,7 +26,7 @@ from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.events import RunEnded
 from sim_action.results.outcome import Outcome
 from sim_action.results.output_folder import remove_regular
-from sim_action.results.proof import MutantStatus, Proof, ProvenScenario
+from sim_action.results.proof import MutantStatus, Proof
 from sim_action.results.written_files import JUNIT_FILE, is_foreign, is_proof
 from sim_action.runner.child_outcome import interrupted
 from sim_action.runner.mutation import judgement, planning
@@ -172,22 +172,18 @@ class _Call:
         firsts = list(planning.first_runs(self._found.plans))
         loaded = [each for each in firsts if not isinstance(each, Refused)]
         outcomes = iter(self._outcomes(loaded, _ORIGINALS))
-        told: list[ShownScenario | Original] = []
-        for each in firsts:
-            if isinstance(each, Refused):
-                told.append(_of_refused(Outcome.of_refused(each)))
-            else:
-                told.append(self._original(each, next(outcomes)))
+        several = [Outcome.of_refused(each) if isinstance(each, Refused) else next(outcomes) for each in firsts]
+        told = [self._original(*pair) for pair in zip(firsts, several, strict=True)]
         missing = [*map(Outcome.of_nothing, self._found.empty), *map(Outcome.of_unmatched, self._found.unmatched)]
-        told += map(_of_refused, missing)
+        told += (ShownScenario(judgement.not_mutated(outcome)) for outcome in missing)
         proven_ones = iter(self._proven([each for each in told if isinstance(each, Original)]))
         return [next(proven_ones) if isinstance(each, Original) else each for each in told]
 
-    def _original(self, loaded: LoadedScenario, outcome: Outcome) -> ShownScenario | Original:
+    def _original(self, loaded: LoadedScenario | Refused, outcome: Outcome) -> ShownScenario | Original:
         trace = judgement.stored(outcome, self._folder / _ORIGINALS) if outcome.status == "passed" else None
-        return (
-            ShownScenario(judgement.not_mutated(loaded, outcome)) if trace is None else Original(loaded, outcome, trace)
-        )
+        if trace is None or isinstance(loaded, Refused):
+            return ShownScenario(judgement.not_mutated(outcome))
+        return Original(loaded, outcome, trace)
 
     def _proven(self, originals: Sequence[Original]) -> list[ShownScenario]:
         """Return the scenarios that passed, after the runs of their mutants."""
@@ -348,21 +344,6 @@ def _with_candidates(
 
 def _below(outcome: Outcome, folder: str) -> Outcome:
     return outcome.model_copy(update={"replay": outcome.replay and f"{folder}/{outcome.replay}"})
-
-
-def _of_refused(outcome: Outcome) -> ShownScenario:
-    """Return a scenario that cannot run."""
-    return ShownScenario(
-        ProvenScenario(
-            name=outcome.name,
-            file=outcome.file,
-            line=outcome.line,
-            variation=outcome.variation,
-            reason=judgement.reason_of(outcome),
-            location=judgement.place_of(outcome),
-            exit_code=int(outcome.exit_code),
-        )
-    )
 
 
 def _refuse_foreign(path: Path) -> None:

@@ -277,10 +277,7 @@ def _most_for_power(claim: StopEarly, wish: float, power: float) -> int | None:
         if found.undecided < _NEGLIGIBLE or high == MAX_RUNS_OF_GATE:
             return None
         low, high = high, min(2 * high, MAX_RUNS_OF_GATE)
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if _exact(claim, middle, wish).accepted >= power else (middle, high)
-    return high
+    return binomial.first(low + 1, high, lambda runs: _exact(claim, runs, wish).accepted >= power)
 
 
 def _exact(claim: StopEarly, most: int, rate: float) -> Expected:

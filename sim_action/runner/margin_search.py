@@ -90,7 +90,8 @@ def _added(original: Original, path: KeyPath, *entries: object) -> Edits:
     data = original.loaded.document.data
     for step in path:
         data = data.get(step, ()) if isinstance(data, dict) else ()
-    return [(path, (*(data if isinstance(data, tuple) else (data,)), *entries))]
+    before = data if isinstance(data, tuple) else filter(None, (data,))
+    return [(path, (*before, *entries))]
 
 
 def _friction(original: Original) -> Iterator[Factor]:

@@ -76,14 +76,14 @@ def upper_bound(passes: int, runs: int, confidence: float) -> float:
 def passes_needed(runs: int, rate: float, confidence: float) -> int | None:
     """Return the least number of passes that proves the rate, or None if so few runs cannot."""
     _check(runs, rate=rate, confidence=confidence)
-    least = _first(0, runs + 1, lambda passes: proves(passes, runs, rate, confidence))
+    least = first(0, runs + 1, lambda passes: proves(passes, runs, rate, confidence))
     return None if least > runs else least
 
 
 def passes_refuting(runs: int, rate: float, confidence: float) -> int | None:
     """Return the largest number of passes that refutes the rate, or None if so few runs cannot."""
     _check(runs, rate=rate, confidence=confidence)
-    least = _first(0, runs, lambda passes: not refutes(passes, runs, rate, confidence))
+    least = first(0, runs, lambda passes: not refutes(passes, runs, rate, confidence))
     return least - 1 if least else None
 
 
@@ -94,7 +94,7 @@ def runs_needed(rate: float, confidence: float, failures: int = 0) -> int:
     enough = failures + 1
     while not proves(enough - failures, enough, rate, confidence):
         enough *= 2
-    return _first(failures + 1, enough, lambda runs: proves(runs - failures, runs, rate, confidence))
+    return first(failures + 1, enough, lambda runs: proves(runs - failures, runs, rate, confidence))
 
 
 def chances(true_rate: float, runs: int, rate: float, confidence: float) -> Chances:
@@ -204,7 +204,7 @@ def _largest(holds: Callable[[float], bool]) -> float:
     return low
 
 
-def _first(low: int, high: int, holds: Callable[[int], bool]) -> int:
+def first(low: int, high: int, holds: Callable[[int], bool]) -> int:
     """Return the least number from `low` from which on a condition holds, or `high` if it holds at none below."""
     while low < high:
         middle = (low + high) // 2

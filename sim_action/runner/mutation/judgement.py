@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from sim_action.results.artifacts import stored_file
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.proof import Finding, MutantResult, MutantStatus, PathChange, ProvenExpectation, ProvenScenario
 from sim_action.runner.mutation.mutant import Mutant, Original
-from sim_action.scenario.model import LoadedScenario
 from sim_action.state.trace import Trace, rotation_angles
 from sim_action.state.trace_storage import TraceError, load_trace
 
@@ -48,7 +47,7 @@ def judged(original: Original, mutant: Mutant, outcome: Outcome, folder: Path) -
     update: dict[str, object] = {"status": status}
     match status:
         case "could not run":
-            update |= {"reason": reason_of(outcome)}
+            update |= {"reason": _reason_of(outcome)}
         case "survived":
             update |= _changed(original.outcome, outcome) | {"change": _change(original, outcome, folder)}
         case "noticed" | "no effect":
@@ -98,14 +97,13 @@ def _change(original: Original, outcome: Outcome, folder: Path) -> PathChange | 
     return None if trace is None else path_change(original.trace, trace, sliding)
 
 
-def not_mutated(loaded: LoadedScenario, outcome: Outcome) -> ProvenScenario:
-    """Return a scenario that did not pass, or whose run left no trace."""
-    reason = "it left no trace" if outcome.status == "passed" else reason_of(outcome)
-    scenario = ProvenScenario(name=outcome.name, file=outcome.file, reason=reason, location=place_of(outcome))
-    return _placed(loaded, scenario, outcome)
+def not_mutated(outcome: Outcome) -> ProvenScenario:
+    """Return a scenario that cannot run, that did not pass, or whose run left no trace."""
+    reason = "it left no trace" if outcome.status == "passed" else _reason_of(outcome)
+    return ProvenScenario(reason=reason, location=_place_of(outcome), **_of_run(outcome))
 
 
-def reason_of(outcome: Outcome) -> str:
+def _reason_of(outcome: Outcome) -> str:
     """Return the reason why a run did not pass."""
     if outcome.status != "error":
         return outcome.ending
@@ -114,7 +112,7 @@ def reason_of(outcome: Outcome) -> str:
     return f"{first.title}: {first.message}{more}"
 
 
-def place_of(outcome: Outcome) -> Location | None:
+def _place_of(outcome: Outcome) -> Location | None:
     """Return the place of the reason why a run did not pass; None if there is none."""
     places = (*(each.location for each in outcome.failures), *(each.location for each in outcome.causes))
     return next((place for place in places if place is not None), outcome.location)
@@ -127,21 +125,15 @@ def proven(original: Original, mutants: Sequence[JudgedMutant], left_out: int, u
         _finding(place, expected, results, original.outcome.digest, is_complete=not (left_out or unfinished))
         for place, expected in enumerate(original.outcome.expectations)
     )
-    scenario = ProvenScenario(
-        name=original.outcome.name,
-        file=original.outcome.file,
-        expectations=expectations,
-        mutants=results,
-        left_out=left_out,
-        unfinished=unfinished,
+    of_run = _of_run(original.outcome)
+    return ProvenScenario(
+        expectations=expectations, mutants=results, left_out=left_out, unfinished=unfinished, **of_run
     )
-    return _placed(original.loaded, scenario, original.outcome)
 
 
-def _placed(loaded: LoadedScenario, scenario: ProvenScenario, outcome: Outcome) -> ProvenScenario:
-    source = loaded.source
-    update = {"line": source.line, "variation": source.variation, "exit_code": int(outcome.exit_code)}
-    return scenario.model_copy(update=update)
+def _of_run(outcome: Outcome) -> dict[str, Any]:
+    same = {key: getattr(outcome, key) for key in ("name", "file", "line", "variation")}
+    return {**same, "exit_code": int(outcome.exit_code)}
 
 
 def _finding(

@@ -74,12 +74,11 @@ def refuse_unmatched(plans: Sequence[PlannedMutants], names: Iterable[str]) -> N
 
 def planned(originals: Iterable[Original], only: Collection[str] = ()) -> list[PlannedMutants]:
     """Return the mutants of each run, all of them if `only` is empty; see `refuse_unknown`."""
-    return [_planned(original, only) for original in originals]
-
-
-def _planned(original: Original, only: Collection[str]) -> PlannedMutants:
-    every = [mutant for row in TABLE for mutant in row.mutants(original)]
-    return PlannedMutants(original, every, [some for mutant in every for some in _chosen(mutant, only)])
+    pairs = ((original, [mutant for row in TABLE for mutant in row.mutants(original)]) for original in originals)
+    return [
+        PlannedMutants(original, every, [some for mutant in every for some in _chosen(mutant, only)])
+        for original, every in pairs
+    ]
 
 
 def _chosen(mutant: Mutant, only: Collection[str]) -> Iterator[Mutant]:

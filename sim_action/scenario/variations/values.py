@@ -307,7 +307,6 @@ def _refuse_twins(values: tuple[object, ...], path: KeyPath = (), remedy: str = 
 # Owen's nested scramble with a hash: each binary digit depends on the digits above it alone, so that the points keep
 # covering all elementary intervals.
 
-MAX_DIMENSIONS: Final = 20
 BITS: Final = 32
 _MASK: Final = 2**BITS - 1
 

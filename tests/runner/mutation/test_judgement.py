@@ -95,8 +95,8 @@ def test_the_reason_of_an_error_counts_further_problems() -> None:
     here = Location("a.sim.yml", 3, 9)
     one = Failure(kind="invalid", title="invalid scenario", message="unknown key 'x'", location=here)
     broken = Outcome(name="a", file="a.sim.yml", status="error", failures=(one, one, one))
-    assert judgement.reason_of(broken) == "invalid scenario: unknown key 'x'; and 2 more problems"
-    assert judgement.place_of(broken) == here
+    told = judgement.not_mutated(broken)
+    assert (told.reason, told.location) == ("invalid scenario: unknown key 'x'; and 2 more problems", here)
 
 
 def test_findings_count_mutants_that_changed_the_run(run: Original, tmp_path: Path) -> None:
@@ -155,12 +155,12 @@ def test_a_trace_that_is_missing_or_damaged_is_none(tmp_path: Path) -> None:
     assert judgement.stored(judged_run(HOLDS), tmp_path) is None
 
 
-def test_a_scenario_that_did_not_pass_says_why(run: Original) -> None:
-    told = judgement.not_mutated(run.loaded, judged_run(FAILS))
+def test_a_scenario_that_did_not_pass_says_why() -> None:
+    told = judgement.not_mutated(judged_run(FAILS))
     assert (told.is_proven, told.exit_code) == (False, 1)
     assert told.reason.startswith("failed")
     assert told.location == Location("a.sim.yml", 8, 5)
-    assert judgement.not_mutated(run.loaded, judged_run(HOLDS)).reason == "it left no trace"
+    assert judgement.not_mutated(judged_run(HOLDS)).reason == "it left no trace"
 
 
 TIME = [0.0, 1.0, 2.0]

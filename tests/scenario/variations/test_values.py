@@ -20,12 +20,11 @@ from sim_action.core.yaml_document import read_document
 from sim_action.scenario.files import read_file
 from sim_action.scenario.loading import load_all
 from sim_action.scenario.model import LoadedScenario
-from sim_action.scenario.source import Refused, Source
+from sim_action.scenario.source import MAX_KEYS, Refused, Source
 from sim_action.scenario.variations.expansion import expanded
 from sim_action.scenario.variations.values import (
     BITS,
     MAX_CSV_BYTES,
-    MAX_DIMENSIONS,
     CsvFiles,
     ValueList,
     ValuesError,
@@ -330,7 +329,7 @@ def test_all_draws_of_the_document_can_be_drawn(tmp_path: Path) -> None:
         assert len(rows(tmp_path, f"robot.payload: {draw}")) in (2, 20, 64)
 
 
-DIMENSIONS = range(MAX_DIMENSIONS)
+DIMENSIONS = range(MAX_KEYS)
 
 # Of the primitive polynomials, that of the first dimension taken as 0.
 DEGREES = (0, 1, 2, 3, 3, 4, 4, 5, 5, 5, 5, 5, 5, 6, 6, 6, 6, 6, 6, 7)
