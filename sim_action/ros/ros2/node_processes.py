@@ -35,15 +35,10 @@ class NodeProcess:
 
     def __init__(self, label: str, process: subprocess.Popen[bytes], output: Path) -> None:
         self.label = label
-        self._process = process
+        self._process, self.pid = process, process.pid
         self._output = output.open("rb")
         self._path = output
         self._kept = self._line = b""
-
-    @property
-    def pid(self) -> int:
-        """The id of the process."""
-        return self._process.pid
 
     def exit_code(self) -> int | None:
         """Return the exit code once it has ended, negative for a signal; else None."""

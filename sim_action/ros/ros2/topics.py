@@ -128,16 +128,6 @@ class Publisher:
     message: Callable[[int, Observation], Message | None]
     qos: Qos = USUAL
 
-    @property
-    def package(self) -> str:
-        """The message package that ROS needs for it."""
-        return package_of(self.type)
-
-
-def package_of(kind: str) -> str:
-    """Return the package of a message type."""
-    return kind.partition("/")[0]
-
 
 CLOCK_TYPE: Final = "rosgraph_msgs/msg/Clock"
 CLOCK_QOS: Final = USUAL

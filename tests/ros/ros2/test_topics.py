@@ -48,7 +48,6 @@ def test_a_robot_has_the_topics_types_and_qualities_of_ros_gz_bridge(tmp_path: P
     }
     (drive,) = found.subscriptions
     assert (drive.topic, drive.types) == ("/cmd_vel", ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"))
-    assert publisher(found, "/tf").package == "tf2_msgs"
 
 
 def test_an_arm_that_is_fixed_has_no_odometry_and_no_twist(tmp_path: Path) -> None:

@@ -86,6 +86,7 @@ class LaunchedNodes:
         with ExitStack() as undo:
             self.folder = Path(path.realpath(tempfile.mkdtemp(prefix="sim-action-", dir=scratch_parent())))
             undo.callback(shutil.rmtree, self.folder, ignore_errors=True)
+            self._logs = self.folder / "log"
             self.overlay = build_overlay(self.folder / "overlay", asked.ros, asked.workspace, os.environ)
             self._events = EventFile(self.folder / "events", Event)
             undo.callback(self._events.close)
@@ -98,10 +99,6 @@ class LaunchedNodes:
         self._core = frozenset[int]()
         self.notes: list[str] = []
         self.losses: list[str] = []
-
-    @property
-    def _logs(self) -> Path:
-        return self.folder / "log"
 
     def _start(self, asked: LaunchSpec) -> Launch:
         task: dict[str, Any] = {

@@ -50,7 +50,7 @@ class Launch:
     """One launcher below a supervisor; the environment of every process names the `folder` of the call."""
 
     def __init__(self, process: subprocess.Popen[bytes], folder: Path, output: Path) -> None:
-        self._process = process
+        self._process, self.supervisor = process, process.pid
         self.folder = folder
         self.output = output
 
@@ -86,11 +86,6 @@ class Launch:
         """The output of all processes, if `captures_output` was set."""
         assert self._process.stdout
         return self._process.stdout
-
-    @property
-    def supervisor(self) -> int:
-        """The id of the process that all others descend from."""
-        return self._process.pid
 
     def poll(self) -> int | None:
         """Return the exit code once the launch has ended, negative for a signal; else None."""

@@ -71,6 +71,7 @@ class RobotNode:
             gone=nodes.await_exits,
             newcomers_within=spec.start_within,
         )
+        self.not_reproducible = self._lockstep.not_reproducible
         self._traffic = traffic = Traffic()
         self.transcript = Transcript()
         self._states = GazeboTopics(traffic)
@@ -100,11 +101,6 @@ class RobotNode:
         if twist is not None and (problem := twist_problem(twist)):
             raise ScriptError(f"a node sent a bad command on {self._subscription.topic}: {problem}")
         return twist
-
-    @property
-    def not_reproducible(self) -> Sequence[str]:
-        """The reasons why another run may differ, complete during the run."""
-        return self._lockstep.not_reproducible
 
     def close(self) -> None:
         """End the nodes, and collect notes."""

@@ -71,18 +71,13 @@ class Judge:
     tags: LaunchTags
     wall_time: float
 
-    @property
-    def file(self) -> str:
-        """The launch file, as reports show it."""
-        return self.tags.file
-
     def outcomes(self, found: Findings) -> list[tuple[Outcome, Run | None]]:
         """Return the outcome and the run of each test, or of the whole launch if there is no test."""
         if self.request.program == "rostest" and found.tests:
             judged = [(self._test(test, found), test) for test in found.tests]
         else:
             run = found.runs[-1] if found.runs else None
-            whole = TestFindings(PurePath(self.file).name, run=run, callbacks=found.callbacks)
+            whole = TestFindings(PurePath(self.tags.file).name, run=run, callbacks=found.callbacks)
             judge = self._launch if self.request.program == "roslaunch" else self._no_test
             judged = [(judge(whole, found), whole)]
         absent = AbsentNodes.of(found.text, self.tags, self.request.workspace)
@@ -101,13 +96,13 @@ class Judge:
             return outcome.model_copy(update={"status": "error", "failures": failures, "expectations": ()})
         if outcome.status == "error":
             return outcome
-        where = Location(self.file)
+        where = Location(self.tags.file)
         claims = result.claims if result else {}
         audited = (AuditWarning(rule=rule, message=message, location=where) for rule, message in claims.items())
         return outcome.model_copy(update={"warnings": (*outcome.warnings, *loss_warnings(losses, where), *audited)})
 
     def _test(self, test: TestFindings, found: Findings) -> Outcome:
-        where = Location(self.file, test.tag.line if test.tag else None)
+        where = Location(self.tags.file, test.tag.line if test.tag else None)
         expectations = (*_accepting_skips(self._expectations(test, found, where)), *self._unpublished(test, where))
         failed = any(expected.failed for expected in expectations)
         dead = [death for death in deaths(found.text) if death.node not in (test.name, _SIMULATION_NODE)]
@@ -175,7 +170,7 @@ class Judge:
 
     def _launch(self, whole: TestFindings, found: Findings) -> Outcome:
         """Return the outcome of roslaunch: passed if it ran to its limit, or all nodes ended without an error."""
-        where, run = Location(self.file), whole.run
+        where, run = Location(self.tags.file), whole.run
         is_simulated = run is not None and run.result is not None and run.result.travelled is not None
         if not is_simulated or _has_failed(run) or found.ending != "over":
             failures = (cause_of(whole, found, where),)
@@ -190,7 +185,7 @@ class Judge:
         return self._outcome(whole, about)
 
     def _no_test(self, whole: TestFindings, found: Findings) -> Outcome:
-        failure = cause_of(whole, found, Location(self.file))
+        failure = cause_of(whole, found, Location(self.tags.file))
         if found.exit_code == 0:
             message = "the file has no <test>; add one, or use sim-action roslaunch"
             failure = failure.model_copy(update={"kind": "invalid", "title": "no test", "message": message})
@@ -207,7 +202,7 @@ class Judge:
         measured["notes"] = (*measured.get("notes", ()), *map(str, test.callbacks))
         return Outcome(
             name=f"{self.request.package}/{test.name}",
-            file=self.file,
+            file=self.tags.file,
             seed=self.request.seed,
             wall_time=self.wall_time,
             call=self.request.words,
