@@ -47,11 +47,12 @@ def pytest_configure() -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """Do not look for garbage among the tests: all of them stay until the end."""
+    """Do not look for garbage among the tests, and later seldom: all of them stay until the end."""
     gc.disable()
     try:
         return (yield)
     finally:
+        gc.set_threshold(*gc.get_threshold()[:2], 100)
         gc.enable()
 
 
