@@ -320,8 +320,6 @@ report_flags: Final = with_options(
 
 def report_request(flags: Mapping[str, Any]) -> ReportRequest:
     """Return the reports that the options ask for. Raises UsageError."""
-    from pathlib import Path
-
     from sim_action.reports import ReportRequest
 
     quiet, verbose, as_json = flags["quiet"], flags["verbose"], flags["as_json"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,6 @@ from sim_action.core.records import replace
 from sim_action.scenario.model import Agreement, Scenario
 from sim_action.sensors.reading_log import ReadingLog
 from sim_action.state.command import Command, JointTargets, LinkWrench
-from sim_action.state.motion_record import MotionRecord
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.timeline import TimeMark
 from sim_action.state.trace import Trace
@@ -23,6 +22,9 @@ from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import FRAME_RATE, CommandedTwists, CommandedValues, SensorRecord, frame_stride
 from sim_action.world import GROUND, World
 from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.state.motion_record import MotionRecord
 
 _MAX_FRAMES: Final = 200_000  # a run of hours must still fit into memory
 

@@ -372,7 +372,7 @@ UNUSED_IN_A_RUN = (
 
 
 ENGINES = {"pybullet", "numpy"}
-OF_RUNS = {f"sim_action.{name}" for name in ("state.observation", "state.readings", "state.trace", "world.parts")}
+OF_RUNS = {"sim_action.simulation.loop", "sim_action.state.trace_storage", "sim_action.world.parts"}
 UNUSED = {"numpy.ma", "statistics", "rich", *(f"sim_action.{name}" for name in UNUSED_IN_A_RUN)}
 REPORT = "sim_action.reports.html.report"
 # The package of MuJoCo imports some.

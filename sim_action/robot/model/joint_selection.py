@@ -8,14 +8,16 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from fnmatch import fnmatchcase
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sim_action.core import units
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.robot_model import Joint, Reading, RobotModel
-from sim_action.state.trace import Trace
+
+if TYPE_CHECKING:
+    from sim_action.state.trace import Trace
 
 _WILDCARD: Final = re.compile(r"[*?\[]")
 

@@ -11,14 +11,16 @@ import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator
 from itertools import accumulate
-from statistics import NormalDist
-from typing import Annotated, Any, ClassVar, Final, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
 from sim_action.core import units
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.wording import shown
+
+if TYPE_CHECKING:
+    from statistics import NormalDist
 
 _QUANTITY: Final = re.compile(
     r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*((?:[A-Za-z][A-Za-z0-9/^ ]{0,19})?)\s*"
