@@ -110,7 +110,7 @@ def _passages(replay: Replay, way: FloatArray) -> Iterator[FloatArray]:
             continue
         places = np.column_stack([column.decoded(count)[rows] for column in replay.frames.tracks[body.track][:2]])
         present = (time >= (body.appears or -math.inf)) & (time < (body.disappears or math.inf))
-        if np.ptp(places[present], axis=0).max(initial=0) > _MOVED_M:
+        if present.any() and np.ptp(places[present], axis=0).max() > _MOVED_M:
             yield places[present & ((places > low - reach) & (places < high + reach)).all(axis=1)]
 
 

@@ -89,10 +89,11 @@ def test_marks_that_move_with_a_link_are_drawn_where_they_are_at_the_end() -> No
 
 
 @pytest.mark.parametrize(
-    ("y", "appears", "highest"), [(3.0, None, 3.0), (3.0, 1.0, 1.5), (0.04, None, 0.8), (40.0, None, 3.0)]
+    ("y", "appears", "highest"),
+    [(3.0, None, 3.0), (3.0, 1.0, 1.5), (3.0, 100.0, 0.8), (0.04, None, 0.8), (40.0, None, 3.0)],
 )
 def test_bodies_that_move_are_in_view_where_they_are_near(y: float, appears: float | None, highest: float) -> None:
-    """From 1 s on, the first one is half way; far away, or if it hardly moves, it does not widen the view."""
+    """From 1 s on, the first one is half way; far away, not there yet, or hardly moving, it does not widen the view."""
     svg = ET.fromstring(drawing(passed_by(y, appears=appears), outcome("a.sim.yml")))
     margin = 0.35
     assert -float(svg.attrib["viewBox"].split()[1]) == pytest.approx(highest + margin, abs=0.35)
