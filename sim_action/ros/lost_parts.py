@@ -12,7 +12,7 @@ from typing import Final
 
 from sim_action.core.records import dataclass
 
-_SERVERS: Final = frozenset({"gz", "ign", "gazebo", "gzserver"})
+_SERVERS: Final = frozenset({"gz", "ign", "gazebo", "gzserver", "debug", "gdbrun", "perf"})
 _SPAWNERS: Final = frozenset(
     {"ros_gz_sim/create", "ros_ign_gazebo/create", "gazebo_ros/spawn_entity.py", "gazebo_ros/spawn_model"}
 )
