@@ -310,25 +310,22 @@ class Inspection(FrozenModel):
     root: str
     links: tuple[LinkEntry, ...]
     joints: tuple[JointEntry, ...]
-    # lower_xyz, upper_xyz: m, corners of the box around all collision shapes, in the base frame, with the joints at
-    # their start; None without shapes. height: m, of the base link above the ground when the lowest shape touches it; 0
-    # if it is bolted to the world. wheels: links that look like wheels. drive: the recognised drive with its figures,
-    # if any; drive_source: the plugin, controller or tag that it was recognised from, or "geometry";
+    # m, corners of the box around all collision shapes, in the base frame, with the joints at their start; None without
+    # shapes
     lower_xyz: Vector3 | None
     upper_xyz: Vector3 | None
+    # m, of the base link above the ground when the lowest shape touches it; 0 if it is bolted to the world
     height: float | None
-    wheels: tuple[WheelEntry, ...]
-    drive: str | None
-    drive_source: str | None
+    wheels: tuple[WheelEntry, ...]  # links that look like wheels
+    drive: str | None  # the recognised drive with its figures
+    drive_source: str | None  # the plugin, controller or tag that it was recognised from, or "geometry"
     drive_plugin: str  # the plugin that turns its wheels as in Gazebo, or empty
-    # why no drive is recognised, most likely first; empty for a robot that cannot roll. needs: rules that `robot.allow`
-    # must name. robot: a `robot:` block to paste.
+    # why no drive is recognised, most likely first; empty for a robot that cannot roll
     drive_reasons: tuple[str, ...]
-    # of the audit. harmless: the parts that are not read and without which the motion is the same.
-    findings: tuple[Finding, ...]
-    harmless: tuple[Finding, ...]
-    needs: tuple[str, ...]
-    robot: str
+    findings: tuple[Finding, ...]  # of the audit
+    harmless: tuple[Finding, ...]  # the parts that are not read and without which the motion is the same
+    needs: tuple[str, ...]  # rules that `robot.allow` must name
+    robot: str  # a `robot:` block to paste
 
 
 def inspect_model(robot: Robot, workspace: Workspace) -> Inspection:

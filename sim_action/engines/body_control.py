@@ -33,7 +33,10 @@ class BodyControl(Protocol):
         """Set pose and twist of a body; without a mass, the twist acts only on what touches it in the next step."""
 
     def apply_force(self, target: Target, force_xyz: Vector3, torque_xyz: Vector3, point_xyz: Vector3 | None) -> None:
-        """Add a force in N and a torque in N m, world frame, for the next step; `point_xyz`: of the target, in m."""
+        """Add a force in N and a torque in N m, world frame, for the next step.
+
+        `point_xyz`: where the force acts, in m, in the frame of the target; None: its centre of mass.
+        """
 
     def attract(self, target: Target, force: float) -> None:
         """Pull a target and each thing that touches it together for the next step, with a force in N per pair."""

@@ -84,7 +84,10 @@ class Engine(RobotQueries, Protocol):
         """Return the present contacts of the requested links, as those of step `step`."""
 
     def collect_bodies(self) -> FloatArray:
-        """Return the poses (T, M, 7) of the bodies with a mass, in their order, after each step since the last call."""
+        """Return the poses (T, M, 7) of the bodies with a mass after each step since the last call.
+
+        They have the order of the world: position, and unit quaternion x, y, z, w.
+        """
 
     def touching(self) -> tuple[Overlap | Clash, ...]:
         """Return the contacts of the last step, some pairs several times; a negative depth is a gap."""

@@ -45,7 +45,7 @@ NearestPoints = Callable[[str, Collection[str]], dict[str, Nearest]]
 
 
 def path_contacts(scene: Scene, shaped: Collection[str], nearest: NearestPoints) -> PathContacts | None:
-    """Return the contacts of bodies on paths with links that cannot move, if `shaped` and any; else None."""
+    """Return the contacts of bodies on paths with links that cannot move, of the links `shaped`; None without any."""
     if not any(body.path for body in scene.world.objects):
         return None
     links = sorted(scene.bolted_links.intersection(shaped))

@@ -82,7 +82,7 @@ class TextColumn(FrozenModel):
 
     @classmethod
     def encoded(cls, values: FloatArray, scale: float) -> TextColumn:
-        """Return the column of values (N,) in steps, with gaps for infinite ones and differences within `MAX_DELTA`."""
+        """Return the column of values (N,), with differences cut at `MAX_DELTA` steps, and gaps where not finite."""
         there = np.isfinite(values)
         steps = _steps(values, there, scale)
         deltas = np.clip(np.diff(steps), -MAX_DELTA, MAX_DELTA)

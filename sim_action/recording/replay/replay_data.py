@@ -168,9 +168,8 @@ class Replay(FrozenModel):
     signals: Annotated[tuple[SignalData, ...], Field(max_length=MAX_SIGNALS)] = ()
     marks: Annotated[tuple[scene_data.MarkData, ...], Field(max_length=scene_data.MAX_MARKS)] = ()
     channels: Annotated[tuple[ChannelData, ...], Field(max_length=MAX_CHANNELS)] = ()  # further recorded quantities
-    scenario: scene_data.Text | None = (
-        None  # the name of the scenario; null in version 1 and in runs that a launch file describes
-    )
+    # the name of the scenario; null in version 1 and in runs that a launch file describes
+    scenario: scene_data.Text | None = None
     scans: Annotated[tuple[ScanData, ...], Field(max_length=MAX_SENSORS)] = ()  # the scans of lidars
     cameras: Annotated[tuple[CameraData, ...], Field(max_length=MAX_SENSORS)] = ()  # the pictures of cameras
     # the bodies that the robot met, and which sensors saw them

@@ -82,7 +82,7 @@ def frames_of(positions_xyz: FloatArray, orientations_xyzw: FloatArray) -> Frame
 
 
 def link_frames(model: RobotModel, base: Pose, positions: FloatArray) -> dict[str, Pose]:
-    """Return the poses of all links, and `base`, as columns (T,); `positions`: (T, J) of moving joints."""
+    """Return the poses of all links as columns (T,); `base`: as columns; `positions`: (T, J) of moving joints."""
     columns = zip(model.moving_joints, positions.T, strict=True)
     joints: Any = {joint.name: JointState(column, 0.0, 0.0) for joint, column in columns}
     states = LinkStates(model, base, Twist(), joints, np)
@@ -268,7 +268,10 @@ def _rows(columns: Any) -> FloatArray:
 
 
 def centre_of_mass(model: RobotModel, trace: Trace, loads: Mapping[str, FloatArray] | None = None) -> FloatArray:
-    """Return the positions (T, 3) in m of the centre of mass; `loads`: link -> masses (T,) in kg that it carries."""
+    """Return the positions (T, 3) in m of the robot's centre of mass, world frame; some link must have a mass.
+
+    `loads`: link -> masses (T,) in kg that are added at its own centre of mass.
+    """
     moments, total = np.zeros((len(trace), 3)), np.zeros((len(trace), 1))
     for link in (link for link in model.links if link.mass):
         motion = link_motion(model, trace, link.name)

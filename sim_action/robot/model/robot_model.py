@@ -142,7 +142,7 @@ Color = tuple[float, float, float]
 class Shape:
     """A collision shape of a link."""
 
-    kind: str  # "box", "cylinder", "sphere", "mesh", ..
+    kind: str  # "box", "cylinder", "sphere", "mesh", ...
     pose: Pose  # in the link's frame
     radius: float | None = None  # m, for cylinders, capsules and spheres
     lower_xyz: Vector3 = ZERO  # lower_xyz, upper_xyz: m, the corners of its bounding box, in its own frame

@@ -22,7 +22,7 @@ from sim_action.ros.ros1.gazebo_plugins import DRIVE_PLUGINS
 from sim_action.world import Body
 from sim_action.world.world_files import Loss, WorldFile, plugin_names, read_world_file
 
-_EMPTY_WORLD: Final = Path("worlds/empty.world")  # gazebo's own world, which has only a ground and a light
+_EMPTY_WORLD: Final = Path("worlds/empty.world")  # Gazebo's own world, which has only a ground and a light
 
 
 class BadWorld(Exception):

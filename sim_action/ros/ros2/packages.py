@@ -353,7 +353,7 @@ class Packages:
         return next((file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None)
 
     def missing_modules(self, program: Path) -> list[str]:
-        """Return modules that a program imports at its start and that are in no place where it looks, if installed."""
+        """Return modules that a program always imports, and that it does not find. Needs an installation."""
         assert self.ros is not None
         stated = [path for path in (self.ros.variables.get("PYTHONPATH") or "").split(os.pathsep) if path]
         own = (self.ros.python.parent.parent, Path("/usr"), Path("/usr/local"), Path.home() / ".local")

@@ -9,7 +9,7 @@ from sim_action.core.workspace import PathError, Workspace
 
 
 class ShapeError(ValueError):
-    """An unusable shape: the key below it that causes it; `number`: its index in `shapes`, if any."""
+    """An unusable shape; `key`: the key below it that causes this; `number`: its index in `shapes`, if any."""
 
     def __init__(self, message: str, key: str = "file") -> None:
         self.key = key
