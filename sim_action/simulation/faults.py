@@ -44,7 +44,7 @@ class FaultSeams(Seams):
     def __init__(self, faults: Sequence[Fault], scene: Scene, inner: Seams) -> None:
         """Prepare the faults for a scene."""
         self._faults, self._inner, self._model = faults, inner, scene.model
-        self.runs_on = inner.runs_on
+        self.runs_on, self.looks_ahead = inner.runs_on, inner.looks_ahead
         self._kinds = {fitting.name: fitting.kind for fitting in scene.sensors}
         self._rate, held = scene.physics.rate, held_joints(scene.model)
         self._motors = [

@@ -260,6 +260,8 @@ class _Loop:
             digest.add_transcript(transcript, panel.time)
         audited = self._audited(panel, begin, motion, kept, placed)
         findings = (*audited, *self._source_findings(), *self._missed_events(panel))
+        # Before the verdicts: for these the run may go on.
+        notes = self._notes_of_end(panel, {finding.message for finding in findings})
         return SimulationRun(
             trace=kept,
             verdicts=self._verdicts(panel, start, progress),
@@ -268,7 +270,7 @@ class _Loop:
             travelled=float(kept.planar_distance_to(*start.pose.position_xyz[:2])[-1]),
             wall_time=wall_time,
             engine=self._backend.version,
-            notes=self._notes_of_end(panel, {finding.message for finding in findings}),
+            notes=notes,
             findings=findings,
             events={} if self._events is None else self._events.times(panel.time),
         )

@@ -22,9 +22,11 @@ from sim_action.commands.twist import TwistCommands
 from sim_action.core.geometry import Pose, Twist
 from sim_action.scenario.loading import build_scene
 from sim_action.scenario.model import Expectation, LoadedScenario, Scenario
+from sim_action.scenario.mutation import Mutation
 from sim_action.sensors import Measure, Mount, MountedSensor, Sensor
 from sim_action.simulation import panel
 from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.mutations import MutantSeams
 from sim_action.simulation.panel import End, Panel
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Transcript
@@ -114,6 +116,19 @@ def test_the_length_of_a_period_changes_no_result(
     assert usual.end == other.end == end
     assert (usual.digest, usual.verdicts, usual.findings) == (other.digest, other.verdicts, other.findings)
     assert usual.trace.time.tolist() == other.trace.time.tolist()
+
+
+@pytest.mark.parametrize("faults", ["", "faults: [{motor: wheel_left_joint, weak: 90 %, at: 0.1 s}]\n"])
+def test_a_run_that_looks_ahead_has_the_notes_of_its_end(faults: str, tmp_path: Path) -> None:
+    push = "{disturb: {force: [1 N, 0, 0], for: 0.1 s, at: 1 s}}"
+    late = f"events:\n  - {{name: late, when: {{at: 1.6 s}}, do: [{push}]}}\n"
+    loaded = load(tmp_path, LEAST.replace("1.5 m", "1 m") + faults + late)
+    scene = build_scene(loaded)
+    usual = simulate(loaded.scenario, scene, lambda _: None)
+    ahead = simulate(loaded.scenario, scene, lambda _: None, seams=MutantSeams(Mutation(looks_ahead=True), scene))
+    assert usual.sim_time < 1.6 < 1.2 * usual.sim_time
+    assert [verdict.extreme is None for verdict in (*usual.verdicts, *ahead.verdicts)] == [True, False]
+    assert ahead.notes == usual.notes
 
 
 @pytest.mark.parametrize("allowed", [False, True])
