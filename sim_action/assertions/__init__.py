@@ -155,7 +155,7 @@ class Assertion(FrozenModel):
     def held(
         self, scene: Scene, start: Observation, trace: Trace, window: tuple[float, float], span: float | None
     ) -> tuple[Signal, ...]:
-        """Return the curve of the time for which a goal holds, for `span` or from t = 0 on; `window`: in s."""
+        """Return the time for which a goal holds, if it must for `span` or from t = 0 on; `window`: begin, end in s."""
         if not (self.is_goal and self.has_truth):
             return ()
         return Window(self._becoming(scene, start, span), *window).signals(trace)
@@ -243,7 +243,7 @@ class Assertion(FrozenModel):
         return None
 
     def placed_leaves(self) -> Iterator[tuple[KeyPath, Assertion]]:
-        """Yield the assertions that judge the robot, themselves or as parts, with the keys that lead to values."""
+        """Yield the assertion, or its parts if it is combined, each with the keys that lead to its value."""
         yield (self.key,), self
 
     def negated_leaves(self) -> Iterator[Assertion]:

@@ -230,7 +230,7 @@ def _errors(record: SensorRecord, truths: FloatArray, ways: FloatArray) -> dict[
 
 
 def _around(wanted: FloatArray, time: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
-    """Return the steps around each of (N,) times, and the place between in [0, 1], as exact as the times."""
+    """Return the steps around each of (N,) times, twice a step of equal time, and the place between in [0, 1]."""
     last = len(time) - 1
     after = np.minimum(np.searchsorted(time, wanted - _SAME_TIME_S), last)
     before = np.where(time[after] > wanted + _SAME_TIME_S, np.maximum(after - 1, 0), after)

@@ -135,7 +135,7 @@ class PoseTarget(MotionAssertion):
     def angle(
         self, yaw: float = 0.0, left: Quaternion = geometry.IDENTITY, right: Quaternion = geometry.IDENTITY
     ) -> TargetAngle | None:
-        """Return the required heading, plus `yaw` in rad, or orientation, with a rotation on both sides; or None."""
+        """Return the required heading plus `yaw` in rad, or orientation between two rotations; None for any."""
         if self.orientation is not None:
             target = geometry.multiply(geometry.multiply(left, self.orientation.orientation_xyzw), right)
             return TargetAngle("orientation", self.orientation.tolerance, target)

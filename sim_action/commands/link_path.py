@@ -199,7 +199,7 @@ class Follower:
         return Plan(path, start, tuple(samples))
 
     def follow(self, path: LinkPath, tick: int, base: Pose, values: Values) -> Values:
-        """Return the joint positions at a tick after those before it; `base`: its pose for the path. Raises Blocked."""
+        """Return the joint positions at a tick, from those before; `base`: its pose as for the path. Raises Blocked."""
         to_base = geometry.inverse(base)
         start, end = (tick - 1) / self.rate, tick / self.rate
         way = distances(self.chain.pose(values), geometry.compose(to_base, path.pose(end)))
@@ -286,7 +286,7 @@ def miss(nearest: Solution, to_base: Pose) -> str:
 
 
 def unreachable(follower: Follower, goals: Iterable[Pose], base: Pose, start: Values) -> Iterator[tuple[int, str]]:
-    """Yield the index of each waypoint that no joint positions reach, and a message; `base`: pose for the goals."""
+    """Yield the index of each unreachable waypoint, and a message; `base`: its pose in the frame of the goals."""
     values, to_base = start, geometry.inverse(base)
     for index, goal in enumerate(goals):
         found = search(follower.chain, geometry.compose(to_base, goal), values, turns=follower.turns)

@@ -226,7 +226,7 @@ _NO_CODE: Final = (
 
 
 def merge_repeats(loaded: LoadedScenario, outcomes: Sequence[Outcome], folder: Path) -> Outcome:
-    """Return one outcome for all runs, without a verdict if flaky; traces are named from `folder`, one of equals."""
+    """Return one outcome for all runs, without a verdict if flaky; of equal runs, one trace is kept in `folder`."""
     if len(outcomes) == 1:
         return outcomes[0]
     # An interruption or an internal error says nothing about the repeatability of the scenario.

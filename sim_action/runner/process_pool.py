@@ -67,7 +67,7 @@ def _warmed_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, r
 def warm_up(
     scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool, preloads: bool = True
 ) -> None:
-    """Import once for all forks the engines, reports and `preloads`. Raises OSError, ImportError, MemoryError."""
+    """Import what all forks need; `preloads`: what few of them need, too. Raises OSError, ImportError, MemoryError."""
     for model in (Scope, ExpectationOutcome, Outcome):
         model.model_rebuild()
     if replays:

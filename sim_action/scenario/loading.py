@@ -52,7 +52,7 @@ class Libraries:
 def load_scenario(
     path: Path, permissions: Permissions = _PERMISSIONS, libraries: Libraries | None = None, *, evaluate: bool = False
 ) -> LoadedScenario:
-    """Read a file with one scenario, `path` in problems, and check all but a run. Raises InvalidScenario."""
+    """Read a file with one scenario, which problems name `path`, and check it without a run. Raises InvalidScenario."""
     return checked(read_only_scenario(path, permissions), permissions, libraries, evaluate=evaluate)
 
 

@@ -64,12 +64,12 @@ Scenarios = tuple[Source | Refused, ...]  # the scenarios of one file
 class Selection:
     """The selection options of the command line; an empty one excludes nothing."""
 
-    # only, exclude: patterns of names, in which `*` and `?` are wildcards and brackets stand for themselves. An exact
-    # name selects only that scenario. The name of a scenario selects all of its variations. tags,
+    # Patterns of names, in which `*` and `?` are wildcards and brackets stand for themselves. An exact name selects
+    # only that scenario. The name of a scenario selects all of its variations.
     only: tuple[str, ...] = ()
     exclude: tuple[str, ...] = ()
-    tags: tuple[str, ...] = ()
-    exclude_tags: tuple[str, ...] = ()  # a scenario must have at least one of the first and none of the second
+    tags: tuple[str, ...] = ()  # a scenario must have at least one of them
+    exclude_tags: tuple[str, ...] = ()  # a scenario must have none of them
 
     def takes(self, scenario: Source | Refused, names: AbstractSet[str]) -> bool:
         """Return True if a scenario is selected by name or tags, which an unreadable one may have; `names`: of all."""

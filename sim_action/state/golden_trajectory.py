@@ -137,7 +137,7 @@ def rows_of(trace: Trace, joints: Sequence[str]) -> FloatArray:
 
 
 def interpolated(rows: FloatArray, times: FloatArray) -> FloatArray:
-    """Return rows (N, 5 + J) at N times, linear between the two nearest, yaw on the short way; else constant."""
+    """Return rows (N, 5 + J) at N times: linear, yaw on the short way; constant before the first and after the last."""
     after = np.clip(np.searchsorted(rows[:, 0], times), 0, len(rows) - 1)
     before = np.maximum(after - 1, 0)
     step = rows[after] - rows[before]

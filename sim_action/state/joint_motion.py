@@ -51,7 +51,7 @@ class Curve:
         velocities: ArrayLike | None = None,
         accelerations: ArrayLike | None = None,
     ) -> Self:
-        """Return a smooth curve through points (K,); velocities that are None or NaN are those of a tame spline."""
+        """Return a smooth curve through points (K,), without overshoot where velocities are unknown: None or NaN."""
         at, value = _numbers(times), _numbers(values)
         speed = np.full(len(at), np.nan) if velocities is None else _numbers(velocities).copy()
         if (unknown := np.isnan(speed)).any():

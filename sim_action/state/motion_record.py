@@ -27,11 +27,11 @@ class MotionRecord:
     base: FloatArray
     # joint name -> its positions (T,) in rad, or m if prismatic
     joints: Mapping[str, FloatArray] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)  # joint name -> "rad" or "m"
     # links, bodies: name -> poses (T, 7) in the world frame, for those that are compared
     links: Mapping[str, FloatArray] = field(default_factory=dict)
     bodies: Mapping[str, FloatArray] = field(default_factory=dict)
-    bolted: bool = False
+    bolted: bool = False  # True if the base is fixed
 
     def __len__(self) -> int:
         return len(self.time)

@@ -261,7 +261,7 @@ class LidarScan:
 
 
 def shifted(reading: Reading, kind: str, offsets: Mapping[str, float | tuple[float, ...]]) -> Reading:
-    """Return a reading with offsets within the limits of the sensor; ranges beyond them are infinite."""
+    """Return a reading with offsets added, within the limits of its sensor; ranges beyond them are infinite."""
     values, columns = reading.columns(), columns_of(kind)
     changed: dict[str, Any] = {}
     for name, offset in offsets.items():

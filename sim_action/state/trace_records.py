@@ -96,8 +96,8 @@ class LinkTouch(NamedTuple):
     link: str
     body: str
     position_xyz: Vector3
-    normal_xyz: Vector3
-    force: float
+    normal_xyz: Vector3  # the unit normal of the surfaces, from the body to the link
+    force: float  # the normal force in N
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ class ContactRecord(_Table):
     body: NDArray[np.int64]
     position_xyz: NDArray[np.float64]
     normal_xyz: NDArray[np.float64]
-    force: NDArray[np.float64]
+    force: NDArray[np.float64]  # (N,) N, the normal force
 
     @classmethod
     def of(cls, found: Sequence[tuple[float, LinkTouch]]) -> Self:

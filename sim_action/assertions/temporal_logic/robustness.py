@@ -187,7 +187,7 @@ class Cause:
 def cause(
     formula: Formula, samples: Samples, index: int = 0, *, contrary: bool = False, strong: bool = False
 ) -> Cause | None:
-    """Return the comparison that decides a formula at a step, if its window is seen; see `robustness`."""
+    """Return the comparison that decides a formula; None if its window is empty or cut off; see `robustness`."""
     ahead = samples.between(index, seen_from(formula, samples, index))
     match formula:
         case Comparison():

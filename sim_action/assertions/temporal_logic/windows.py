@@ -30,9 +30,9 @@ class Window(Monitor):
     """A monitor that passes on the steps from `after` to `before` only. When it closes, a pending goal is judged."""
 
     monitor: Monitor
-    after: float = 0.0
+    after: float = 0.0  # after, before: in s of sim time; infinite: an event has not happened, or there is no end
     before: float = math.inf
-    over: bool = False
+    over: bool = False  # True if the window has closed
     steps: Judged = Judged()
 
     @property

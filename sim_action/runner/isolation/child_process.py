@@ -32,18 +32,7 @@ Former = dict[Path, _Identity | None]
 
 
 class ChildProcess(ABC):
-    """A running child process.
-
-    `progress`: readable for `select` if there is progress, or if the child process has ended; `sim_time`: the last
-    reported sim time, in s; `moved`: `time.monotonic()` when it first reported that sim time; None: not yet; `left`:
-    after `close`, the number of processes that it left behind and that were ended, as far as known; `peak_memory`:
-    after `close`, the largest resident memory of one of its processes in bytes; 0 if not known; `silent`: True if there
-    will be no more progress; `judged`: `time.monotonic()` when it reported that its outcome is written; None: not yet;
-    `exit_call`: the line that called `os._exit`, as the child process says; `report`: after `close`, the content of its
-    files; `started`: `time.monotonic()` at its start; `begun`: True if it has begun to run its job; `is_doubtful`:
-    after `close`, True if runs before it in the same process may have changed how it ended; `refusal`: the error of the
-    system if it could not begin, before any code of the scenario has run; else None.
-    """
+    """A running child process."""
 
     forks: ClassVar[bool]  # True if child processes may be forks of this process, with its imported modules
     limits_memory: ClassVar[bool]  # True if the scenario's `memory_limit` is enforced
@@ -53,18 +42,22 @@ class ChildProcess(ABC):
     def __init__(self, job: Job, progress: int | socket.socket, former: Former | None = None) -> None:
         """Take the process of a job; `former`: the files before it started, None: it waits, and cannot write yet."""
         self.job = job
-        self.progress = progress
-        self.sim_time = 0.0
-        self.moved: float | None = None
+        self.progress = progress  # readable for `select` if there is progress, or if the child process has ended
+        self.sim_time = 0.0  # the last reported sim time, in s
+        self.moved: float | None = None  # `time.monotonic()` when it first reported that sim time; None: not yet
+        self.silent = False  # True if there will be no more progress
+        self.judged: float | None = None  # `time.monotonic()` when it reported that its outcome is written
+        self.exit_call: Location | None = None  # the line that called `os._exit`, as the child process says
+        self.started = time.monotonic()
+        self.begun = False  # True if it has begun to run its job
+        # The error of the system if it could not begin, before any code of the scenario has run.
+        self.refusal: OSError | None = None
+        # After `close`: the number of processes that it left behind and that were ended, as far as known; the largest
+        # resident memory of one of its processes in bytes, 0 if not known; the content of its files; True if runs
+        # before it in the same process may have changed how it ended.
         self.left = 0
         self.peak_memory = 0
-        self.silent = False
-        self.judged: float | None = None
-        self.exit_call: Location | None = None
         self.report = ChildReport()
-        self.started = time.monotonic()
-        self.refusal: OSError | None = None
-        self.begun = False
         self.is_doubtful = False
         self._unread = b""
         self._former = former_files(job) if former is None else former

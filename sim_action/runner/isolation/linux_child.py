@@ -59,7 +59,7 @@ _SEALS: Final = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
 
 
 class MemoryFiles:
-    """The files of one child process in memory: descriptors, of `output` for text, and as it inherits them."""
+    """The files of one child process in memory. `output`: descriptor for text; `inherited`: as the child has them."""
 
     def __init__(self, scratch: Path) -> None:
         """Make the files. Raise OSError."""

@@ -27,7 +27,7 @@ def prctl(option: int, value: int) -> None:
 
 
 def end_with_parent(parent: int, number: signal.Signals) -> None:
-    """Let this process get a signal when its parent ends, even before, and by SIGKILL."""
+    """Let this process get a signal when its parent ends, in whatever way; at once if it has ended already."""
     prctl(_PR_SET_PDEATHSIG, number)
     if os.getppid() != parent:
         os.kill(os.getpid(), number)

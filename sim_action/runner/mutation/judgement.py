@@ -170,7 +170,7 @@ def _sensitivity(expected: ExpectationOutcome) -> float | None:
 
 
 def next_strengths(original: Original, mutants: Sequence[JudgedMutant]) -> list[Mutant]:
-    """Return the mutants to run next: milder ones of those noticed, stronger ones of others, or for expectations."""
+    """Return the next mutants: milder than those noticed, stronger than others, or while an expectation saw none."""
     noticed = {place for judged_one in mutants for place in judged_one.result.noticed_by}
     idle = any(
         expected.verdict.passed and place not in noticed for place, expected in enumerate(original.outcome.expectations)

@@ -227,7 +227,7 @@ def _nearest(original: Original, body: Body, start: int = 0) -> tuple[int, float
 
 
 def _moved_place(original: Original, body: Body) -> tuple[float, float] | None:
-    """Return where an object is after its own size towards the way, not beyond it or in the robot; else None."""
+    """Return the place of an object moved by its size towards the way, not beyond it or into the robot; else None."""
     parts = parts_of(original, body)
     at, (start_x, start_y) = np.array((body.pose.x, body.pose.y)), original.moving_xy[0].tolist()
     index, distance = _nearest(original, body)
@@ -247,7 +247,7 @@ def _moved_place(original: Original, body: Body) -> tuple[float, float] | None:
 
 
 def _farther_place(original: Original, body: Body) -> tuple[float, float] | None:
-    """Return where an object that an arm comes to is after its own size away from the base; None: nowhere."""
+    """Return the place of an object that an arm comes to, moved by its size away from the base; None without one."""
     away = np.array((body.pose.x, body.pose.y)) - original.way_xy[0]
     distance = float(np.linalg.norm(away))
     if distance == 0:
