@@ -161,6 +161,8 @@ _ENDING_TIMEOUT_S: Final = 5.0
 _ENDING_POLL_S: Final = 0.001
 MAX_RUNS: Final = 500  # the most runs of one shared child process: each of them may leave a few kilobytes behind
 _MAX_ORDER_BYTES: Final = 32
+# Later environments and engines have a fresh interpreter for each run: the caller waits for the start of these.
+_MOST_INTERPRETERS: Final = 4
 
 
 Spawn = Callable[[Job, MemoryFiles, int], int]
@@ -453,7 +455,8 @@ class SharingStarter(child_process.Starter):
         super().__init__(LinuxChild)
         self._job_of = job_of
         self._waiting: list[SharedChild] = []
-        self._interpreter: PreloadedInterpreter | None = None
+        # Environment and engine -> what serves all scenarios with them.
+        self._interpreters: dict[object, PreloadedInterpreter] = {}
         self._preloads = True
 
     @override
@@ -474,34 +477,34 @@ class SharingStarter(child_process.Starter):
     @override
     def end_waiting(self) -> None:
         self._end_children()
-        self._end_interpreter()
+        self._end_interpreters()
 
     def _end_children(self, most: int = 0) -> None:
         while len(self._waiting) > most:
             self._waiting.pop(0).end()
 
-    def _end_interpreter(self) -> None:
-        interpreter, self._interpreter = self._interpreter, None
-        if interpreter is not None:
-            interpreter.close()
+    def _end_interpreters(self) -> None:
+        while self._interpreters:
+            self._interpreters.popitem()[1].close()
 
     def _preloaded(self, job: Job, files: MemoryFiles, writer: int) -> int:
-        """Start a supervisor as a fork of an interpreter that serves all scenarios with this environment and engine."""
+        """Start a supervisor as a fork of an interpreter with the environment and engine of the job."""
         # Few calls have scenarios with user code.
         from sim_action.runner.isolation.preloaded_interpreter import PreloadedInterpreter
 
         environment, engine = child_process.job_environment(job), chosen(job.loaded.scenario.backend)
-        former = self._interpreter
-        if former is not None and (former.environment, former.engine) != (environment, engine):
-            self._end_interpreter()
+        kind = (frozenset(environment.items()), engine)
+        if kind not in self._interpreters and len(self._interpreters) >= _MOST_INTERPRETERS:
+            return _spawn(job, files, writer)
         try:
-            self._interpreter = self._interpreter or PreloadedInterpreter(environment, engine)
+            if kind not in self._interpreters:
+                self._interpreters[kind] = PreloadedInterpreter(environment, engine)
             with pickled((job, files.inherited)) as pickle_file:
-                return self._interpreter.fork(pickle_file, writer, files.inherited.descriptors)
+                return self._interpreters[kind].fork(pickle_file, writer, files.inherited.descriptors)
         except OSError:
             # A script may have killed it, or it has threads.
             self._preloads = False
-            self._end_interpreter()
+            self._end_interpreters()
             return _spawn(job, files, writer)
 
     def _take_waiting(self, kind: object) -> SharedChild | None:

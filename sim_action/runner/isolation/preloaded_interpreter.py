@@ -33,18 +33,14 @@ _MAX_DESCRIPTORS: Final = 8
 
 
 class PreloadedInterpreter:
-    """The interpreter, as the caller sees it.
-
-    `environment`: the environment variables of its scenarios; `engine`: the name of their engine.
-    """
+    """The interpreter, as the caller sees it."""
 
     def __init__(self, environment: Mapping[str, str], engine: str) -> None:
-        """Start it; it imports while this process goes on. Raise OSError."""
+        """Start it for an engine; it imports while this process goes on. Raise OSError."""
         import socket  # few calls have such scenarios
 
         if _SYS_CLONE is None:
             raise OSError
-        self.environment, self.engine = environment, engine
         self._channel, others = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._channel.settimeout(_PATIENCE_S)
         try:

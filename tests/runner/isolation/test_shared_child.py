@@ -95,10 +95,19 @@ def control(observation):
 """
 
 
+def on(route: str) -> str:
+    return f"environment: {{ROUTE: {route}}}\n"
+
+
 @pytest.mark.parametrize(
     ("more", "killed", "expected"),
-    [([""] * 2, False, (1, 0)), (["", "environment: {ROUTE: north}\n"], False, (2, 0)), ([""] * 2, True, (1, 2))],
-    ids=["alike", "environments", "killed"],
+    [
+        ([""] * 2, False, (1, 0)),
+        (["", on("north")] * 2, False, (2, 0)),
+        ([*map(on, "abc"), *map(on, "cba")], False, (2, 2)),
+        ([""] * 2, True, (1, 2)),
+    ],
+    ids=["alike", "environments", "many environments", "killed"],
 )
 def test_runs_with_user_code_share_an_interpreter_without_their_traces(
     more: Sequence[str], killed: bool, expected: tuple[int, int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -118,6 +127,7 @@ def test_runs_with_user_code_share_an_interpreter_without_their_traces(
 
     monkeypatch.setattr(PreloadedInterpreter, "__init__", counted)
     monkeypatch.setattr(linux_child, "_spawn", spawned)
+    monkeypatch.setattr(linux_child, "_MOST_INTERPRETERS", 2)
     (tmp_path / "c.py").write_text(ALONE)
     scenarios = loaded(tmp_path, ["", *(f"commands: {{script: c.py}}\n{each}" for each in more), ""])
     # Those without user code are forks of this process; the first of them ends before a script begins.
