@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 _SIGNALS: Final = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK") if hasattr(signal, name)
 )
+_CHILD_ENDED: Final[signal.Signals | None] = getattr(signal, "SIGCHLD", None)
 
 
 def hold_signals() -> None:
@@ -71,6 +72,9 @@ class Interruption:
             self._wakeup = signal.set_wakeup_fd(_descriptor(self._written_to))
             handled = [number for number in _SIGNALS if not _is_silenced(number)]
             self._handlers = {number: signal.signal(number, self._notice) for number in handled}
+            if _CHILD_ENDED is not None and signal.getsignal(_CHILD_ENDED) is signal.SIG_IGN:
+                # The parent of this process ignored it: the system would keep no exit status of its children.
+                self._handlers[_CHILD_ENDED] = signal.signal(_CHILD_ENDED, signal.SIG_DFL)
             release_signals()
         return self
 

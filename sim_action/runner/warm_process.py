@@ -254,6 +254,8 @@ def main() -> NoReturn:
     connection = Connection(int(sys.argv[1]))
     os.set_inheritable(connection.fileno(), False)
     collect_garbage_rarely()
+    # The caller may ignore it, and the system would keep no exit status of a fork.
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     own = os.getpid()
     with suppress(EOFError, ConnectionError):
         while True:

@@ -126,6 +126,16 @@ def reported(folder: Path) -> Mapping[str, str]:
     return found
 
 
+def test_a_run_whose_parent_ignored_the_ends_of_its_children_has_its_verdicts(folder: Path) -> None:
+    (folder / "b-endless.sim.yml").unlink()
+    ignoring = (
+        "import os, signal, sys\nsignal.signal(signal.SIGCHLD, signal.SIG_IGN)\nos.execv(sys.argv[1], sys.argv[1:])"
+    )
+    with running(folder, sys.executable, "-c", ignoring) as process:
+        assert process.wait(PATIENCE) == 0
+    assert reported(folder) == {"a-quick": "passed", "c-later": "passed"}
+
+
 # SIGHUP comes with the closed terminal below.
 @pytest.mark.parametrize("number", soaked(SIGNALS, short=[signal.SIGINT, signal.SIGTERM]))
 def test_a_signal_leaves_reports_of_what_had_finished(folder: Path, number: signal.Signals) -> None:

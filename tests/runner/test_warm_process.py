@@ -226,6 +226,16 @@ os._exit(call_beside(prints, (), lambda _: None))
     assert subprocess.run([sys.executable, "-c", taken], cwd=ROOT, check=False).returncode == 7
 
 
+def test_a_caller_that_ignores_the_ends_of_its_children_gets_answers() -> None:
+    program = """
+import os, signal
+signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+from tests.runner.test_warm_process import call_beside, prints
+os._exit(call_beside(prints, (), lambda _: None))
+"""
+    assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False).returncode == 7
+
+
 PREPARED: list[str] = []
 
 
