@@ -525,12 +525,12 @@ class _Loop:
     def _guards_from(self, start: Observation, placed: FloatArray) -> Iterator[Guard]:
         """Yield the guards of a run that starts with this observation and these poses of bodies."""
         scene, objects = self._scene, self._scene.world.objects
-        tunnelling = Tunnelling(scene, start, placed, solid_terrain=self._backend.solid_terrain)
         if objects or self._actors:
+            tunnelling = Tunnelling(scene, start, placed, solid_terrain=self._backend.solid_terrain)
             yield tunnelling
-        if self._actors:
-            self._actors.begin(placed, tunnelling)
-            yield self._actors
+            if self._actors:
+                self._actors.begin(placed, tunnelling)
+                yield self._actors
         is_crossed = any(body.path for body in objects)
         if is_crossed:
             # Few worlds have bodies on paths.
