@@ -174,7 +174,7 @@ class CommandSource(Transmission):
         return frozenset()
 
     def marks_between(self, controller: Controller, sender: str, begin: float, end: float) -> Iterator[TimeMark]:
-        """Yield its marks between two sim times in s, of commands the last; `sender`: in words; `begin`: its 0."""
+        """Yield its marks, of commands the last, from its time 0, `begin`, to `end` in s; `sender`: in words."""
         is_timed = isinstance(controller, OpenLoop)
         stated = [*self.time_marks(sender), *(controller.marks if is_timed else ())]
         marks = [replace(mark, time=mark.time + begin, until=_later(mark.until, begin)) for mark in stated]

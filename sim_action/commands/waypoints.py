@@ -114,7 +114,9 @@ _ROUNDING: Final = 1e-9  # points that are closer than this are equal
 _FAR_OFF: Final = math.radians(45)
 _ALIGNED: Final = math.radians(3)
 _AT_THE_POINT: Final = 0.25  # within this share of the tolerance, the robot has arrived
-_BRAKES: Final = 0.5  # shares of the drive's limits that are used; the rest is a reserve for corrections
+
+# Shares of the drive's limits that are used; the rest is a reserve for corrections.
+_BRAKES: Final = 0.5
 _TIGHTEST: Final = 0.99
 
 

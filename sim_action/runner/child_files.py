@@ -16,9 +16,11 @@ from sim_action.core.files import whole_file
 from sim_action.core.records import dataclass
 
 Place = int | Path  # a descriptor of a file in memory, or a path
+# The names in a scratch folder.
 OUTCOME_FILE: Final = "outcome.json"
 OUTPUT_FILE: Final = "output.txt"
-STACK_DUMP_FILE: Final = "hang.txt"  # the names in a scratch folder
+STACK_DUMP_FILE: Final = "hang.txt"
+
 MAX_OUTCOME_BYTES: Final = 32 << 20
 MAX_OUTPUT_BYTES: Final = 64_000
 MAX_STACK_DUMP_BYTES: Final = 1_000_000

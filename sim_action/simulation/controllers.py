@@ -96,7 +96,7 @@ class TargetStep(NamedTuple):
 
 
 class _Motions:
-    """The position targets in effect, `active` ones alone, and `steps`: joint -> the steps of its targets."""
+    """The motions of position targets; `active`: those that have not ended; `steps`: joint -> steps of its targets."""
 
     def __init__(self, beginnings: Mapping[str, float], rate: float, told: Told) -> None:
         """`beginnings`: the positions in rad (or m) of the joints at t = 0."""

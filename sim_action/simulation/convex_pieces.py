@@ -48,7 +48,7 @@ _DIRECTIONS: Final = np.vstack((np.eye(3), _directions(64)))
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A convex piece in the frame of its link or body, in m; `is_ball`: it may turn about `centre`."""
+    """A convex piece in the frame of its link or body, in m."""
 
     points: FloatArray  # (P, 3)
     radius: float  # the rounding
@@ -69,7 +69,7 @@ class Piece:
 
     @property
     def is_ball(self) -> bool:
-        """See the attributes."""
+        """True if turning it about `centre` changes nothing."""
         return len(self.points) == 1
 
     def extents(self, directions: FloatArray) -> FloatArray:

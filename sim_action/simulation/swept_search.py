@@ -189,7 +189,7 @@ class _Search:
         return best
 
     def _fast_steps(self, piece: Piece, end: int) -> list[tuple[int, float, float]]:
-        """Return steps with more motion than the extent of a piece and the least thickness, each with both in m."""
+        """Return steps with more motion than extent of a piece and least thickness, with motion and extent in m."""
         motion, thickness = self._motion, self._obstacle.least_thickness
         orientation: Any = tuple(self._turns.T)
         x, y, z = geometry.rotate(orientation, tuple(piece.centre.tolist()))

@@ -59,7 +59,7 @@ def receive(archive: Archive, dask_worker: Any) -> None:
 
 
 def perform(task: Task, topic: str) -> Reply:
-    """Run a task in this worker. `topic`: where the caller hears a `Report` of its begin and its progress."""
+    """Run a task in this worker. `topic`: where the caller hears a `Report` at its start, and of its progress."""
     worker = get_worker()
     if differences := "; ".join(software(tuple(dict(task.software.engines))).differences(task.software)):
         return Reply(worker.address, refusal=f"its software is another one: {differences}")

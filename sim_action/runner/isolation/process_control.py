@@ -48,8 +48,9 @@ def _limit(kind: int, most: int) -> None:
     resource.setrlimit(kind, (most, most))
 
 
+# Constants of glibc's malloc.h.
 _M_TRIM_THRESHOLD: Final = -1
-_M_MMAP_MAX: Final = -4  # constants of glibc's malloc.h
+_M_MMAP_MAX: Final = -4
 
 
 def keep_freed_memory() -> None:
