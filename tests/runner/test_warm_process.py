@@ -56,6 +56,11 @@ def dies(*, emit: Emit) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def lasts(*, emit: Emit) -> None:
+    emit(os.getpid())
+    signal.pause()
+
+
 def prints(*, emit: Emit) -> int:
     for descriptor in (1, 2):
         os.write(descriptor, b"text that is no message")
@@ -135,7 +140,7 @@ def test_a_process_that_was_killed_is_an_error_and_the_next_call_has_another() -
 
     parent = call_beside(seen, ("HOME",), ignore)["parent"]
     with pytest.raises(InternalError, match="the process that should run the scenarios has ended"):
-        call_beside(seen, ("HOME",), kill)
+        call_beside(lasts, (), kill)
     assert killed
     assert call_beside(seen, ("HOME",), ignore)["parent"] != parent
 
