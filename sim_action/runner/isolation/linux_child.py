@@ -49,10 +49,10 @@ from sim_action.runner.isolation import child_process, process_control
 from sim_action.runner.job import ENDED, ENDED_LAST, Job
 from sim_action.runner.process_output import flush_output, muted
 
+assert sys.platform == "linux"
+
 if TYPE_CHECKING:
     from sim_action.runner.isolation.preloaded_interpreter import PreloadedInterpreter
-
-assert sys.platform == "linux"
 
 # A mapping of a file that is cut off would crash the process that reads it.
 _SEALS: Final = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
