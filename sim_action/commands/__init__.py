@@ -65,7 +65,9 @@ class ClosedLoop:
     logged_errors: Sequence[str] = ()  # errors that programs of the user logged, complete during the run
     # returns why it has given no command, called before `close`; empty if that is not known
     why_silent: Callable[[], str] = str
-    marks: Sequence[TimeMark] = ()  # its marks of the timeline, complete during the run
+    # its marks of the timeline, complete during the run, with times like those that its observations have
+    marks: Sequence[TimeMark] = ()
+    is_timed: bool = False  # True if its observations, motions and marks have times since its start, not sim times
 
 
 Controller = OpenLoop | ClosedLoop  # a controller is called at every tick; None as its answer keeps the last command
@@ -175,7 +177,7 @@ class CommandSource(Transmission):
 
     def marks_between(self, controller: Controller, sender: str, begin: float, end: float) -> Iterator[TimeMark]:
         """Yield its marks, of commands the last, from its time 0, `begin`, to `end` in s; `sender`: in words."""
-        is_timed = isinstance(controller, OpenLoop)
+        is_timed = isinstance(controller, OpenLoop) or controller.is_timed
         stated = [*self.time_marks(sender), *(controller.marks if is_timed else ())]
         marks = [replace(mark, time=mark.time + begin, until=_later(mark.until, begin)) for mark in stated]
         marks += () if is_timed else controller.marks

@@ -178,9 +178,9 @@ class PoseCommands(LinkCommands):
         follower, start = self._follower(scene)
         motion = _Motion(self, follower, start)
         if self.pose.frame == "world" and not scene.bolted:
-            return ClosedLoop(motion.tracked, senses=False, notes=motion.notes, marks=motion.marks)
+            return ClosedLoop(motion.tracked, senses=False, notes=motion.notes, marks=motion.marks, is_timed=True)
         if self.pose.frame == "world" and scene.placement.z is None:
-            return ClosedLoop(motion.from_base, senses=False, marks=motion.marks)
+            return ClosedLoop(motion.from_base, senses=False, marks=motion.marks, is_timed=True)
         base = self._expected_base(scene)
         assert base is not None
         try:

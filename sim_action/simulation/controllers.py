@@ -60,9 +60,14 @@ class _Source:
     # link -> the wrenches on it that are in effect
     wrenches: dict[str, tuple[LinkWrench, ...]] = field(default_factory=dict)
     due: Sequence[int] | None = None  # the rising physics steps at which its controller is called; None: at every tick
-    origin: int = 0  # the physics step at which it starts, from which its ticks and the times of its commands count
+    origin: int = 0  # the physics step at which it starts, from which its ticks count
     # joint -> "position", "velocity" or "effort": what it commanded last; kept if events may stop it
     kinds: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def zero(self) -> int:
+        """The physics step from which the times of its motions count."""
+        return self.origin if isinstance(self.controller, OpenLoop) or self.controller.is_timed else 0
 
 
 def _until_due(source: _Source, step: int) -> int:
@@ -114,7 +119,7 @@ class _Motions:
             active = [followed.motion for followed in self.active]
             if until == math.inf and command.motions and all(map(active.__contains__, command.motions)):
                 return
-            self._leave(set(command.names()))
+            self.leave(set(command.names()))
         delay = (step - sent) / self._rate
         self.active += [_Followed(motion, delay, until) for motion in command.motions]
         for motion in command.motions:
@@ -168,10 +173,11 @@ class _Motions:
 
     def left(self, names: Collection[str]) -> dict[str, float]:
         """Let joints leave their motions, and return their last position targets."""
-        self._leave(set(names))
+        self.leave(set(names))
         return {name: self._last[name][0] for name in names}
 
-    def _leave(self, names: set[str]) -> None:
+    def leave(self, names: Collection[str]) -> None:
+        """Let joints leave their motions."""
         self.active = [
             followed._replace(motion=motion)
             for followed in self.active
@@ -321,6 +327,7 @@ class Controls:
 
     def _start(self, index: int, step: int) -> None:
         """Let a source begin at a physics step; one that is at work begins again."""
+        self._motions.leave(self._sources[index].moved)
         others = [source for source in self._active if source.index != index]
         source = replace(self._sources[index], origin=step)
         self._active = sorted((*others, source), key=lambda source: source.index)
@@ -428,7 +435,7 @@ class Controls:
         # What arrives late, or not at all, is known until the next tick only.
         is_sampled = source.line is not None and isinstance(source.controller, OpenLoop)
         until = (step + source.period) / self._rate if is_sampled else math.inf
-        self._motions.take(command, step, sent=sent - source.origin, until=until)
+        self._motions.take(command, step, sent=sent - source.zero, until=until)
         if command.wrenches is not None:
             command = replace(command, wrenches=self._pressed(source, command.wrenches))
         targets = targets.updated_by(command) if targets else command
@@ -459,7 +466,9 @@ class Controls:
         if isinstance(source.controller, OpenLoop):
             answer = source.controller.command((step - source.origin) / self._rate)
         else:
-            answer = source.controller.command(look(step))
+            seen = look(step)
+            seen = replace(seen, time=seen.time - source.zero / self._rate) if source.zero else seen
+            answer = source.controller.command(seen)
         if type(answer) is Twist:
             # Most ticks of a robot that drives.
             return (answer,)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from sim_action.commands import ClosedLoop
@@ -21,6 +22,7 @@ from sim_action.simulation.loop import simulate
 from sim_action.simulation.recorder import RunRecorder
 from sim_action.state.command import NO_PUSH, Command, JointTargets, LinkWrench
 from sim_action.state.observation import Observation
+from tests.commands.test_pose import mobile
 from tests.scenarios import LEAST, load, told
 from tests.traces import START
 
@@ -451,3 +453,45 @@ def test_the_timeline_has_the_commands_that_were_given(keys: dict[str, Any], mar
     titles = [mark.title for mark in footage.marks]
     assert len(titles) == len(marks)
     assert all(map(str.startswith, titles, marks)), titles
+
+
+POSE = {"link": "tip", "orientation": "free", "waypoints": [{"x": 0.5, "y": 0.4, "at": "1 s"}]}
+MOTION = """\
+from sim_action import JointMotion
+
+MOTIONS = []
+
+
+def control(seen):
+    if not MOTIONS:
+        MOTIONS.append(JointMotion.through(["elbow"], [seen.time, seen.time + 1], [[0.5], [1.3]]))
+    return MOTIONS[0]
+"""
+
+
+@pytest.mark.parametrize(
+    ("source", "is_again"),
+    [({"pose": {**POSE, "frame": "base"}}, True), ({"pose": POSE}, True), ({"script": "motion.py"}, False)],
+    ids=["open loop", "closed loop", "script"],
+)
+def test_the_motions_of_a_source_that_an_event_starts_have_their_times(
+    source: dict[str, Any], is_again: bool, tmp_path: Path
+) -> None:
+    """A path of 1 s counts from its start; a script knows the sim time, and goes on when it is started again."""
+    mobile(tmp_path)
+    (tmp_path / "motion.py").write_text(MOTION)
+    scenario = {
+        "name": "moves",
+        "robot": {"model": "mobile.urdf", "base": "fixed", "joints": {"elbow": 0.5}},
+        "commands": [{**source, "name": "arm"}],
+        "events": [at(0.5, "go", start="arm"), at(1.0, "again", start="arm")],
+        "expect": [{"joint_within": {"position": {"elbow": [0, 3]}}}],
+        "duration": 2.5,
+        "time_limit": 2.5,
+    }
+    (tmp_path / "s.sim.yml").write_text(json.dumps(scenario))
+    loaded = load_scenario(tmp_path / "s.sim.yml", Permissions(outside=True))
+    trace = simulate(loaded.scenario, build_scene(loaded), lambda _: None).trace
+    elbow = np.interp([0.5, 1.6, 2.1, 2.5], trace.time, trace.joint_position[:, 1])
+    assert elbow[[0, 2, 3]] == pytest.approx([0.5, 1.3, 1.3], abs=0.04)
+    assert (elbow[1] < 1.2) == is_again
