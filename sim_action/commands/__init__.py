@@ -55,6 +55,7 @@ class ClosedLoop:
     command: Callable[[Observation], Answer]  # observation -> command
     senses: bool = True  # True if it reads sensors; a sensor without a reader is not simulated
     sensors: tuple[MountedSensor, ...] = ()  # sensors that it adds to those of the scenario
+    begin: Callable[[], None] = _nothing  # called when an event starts it, also again
     close: Callable[[], None] = _nothing  # called once, after the run
     notes: Sequence[str] = ()  # notes for the user, complete after `close`
     losses: Sequence[str] = ()  # parts of its files that were not run, as the scenario allows

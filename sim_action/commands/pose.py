@@ -178,7 +178,9 @@ class PoseCommands(LinkCommands):
         follower, start = self._follower(scene)
         motion = _Motion(self, follower, start)
         if self.pose.frame == "world" and not scene.bolted:
-            return ClosedLoop(motion.tracked, senses=False, notes=motion.notes, marks=motion.marks, is_timed=True)
+            return ClosedLoop(
+                motion.tracked, senses=False, begin=motion.begin, notes=motion.notes, marks=motion.marks, is_timed=True
+            )
         if self.pose.frame == "world" and scene.placement.z is None:
             return ClosedLoop(motion.from_base, senses=False, marks=motion.marks, is_timed=True)
         base = self._expected_base(scene)
@@ -327,6 +329,11 @@ class _Motion:
                 raise ScriptError(f"link '{self._follower.chain.link}': {error}") from None
         targets, end = self._planned
         return targets if observation.time <= end else None
+
+    def begin(self) -> None:
+        """Let `tracked` lead along the whole path from where the link is by then."""
+        self._path = None
+        self.marks.clear()
 
     def tracked(self, observation: Observation) -> JointTargets:
         """Return the motion until the next tick, for a base that moves."""

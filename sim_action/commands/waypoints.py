@@ -104,7 +104,7 @@ class WaypointCommands(CommandSource):
     @override
     def open(self, scene: Scene) -> Controller:
         follower = PathFollower(self, scene.mobility)
-        return ClosedLoop(follower.command, senses=False, marks=follower.marks)
+        return ClosedLoop(follower.command, senses=False, begin=follower.begin, marks=follower.marks)
 
 
 Point = tuple[float, float]
@@ -202,6 +202,10 @@ class PathFollower:
         self._legs: list[Leg] | None = None
         self._to_stop: list[float] = []
         self._turning = False
+
+    def begin(self) -> None:
+        """Follow the whole path from where the robot will be at the next tick."""
+        self._legs, self._turning = None, False
 
     def command(self, seen: Observation) -> Twist:
         """Return the twist at a tick. It must be called at every tick, because it keeps its progress."""

@@ -328,6 +328,8 @@ class Controls:
     def _start(self, index: int, step: int) -> None:
         """Let a source begin at a physics step; one that is at work begins again."""
         self._motions.leave(self._sources[index].moved)
+        if isinstance(controller := self._sources[index].controller, ClosedLoop):
+            controller.begin()
         others = [source for source in self._active if source.index != index]
         source = replace(self._sources[index], origin=step)
         self._active = sorted((*others, source), key=lambda source: source.index)

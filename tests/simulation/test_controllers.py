@@ -418,6 +418,13 @@ def at(seconds: float, name: str, **action: str) -> dict[str, Any]:
             [*(f"passed waypoint {n} of 14" for n in range(3, 14)), "ended a path of 14 waypoints"],
         ),
         (
+            {
+                "commands": {"waypoints": [{"x": 0.05 * n, "y": 0} for n in (1, 2)], "max_turn_rate": 2.5},
+                "events": [at(seconds, f"at {seconds}", start="waypoints") for seconds in (0.2, 1.5)],
+            },
+            2 * ["event", "passed waypoint 1 of 2", "ended a path of 2 waypoints"],
+        ),
+        (
             {"commands": {"replay": "log.csv", "offset": "0.5 s"}},
             ["replay of log.csv began at 0.50 s", "replay of log.csv ended at 1.50 s"],
         ),
