@@ -7,6 +7,7 @@ import os
 import shutil
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,15 +38,17 @@ def opened(options: ReportOptions) -> ReportOptions:
     return options
 
 
-@pytest.fixture
+@contextmanager
 def limited_files() -> Iterator[None]:
-    """Files of at most 100 bytes, as on a disk that gets full while a file is written."""
+    """Limit files to 100 bytes, as a disk that gets full while a file is written. The output of pytest may be a file."""
     import resource
 
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def written(folder: Path) -> set[str]:
@@ -130,12 +133,12 @@ def test_on_github_the_missing_report_is_an_annotation(
     assert PASSED_LINE in shown.out.splitlines()
 
 
-@pytest.mark.usefixtures("limited_files")
 def test_a_disk_that_gets_full_leaves_no_parts_of_files(
     opened: ReportOptions, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     environment = {name: str(tmp_path / name) for name in ("GITHUB_OUTPUT", "GITHUB_STEP_SUMMARY")}
-    assert write_reports(SAMPLES["passed"], replace(opened, environment=environment)) is ExitCode.FAILED
+    with limited_files():
+        assert write_reports(SAMPLES["passed"], replace(opened, environment=environment)) is ExitCode.FAILED
     shown = capsys.readouterr()
     assert shown.err.count("file too large") == 5
     assert shown.err.count("warning") == 2
