@@ -40,7 +40,7 @@ def opened(options: ReportOptions) -> ReportOptions:
 
 @contextmanager
 def limited_files() -> Iterator[None]:
-    """Limit files to 100 bytes, as a disk that gets full while a file is written. The output of pytest may be a file."""
+    """Limit files to 100 bytes, as a disk that gets full does. The output of pytest may be a file, too."""
     import resource
 
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
