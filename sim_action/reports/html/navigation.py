@@ -153,7 +153,7 @@ def _list_title(results: Results) -> str:
     return ", ".join(counted(number, noun) for number, noun in counts if number)
 
 
-_MAX_IN_GIST: Final = 110
+_MAX_IN_GIST: Final = 300
 
 
 def _list_entry(group: ScenarioGroup, place: str, ids: Mapping[int, str]) -> Html:

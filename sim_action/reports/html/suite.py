@@ -210,7 +210,7 @@ def _rounded(value: float) -> str | None:
     return f"{value:.4g}" if value else None
 
 
-_MAX_TEXT: Final = 160
+_MAX_TEXT: Final = 300
 _HALF: Final = 50  # half of the width of a bar of a margin, which is 100 % of the limit
 _LEAST_BAR: Final = 1.5
 _NO_VERDICT: Final = -2.0  # the margin by which runs without a verdict are sorted: before those that failed
