@@ -69,8 +69,8 @@ def odometry_message(
     frame, base = frames
     placed = {"position": vector(pose.position_xyz), "orientation": quaternion(pose.orientation_xyzw)}
     moving = {"linear": vector(twist.linear_xyz), "angular": vector(twist.angular_xyz)}
-    known = [{"covariance": array("d", values)} for values in covariances] or [{}, {}]
-    pair = {"pose": {"pose": placed, **known[0]}, "twist": {"twist": moving, **known[1]}}
+    parts = [{"covariance": array("d", values)} for values in covariances] or [{}, {}]
+    pair = {"pose": {"pose": placed, **parts[0]}, "twist": {"twist": moving, **parts[1]}}
     return {"header": header(time, frame), "child_frame_id": base, **pair}
 
 

@@ -295,10 +295,10 @@ def _missed(miss: Miss, time: float, rate: float) -> MissedContact:
     seen = "with a contact that came too late" if miss.is_late else "without a contact"
     # A multiple of the present rate suits all ticks that suit it.
     size = max(miss.extent + miss.thickness, _LEAST_SIZE_M)
-    wanted = math.ceil(_STEPS_WITHIN * miss.way / size) * rate
+    least_rate = math.ceil(_STEPS_WITHIN * miss.way / size) * rate
     remedy = (
-        f"set physics.rate to {wanted:.10g} Hz or more"
-        if wanted <= MAX_PHYSICS_RATE_HZ
+        f"set physics.rate to {least_rate:.10g} Hz or more"
+        if least_rate <= MAX_PHYSICS_RATE_HZ
         else f"no physics.rate up to {MAX_PHYSICS_RATE_HZ:,.0f} Hz would see it: make it slower or thicker"
     )
     return MissedContact(

@@ -65,9 +65,9 @@ class _Table:
     def is_whole(self) -> bool:
         """True if the columns have the same length, and index names that exist."""
         shapes = [getattr(self, column).shape for column in self.widths]
-        wanted = [(len(self.time), width) if width else (len(self.time),) for width in self.widths.values()]
+        stated = [(len(self.time), width) if width else (len(self.time),) for width in self.widths.values()]
         index = getattr(self, self.index) if self.names else np.zeros(0)
-        return shapes == wanted and bool((index >= 0).all()) and not (index >= len(getattr(self, self.names, ()))).any()
+        return shapes == stated and bool((index >= 0).all()) and not (index >= len(getattr(self, self.names, ()))).any()
 
 
 @dataclass(frozen=True, eq=False)

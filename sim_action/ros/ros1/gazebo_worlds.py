@@ -77,11 +77,11 @@ def body_of(name: str, description: str, pose: Pose) -> tuple[Body, tuple[Loss, 
     root = ET.Element("sdf", version=document.root.get("version", "1.6"))
     root.append(world)
     places = {**document.places, **dict.fromkeys((at, world, root), document.places[model])}
-    found = _converted(Path("spawned"), ModelDocument(root, places), lambda _: False)
-    bodies = found.world.objects
+    read = _converted(Path("spawned"), ModelDocument(root, places), lambda _: False)
+    bodies = read.world.objects
     if len(bodies) != 1:
         raise BadWorld(f"a model that is spawned must be one body with a collision shape, found {len(bodies)}")
-    losses = (loss for loss in found.losses if not loss.is_remark)
+    losses = (loss for loss in read.losses if not loss.is_remark)
     return bodies[0].model_copy(update={"name": name}), tuple(losses)
 
 

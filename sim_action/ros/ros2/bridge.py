@@ -107,8 +107,8 @@ def _single(element: str) -> Callable[[Any, memoryview], Any]:
 
 def _numbers(code: str, value: Any, blob: memoryview) -> Any:
     """Return an array of numbers; the setters of messages take one of the right type without a look at each."""
-    given = array_in(value, blob)
-    return given if isinstance(given, array) and given.typecode == code else array(code, given)
+    numbers = array_in(value, blob)
+    return numbers if isinstance(numbers, array) and numbers.typecode == code else array(code, numbers)
 
 
 def _numpy(numbers: Any) -> Any:
