@@ -11,6 +11,7 @@ from sim_action.core.errors import Location
 from sim_action.core.records import dataclass, field, replace
 from sim_action.scenario.model import LoadedScenario
 
+FORKED: Final = b"forked "  # the message of a supervisor that a preloaded interpreter has forked, with its number
 BEGUN: Final = b"begun"  # the message of a child process that has its job and begins to run it
 JUDGED: Final = b"judged"  # the message of a child process that its outcome is written while it still writes recordings
 

@@ -101,7 +101,7 @@ class ChildProcess(ABC):
             self._unread += heard
         *lines, self._unread = self._unread[-65536:].split(b"\n")
         self.begun = self.begun or BEGUN in lines
-        for line in lines[-2:]:
+        for line in lines:
             with suppress(ValueError):
                 self._take(line)
 

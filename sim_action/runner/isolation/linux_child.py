@@ -46,7 +46,7 @@ from sim_action.runner.child_files import (
 )
 from sim_action.runner.child_main import become_child, run_job
 from sim_action.runner.isolation import child_process, process_control
-from sim_action.runner.job import ENDED, ENDED_LAST, Job
+from sim_action.runner.job import ENDED, ENDED_LAST, FORKED, Job
 from sim_action.runner.process_output import flush_output, muted
 
 assert sys.platform == "linux"
@@ -165,8 +165,9 @@ _MAX_ORDER_BYTES: Final = 32
 _MOST_INTERPRETERS: Final = 4
 
 
-Spawn = Callable[[Job, MemoryFiles, int], int]
-"""Starts a supervisor for a job, its files and the descriptor for its progress; returns its number."""
+Spawn = Callable[[Job, MemoryFiles, int], "int | PreloadedInterpreter"]
+"""Starts a supervisor for a job, its files and the descriptor for its progress; returns its number, or what forks it.
+"""
 
 
 class LinuxChild(child_process.ChildProcess):
@@ -179,7 +180,7 @@ class LinuxChild(child_process.ChildProcess):
     def __init__(
         self,
         job: Job,
-        pid: int,
+        process: int | PreloadedInterpreter,
         progress: int,
         files: MemoryFiles,
         scratch: tempfile.TemporaryDirectory[str],
@@ -189,7 +190,9 @@ class LinuxChild(child_process.ChildProcess):
     ) -> None:
         super().__init__(job, progress, former)
         self._progress = progress
-        self._pid = pid
+        # 0: the interpreter has not forked the process yet, as far as known.
+        self._pid = process if isinstance(process, int) else 0
+        self._interpreter = None if isinstance(process, int) else process
         self._files = files
         self._scratch = scratch
         self._supervised = supervised
@@ -209,12 +212,12 @@ class LinuxChild(child_process.ChildProcess):
                 of_others = job.loaded.scenario.runs_user_code or job.hash_seed is not None
                 alone = of_others or threading.active_count() > 1
                 spawn = spawn or _spawn
-                pid = spawn(job, files, writer) if alone else fork(partial(run_in_fork, job), job, files, writer)
+                process = spawn(job, files, writer) if alone else fork(partial(run_in_fork, job), job, files, writer)
             finally:
                 os.close(writer)
             # From here on `close` cleans up.
             undone.pop_all()
-        return cls(job, pid, reader, files, scratch, former=former, supervised=alone)
+        return cls(job, process, reader, files, scratch, former=former, supervised=alone)
 
     @classmethod
     @override
@@ -223,6 +226,8 @@ class LinuxChild(child_process.ChildProcess):
 
     def poll(self) -> int | None:
         """Return the exit status after the end (negative: a signal), else None; it is reaped by `close` alone."""
+        if not self._pid:
+            return 1 if self.silent else None
         ended = os.waitid(os.P_PID, self._pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
         if ended is None:
             return None
@@ -233,18 +238,17 @@ class LinuxChild(child_process.ChildProcess):
         if not self._supervised:
             os.kill(self._pid, signal.SIGKILL)
             return
-        os.kill(self._pid, signal.SIGTERM)
-        os.kill(self._pid, signal.SIGCONT)
+        self._end_interpreter()
+        if self._pid:
+            os.kill(self._pid, signal.SIGTERM)
+            os.kill(self._pid, signal.SIGCONT)
 
     def close(self) -> None:
         """Clean up after its end: end the processes that it left behind."""
-        if self._supervised:
-            self._await_supervisor()
-        else:
-            self._kill_group()
-        _, _, usage = os.wait4(self._pid, 0)
-        if not self._supervised:
-            self.peak_memory = usage.ru_maxrss << 10
+        # The end of its interpreter says nothing about the scenario.
+        self.is_doubtful = self.is_doubtful or not self._pid
+        if self._pid:
+            self._reap()
         self.listen()
         os.close(self._progress)
         self.report = self._files.read()
@@ -262,8 +266,29 @@ class LinuxChild(child_process.ChildProcess):
     def _take(self, line: bytes) -> None:
         if line.startswith(b"end "):
             self.left, self.peak_memory = map(int, line.split()[1:])
+        elif line.startswith(FORKED):
+            # Later ones are of user code.
+            self._pid = self._pid or int(line.removeprefix(FORKED))
         else:
             super()._take(line)
+
+    def _end_interpreter(self) -> None:
+        """End an interpreter that has not forked the process yet, until it is known whether it still has."""
+        if self._interpreter is not None and not self._pid:
+            self._interpreter.close()
+            patience = time.monotonic() + _ENDING_TIMEOUT_S
+            while not (self._pid or self.silent) and time.monotonic() < patience:
+                self.listen()
+                time.sleep(_ENDING_POLL_S)
+
+    def _reap(self) -> None:
+        if self._supervised:
+            self._await_supervisor()
+        else:
+            self._kill_group()
+        _, _, usage = os.wait4(self._pid, 0)
+        if not self._supervised:
+            self.peak_memory = usage.ru_maxrss << 10
 
     def _kill_group(self) -> None:
         with suppress(ProcessLookupError, PermissionError):
@@ -487,8 +512,8 @@ class SharingStarter(child_process.Starter):
         while self._interpreters:
             self._interpreters.popitem()[1].close()
 
-    def _preloaded(self, job: Job, files: MemoryFiles, writer: int) -> int:
-        """Start a supervisor as a fork of an interpreter with the environment and engine of the job."""
+    def _preloaded(self, job: Job, files: MemoryFiles, writer: int) -> int | PreloadedInterpreter:
+        """Start a supervisor, as a fork of an interpreter with the environment and engine of the job if possible."""
         # Few calls have scenarios with user code.
         from sim_action.runner.isolation.preloaded_interpreter import PreloadedInterpreter
 
@@ -500,7 +525,8 @@ class SharingStarter(child_process.Starter):
             if kind not in self._interpreters:
                 self._interpreters[kind] = PreloadedInterpreter(environment, engine)
             with pickled((job, files.inherited)) as pickle_file:
-                return self._interpreters[kind].fork(pickle_file, writer, files.inherited.descriptors)
+                self._interpreters[kind].fork(pickle_file, writer, files.inherited.descriptors)
+            return self._interpreters[kind]
         except OSError:
             # A script may have killed it, or it has threads.
             self._preloads = False

@@ -21,14 +21,13 @@ from pathlib import Path
 from typing import Final, NoReturn
 
 from sim_action.runner.isolation import process_control
+from sim_action.runner.job import FORKED
 
 assert sys.platform == "linux"
 
 # Numbers of clone(2).
 _SYS_CLONE: Final = {"x86_64": 56, "aarch64": 220}.get(platform.machine())
 _CLONE_PARENT: Final = 0x8000
-# Imports take this long on a machine that is very busy; a fresh interpreter would not be faster.
-_PATIENCE_S: Final = 30.0
 _MAX_DESCRIPTORS: Final = 8
 
 
@@ -42,7 +41,8 @@ class PreloadedInterpreter:
         if _SYS_CLONE is None:
             raise OSError
         self._channel, others = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._channel.settimeout(_PATIENCE_S)
+        # The caller never waits: it has other children to look after.
+        self._channel.setblocking(False)
         try:
             with others:
                 self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and nothing from a scenario
@@ -58,15 +58,14 @@ class PreloadedInterpreter:
             self._channel.close()
             raise
 
-    def fork(self, job: int, progress: int, files: Sequence[int]) -> int:
-        """Return the number of a new supervisor; arguments: descriptors, the second file for output. Raise OSError."""
+    def fork(self, job: int, progress: int, files: Sequence[int]) -> None:
+        """Ask for a supervisor; arguments: descriptors, the second file for output. Raise OSError.
+
+        The first line of its progress is its number, see `FORKED`. If the interpreter ends before, the progress ends.
+        """
         import socket  # few calls have such scenarios
 
         socket.send_fds(self._channel, [b"fork"], (job, progress, *files))
-        number = self._channel.recv(_MAX_DESCRIPTORS)
-        if not number:
-            raise ConnectionResetError
-        return int.from_bytes(number)
 
     def close(self) -> None:
         """End it; its forks go on."""
@@ -97,7 +96,6 @@ def main() -> None:
                 _become_supervisor(connection.detach(), parent, descriptors)
             if number < 0:
                 return
-            connection.send(number.to_bytes(_MAX_DESCRIPTORS))
             for descriptor in descriptors:
                 os.close(descriptor)
 
@@ -123,6 +121,7 @@ def _become_supervisor(channel: int, parent: int, descriptors: Sequence[int]) ->
         os.close(channel)
         os.setsid()
         job, progress, *files = descriptors
+        os.write(progress, FORKED + b"%d\n" % os.getpid())
         os.dup2(job, 0)
         os.close(job)
         os.dup2(files[1], 2)

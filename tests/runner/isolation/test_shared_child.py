@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -13,6 +14,7 @@ import pytest
 
 from sim_action.core.permissions import Permissions
 from sim_action.core.process import Interruption
+from sim_action.runner.job import Job
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario
 from sim_action.simulation.loop import simulate
@@ -133,6 +135,26 @@ def test_runs_with_user_code_share_an_interpreter_without_their_traces(
     # Those without user code are forks of this process; the first of them ends before a script begins.
     assert forks(scenarios, tmp_path, monkeypatch) == 2
     assert (started.count("interpreter"), started.count("spawned")) == expected
+
+
+def test_a_run_that_its_interpreter_does_not_fork_can_be_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    begin = PreloadedInterpreter.__init__
+
+    def stopped(interpreter: PreloadedInterpreter, *arguments: Any) -> None:
+        begin(interpreter, *arguments)
+        interpreter._process.send_signal(signal.SIGSTOP)
+
+    monkeypatch.setattr(PreloadedInterpreter, "__init__", stopped)
+    (tmp_path / "c.py").write_text(ALONE)
+    [run] = loaded(tmp_path, ["commands: {script: c.py}\n"])
+    starter = linux_child.SharingStarter(lambda _: Job(run, tmp_path / "t.npz", tmp_path))
+    children = [starter.start(0, Job(run, tmp_path / "t.npz", tmp_path), alone=False, most_waiting=0) for _ in "ab"]
+    assert [child.poll() for child in children] == [None, None]
+    for child in children:
+        child.kill()
+        child.close()
+        assert child.is_doubtful
+    starter.end_waiting()
 
 
 def test_runs_that_update_golden_files_share_no_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
