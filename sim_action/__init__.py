@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from sim_action.app.library_results import GateOutcome as GateOutcome
     from sim_action.app.library_results import Outcome as Outcome
     from sim_action.app.library_results import Results as Results
-    from sim_action.commands.robot_description import JointDescription as JointDescription
-    from sim_action.commands.robot_description import RobotDescription as RobotDescription
+    from sim_action.commands.controller_answers import JointDescription as JointDescription
+    from sim_action.commands.controller_answers import RobotDescription as RobotDescription
     from sim_action.core.geometry import Pose as Pose
     from sim_action.core.geometry import Twist as Twist
     from sim_action.core.version import __version__ as __version__
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "sim_action.app.library": ("load", "margins", "run", "validate"),
     "sim_action.app.library_results": ("GateOutcome", "Outcome", "Results"),
-    "sim_action.commands.robot_description": ("JointDescription", "RobotDescription"),
+    "sim_action.commands.controller_answers": ("JointDescription", "RobotDescription"),
     "sim_action.core.geometry": ("Pose", "Twist"),
     "sim_action.core.version": ("__version__",),
     "sim_action.robot.model.link_motion": ("LinkMotion",),

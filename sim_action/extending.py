@@ -11,10 +11,10 @@ from sim_action.assertions.monitors import Monitor as Monitor
 from sim_action.assertions.monitors import State as State
 from sim_action.assertions.monitors import Truth as Truth
 from sim_action.assertions.monitors.bounds import Bounds as Bounds
+from sim_action.assertions.monitors.bounds import Goal as Goal
+from sim_action.assertions.monitors.bounds import Invariant as Invariant
 from sim_action.assertions.monitors.bounds import SignalMonitor as SignalMonitor
 from sim_action.assertions.monitors.bounds import check_bounds as check_bounds
-from sim_action.assertions.monitors.goals import Goal as Goal
-from sim_action.assertions.monitors.goals import Invariant as Invariant
 from sim_action.commands import ClosedLoop as ClosedLoop
 from sim_action.commands import CommandSource as CommandSource
 from sim_action.commands import Controller as Controller
@@ -46,8 +46,8 @@ from sim_action.sensors import Sight as Sight
 from sim_action.state.observation import Observation as Observation
 from sim_action.state.readings import ReadingColumn as ReadingColumn
 from sim_action.state.readings import Values as Values
-from sim_action.state.trace_channels import Channels as Channels
-from sim_action.state.trace_channels import ClearanceWatch as ClearanceWatch
+from sim_action.state.trace_records import Channels as Channels
+from sim_action.state.trace_records import ClearanceWatch as ClearanceWatch
 from sim_action.state.verdict import Judged as Judged
 from sim_action.state.verdict import Signal as Signal
 from sim_action.state.verdict import Verdict as Verdict

@@ -19,8 +19,7 @@ from sim_action.assertions.contact import Touch as Touch
 from sim_action.assertions.distance import PathLength as PathLength
 from sim_action.assertions.distance import Travel as Travel
 from sim_action.assertions.effort import Effort as Effort
-from sim_action.assertions.energy import Energy as Energy
-from sim_action.assertions.final_pose import FinalPose as FinalPose
+from sim_action.assertions.effort import Energy as Energy
 from sim_action.assertions.follow_path import FollowPath as FollowPath
 from sim_action.assertions.grasped import Grasped as Grasped
 from sim_action.assertions.joint import JointReading as JointReading
@@ -32,12 +31,13 @@ from sim_action.assertions.max_speed import MaxSpeed as MaxSpeed
 from sim_action.assertions.no_collision import NoCollision as NoCollision
 from sim_action.assertions.object import ObjectAssertion as ObjectAssertion
 from sim_action.assertions.odometry_error import OdometryError as OdometryError
+from sim_action.assertions.reach import FinalPose as FinalPose
 from sim_action.assertions.reach import Reach as Reach
 from sim_action.assertions.self_collision import SelfCollision as SelfCollision
 from sim_action.assertions.sensor import SensorReading as SensorReading
 from sim_action.assertions.settled import Settled as Settled
+from sim_action.assertions.settled import StopsBefore as StopsBefore
 from sim_action.assertions.stay_within import StayWithin as StayWithin
-from sim_action.assertions.stops_before import StopsBefore as StopsBefore
 from sim_action.assertions.temporal_logic.stl_assertion import Stl as Stl
 from sim_action.assertions.upright import Upright as Upright
 from sim_action.assertions.user_assertion import UserAssertion as UserAssertion

@@ -37,7 +37,7 @@ from sim_action.simulation.loop import simulate
 from sim_action.simulation.recorder import RunRecorder
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.state.verdict import Verdict
 from sim_action.world.scene import Scene
 

@@ -37,7 +37,7 @@ from sim_action.engines import ENGINES, installed
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.urdf import read_urdf
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 

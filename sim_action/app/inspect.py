@@ -24,10 +24,9 @@ from sim_action.core.wording import log_line
 from sim_action.core.workspace import Workspace
 from sim_action.drives import Drive, recognise, why_not_recognised
 from sim_action.drives.diff import DiffDrive
-from sim_action.drives.ignored_statements import ignored_statements
 from sim_action.drives.mecanum import MecanumDrive
 from sim_action.drives.skid import SkidSteer, mecanum_names, sides_on_ground
-from sim_action.drives.undercarriage import unrolling_pair
+from sim_action.drives.undercarriage import ignored_statements, unrolling_pair
 from sim_action.drives.wheels import Wheel, opposed_note, wheels_on_ground
 from sim_action.results.masking import Mask
 from sim_action.robot.documents.xml_document import shown_file

@@ -21,7 +21,7 @@ from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.state.verdict import Mark, Signal
 from sim_action.world.claims import Ceiling, ClaimFinding, Findings, JudgedRun, Setting
 from sim_action.world.scene import Scene
@@ -268,11 +268,11 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "path_length": "sim_action.assertions.distance:PathLength",
         "reach": "sim_action.assertions.reach:Reach",
         "settled": "sim_action.assertions.settled:Settled",
-        "final_pose": "sim_action.assertions.final_pose:FinalPose",
+        "final_pose": "sim_action.assertions.reach:FinalPose",
         "no_collision": "sim_action.assertions.no_collision:NoCollision",
         "self_collision": "sim_action.assertions.self_collision:SelfCollision",
         "contact": "sim_action.assertions.contact:Touch",
-        "stops_before": "sim_action.assertions.stops_before:StopsBefore",
+        "stops_before": "sim_action.assertions.settled:StopsBefore",
         "upright": "sim_action.assertions.upright:Upright",
         "max_speed": "sim_action.assertions.max_speed:MaxSpeed",
         "stay_within": "sim_action.assertions.stay_within:StayWithin",
@@ -288,7 +288,7 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "joint": "sim_action.assertions.joint:JointReading",
         "joint_within": "sim_action.assertions.joint:JointWithin",
         "effort": "sim_action.assertions.effort:Effort",
-        "energy": "sim_action.assertions.energy:Energy",
+        "energy": "sim_action.assertions.effort:Energy",
         "stl": "sim_action.assertions.temporal_logic.stl_assertion:Stl",
         "any_of": "sim_action.assertions.combined:AnyOf",
         "all_of": "sim_action.assertions.combined:AllOf",

@@ -10,9 +10,8 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
-from sim_action.assertions.monitors.bounds import bounds_title, check_bounds
-from sim_action.assertions.monitors.goals import Goal, Invariant, joined
-from sim_action.assertions.monitors.proximity import clearance_signal, distances_known, least_so_far, recorded
+from sim_action.assertions.monitors.bounds import Goal, Invariant, bounds_title, check_bounds, joined
+from sim_action.assertions.monitors.contacts import clearance_signal, distances_known, least_so_far, recorded
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetres
 from sim_action.core.lazy_numpy import np
@@ -23,8 +22,7 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import links_with_shapes
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels, ClearanceWatch
-from sim_action.state.trace_records import ClearanceRecord, Nearness
+from sim_action.state.trace_records import Channels, ClearanceRecord, ClearanceWatch, Nearness
 from sim_action.state.verdict import Judged, Mark, Polyline, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.distance_lines import distance_lines

@@ -21,7 +21,7 @@ from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.state.verdict import Mark, Signal
 from sim_action.world.claims import ClaimFinding, Findings
 from sim_action.world.scene import Scene

@@ -11,10 +11,9 @@ from pydantic import Field, model_validator
 from typing_extensions import override
 
 from sim_action.assertions import Assertion, Reference
-from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth, proximity
-from sim_action.assertions.monitors.bounds import Bounds, bounds_title, check_bounds, check_order
-from sim_action.assertions.monitors.contact_force import Forces, MeanForce, duration_text, times_of
-from sim_action.assertions.monitors.goals import joined
+from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth, contacts
+from sim_action.assertions.monitors.bounds import Bounds, bounds_title, check_bounds, check_order, joined
+from sim_action.assertions.monitors.contacts import Forces, MeanForce, duration_text, times_of
 from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import units
 from sim_action.core.field_types import FrozenModel, PositiveNewtons, PositiveNewtonSeconds, PositiveSeconds
@@ -26,8 +25,7 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import links_with_shapes, matches_name
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels, ClearanceWatch
-from sim_action.state.trace_records import Nearness
+from sim_action.state.trace_records import Channels, ClearanceWatch, Nearness
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world import MAX_PHYSICS_RATE_HZ
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
@@ -113,7 +111,7 @@ class Touch(Assertion):
     @override
     def meaning(self, scene: Scene) -> str:
         plain = self.link is None and self.span is None and not self.has_least and not self.has_most
-        return f"eventually ({proximity.clearance_signal(self.body)} <= 0)" if plain else ""
+        return f"eventually ({contacts.clearance_signal(self.body)} <= 0)" if plain else ""
 
     @override
     def run_claims(self, run: JudgedRun) -> Findings:
@@ -271,7 +269,7 @@ class TouchMonitor(Monitor):
         unknown = self.unknown
         if unknown is None and (self.spec.has_least or self.spec.has_most):
             unknown = next((contact.time for contact in meant if not contact.has_force), None)
-        nearest = proximity.nearest_of(trace, self.spec.watch, self.nearest)
+        nearest = contacts.nearest_of(trace, self.spec.watch, self.nearest)
         seen = replace(self, end=end, first=first, unknown=unknown, instead=self._instead_of(others), nearest=nearest)
         if self.spec.has_least or self.spec.has_most:
             seen = seen.pressed(*self.mean.observe(trace, meant))
@@ -339,7 +337,7 @@ class TouchMonitor(Monitor):
         known mean force before the end of a window, but at least the one so far: such moments are left out.
         """
         meant, _ = self._sorted(trace)
-        touches = proximity.touching_at(trace, times_of(meant), self.step)
+        touches = contacts.touching_at(trace, times_of(meant), self.step)
         if not (self.spec.has_least or self.spec.has_most):
             return touches
         time, force = self.mean.observe(trace, meant)[1]
@@ -347,7 +345,7 @@ class TouchMonitor(Monitor):
         gentle, strong = self._is_gentle(force), self._is_strong(force)
         if self.spec.has_most:
             blind = times_of(contact for contact in meant if not contact.has_force)
-            gentle &= ~proximity.touching_at(trace, blind, self.step).holds
+            gentle &= ~contacts.touching_at(trace, blind, self.step).holds
         known = ~self.mean.is_filling(touches.time, meant) | ~gentle | (strong & (not self.spec.has_most))
         holds = gentle & (touches.holds if self.spec.is_goal and not self.spec.has_least else strong)
         return Truth(touches.time[known], holds[known])
@@ -363,7 +361,7 @@ class TouchMonitor(Monitor):
         if spec.impulse is not None and has_force:
             impulse = self.impulse.drawn(f"impulse on {body} within {over}", moments, self._impulses(force))
             pressing.insert(0 if spec.at_least is None and spec.at_most is None else 1, impulse)
-        contact = proximity.with_zeros(trace.time, touches, np.ones(len(touches)), self.step)
+        contact = contacts.with_zeros(trace.time, touches, np.ones(len(touches)), self.step)
         touching = Signal(f"touching {body}", "contacts", *contact, lower=1.0 if spec.is_goal else None)
         asked: list[Signal] = []
         if spec.span is not None:
@@ -376,7 +374,7 @@ class TouchMonitor(Monitor):
         return self._touching(touches) if len(touches) else (trace.time, trace.time < 0)
 
     def _nearness(self, trace: Trace) -> Iterator[Signal]:
-        time, distance = (None, None) if self.spec.watch is None else proximity.least_so_far(trace, self.spec.watch)
+        time, distance = (None, None) if self.spec.watch is None else contacts.least_so_far(trace, self.spec.watch)
         if time is not None and distance is not None and len(time):
             yield Signal(f"least distance to {self.spec.body}", "m", time, distance)
 
@@ -403,7 +401,7 @@ class TouchMonitor(Monitor):
         return self._counted() if spec.span is None else self._lasting(spec.span)
 
     def _no_force(self, unit: str, limit: float | None, time: float) -> Verdict:
-        message = f"touched {self.spec.body} at {time:.2f} s, {proximity.NO_FORCE}, so no limit can hold"
+        message = f"touched {self.spec.body} at {time:.2f} s, {contacts.NO_FORCE}, so no limit can hold"
         return Verdict(False, None, limit, None, unit, time, message)
 
     def _counted(self) -> Verdict:

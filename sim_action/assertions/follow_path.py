@@ -16,7 +16,7 @@ from typing_extensions import override
 
 from sim_action.assertions import Reference
 from sim_action.assertions.monitors import Monitor, State
-from sim_action.assertions.monitors.goals import Goal, Invariant, joined
+from sim_action.assertions.monitors.bounds import Goal, Invariant, joined
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.errors import FileProblem

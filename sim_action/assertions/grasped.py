@@ -10,7 +10,7 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
-from sim_action.assertions.monitors.goals import Goal
+from sim_action.assertions.monitors.bounds import Goal
 from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import geometry, units
 from sim_action.core.field_types import PositiveMetresPerSecond, PositiveNewtons, PositiveSeconds
@@ -24,7 +24,7 @@ from sim_action.robot.model.link_motion import link_motion
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.scene import Scene
 

@@ -13,13 +13,13 @@ from sim_action.assertions import Assertion, Reference, shortened_title
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import (
     Bounds,
+    ClosestApproach,
     Interval,
     IntervalsMonitor,
     SignalMonitor,
     bounds_formula,
     check_order,
 )
-from sim_action.assertions.monitors.goals import ClosestApproach
 from sim_action.core import units
 from sim_action.core.field_types import JointEffort, JointPosition, JointQuantity, JointVelocity
 from sim_action.core.lazy_numpy import FloatArray

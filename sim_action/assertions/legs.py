@@ -10,8 +10,7 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
-from sim_action.assertions.monitors.bounds import check_order
-from sim_action.assertions.monitors.goals import Invariant, joined
+from sim_action.assertions.monitors.bounds import Invariant, check_order, joined
 from sim_action.core import geometry, units
 from sim_action.core.field_types import Metres
 from sim_action.core.geometry import Pose, Vector3
@@ -25,7 +24,7 @@ from sim_action.robot.model.link_motion import centre_of_mass
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.ground import GROUND

@@ -10,8 +10,13 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor
-from sim_action.assertions.monitors.contact_force import MeanForce, duration_text
-from sim_action.assertions.monitors.proximity import FirstTouchMonitor, clearance_signal, strength
+from sim_action.assertions.monitors.contacts import (
+    FirstTouchMonitor,
+    MeanForce,
+    clearance_signal,
+    duration_text,
+    strength,
+)
 from sim_action.core.records import dataclass
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
@@ -19,7 +24,7 @@ from sim_action.robot.model.link_pairs import has_limb
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.timeline import is_late
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
 from sim_action.world.ground import GROUND

@@ -30,7 +30,7 @@ from sim_action.robot.model.robot_model import WORLD
 from sim_action.state.observation import Observation
 from sim_action.state.timeline import waits
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.state.verdict import Judged, Mark, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
 from sim_action.world.out_of_reach import passed_by

@@ -10,7 +10,7 @@ from typing_extensions import override
 
 from sim_action.assertions import NO_READING, Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State
-from sim_action.assertions.monitors.goals import Invariant, joined
+from sim_action.assertions.monitors.bounds import Invariant, joined
 from sim_action.assertions.sensor import MORE_READINGS
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetres, PositiveRadians, PositiveShare
@@ -21,8 +21,7 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.golden_trajectory import wrapped
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace, yaw_angles
-from sim_action.state.trace_channels import Channels
-from sim_action.state.trace_records import SensorRecord
+from sim_action.state.trace_records import Channels, SensorRecord
 from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.claims import HEADINGS, Ceiling, Findings, JudgedRun
 from sim_action.world.scene import Scene

@@ -1,4 +1,4 @@
-"""`reach: {x: 2 m, y: 0}`: the robot, or a link, reaches a point, optionally with a heading or an orientation."""
+"""`reach: {x: 2 m, y: 0}` and `final_pose: {x: 2 m, yaw: 90 deg}`: the place of a frame, once and at the end."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from typing_extensions import override
 
 from sim_action.assertions import Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
-from sim_action.assertions.monitors.goals import ClosestApproach
+from sim_action.assertions.monitors.bounds import ClosestApproach
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import geometry, units
 from sim_action.core.field_types import FrozenModel, Metres, PositiveMetres, PositiveRadians, Radians
-from sim_action.core.geometry import Quaternion, Vector3
-from sim_action.core.lazy_numpy import FloatArray
+from sim_action.core.geometry import Pose, Quaternion, Vector3
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
-from sim_action.state.verdict import Mark, Signal, Verdict, goal
+from sim_action.state.verdict import Mark, Signal, Verdict, goal, line
 from sim_action.world.claims import HEADINGS, ORIENTATIONS, Ceiling, Findings, JudgedRun
-from sim_action.world.link_range import LinkRange
+from sim_action.world.link_range import ROUNDING_M, LinkRange
 from sim_action.world.scene import Scene
 
 
@@ -242,3 +242,172 @@ class ReachMonitor(Monitor):
         if self.spec.z is None:
             return trace.planar_distance_to(self.spec.x, self.spec.y)
         return trace.distance_to((self.spec.x, self.spec.y, self.spec.z))
+
+
+class FinalPose(PoseTarget):
+    """At the end of the run, the base link, or `link`, is at `x`, `y`, `z` with the heading `yaw`, within tolerances.
+
+    It is checked at the end of the run, or at `before`, and neither ends a run nor prolongs it. A run ends as soon as
+    all goals are met; to let the robot stop first, add `settled` or a `duration`. Values that are left out are not
+    checked. With `relative`, they are relative to the start: for the base, x is ahead and y to the left; for a `link`,
+    they are along the axes of `frame`.
+    """
+
+    key: ClassVar[str] = "final_pose"
+    reference: ClassVar[Reference] = Reference(
+        "motion",
+        "judged at the end",
+        "At the last step, place and heading were within the tolerances.",
+        "At the last step, the place or the heading was outside its tolerance.",
+    )
+
+    relative: Annotated[
+        bool, Field(description="relative to the start pose (x ahead, y to the left); else in 'frame'")
+    ] = False
+
+    @model_validator(mode="after")
+    def _is_somewhere(self) -> Self:
+        if not self.coordinates and self.yaw is None and self.orientation is None:
+            raise ValueError("give at least one of 'x', 'y', 'z', 'yaw' and 'orientation'")
+        return self
+
+    @property
+    def place_text(self) -> str:
+        """The place as text, such as "(2, 0)" or "x = 2 m"; empty if no coordinate is given."""
+        if "x" in self.coordinates and "y" in self.coordinates:
+            return f"({', '.join(f'{value:g}' for value in self.coordinates.values())})"
+        return ", ".join(f"{axis} = {units.display(value, 'm')}" for axis, value in self.coordinates.items())
+
+    is_over_time: ClassVar[bool] = False
+
+    @override
+    def range_claims(self, limits: LinkRange) -> Findings:
+        if self.coordinates:
+            most = limits.farthest(self.coordinates)
+            if self.relative:
+                most = 2 * limits.radius + ROUNDING_M + math.hypot(*self.coordinates.values())
+            yield from limits.too_wide(most, "this place", {"tolerance": self.tolerance})
+        if not self.relative:
+            yield from super().range_claims(limits)
+
+    @override
+    def distance_from(self, start: Mapping[str, float]) -> float:
+        return math.hypot(*self.coordinates.values()) if self.relative else super().distance_from(start)
+
+    @override
+    def title_of(self, watched: Watched) -> str:
+        within = f"within {units.display(self.tolerance, 'm')}" if self.coordinates else ""
+        start = "from the start" if self.relative else ""
+        return " ".join(filter(None, (self.key_of(watched), self.place_text, self.facing, within, start)))
+
+    @override
+    def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
+        place = f"{self.place_text}{watched.inside}" if self.coordinates else ""
+        angle = self._angle(watched.name, start)
+        return FinalPoseMonitor(self, self._origin(watched.name, start), self.approach(place, angle), angle)
+
+    def _origin(self, name: str, start: Observation) -> Pose:
+        if not self.relative:
+            return Pose()
+        return Pose(start.pose.position_xyz) if name else start.pose
+
+    def _angle(self, name: str, start: Observation) -> TargetAngle | None:
+        if not self.relative:
+            return self.angle()
+        yaw = start.pose.yaw
+        if name:
+            return self.angle(yaw, right=start.pose.orientation_xyzw)
+        return self.angle(yaw, left=geometry.quaternion_from_rpy(0.0, 0.0, yaw))
+
+    def marks_in(self, watched: Watched, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """See MotionAssertion.marks_in. Returns the place, or a line if only x or y is given."""
+        origin, angle = self._origin(watched.name, start), self._angle(watched.name, start)
+        begin_x, begin_y, _ = start.pose.position_xyz
+        if self.x is None or self.y is None:
+            axes = {} if self.relative else {"x": self.x, "y": self.y}
+            return tuple(line(axis, at, (begin_x, begin_y)) for axis, at in axes.items() if at is not None)
+        cosine, sine = math.cos(origin.yaw), math.sin(origin.yaw)
+        x, y, z = origin.position_xyz
+        x, y = x + cosine * self.x - sine * self.y, y + sine * self.x + cosine * self.y
+        height = None if self.z is None else z + self.z
+        return self.marks_at(x, y, height, angle)
+
+
+@dataclass(frozen=True, slots=True)
+class FinalPoseMonitor(Monitor):
+    """The monitor of the pose at the last step, and of the closest approach before it."""
+
+    is_momentary = True
+    spec: FinalPose
+    origin: Pose  # pose of the frame of the place, in the world
+    nearest: ClosestApproach
+    angle: TargetAngle | None = None  # the required heading or orientation; None for any
+    found: str = ""  # the orientation at the last step as text; empty if none is required
+    distance: float = 0.0  # distance, angle_error: errors at the last step in m and rad; 0 where nothing is required
+    angle_error: float = 0.0
+    end: float | None = None  # sim time of the last step, in s
+
+    state = State.HOLDS  # it stays open until the end, because the pose may still change
+
+    @override
+    def observe(self, trace: Trace) -> Self:
+        if not len(trace):
+            return self
+        distance, angle_error = self._distance(trace), self._angle_error(trace)
+        return replace(
+            self,
+            nearest=self.nearest.observe(trace.time, distance, angle_error),
+            found="" if self.angle is None else self.angle.found(trace, -1),
+            distance=float(distance[-1]),
+            angle_error=0.0 if angle_error is None else float(angle_error[-1]),
+            end=float(trace.time[-1]),
+        )
+
+    @override
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        name = f"distance to {self.nearest.place}"
+        curves = self.nearest.drawn(name, trace.time, self._distance(trace), self._angle_error(trace))
+        return tuple(curve.at_end() for curve in (curves if self.spec.coordinates else curves[1:]))
+
+    def verdict(self) -> Verdict:
+        """Return the verdict on distance or angle, whichever is worse relative to its tolerance."""
+        spec = self.spec
+        errors = [(self.distance, spec.tolerance, "m")] if spec.coordinates else []
+        errors += [] if self.angle is None else [(self.angle_error, self.angle.tolerance, "rad")]
+        error, limit, unit = max(errors, key=lambda error: error[0] / error[1])
+        if self.end is None:
+            return Verdict(False, None, limit, None, unit, None, "no physics step to measure")
+        passed = error <= limit
+        message = f"ended {self._errors()} at {self.end:.2f} s{'' if passed else self._miss()}"
+        return Verdict(passed, error, limit, limit - error, unit, self.end, message)
+
+    def _errors(self) -> str:
+        found = []
+        if self.spec.coordinates:
+            near, _ = units.display_apart(self.distance, self.spec.tolerance, "m")
+            found.append(f"{near} from {self.nearest.place}")
+        if self.angle is not None:
+            off, _ = units.display_apart(self.angle_error, self.angle.tolerance, "rad")
+            found.append(f"{off} off its {self.angle.name}")
+        return ", ".join(found)
+
+    def _miss(self) -> str:
+        """Return the part of the message on the orientation and the closest approach: overshoot or shortfall."""
+        nearest, is_turned = self.nearest, self.angle is not None and self.angle_error > self.angle.tolerance
+        found = f" with {self.found}" if is_turned and self.found else ""
+        if (nearest.distance, nearest.angle_error or 0.0) == (self.distance, self.angle_error):
+            return found
+        near = "within tolerance" if nearest.state is State.HOLDS else "closest"
+        return f"{found}; it was {near} at {nearest.goal.time:.2f} s"
+
+    def _distance(self, trace: Trace) -> FloatArray:
+        """Return (T,) m, over the given axes, in the frame of `origin`."""
+        from_origin = trace.base_position_xyz - np.asarray(self.origin.position_xyz)
+        cosine, sine = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
+        x, y, z = from_origin.T
+        axes = {"x": cosine * x + sine * y, "y": cosine * y - sine * x, "z": z}
+        squares = [(axes[axis] - value) ** 2 for axis, value in self.spec.coordinates.items()]
+        return np.asarray(np.sqrt(sum(squares, np.zeros(len(trace)))), dtype=np.float64)
+
+    def _angle_error(self, trace: Trace) -> FloatArray | None:
+        return None if self.angle is None else self.angle.error(trace)

@@ -10,7 +10,7 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion, Reference, shortened_title
 from sim_action.assertions.monitors import Monitor
-from sim_action.assertions.monitors.proximity import FirstTouchMonitor
+from sim_action.assertions.monitors.contacts import FirstTouchMonitor
 from sim_action.core import units
 from sim_action.core.records import dataclass
 from sim_action.core.wording import FirstFew, did_you_mean
@@ -19,7 +19,7 @@ from sim_action.robot.model.joint_selection import matches_name
 from sim_action.robot.model.link_pairs import NO_PAIRS, touchable_pairs
 from sim_action.state.observation import Observation, SelfContact
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings
 from sim_action.world.link_range import least_distance

@@ -11,8 +11,7 @@ from typing_extensions import override
 
 from sim_action.assertions import NO_READING, Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
-from sim_action.assertions.monitors.bounds import bounds_formula, check_bounds
-from sim_action.assertions.monitors.goals import Goal, Invariant
+from sim_action.assertions.monitors.bounds import Goal, Invariant, bounds_formula, check_bounds
 from sim_action.assertions.temporal_logic.formula import quoted
 from sim_action.core import units
 from sim_action.core.field_types import SensorQuantity
@@ -26,8 +25,7 @@ from sim_action.sensors import sensor_named
 from sim_action.state.observation import Observation
 from sim_action.state.readings import DISTANCES, READING_COLUMNS, ReadingColumn, columns_of
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
-from sim_action.state.trace_records import SensorRecord
+from sim_action.state.trace_records import Channels, SensorRecord
 from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, nothing_in_range
 from sim_action.world.scene import Scene

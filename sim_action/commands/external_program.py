@@ -22,9 +22,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 from typing_extensions import override
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
-from sim_action.commands.controller_answers import Saturation, answer_problem
+from sim_action.commands.controller_answers import RobotDescription, Saturation, answer_problem
 from sim_action.commands.line_protocol import AnswerLimit, LineProcess
-from sim_action.commands.robot_description import RobotDescription
 from sim_action.core.errors import ScriptError
 from sim_action.core.field_types import NamesFile, PositiveSeconds
 from sim_action.core.geometry import Pose, Twist, Vector3

@@ -22,8 +22,15 @@ from sim_action.commands.policy_controller import (
     Schedule,
 )
 from sim_action.commands.policy_metadata import Stated, contradictions, stated_in
-from sim_action.commands.policy_pictures import Picture, PictureInput
-from sim_action.commands.policy_terms import Layout, Term, selected, selection_problems, sensor_sizes
+from sim_action.commands.policy_terms import (
+    Layout,
+    Picture,
+    PictureInput,
+    Term,
+    selected,
+    selection_problems,
+    sensor_sizes,
+)
 from sim_action.commands.twist import TwistSegment
 from sim_action.core.errors import SourceProblem
 from sim_action.core.field_types import NamesFile, PositiveHertz

@@ -10,8 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, Field
 
-from sim_action.commands.policy_pictures import PictureInput
-from sim_action.commands.policy_terms import Layout, Offset, PerJoint, Reader, Term, per_joint_problems, values_of
+from sim_action.commands.policy_terms import (
+    Layout,
+    Offset,
+    PerJoint,
+    PictureInput,
+    Reader,
+    Term,
+    per_joint_problems,
+    values_of,
+)
 from sim_action.commands.twist import TwistSegment
 from sim_action.core.errors import ScriptError
 from sim_action.core.field_types import FrozenModel

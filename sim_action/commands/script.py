@@ -12,8 +12,7 @@ from pydantic import Field
 from typing_extensions import override
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
-from sim_action.commands.controller_answers import Saturation, answer_problem, as_answer
-from sim_action.commands.robot_description import RobotDescription
+from sim_action.commands.controller_answers import RobotDescription, Saturation, answer_problem, as_answer
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.field_types import NamesFile
 from sim_action.core.lazy_numpy import np

@@ -25,22 +25,25 @@ from sim_action.core.field_types import (
 from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass, field
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.drives import NOT_PLANAR, Drive, DriveMotion, is_planar
-from sim_action.drives.diff import JointNames
-from sim_action.drives.plugins import Stated, steering_by_plugin
-from sim_action.drives.undercarriage import car_joints
-from sim_action.drives.wheel_settings import (
+from sim_action.drives import (
+    NOT_PLANAR,
+    Drive,
+    DriveMotion,
     Heading,
     MotorTorque,
     WheelRadius,
     WheelSpeeds,
     heading_text,
+    is_planar,
     length_problems,
     radius_text,
     ramp_towards,
     torque_text,
     why_no_wheel,
 )
+from sim_action.drives.diff import JointNames
+from sim_action.drives.plugins import Stated, steering_by_plugin
+from sim_action.drives.undercarriage import car_joints
 from sim_action.drives.wheels import (
     MIN_UPRIGHT_Z,
     Wheel,
@@ -55,7 +58,7 @@ from sim_action.drives.wheels import (
 from sim_action.robot.model.kinematics import Mobility
 from sim_action.robot.model.robot_model import Joint, RobotModel
 from sim_action.state.command import JointTargets
-from sim_action.state.sensor_inputs import PlanarWay
+from sim_action.state.readings import PlanarWay
 from sim_action.world.physics import GRAVITY
 
 _MIN_WHEELBASE_M: Final = 1e-3  # steered wheels closer than this to the fixed axle cannot steer

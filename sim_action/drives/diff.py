@@ -15,14 +15,30 @@ from sim_action.core.field_types import PositiveMetres, PositiveMetresPerSecondS
 from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.drives import NOT_PLANAR, Drive, DriveMotion, is_planar, wheel_settings
+from sim_action.drives import (
+    MIN_LENGTH_M,
+    NOT_PLANAR,
+    Drive,
+    DriveMotion,
+    Heading,
+    MotorTorque,
+    WheelRadius,
+    WheelSpeeds,
+    heading_text,
+    is_planar,
+    joint_problems,
+    length_problems,
+    radius_text,
+    ramp_towards,
+    torque_text,
+)
 from sim_action.drives.plugins import DIFF_PLUGINS, Kind, NoDrive, Stated, sides_by_plugin
 from sim_action.drives.undercarriage import driven_pair
 from sim_action.drives.wheels import Rolling, Wheel, along, axle_problems, heading_of, rolling, turned_forward, wheel
 from sim_action.robot.model.kinematics import Mobility, SameModel
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import JointTargets
-from sim_action.state.sensor_inputs import PlanarWay
+from sim_action.state.readings import PlanarWay
 from sim_action.world.physics import GRAVITY
 
 JointNames = Annotated[tuple[str, ...], Field(min_length=1)]
@@ -38,15 +54,15 @@ class TwoSidedDrive(Drive):
 
     left: Annotated[JointNames, Field(description="joints of the wheels on the left")]
     right: Annotated[JointNames, Field(description="joints of the wheels on the right")]
-    radius: wheel_settings.WheelRadius = None
+    radius: WheelRadius = None
     separation: Annotated[
         PositiveMetres | None, Field(description="distance between left and right wheels; default: read from the model")
     ] = None
     acceleration: Annotated[
         PositiveMetresPerSecondSquared, Field(description="limit of the acceleration at the rim of a wheel")
     ] = 1.0
-    torque: wheel_settings.MotorTorque = None
-    heading: wheel_settings.Heading = None
+    torque: MotorTorque = None
+    heading: Heading = None
 
     @classmethod
     @override
@@ -76,14 +92,11 @@ class TwoSidedDrive(Drive):
 
     def problems(self, model: RobotModel) -> SpecProblems:
         """Yield unknown joints, wheels that do not roll, and lengths that are missing in the model."""
-        unknown = [
-            *wheel_settings.joint_problems(model, "left", self.left),
-            *wheel_settings.joint_problems(model, "right", self.right),
-        ]
+        unknown = [*joint_problems(model, "left", self.left), *joint_problems(model, "right", self.right)]
         yield from unknown
         if unknown:
             return
-        yield from wheel_settings.length_problems(self, "radius", "separation")
+        yield from length_problems(self, "radius", "separation")
         if set(self.left) & set(self.right):
             yield ("right",), "a wheel cannot be on both sides"
             return
@@ -92,7 +105,7 @@ class TwoSidedDrive(Drive):
             yield from axle_problems(found, heading)
         if self.is_swapped(model):
             yield ("left",), "these wheels are on the right in the model; swap 'left' and 'right', or give 'heading'"
-        if self.separation is None and self.separation_in(model) < wheel_settings.MIN_LENGTH_M:
+        if self.separation is None and self.separation_in(model) < MIN_LENGTH_M:
             yield (), "the left and right wheels are at the same place in the model; give 'separation'"
         for found in self._wheels(model):
             if self.radius is None and found.radius is None:
@@ -108,9 +121,7 @@ class TwoSidedDrive(Drive):
         gears = self._gears(model)
         left, right = (tuple((name, gears[name]) for name in side) for side in (self.left, self.right))
         separation, most_change = self._effective_separation(model), self.acceleration / rate
-        return TwoSidedMotion(
-            (left, right), separation, most_change, wheel_settings.WheelSpeeds(model, gears), self.torque
-        )
+        return TwoSidedMotion((left, right), separation, most_change, WheelSpeeds(model, gears), self.torque)
 
     @override
     def wheel_motion(self, model: RobotModel) -> TwoSidedOdometry:
@@ -135,10 +146,10 @@ class TwoSidedDrive(Drive):
     def figures(self, model: RobotModel, gravity: float) -> str:
         sides = f"left {', '.join(self.left)}; right {', '.join(self.right)}"
         separation = f"separation {self.separation_in(model):.4g} m{self.slip_text(model)}"
-        torque = wheel_settings.torque_text(self.torque, model, (*self.left, *self.right))
+        torque = torque_text(self.torque, model, (*self.left, *self.right))
         return (
-            f"{self.title}: {sides}; {wheel_settings.radius_text([*self.radii(model).values()])}, {separation}, "
-            f"acceleration {self.acceleration:.4g} m/s^2{torque}{wheel_settings.heading_text(self.forward(model))}"
+            f"{self.title}: {sides}; {radius_text([*self.radii(model).values()])}, {separation}, "
+            f"acceleration {self.acceleration:.4g} m/s^2{torque}{heading_text(self.forward(model))}"
         )
 
     @override
@@ -255,7 +266,7 @@ class TwoSidedMotion(DriveMotion):
     gears: _Gears  # each joint with the distance in m that its wheel rolls forward per rad
     separation: float
     most_change: float  # of a rim speed, in m/s per step
-    speeds: wheel_settings.WheelSpeeds
+    speeds: WheelSpeeds
     torque: float | None
     _rims: _Rims = (0.0, 0.0)
     _was_planar: bool = True
@@ -303,10 +314,7 @@ def _ramp(
     planned, rims = [], start
     for _ in range(steps):
         before = rims
-        rims = (
-            wheel_settings.ramp_towards(wanted[0], before[0], most_change),
-            wheel_settings.ramp_towards(wanted[1], before[1], most_change),
-        )
+        rims = (ramp_towards(wanted[0], before[0], most_change), ramp_towards(wanted[1], before[1], most_change))
         planned.append(JointTargets({}, _joint_speeds(gears, *rims), {}, limits))
         if before == rims:
             break

@@ -17,17 +17,19 @@ from sim_action.core.geometry import Twist, Vector3
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.drives import Drive, DriveMotion, is_level
-from sim_action.drives.plugins import NoDrive, Stated, corners_by_plugin
-from sim_action.drives.wheel_settings import (
+from sim_action.drives import (
+    Drive,
+    DriveMotion,
     Heading,
     WheelRadius,
     WheelSpeeds,
     heading_text,
+    is_level,
     joint_problems,
     length_problems,
     radius_text,
 )
+from sim_action.drives.plugins import NoDrive, Stated, corners_by_plugin
 from sim_action.drives.wheels import (
     Rolling,
     Wheel,
@@ -42,7 +44,7 @@ from sim_action.drives.wheels import (
 from sim_action.robot.model.kinematics import Mobility
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import NO_PUSH, BasePush, JointTargets
-from sim_action.state.sensor_inputs import PlanarWay
+from sim_action.state.readings import PlanarWay
 from sim_action.world.physics import GRAVITY
 from sim_action.world.scene import Scene
 

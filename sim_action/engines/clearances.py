@@ -21,8 +21,7 @@ from sim_action.core.records import dataclass, field
 from sim_action.core.units import first_step
 from sim_action.engines.motion_bound import BodyMotionBound, RobotMotionBound
 from sim_action.engines.observers import presences
-from sim_action.state.trace_channels import Channels, ClearanceWatch
-from sim_action.state.trace_records import ALWAYS, ClearanceRecord, Nearness
+from sim_action.state.trace_records import ALWAYS, Channels, ClearanceRecord, ClearanceWatch, Nearness
 from sim_action.world import Body, World
 from sim_action.world.parts import reach
 from sim_action.world.scene import Scene

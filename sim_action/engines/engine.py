@@ -14,10 +14,9 @@ from sim_action.core.geometry import Pose
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Clash, Observation, Overlap
-from sim_action.state.sensor_inputs import EngineQueries
+from sim_action.state.readings import EngineQueries
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
-from sim_action.state.trace_records import ContactRecord
+from sim_action.state.trace_records import Channels, ContactRecord
 from sim_action.world import World
 from sim_action.world.scene import Scene
 

@@ -19,8 +19,7 @@ from sim_action.core.geometry import Vector3
 from sim_action.core.units import first_step
 from sim_action.robot.model.joint_selection import matches_name
 from sim_action.state.observation import Contact, PresentContacts
-from sim_action.state.trace_channels import Channels
-from sim_action.state.trace_records import ALWAYS, BodyRecord, ContactRecord, LinkTouch, frame_stride
+from sim_action.state.trace_records import ALWAYS, BodyRecord, Channels, ContactRecord, LinkTouch, frame_stride
 from sim_action.world import Body, World, path_of
 from sim_action.world.parts import reach
 from sim_action.world.scene import Scene

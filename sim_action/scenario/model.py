@@ -43,7 +43,7 @@ from sim_action.scenario.variations.gate import Gate
 from sim_action.scenario.variations.values import MAX_SEED
 from sim_action.sensors import MountedSensor
 from sim_action.state.timeline import TimeMark
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.world import MAX_ACTORS, Actor, Physics, World
 from sim_action.world.claims import AuditWarning, ClaimFinding
 from sim_action.world.scene import Scene, WorldPlaces

@@ -12,8 +12,7 @@ from typing_extensions import override
 from sim_action.core.field_types import Metres, PositiveRadians
 from sim_action.core.geometry import compose
 from sim_action.sensors import Measure, Mount, Sensor, Sight
-from sim_action.state.readings import CameraImage
-from sim_action.state.sensor_inputs import EngineQueries
+from sim_action.state.readings import CameraImage, EngineQueries
 
 
 class Camera(Sensor):

@@ -14,8 +14,7 @@ from sim_action.core.field_types import NonNegativeMetres, Ratio
 from sim_action.core.geometry import Pose
 from sim_action.sensors import Measure, Mount, Sensor, Sight
 from sim_action.state.observation import Observation
-from sim_action.state.readings import OdometryReading
-from sim_action.state.sensor_inputs import PlanarWay, WheelMotion
+from sim_action.state.readings import OdometryReading, PlanarWay, WheelMotion
 
 ErrorRatio = Annotated[Ratio, Field(gt=-1, le=100)]  # at -1 the believed radius is 0; below, it is negative
 

@@ -13,13 +13,19 @@ from sim_action.core.geometry import Twist
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import replace
 from sim_action.scenario.model import Agreement, Scenario
-from sim_action.sensors.reading_log import ReadingLog
+from sim_action.sensors import ReadingLog
 from sim_action.state.command import Command, JointTargets, LinkWrench
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.timeline import TimeMark
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
-from sim_action.state.trace_records import FRAME_RATE, CommandedTwists, CommandedValues, SensorRecord, frame_stride
+from sim_action.state.trace_records import (
+    FRAME_RATE,
+    Channels,
+    CommandedTwists,
+    CommandedValues,
+    SensorRecord,
+    frame_stride,
+)
 from sim_action.world import GROUND, World
 from sim_action.world.scene import Scene
 

@@ -10,12 +10,10 @@ from sim_action.core.wording import shown
 from sim_action.drives import recognise
 from sim_action.engines.engine import RobotQueries
 from sim_action.scenario.model import Scenario
-from sim_action.sensors import Measure, Mount, MountedSensor, Sensor, Sight
-from sim_action.sensors.reading_log import ReadingLog
+from sim_action.sensors import Measure, Mount, MountedSensor, ReadingLog, Sensor, Sight
 from sim_action.simulation.seams import UNTOUCHED, Seams
 from sim_action.state.observation import ByName, Observation
-from sim_action.state.readings import Reading
-from sim_action.state.sensor_inputs import WheelMotion
+from sim_action.state.readings import Reading, WheelMotion
 from sim_action.state.timeline import TimeMark
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import SensorRecord

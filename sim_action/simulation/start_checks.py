@@ -19,7 +19,7 @@ from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblem, SpecProblems
 from sim_action.drives import Drive, DriveMotion, recognise
-from sim_action.drives.ignored_statements import ignored_statements
+from sim_action.drives.undercarriage import ignored_statements
 from sim_action.drives.wheels import axis_in_base, opposed_note
 from sim_action.engines.engine import Engine
 from sim_action.robot.model.link_pairs import unwatched_note

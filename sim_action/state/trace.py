@@ -14,8 +14,7 @@ from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.observation import Contact, Observation, SelfContact
-from sim_action.state.trace_channels import ClearanceWatch
-from sim_action.state.trace_records import BodyRecord, ClearanceRecord, ContactRecord, SensorRecord
+from sim_action.state.trace_records import BodyRecord, ClearanceRecord, ClearanceWatch, ContactRecord, SensorRecord
 
 COLUMNS: Final = (
     "time",

@@ -12,8 +12,14 @@ from sim_action.core.records import replace
 from sim_action.state.observation import Contact, SelfContact
 from sim_action.state.timeline import TimeMark
 from sim_action.state.trace import COLUMNS, Trace
-from sim_action.state.trace_channels import ClearanceWatch
-from sim_action.state.trace_records import ALWAYS, BodyRecord, ClearanceRecord, ContactRecord, SensorRecord
+from sim_action.state.trace_records import (
+    ALWAYS,
+    BodyRecord,
+    ClearanceRecord,
+    ClearanceWatch,
+    ContactRecord,
+    SensorRecord,
+)
 
 # Fields that older traces lack; the last one is in none.
 _ADDED: Final = ("has_force", "depth", "normal_xyz")

@@ -7,8 +7,7 @@ from dataclasses import replace
 from sim_action.assertions.clearance import Clearance
 from sim_action.assertions.monitors import State
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels, ClearanceWatch
-from sim_action.state.trace_records import ClearanceRecord, Nearness
+from sim_action.state.trace_records import Channels, ClearanceRecord, ClearanceWatch, Nearness
 from sim_action.state.verdict import Judged, Verdict
 from sim_action.world import World
 from tests.traces import judged, monitor, scene, trace

@@ -15,11 +15,10 @@ from sim_action.assertions import Assertion
 from sim_action.assertions.combined import AllOf, AnyOf, AtOnce, Negation
 from sim_action.assertions.contact import Touch
 from sim_action.assertions.distance import PathLength, Travel
-from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.no_collision import NoCollision
-from sim_action.assertions.reach import Reach
+from sim_action.assertions.reach import FinalPose, Reach
 from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.settled import Settled
 from sim_action.assertions.temporal_logic.stl_assertion import Stl

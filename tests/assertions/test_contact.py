@@ -15,8 +15,7 @@ from sim_action.assertions.monitors import State
 from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.state.observation import Contact
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels, ClearanceWatch
-from sim_action.state.trace_records import ClearanceRecord, Nearness
+from sim_action.state.trace_records import Channels, ClearanceRecord, ClearanceWatch, Nearness
 from sim_action.state.verdict import Verdict
 from sim_action.world import Body, PathPoint, Physics, Sphere, World
 from tests.assertions.test_cuts import MOVABLE

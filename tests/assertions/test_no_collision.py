@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from sim_action.assertions.monitors.proximity import nearest_of
+from sim_action.assertions.monitors.contacts import nearest_of
 from sim_action.assertions.no_collision import NoCollision
-from sim_action.state.trace_channels import ClearanceWatch
-from sim_action.state.trace_records import ClearanceRecord, Nearness
+from sim_action.state.trace_records import ClearanceRecord, ClearanceWatch, Nearness
 from sim_action.state.verdict import Verdict
 from tests.traces import START, contact, judged, scene, trace
 

@@ -17,8 +17,7 @@ from sim_action.core import units
 from sim_action.core.errors import InvalidPart
 from sim_action.core.geometry import quaternion_from_rpy
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
-from sim_action.state.trace_records import SensorRecord
+from sim_action.state.trace_records import Channels, SensorRecord
 from sim_action.state.verdict import Judged, Verdict
 from tests.traces import judged, monitor, trace
 

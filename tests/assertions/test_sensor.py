@@ -15,8 +15,7 @@ from sim_action.assertions.sensor import SensorReading
 from sim_action.sensors import SENSORS
 from sim_action.state.readings import READING_COLUMNS
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
-from sim_action.state.trace_records import SensorRecord
+from sim_action.state.trace_records import Channels, SensorRecord
 from sim_action.state.verdict import Judged, Verdict
 from tests.traces import judged, monitor, trace
 

@@ -16,27 +16,23 @@ from sim_action.assertions.clearance import Clearance
 from sim_action.assertions.combined import AllOf, Negation
 from sim_action.assertions.contact import Touch
 from sim_action.assertions.distance import PathLength, Travel
-from sim_action.assertions.effort import Effort
-from sim_action.assertions.energy import Energy
-from sim_action.assertions.final_pose import FinalPose
+from sim_action.assertions.effort import Effort, Energy
 from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
 from sim_action.assertions.joint import JointReading, JointWithin
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.odometry_error import OdometryError
-from sim_action.assertions.reach import Reach
+from sim_action.assertions.reach import FinalPose, Reach
 from sim_action.assertions.sensor import SensorReading
-from sim_action.assertions.settled import Settled
+from sim_action.assertions.settled import Settled, StopsBefore
 from sim_action.assertions.stay_within import StayWithin
-from sim_action.assertions.stops_before import StopsBefore
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.assertions.upright import Upright
 from sim_action.assertions.user_assertion import UserAssertion
 from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import ClearanceWatch
-from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
+from sim_action.state.trace_records import ClearanceRecord, ClearanceWatch, Nearness, SensorRecord
 from sim_action.state.verdict import Arrow, Circle, Mark, Polygon, Polyline, Signal, box
 from tests.assertions.test_cuts import SPECS, random_trace
 from tests.soak import examples

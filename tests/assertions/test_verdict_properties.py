@@ -22,9 +22,7 @@ from sim_action.assertions.clearance import Clearance
 from sim_action.assertions.combined import AllOf, AnyOf, AtOnce, Negation
 from sim_action.assertions.contact import Touch
 from sim_action.assertions.distance import PathLength, Travel
-from sim_action.assertions.effort import Effort
-from sim_action.assertions.energy import Energy
-from sim_action.assertions.final_pose import FinalPose
+from sim_action.assertions.effort import Effort, Energy
 from sim_action.assertions.follow_path import FollowPath, PathEnd
 from sim_action.assertions.joint import JointReading, JointWithin
 from sim_action.assertions.legs import SupportMargin
@@ -34,11 +32,10 @@ from sim_action.assertions.monitors import State
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.object import Moved, ObjectAssertion
 from sim_action.assertions.odometry_error import OdometryError
-from sim_action.assertions.reach import Reach
+from sim_action.assertions.reach import FinalPose, Reach
 from sim_action.assertions.sensor import SensorReading
-from sim_action.assertions.settled import Settled
+from sim_action.assertions.settled import Settled, StopsBefore
 from sim_action.assertions.stay_within import StayWithin
-from sim_action.assertions.stops_before import StopsBefore
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.assertions.upright import Upright

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import pytest
 
+from sim_action import JointDescription, RobotDescription
 from sim_action.commands.controller_answers import Saturation
 from sim_action.core.geometry import Twist
-from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_model import Mimic, RobotModel
 from sim_action.state.command import JointTargets
-from tests.traces import burger
+from tests.traces import burger, scene
 
 LEFT, RIGHT = "wheel_left_joint", "wheel_right_joint"
 
@@ -86,3 +87,28 @@ def test_a_position_beyond_the_limits_of_a_joint_is_noted_once_and_stays() -> No
 def test_a_model_without_limits_limits_nothing() -> None:
     targets = JointTargets(effort={LEFT: 1e9}, velocity={LEFT: 1e9}, max_effort={LEFT: 1e9})
     assert Saturation(limited(None, None), "ctl.py").clip(targets) is targets
+
+
+def test_it_tells_the_robot_and_how_it_is_asked() -> None:
+    robot = RobotDescription.of(replace(scene(), seed=5), 20.0, "script a.py Controller")
+    assert (robot.name, robot.base, robot.rate, robot.seed) == ("turtlebot3_burger", "base_footprint", 20.0, 5)
+    assert {"base_footprint", "wheel_left_link"} <= set(robot.links)
+    assert [name for name, joint in robot.joints.items() if joint.moves] == ["wheel_left_joint", "wheel_right_joint"]
+    assert robot.joints["scan_joint"] == JointDescription(type="fixed", moves=False)
+
+
+def test_random_numbers_depend_on_seed_and_purpose_alone() -> None:
+    def drawn(seed: int, purpose: str) -> float:
+        return float(RobotDescription.of(replace(scene(), seed=seed), 20.0, purpose).random.random())
+
+    assert drawn(5, "script a.py") == drawn(5, "script a.py")
+    assert len({drawn(5, "script a.py"), drawn(6, "script a.py"), drawn(5, "script b.py")}) == 3
+
+
+def test_a_joint_has_its_limits_and_whom_it_follows() -> None:
+    there = scene()
+    left, right = (joint for joint in there.model.joints if joint.moves)
+    stated = replace(left, lower=-1.0, upper=2.0, max_effort=3.0, max_velocity=4.0, mimic=Mimic(right.name))
+    assert JointDescription.of(stated) == JointDescription(
+        type="continuous", moves=True, lower=-1.0, upper=2.0, max_effort=3.0, max_velocity=4.0, mimics=right.name
+    )

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from sim_action.commands import ClosedLoop
+from sim_action.commands.controller_answers import RobotDescription
 from sim_action.commands.external_program import (
     AnswerError,
     ProcessCommands,
@@ -30,7 +31,6 @@ from sim_action.commands.external_program import (
     parse_answer,
     robot_json,
 )
-from sim_action.commands.robot_description import RobotDescription
 from sim_action.core.errors import ScriptError
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.workspace import PathError, Workspace

@@ -16,7 +16,7 @@ from sim_action.drives.mecanum import MecanumDrive
 from sim_action.drives.skid import SkidSteer
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import JointTargets
-from sim_action.state.sensor_inputs import PlanarWay
+from sim_action.state.readings import PlanarWay
 from tests.drives.carts import FOUR, RADIUS, cart, steered, wheel
 
 QUICK = 1e9

@@ -12,9 +12,10 @@ from sim_action.drives import recognise, why_not_recognised
 from sim_action.drives.ackermann import AckermannDrive
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.skid import SkidSteer
-from sim_action.drives.undercarriage import mirrored_names, undercarriage
+from sim_action.drives.undercarriage import ignored_statements, mirrored_names, undercarriage
 from sim_action.robot.model.robot_model import CommandedJoint, Joint, JointType, Link, Plugin, RobotModel, Shape
 from tests.drives.carts import FOUR, RADIUS, Part, cart, steered, wheel
+from tests.drives.test_plugins import DIFF_CONTROLLER, SIDES, TWO
 
 PAIR = (wheel("left", 0.0, 0.3), wheel("right", 0.0, -0.3))
 DIFF = DiffDrive(left=("left",), right=("right",))
@@ -279,3 +280,50 @@ def test_a_plugin_whose_figures_do_not_fit_says_so() -> None:
 )
 def test_names_of_two_sides_mirror_each_other(one: str, other: str, expected: tuple[str, str] | None) -> None:
     assert mirrored_names(one, other) == expected
+
+
+STATED_DIFF = Plugin("gz-sim-diff-drive-system", (("left_joint", "a"), ("right_joint", "b")), "", PLACE)
+
+
+def notes(model: RobotModel) -> list[str]:
+    drive = recognise(model)
+    assert drive is not None
+    return list(ignored_statements(model, drive.source(model), drive.open(model, 100).joints))
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "ignored"),
+    [
+        (STATED_DIFF.name, (("max_linear_velocity", "0.2"),), "max_linear_velocity 0.2"),
+        (
+            STATED_DIFF.name,
+            (("max_velocity", "0.2"), ("max_angular_velocity", "1")),
+            "max_velocity 0.2, max_angular_velocity 1",
+        ),
+        (STATED_DIFF.name, (("max_velocity", "0"), ("max_acceleration", "1")), None),
+        (DIFF_CONTROLLER, (("linear.x.max_velocity", "0.2"),), "linear.x.max_velocity 0.2"),
+        (DIFF_CONTROLLER, (("linear.x.max_velocity", ".nan"),), None),
+        (DIFF_CONTROLLER, (("linear.x.max_velocity", "1"), ("linear.x.has_velocity_limits", "False")), None),
+    ],
+)
+def test_speed_limits_are_named(name: str, parameters: tuple[tuple[str, str], ...], ignored: str | None) -> None:
+    sides = SIDES if name == DIFF_CONTROLLER else STATED_DIFF.parameters
+    found = notes(dataclasses.replace(TWO, plugins=(Plugin(name, (*sides, *parameters), "base", PLACE),)))
+    assert [note.split(" of ")[0] for note in found] == ([] if ignored is None else [ignored])
+
+
+def test_other_plugins_and_unread_files_are_named() -> None:
+    second = dataclasses.replace(STATED_DIFF, location=Location("control.yaml", 9))
+    control = Plugin("gz_ros2_control-system", (), "", PLACE, ("'nope.yaml' does not exist",))
+    found = notes(dataclasses.replace(TWO, plugins=(STATED_DIFF, second, control)))
+    assert [note.split(", ")[0] for note in found] == [
+        "plugin gz-sim-diff-drive-system at control.yaml:9 is ignored",
+        "the controllers of plugin gz_ros2_control-system at robot.urdf:7 are not known: 'nope.yaml' does not exist",
+    ]
+
+
+def test_wheels_with_motors_that_the_drive_does_not_turn_are_named() -> None:
+    commanded = tuple(CommandedJoint(name, frozenset({"velocity"}), "transmission", PLACE) for name in "abcd")
+    sides = (("left_joint", "a"), ("right_joint", "c"))
+    model = dataclasses.replace(cart(*FOUR), plugins=(Plugin(STATED_DIFF.name, sides, "", PLACE),), commanded=commanded)
+    assert [note.split(",")[0] for note in notes(model)] == ["the model states motors of 'b'"]

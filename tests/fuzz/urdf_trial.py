@@ -33,7 +33,7 @@ from sim_action.robot.model.robot_model import Joint, Link, RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.urdf import read_urdf
 from sim_action.simulation.guards import Watchdog
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 

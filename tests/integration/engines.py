@@ -19,7 +19,7 @@ from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.urdf import read_urdf
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels, ClearanceWatch
+from sim_action.state.trace_records import Channels, ClearanceWatch
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 

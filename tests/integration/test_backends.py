@@ -497,7 +497,7 @@ _CORPUS = r"""
 import json, sys
 from pathlib import Path
 from sim_action.engines import ENGINES
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.state.command import JointTargets
 from sim_action.core.errors import EngineError, ModelError
 from sim_action.robot.model.findings import ALLOWABLE

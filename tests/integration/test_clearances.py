@@ -17,8 +17,7 @@ from sim_action.engines.clearances import ClearanceRecorder
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels, ClearanceWatch
-from sim_action.state.trace_records import ClearanceRecord, Nearness
+from sim_action.state.trace_records import Channels, ClearanceRecord, ClearanceWatch, Nearness
 from sim_action.world import Body, Cylinder, PathPoint, Sphere, World
 from sim_action.world.scene import Scene
 from sim_action.world.shapes import Ramp

@@ -339,8 +339,7 @@ def test_inspect_shows_a_model_or_every_reason_why_not(tmp_path: Path) -> None:
 UNUSED_IN_A_RUN = (
     "assertions.clearance",
     "assertions.contact",
-    "assertions.monitors.contact_force",
-    "assertions.monitors.proximity",
+    "assertions.monitors.contacts",
     "drives.ackermann",
     "drives.mecanum",
     "drives.skid",

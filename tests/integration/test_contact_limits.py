@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sim_action.assertions.contact import Touch
-from sim_action.assertions.monitors.contact_force import MeanForce
+from sim_action.assertions.monitors.contacts import MeanForce
 from sim_action.core.field_types import Placement
 from sim_action.engines import installed
 from sim_action.scenario.loading import build_scene

@@ -13,7 +13,7 @@ from sim_action.assertions.upright import Upright
 from sim_action.scenario.loading import build_scene
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.command import JointTargets
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.state.trace_storage import load_trace, save_trace
 from tests.integration.engines import on_every_engine, running
 from tests.scenarios import load

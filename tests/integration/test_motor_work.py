@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.assertions.effort import Effort
-from sim_action.assertions.energy import Braking, Energy
+from sim_action.assertions.effort import Braking, Effort, Energy
 from sim_action.assertions.monitors import Monitor
 from sim_action.core.workspace import Workspace
 from sim_action.robot.model.robot_spec import Robot

@@ -15,7 +15,7 @@ from sim_action.robot.reading.loading import load_model
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import simulate
 from sim_action.state.command import JointTargets
-from sim_action.state.trace_channels import ClearanceWatch
+from sim_action.state.trace_records import ClearanceWatch
 from sim_action.world import GRAVITY, Body, Physics, World
 from sim_action.world.scene import Scene
 from tests.integration.engines import advance, push, running

@@ -11,7 +11,7 @@ import pytest
 from sim_action.assertions.upright import Upright
 from sim_action.scenario.loading import build_scene
 from sim_action.simulation.loop import SimulationRun, simulate
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.state.trace_storage import load_trace, save_trace
 from tests.integration.engines import on_every_engine
 from tests.scenarios import load

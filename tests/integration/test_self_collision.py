@@ -20,7 +20,7 @@ from sim_action.simulation.loop import simulate
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import SelfContact
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 from tests.integration.engines import advance, on_every_engine, scene_of

@@ -13,7 +13,7 @@ from sim_action.core.field_types import Placement
 from sim_action.engines import ENGINES
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.state.command import JointTargets
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.world import World
 from tests.integration.engines import advance, at, inertia, on_every_engine, one_link, running, scene_of, travelled
 from tests.worlds import with_files

@@ -22,7 +22,7 @@ from sim_action.scenario.loading import load_all, load_scenario
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.scenario.source import Refused
 from sim_action.sensors.lidar import Lidar
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from tests.scenarios import LEAST, load, told
 
 JUDGE = "class Mine:\n    def __init__(self, **settings): ...\n    def judge(self, trace): ...\n"

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.sensors import Sight
 from sim_action.state.observation import Observation
-from sim_action.state.sensor_inputs import EngineQueries
+from sim_action.state.readings import EngineQueries
 
 
 class OneLink:

@@ -9,7 +9,7 @@ import pytest
 
 from sim_action.engines import installed
 from sim_action.scenario.loading import build_scene
-from sim_action.sensors.reading_log import ReadingLog
+from sim_action.sensors import ReadingLog
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.sensors import Sensing
 from sim_action.state.trace import Trace

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pytest
 from sim_action.state import trace_records
 from sim_action.state.readings import ContactReading
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import ClearanceWatch
+from sim_action.state.trace_records import Channels, ClearanceWatch
 from sim_action.state.trace_storage import TraceError, load_trace, save_trace
 from tests.traces import trace
 
@@ -209,3 +210,35 @@ def test_a_joint_keeps_its_commanded_position_until_the_next_one() -> None:
     np.testing.assert_array_equal(told.at("b", time), [np.nan, np.nan, 5.0, 5.0])
     np.testing.assert_array_equal(told.at("c", time), [np.nan] * 4)
     np.testing.assert_array_equal(trace_records.CommandedValues().at("a", time), [np.nan] * 4)
+
+
+WALL = ClearanceWatch(bodies=("wall",))
+ALL = Channels(
+    contacts=True,
+    clearances=frozenset({WALL, ClearanceWatch()}),
+    sensors=frozenset({"scan", "imu"}),
+    bodies=frozenset({"ball"}),
+    objects=frozenset({"crate", "ball"}),
+    link_contacts=frozenset({"foot", "hand"}),
+    openings=frozenset({0.0, 2.0}),
+)
+
+
+def test_nothing_is_asked_for_by_nobody() -> None:
+    assert Channels.all_of([]) == Channels()
+    assert not Channels().contacts
+
+
+def test_what_any_of_them_asks_for_is_asked_for() -> None:
+    several = [
+        Channels(contacts=True).opening_at(2.0),
+        Channels(clearances=frozenset({WALL}), sensors=frozenset({"scan"}), objects=frozenset({"crate"})),
+        Channels(bodies=frozenset({"ball"}), objects=frozenset({"ball"}), link_contacts=frozenset({"foot"})),
+        Channels(link_contacts=frozenset({"hand"})),
+        Channels(clearances=frozenset({ClearanceWatch(), WALL}), sensors=frozenset({"imu"})).opening_at(0.0),
+    ]
+    assert Channels.all_of(several) == Channels.all_of(reversed(several)) == ALL
+
+
+def test_it_crosses_into_the_process_of_a_scenario() -> None:
+    assert pickle.loads(pickle.dumps(ALL)) == ALL

@@ -13,7 +13,7 @@ from typing import Any, Final, Self
 from typing_extensions import override
 
 from sim_action.assertions.monitors import Monitor, State
-from sim_action.assertions.monitors.goals import joined
+from sim_action.assertions.monitors.bounds import joined
 from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import units
 from sim_action.core.lazy_numpy import NDArray, np

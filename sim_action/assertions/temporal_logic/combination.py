@@ -14,7 +14,7 @@ from typing import Any, Final, Self
 from typing_extensions import override
 
 from sim_action.assertions.monitors import Fold, Monitor, State, Truth
-from sim_action.assertions.monitors.goals import Goal
+from sim_action.assertions.monitors.bounds import Goal
 from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S

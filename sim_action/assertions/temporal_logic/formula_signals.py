@@ -25,7 +25,7 @@ from sim_action.core.wording import did_you_mean
 from sim_action.robot.model.joint_selection import links_with_shapes
 from sim_action.robot.model.robot_model import READINGS, Reading, RobotModel
 from sim_action.state.readings import READING_COLUMNS, columns_of
-from sim_action.state.trace_channels import Channels, ClearanceWatch
+from sim_action.state.trace_records import Channels, ClearanceWatch
 from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
 

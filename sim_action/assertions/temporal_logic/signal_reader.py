@@ -12,7 +12,7 @@ import numpy as np
 
 from sim_action.assertions.monitors import FORCE_WINDOW_S
 from sim_action.assertions.monitors.base_motion import BaseMotion
-from sim_action.assertions.monitors.contact_force import MeanForce
+from sim_action.assertions.monitors.contacts import MeanForce
 from sim_action.assertions.sensor import picked
 from sim_action.assertions.temporal_logic.formula import Signal
 from sim_action.assertions.temporal_logic.formula_signals import watch_of

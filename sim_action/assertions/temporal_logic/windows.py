@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, Self
 from typing_extensions import override
 
 from sim_action.assertions.monitors import Monitor, State
-from sim_action.assertions.monitors.goals import Goal
+from sim_action.assertions.monitors.bounds import Goal
 from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S

@@ -44,8 +44,7 @@ from sim_action.robot.model.robot_model import RobotModel, ball_angles
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import ByName, Clash, Contact, JointState, Observation, Overlap
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
-from sim_action.state.trace_records import ContactRecord
+from sim_action.state.trace_records import Channels, ContactRecord
 from sim_action.world import World
 from sim_action.world.scene import EGO, Scene
 

@@ -19,7 +19,7 @@ from sim_action.engines.link_contacts import LinkContacts, SelfPairs, SelfWatch,
 from sim_action.engines.observers import Nearest
 from sim_action.robot.model.link_pairs import touchable_pairs
 from sim_action.state.observation import SelfContact
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.world.scene import Scene
 
 _ANYWHERE_M: Final = 1e3

@@ -28,8 +28,7 @@ from sim_action.engines.world_events import WorldEvents
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Clash, Overlap
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
-from sim_action.state.trace_records import ContactRecord
+from sim_action.state.trace_records import Channels, ContactRecord
 from sim_action.world import GROUND, World
 from sim_action.world.scene import EGO, Scene
 

@@ -40,7 +40,7 @@ from sim_action.robot.model.robot_model import Mimic, RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import ByName, Contact, JointState, Observation
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import Channels
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:

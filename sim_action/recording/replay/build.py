@@ -50,7 +50,7 @@ from sim_action.recording.replay.scene_data import (
 from sim_action.recording.replay.scenery import actor_links, scenery, skeleton
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.scenario.model import Scenario
-from sim_action.sensors.reading_log import ReadingLog
+from sim_action.sensors import ReadingLog
 from sim_action.simulation.recorder import TWIST_NAMES
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.timeline import TimeMark

@@ -24,7 +24,7 @@ from sim_action.state.trace_records import CommandedValues
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.sensors.reading_log import ReadingLog
+    from sim_action.sensors import ReadingLog
 
 MAX_VALUES: Final = 150_000  # the largest number of values that change; each takes about two bytes when packed
 MAX_TOUCHED: Final = 8  # the largest number of bodies whose contact forces are stored one by one

@@ -20,7 +20,7 @@ from sim_action.recording.replay.scene_data import Number
 from sim_action.state.readings import CameraImage
 
 if TYPE_CHECKING:
-    from sim_action.sensors.reading_log import ReadingLog
+    from sim_action.sensors import ReadingLog
 
 MAX_PICTURE_BYTES: Final = 300_000  # the largest size of all pictures of a replay
 _MAX_WIDTH: Final = 160

@@ -17,7 +17,7 @@ from sim_action.recording.replay.scene_data import Length, Number, PoseNumbers, 
 from sim_action.state.readings import LidarScan, Reading
 
 if TYPE_CHECKING:
-    from sim_action.sensors.reading_log import ReadingLog
+    from sim_action.sensors import ReadingLog
 
 MAX_SENSORS: Final = 20
 MAX_RAYS: Final = 360

@@ -29,7 +29,7 @@ from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Pa
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.sensors.reading_log import ReadingLog
+    from sim_action.sensors import ReadingLog
 
 MAX_OBSTACLES: Final = 50
 _NEAR_M: Final = 0.02  # a return this near to the shape of a body counts as a return from it

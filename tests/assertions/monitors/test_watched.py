@@ -12,11 +12,10 @@ from hypothesis import strategies as st
 
 from sim_action.assertions.combined import AllOf
 from sim_action.assertions.distance import PathLength, Travel
-from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.monitors.watched import MotionAssertion
-from sim_action.assertions.reach import Reach, TargetOrientation
+from sim_action.assertions.reach import FinalPose, Reach, TargetOrientation
 from sim_action.assertions.settled import Settled
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.upright import Upright

@@ -21,8 +21,7 @@ from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.reach import Reach
 from sim_action.assertions.sensor import SensorReading
-from sim_action.assertions.settled import Settled
-from sim_action.assertions.stops_before import StopsBefore
+from sim_action.assertions.settled import Settled, StopsBefore
 from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.assertions.upright import Upright
 from sim_action.state.observation import JointState

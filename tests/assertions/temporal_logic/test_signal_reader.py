@@ -17,8 +17,7 @@ from sim_action.core.geometry import Pose, compose, quaternion_from_rpy
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.robot.model.kinematics import link_poses
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels, ClearanceWatch
-from sim_action.state.trace_records import BodyRecord, ClearanceRecord, Nearness, SensorRecord
+from sim_action.state.trace_records import BodyRecord, Channels, ClearanceRecord, ClearanceWatch, Nearness, SensorRecord
 from sim_action.state.verdict import Verdict
 from tests.traces import START, burger, contact, monitor, piece, scene, trace
 

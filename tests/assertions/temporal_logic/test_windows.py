@@ -16,8 +16,7 @@ from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.temporal_logic.windows import HoldTime, Window
 from sim_action.assertions.upright import Upright
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import ClearanceWatch
-from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
+from sim_action.state.trace_records import ClearanceRecord, ClearanceWatch, Nearness, SensorRecord
 from sim_action.state.verdict import Judged
 from tests.traces import START, contact, monitor, piece, scene, trace
 from tests.work import work_of

@@ -19,8 +19,7 @@ from sim_action.robot.model.link_motion import LinkStates
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import ByName, Clash, JointState, Observation, Overlap
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import Channels
-from sim_action.state.trace_records import ContactRecord
+from sim_action.state.trace_records import Channels, ContactRecord
 from sim_action.world.scene import Scene
 
 ROW = EngineRow(

@@ -8,10 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from sim_action.core.geometry import Pose
-from sim_action.sensors import MountedSensor, Sensor
+from sim_action.sensors import MountedSensor, ReadingLog, Sensor
 from sim_action.sensors.contact import ContactSensor
 from sim_action.sensors.lidar import Lidar
-from sim_action.sensors.reading_log import ReadingLog
 from sim_action.state.readings import ContactReading, LidarScan, Reading
 
 

@@ -12,10 +12,10 @@ from sim_action.core.geometry import ZERO, Pose, Twist, quaternion_from_rpy
 from sim_action.recording.replay import channels
 from sim_action.recording.replay.channels import Curve, stored_channels, thinned_curves
 from sim_action.recording.replay.replay_data import MAX_CHANNELS, ChannelData
+from sim_action.sensors import ReadingLog
 from sim_action.sensors.camera import Camera
 from sim_action.sensors.imu import Imu
 from sim_action.sensors.odometry import Odometry
-from sim_action.sensors.reading_log import ReadingLog
 from sim_action.state.observation import Contact
 from sim_action.state.readings import ImuReading, OdometryReading, Reading
 from sim_action.state.trace import Trace

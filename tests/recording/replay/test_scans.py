@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from sim_action.recording.replay.scans import MAX_RANGES, ScanData, stored_scans, thinning
-from sim_action.sensors.reading_log import ReadingLog
+from sim_action.sensors import ReadingLog
 from tests.outcomes import like
 from tests.recording.replay import logs
 

@@ -12,12 +12,11 @@ from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.core.records import replace
 from sim_action.recording.replay.sightings import ObstacleData, distance_to, obstacles_of
+from sim_action.sensors import ReadingLog
 from sim_action.sensors.lidar import Lidar
-from sim_action.sensors.reading_log import ReadingLog
 from sim_action.state.readings import LidarScan
 from sim_action.state.trace import Trace
-from sim_action.state.trace_channels import ClearanceWatch
-from sim_action.state.trace_records import BodyRecord, ClearanceRecord, Nearness
+from sim_action.state.trace_records import BodyRecord, ClearanceRecord, ClearanceWatch, Nearness
 from sim_action.world import Body, Sphere, World
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart
 from sim_action.world.scene import Scene

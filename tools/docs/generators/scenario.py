@@ -14,7 +14,7 @@ from sim_action.app import catalogue
 from sim_action.assertions import ASSERTIONS, Reference
 from sim_action.cli.init import files
 from sim_action.commands import COMMANDS, CommandSource
-from sim_action.commands.robot_description import RobotDescription
+from sim_action.commands.controller_answers import RobotDescription
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.registry import Table

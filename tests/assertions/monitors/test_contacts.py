@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.assertions.monitors.contact_force import MeanForce
+from sim_action.assertions.monitors.contacts import MeanForce
 from sim_action.state.observation import Contact
 from sim_action.state.trace import Trace
 from tests.soak import examples
