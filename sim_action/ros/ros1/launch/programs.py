@@ -1,6 +1,6 @@
 """The programs of the overlay's packages. Each makes rospy importable in this interpreter and then runs code of `node`.
 
-    python -m sim_action.ros.ros1.launch.programs PROGRAM [ARGUMENT ...]
+    python -m sim_action.ros.ros1.launch.programs gzserver|MODULE:FUNCTION [ARGUMENT ...]
 
 Every program imports only what it needs: a launch waits for each of them.
 """
@@ -10,11 +10,9 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import Final
 
 
 def gzserver() -> int:
@@ -50,39 +48,16 @@ def gzserver() -> int:
     os._exit(0)
 
 
-def spawn_model() -> int:
-    """Spawn a model in the simulation. Return the exit code."""
-    _add_rospy()
-    from sim_action.ros.ros1.node.spawn_model import spawn  # the rest of the module runs without it
-
-    return spawn()
-
-
-def _program(name: str, module: str) -> int:
-    _add_rospy()
-    program: Callable[[], int] = import_module(module).PROGRAMS[name]
+def node_program(name: str) -> int:
+    """Run a program of `node`, such as "stand_ins:relay", and return its exit code."""
+    request = Path(os.environ["SIM_ACTION_ROS_RUN"]) / "request.json"
+    sys.path.append(json.loads(request.read_bytes())["modules"])
+    module, _, function = name.partition(":")
+    program: Callable[[], int] = getattr(import_module(f"sim_action.ros.ros1.node.{module}"), function)
     return program()
 
 
-def _add_rospy() -> None:
-    request = Path(os.environ["SIM_ACTION_ROS_RUN"]) / "request.json"
-    sys.path.append(json.loads(request.read_bytes())["modules"])
-
-
-_CONTROL: Final = "sim_action.ros.ros1.node.control.programs"
-_STAND_INS: Final = "sim_action.ros.ros1.node.stand_ins"
-
-PROGRAMS: Final[Mapping[str, Callable[[], int]]] = {
-    "gzserver": gzserver,
-    "spawn_model": spawn_model,
-    **{name: partial(_program, name, _CONTROL) for name in ("spawner", "unspawner", "controller_manager")},
-    **{
-        name: partial(_program, name, _STAND_INS)
-        for name in ("robot_state_publisher", "joint_state_publisher", "static_transform_publisher", "relay")
-    },
-}
-"""Program name -> function that runs it and returns the exit code."""
-
 if __name__ == "__main__":
     # The arguments of the program follow its name.
-    sys.exit(PROGRAMS[sys.argv.pop(1)]())
+    called = sys.argv.pop(1)
+    sys.exit(gzserver() if called == "gzserver" else node_program(called))

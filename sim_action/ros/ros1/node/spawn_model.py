@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
@@ -26,10 +26,10 @@ _SUCCESS: Final = 1
 _POLL_S: Final = 0.02
 
 
-def spawn(words: Sequence[str] | None = None) -> int:
+def spawn() -> int:
     """Spawn a model, and return the exit code."""
     rospy.init_node("spawn_model", anonymous=True)
-    asked, unknown = _parser().parse_known_args(rospy.myargv()[1:] if words is None else words)
+    asked, unknown = _parser().parse_known_args(rospy.myargv()[1:])
     if unknown:
         rospy.logwarn("spawn_model: unknown arguments: %s", " ".join(unknown))
     space = asked.gazebo_namespace.rstrip("/")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
@@ -149,12 +149,3 @@ def relay() -> int:
     rospy.Subscriber(topic, rospy.AnyMsg, send)
     rospy.spin()
     return 0
-
-
-PROGRAMS: Final[Mapping[str, Callable[[], int]]] = {
-    "robot_state_publisher": robot_state_publisher,
-    "joint_state_publisher": joint_state_publisher,
-    "static_transform_publisher": static_transform_publisher,
-    "relay": relay,
-}
-"""Program name -> function that runs it and returns the exit code."""

@@ -144,10 +144,3 @@ def _spawner_parser() -> argparse.ArgumentParser:
 
 
 _Action = Callable[[_Manager, Sequence[str]], bool]
-
-PROGRAMS: Final[Mapping[str, Callable[[], int]]] = {
-    "spawner": spawner,
-    "unspawner": unspawner,
-    "controller_manager": controller_manager,
-}
-"""Program name -> function that runs it and returns the exit code."""
