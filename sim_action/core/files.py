@@ -25,6 +25,13 @@ def read_at_most(path: Path, most: int) -> bytes | None:
     return data if len(data) <= most else None
 
 
+def content_or_empty(path: Path, most: int) -> bytes:
+    """Return the content of a file; nothing if it cannot be read, or has more than `most` bytes."""
+    with suppress(OSError):
+        return read_at_most(path, most) or b""
+    return b""
+
+
 def open_regular(path: Path, *, follow_link: bool) -> BinaryIO:
     """Open a regular file for reading; raise OSError for anything else, and for a link if links are not followed."""
     # Windows has only the first of these flags.

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import UsageError
-from sim_action.core.files import read_at_most
+from sim_action.core.files import content_or_empty
 from sim_action.core.process import program_on_path
 from sim_action.core.records import dataclass
 
@@ -64,7 +64,6 @@ _RELEASES: Final = {"1": "foxy", "3": "humble", "4": "iron", "7": "jazzy", "9": 
 # Topics of other packages of messages are left out where these are not installed.
 _MESSAGES: Final = ("geometry_msgs", "rosgraph_msgs", "std_msgs")
 _VERSION: Final = re.compile(rb"<version>\s*(\d+)\.([\d.]+)\s*</version>")
-_MAX_PACKAGE_BYTES: Final = 100_000
 # The bootstrap of the wheels starts each interpreter a second time, to extend LD_LIBRARY_PATH; this variable ends it.
 _IS_BOOTSTRAPPED: Final = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1"}
 
@@ -82,7 +81,8 @@ def packages_of_prefix(prefix: Path) -> list[str]:
     found: dict[str, set[str]] = {}
     for index in _INDEXES:
         for file in _files(prefix / index):
-            found.setdefault(file.name, set()).update(_text(file).replace(os.pathsep, ";").split(";"))
+            text = content_or_empty(file, _MAX_FILE_BYTES).decode(errors="replace")
+            found.setdefault(file.name, set()).update(text.replace(os.pathsep, ";").split(";"))
     graph = {name: sorted(found[name] & found.keys() - {name}) for name in sorted(found)}
     try:
         return list(TopologicalSorter(graph).static_order())
@@ -97,7 +97,7 @@ def set_up(prefixes: Iterable[Path], environment: Mapping[str, str]) -> SetUp:
         for package in packages_of_prefix(prefix):
             changes.read_first(prefix, (f"share/{package}/package.dsv", f"share/{package}/local_setup.dsv"))
         # The hook of some builds is missing; all tools of ROS 2 need this variable.
-        changes.prepend("AMENT_PREFIX_PATH", str(prefix))
+        changes.add("AMENT_PREFIX_PATH", str(prefix))
     return SetUp(changes.variables, tuple(dict.fromkeys(changes.unread)))
 
 
@@ -115,24 +115,18 @@ class _Changes:
         if file is not None:
             self._read(prefix, file, _MAX_DEPTH)
 
-    def prepend(self, name: str, path: str) -> None:
-        """Put a path first in a variable, unless it is there."""
-        before = self._paths(name)
-        self.variables[name] = os.pathsep.join(before if path in before else (path, *before))
-
-    def _append(self, name: str, path: str) -> None:
-        before = self._paths(name)
-        self.variables[name] = os.pathsep.join(before if path in before else (*before, path))
-
-    def _paths(self, name: str) -> tuple[str, ...]:
-        return tuple(path for path in self._value(name).split(os.pathsep) if path)
+    def add(self, name: str, path: str, *, first: bool = True) -> None:
+        """Put a path first or last in a variable, unless it is there."""
+        before = [known for known in self._value(name).split(os.pathsep) if known]
+        after = [path, *before] if first else [*before, path]
+        self.variables[name] = os.pathsep.join(before if path in before else after)
 
     def _value(self, name: str) -> str:
         return self.variables.get(name, self._environment.get(name, ""))
 
     def _read(self, prefix: Path, file: Path, depth: int) -> None:
         scripts: dict[Path, set[str]] = {}
-        for line in _text(file).splitlines():
+        for line in content_or_empty(file, _MAX_FILE_BYTES).decode(errors="replace").splitlines():
             kind, semicolon, rest = line.partition(";")
             if not semicolon or line.startswith("#"):
                 continue
@@ -149,22 +143,14 @@ class _Changes:
                 self.unread.append(f"{script}{found[0]}")
 
     def _change(self, prefix: Path, kind: str, words: list[str]) -> None:
-        name, values = words[0], words[1:]
-        paths = [str(prefix / value) if value else str(prefix) for value in values]
-        match kind:
-            case "prepend-non-duplicate" | "prepend-non-duplicate-if-exists":
-                for path in paths:
-                    if not kind.endswith("exists") or Path(path).exists():
-                        self.prepend(name, path)
-            case "append-non-duplicate":
-                for path in paths:
-                    self._append(name, path)
-            case "set" | "set-if-unset":
-                value = ";".join(values)
-                if kind == "set" or not self._value(name):
-                    self.variables[name] = str(prefix / value) if (prefix / value).exists() else value
-            case _:
-                pass
+        name, *values = words
+        if kind in ("prepend-non-duplicate", "prepend-non-duplicate-if-exists", "append-non-duplicate"):
+            for path in (prefix / value for value in values):
+                if not kind.endswith("exists") or path.exists():
+                    self.add(name, str(path), first=kind.startswith("prepend"))
+        elif kind == "set" or (kind == "set-if-unset" and not self._value(name)):
+            value = ";".join(values)
+            self.variables[name] = str(prefix / value) if (prefix / value).exists() else value
 
 
 def _files(folder: Path) -> Iterator[Path]:
@@ -172,13 +158,6 @@ def _files(folder: Path) -> Iterator[Path]:
         return (path for path in sorted(folder.iterdir()) if path.is_file() and not path.name.startswith("."))
     except OSError:
         return iter(())
-
-
-def _text(path: Path) -> str:
-    try:
-        return (read_at_most(path, _MAX_FILE_BYTES) or b"").decode(errors="replace")
-    except OSError:
-        return ""
 
 
 class NotInstalled(UsageError):
@@ -318,11 +297,7 @@ def _has_rclpy(prefix: Path) -> bool:
 
 def _distribution(prefix: Path) -> tuple[str | None, str]:
     """Return the distribution of a prefix, None if it is not known, and the version of its rclpy."""
-    try:
-        content = read_at_most(prefix / "share/rclpy/package.xml", _MAX_PACKAGE_BYTES) or b""
-    except OSError:
-        content = b""
-    match = _VERSION.search(content)
+    match = _VERSION.search(content_or_empty(prefix / "share/rclpy/package.xml", _MAX_FILE_BYTES))
     if match is None:
         return None, "without a version"
     major, rest = match[1].decode(), match[2].decode()

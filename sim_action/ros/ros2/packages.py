@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 
-from sim_action.core.files import read_at_most
+from sim_action.core.files import content_or_empty
 from sim_action.core.records import dataclass
 from sim_action.core.wording import counted
 from sim_action.core.workspace import PathError, Workspace
@@ -123,10 +123,7 @@ def _build_type(folder: Path) -> str:
 
 def _content(path: Path) -> bytes:
     """Return the content of a file of a package; a link out of it is not read."""
-    try:
-        return (read_at_most(path, _MAX_FILE_BYTES) or b"") if _is_in(path, path.parent) else b""
-    except OSError:
-        return b""
+    return content_or_empty(path, _MAX_FILE_BYTES) if _is_in(path, path.parent) else b""
 
 
 def _is_in(path: Path, folder: Path) -> bool:
@@ -442,7 +439,7 @@ def _outdated(name: str, folder: Path, prefix: Path) -> Iterator[Path]:
     copies = {path.name: path for place in places for path in place.rglob("*.py") if path.is_file()}
     for path in sorted(folder.rglob("*.py")):
         copy = copies.get(path.name)
-        if copy is not None and _is_in(path, folder) and _content(path) != (read_at_most(copy, _MAX_FILE_BYTES) or b""):
+        if copy is not None and _is_in(path, folder) and _content(path) != content_or_empty(copy, _MAX_FILE_BYTES):
             yield path
 
 

@@ -24,7 +24,7 @@ import yaml
 from yaml import YAMLError
 
 from sim_action.core.errors import Location, UsageError
-from sim_action.core.files import read_at_most
+from sim_action.core.files import content_or_empty
 from sim_action.core.process import program_on_path
 from sim_action.core.records import dataclass
 from sim_action.core.wording import counted, did_you_mean
@@ -80,7 +80,7 @@ class Source:
 def sources_in(workspace: Path) -> dict[str, Source]:
     """Return the packages of a workspace and of its .repos files, each after those that it needs. Raise UsageError."""
     below = workspace / "src" if (workspace / "src").is_dir() else workspace
-    places = {folder.resolve(): None for folder in (below, *(path for path, _ in _imports(workspace)))}
+    places = {folder.resolve(): None for folder in (below, *_imports(workspace))}
     outer = [place for place in places if not any(other in place.parents for other in places)]
     sources = dict[str, Source]()
     for place in outer:
@@ -101,27 +101,27 @@ def sources_in(workspace: Path) -> dict[str, Source]:
         ) from None
 
 
-def _imports(workspace: Path) -> Iterator[tuple[Path, Path]]:
-    """Yield the folders into which `vcs import` puts what the .repos files of a workspace name, with their files."""
+def _imports(workspace: Path) -> Iterator[Path]:
+    """Yield the folders into which `vcs import` puts what the .repos files of a workspace name."""
     for file in sorted({*workspace.glob("*.repos"), *workspace.glob("*/*.repos"), *workspace.glob("src/*/*.repos")}):
         with suppress(YAMLError, UnicodeDecodeError):
-            content = yaml.safe_load(_content(file))
+            content = yaml.safe_load(content_or_empty(file, _MAX_FILE_BYTES))
             names = content.get("repositories") if isinstance(content, dict) else None
             for name in names if isinstance(names, dict) else ():
                 for folder in (workspace / "src" / str(name), workspace / str(name)):
                     if folder.resolve().is_relative_to(workspace.resolve()):
-                        yield folder, file
+                        yield folder
 
 
 def _source(name: str, folder: Path) -> Source:
     path = folder / PACKAGE_FILE
     try:
-        root = ET.fromstring(_content(path))  # noqa: S314 - of the user's own package
+        root = ET.fromstring(content_or_empty(path, _MAX_FILE_BYTES))  # noqa: S314 - of the user's own package
     except ET.ParseError as error:
         place = Location(str(path), error.position[0])
         raise UsageError(f"{place}: {PACKAGE_FILE} of '{name}' is not XML: {str(error).partition(':')[0]}") from None
     needs = frozenset((element.text or "").strip() for tag in _DEPENDS for element in root.iter(tag))
-    cmake = re.sub(r"#.*", "", _content(folder / "CMakeLists.txt").decode("utf-8", "replace"))
+    cmake = re.sub(r"#.*", "", content_or_empty(folder / "CMakeLists.txt", _MAX_FILE_BYTES).decode("utf-8", "replace"))
     is_built = bool(cmake.strip()) and not read_package(name, folder).is_python
     build_needs = needs & set(re.findall(r"\w+", cmake))
     has_messages = bool(_INTERFACES.search(cmake)) and bool(_message_files(folder))
@@ -132,13 +132,6 @@ def _message_files(folder: Path) -> list[Path]:
     """Return the files of messages, services and actions of a package, without its tests."""
     paths = (path for kind in ("msg", "srv", "action") for path in folder.rglob(f"{kind}/*.{kind}"))
     return sorted(path for path in paths if not path.relative_to(folder).parts[0].startswith("test"))
-
-
-def _content(path: Path) -> bytes:
-    try:
-        return read_at_most(path, _MAX_FILE_BYTES) or b""
-    except OSError:
-        return b""
 
 
 def problems(sources: Mapping[str, Source], prefixes: tuple[Path, ...]) -> Iterator[tuple[str, Location]]:
@@ -179,7 +172,7 @@ def _problems_of_file(
     path: Path, source: Source, sources: Mapping[str, Source], prefixes: tuple[Path, ...]
 ) -> Iterator[tuple[str, Location]]:
     shares = {need: folder for need in source.needs for folder in _shares(need, sources, prefixes)}
-    for number, line in enumerate(_content(path).decode("utf-8", "replace").splitlines(), 1):
+    for number, line in enumerate(content_or_empty(path, _MAX_FILE_BYTES).decode("utf-8", "replace").splitlines(), 1):
         text = re.sub(r"""^((?:[^"'#]|"[^"]*"|'[^']*')*)#.*""", r"\1", line).strip()
         if not text or text == "---":
             continue
@@ -240,7 +233,7 @@ def prepare(
             yield _why_not(source, lacks, wanted)
             continue
         stamps[name] = stamp = _stamp(source, ros, [stamps[need] for need in sorted(source.needs & stamps.keys())])
-        if _content(install / name / _STAMP) == stamp.encode():
+        if content_or_empty(install / name / _STAMP, _MAX_FILE_BYTES) == stamp.encode():
             yield f"{name}: unchanged"
             continue
         shutil.rmtree(install / name, ignore_errors=True)
@@ -264,7 +257,7 @@ def needed_by(scenarios: Iterable[Path]) -> dict[Path, set[str]]:
     wanted = dict[Path, set[str]]()
     for path in scenarios:
         with suppress(YAMLError, UnicodeDecodeError, PathError, UsageError):
-            for nodes in _nodes_of(yaml.safe_load(_content(path))):
+            for nodes in _nodes_of(yaml.safe_load(content_or_empty(path, _MAX_FILE_BYTES))):
                 stated = nodes.get("workspace")
                 folder = workspace_of(stated if isinstance(stated, str) else None, Workspace.around(path))
                 sources = sources_in(folder)
@@ -310,7 +303,7 @@ def _stamp(source: Source, ros: Ros2, others: list[str]) -> str:
         if path.is_file():
             # Of a file too long to be read, the size and the time stand for its content.
             state = path.stat()
-            content = _content(path) or (state.st_size, state.st_mtime_ns)
+            content = content_or_empty(path, _MAX_FILE_BYTES) or (state.st_size, state.st_mtime_ns)
             digest.update(repr((str(path.relative_to(source.folder)), content)).encode())
     return digest.hexdigest()
 

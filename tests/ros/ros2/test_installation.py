@@ -155,21 +155,14 @@ def test_missing_parts_are_named(wheels: bool, tmp_path: Path) -> None:
     assert install in message
 
 
-def test_a_missing_interpreter_is_named(tmp_path: Path) -> None:
-    prefix = ros_prefix(tmp_path)
-    (prefix / "lib/python3.12").rename(prefix / "lib/python3.99")
-
-    message = problem({"AMENT_PREFIX_PATH": str(prefix)}, tmp_path / "absent")
-    assert "needs python3.99, which is not on PATH" in message
-
-
-def test_an_interpreter_on_path_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interpreter_is_found_on_path_or_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     prefix = ros_prefix(tmp_path / "ros")
     (prefix / "lib/python3.12").rename(prefix / "lib/python3.99")
+    sourced = {"AMENT_PREFIX_PATH": str(prefix)}
+    assert "needs python3.99, which is not on PATH" in problem(sourced, tmp_path / "absent")
     python = program(tmp_path / "bin/python3.99")
     monkeypatch.setenv("PATH", str(python.parent))
-
-    assert find_ros({"AMENT_PREFIX_PATH": str(prefix)}, tmp_path / "absent").python == python
+    assert find_ros(sourced, tmp_path / "absent").python == python
 
 
 def test_a_prefix_without_its_module_is_refused(tmp_path: Path) -> None:
@@ -236,46 +229,29 @@ def test_variables_are_set(tmp_path: Path) -> None:
     assert "C" not in found
 
 
-def test_hooks_of_hooks_are_read_and_scripts_alone_are_named(tmp_path: Path) -> None:
+def test_hooks_of_hooks_are_read_to_an_end_and_scripts_alone_are_named(tmp_path: Path) -> None:
     hook = "source;share/p/hook/path"
-    installed(tmp_path, "p", f"{hook}.sh\n{hook}.ps1\nsource;share/p/own.bash\nsource;share/p/own.ps1\n")
+    own = "source;share/p/own.bash\nsource;share/p/own.ps1\nsource;share/p/package.sh\n"
+    installed(tmp_path, "p", f"{hook}.sh\n{hook}.ps1\n{own}")
     written(tmp_path / "share/p/hook/path.dsv", "prepend-non-duplicate;PYTHONPATH;lib/python\n")
     found = set_up([tmp_path], {})
-
     assert found.variables["PYTHONPATH"] == f"{tmp_path}/lib/python"
-    assert found.unread == (f"{tmp_path}/share/p/own.bash",)
+    assert f"{tmp_path}/share/p/own.bash" in found.unread
 
 
-def test_hooks_that_read_each_other_come_to_an_end(tmp_path: Path) -> None:
-    installed(tmp_path, "p", "source;share/p/package.sh\nset;A;1\n")
-
-    assert set_up([tmp_path], {}).variables["A"] == "1"
-
-
-def test_the_first_prefix_wins(tmp_path: Path) -> None:
+def test_the_first_prefix_wins_and_a_missing_one_changes_its_own_variable_alone(tmp_path: Path) -> None:
     first = installed(tmp_path / "first", "p", "prepend-non-duplicate;A;lib\n")
     second = installed(tmp_path / "second", "q", "prepend-non-duplicate;A;lib\n")
     found = set_up([first, second], {}).variables
-
     assert found == {"A": f"{first}/lib:{second}/lib", "AMENT_PREFIX_PATH": f"{first}:{second}"}
+    assert set_up([tmp_path / "absent"], {}).variables == {"AMENT_PREFIX_PATH": f"{tmp_path}/absent"}
 
 
-def test_a_package_comes_after_its_dependencies(tmp_path: Path) -> None:
+def test_a_package_comes_after_its_dependencies_and_a_circle_is_in_the_order_of_the_alphabet(tmp_path: Path) -> None:
     for name in ("a", "b", "c"):
         installed(tmp_path, name)
     written(tmp_path / "share/colcon-core/packages/a", "b:unknown")
-    written(tmp_path / "share/ament_index/resource_index/package_run_dependencies/b", "c;b")
-
+    dependencies = written(tmp_path / "share/ament_index/resource_index/package_run_dependencies/b", "c;b")
     assert packages_of_prefix(tmp_path) == ["c", "b", "a"]
-
-
-def test_a_circle_of_dependencies_is_in_the_order_of_the_alphabet(tmp_path: Path) -> None:
-    for name, other in (("b", "a"), ("a", "b")):
-        installed(tmp_path, name)
-        written(tmp_path / "share/colcon-core/packages" / name, other)
-
-    assert packages_of_prefix(tmp_path) == ["a", "b"]
-
-
-def test_a_missing_prefix_changes_its_own_variable_alone(tmp_path: Path) -> None:
-    assert set_up([tmp_path / "absent"], {}).variables == {"AMENT_PREFIX_PATH": f"{tmp_path}/absent"}
+    dependencies.write_text("a")
+    assert packages_of_prefix(tmp_path) == ["a", "b", "c"]

@@ -13,7 +13,7 @@ from pathlib import Path, PurePath
 from typing import Final
 
 from sim_action.core.errors import Location
-from sim_action.core.files import read_at_most
+from sim_action.core.files import content_or_empty
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
 from sim_action.ros.program_failures import exit_text, traceback_location
@@ -166,4 +166,4 @@ def _logs(logs: Path, process: str | None) -> Iterator[Path]:
 
 
 def _text(log: Path) -> str:
-    return (read_at_most(log, _MAX_LOG_BYTES) or b"").decode("utf-8", errors="replace")
+    return content_or_empty(log, _MAX_LOG_BYTES).decode("utf-8", errors="replace")

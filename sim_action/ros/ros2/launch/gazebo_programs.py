@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import yaml
 
-from sim_action.core.files import read_at_most
+from sim_action.core.files import content_or_empty
 from sim_action.ros.lost_parts import LeftOutProgram
 
 _ENDS: Final = ("true",)
@@ -121,8 +121,8 @@ def _types_in(value: Any, name: str) -> Iterator[tuple[str, str]]:
 
 def _parameters(path: Path) -> Any:
     try:
-        return yaml.safe_load(read_at_most(path, _MAX_PARAMETER_BYTES) or b"")
-    except (OSError, yaml.YAMLError, UnicodeDecodeError):
+        return yaml.safe_load(content_or_empty(path, _MAX_PARAMETER_BYTES))
+    except (yaml.YAMLError, UnicodeDecodeError):
         return None
 
 
