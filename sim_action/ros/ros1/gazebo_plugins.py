@@ -13,11 +13,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Final
 from xml.etree.ElementTree import Element
 
-from sim_action.core.geometry import Pose, quaternion_from_rpy
+from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass
 from sim_action.core.registry import Table
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.documents.part_table import part_table
+from sim_action.robot.documents.sdf_elements import pose_of
 from sim_action.world.world_files import plugin_name
 
 _DRIVE: Final = "sim_action.ros.ros1.node.devices:open_drive"
@@ -122,8 +123,7 @@ def base_in_model(root: Element, link: str) -> Pose:
     """Return the pose of a link in the frame of its SDF model. In URDF, the base link has the frame of the model."""
     for element in root.iter("link") if root.tag != "robot" else ():
         if element.get("name") == link and (pose := element.find("pose")) is not None and not pose.get("relative_to"):
-            x, y, z, roll, pitch, yaw = map(float, (pose.text or "0 0 0 0 0 0").split())
-            return Pose((x, y, z), quaternion_from_rpy(roll, pitch, yaw))
+            return pose_of(pose)
     return Pose()
 
 

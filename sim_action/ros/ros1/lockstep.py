@@ -6,7 +6,7 @@ import os
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -139,7 +139,7 @@ class Lockstep:
 
     def may_start_nodes(self, program: bytes) -> bool:
         """Return True if a process is not a node yet, or runs a program with this text in its command line."""
-        return not self._is_everybody_there() or any(program in command_line(pid) for pid in self._siblings)
+        return bool(self._missing()) or any(program in command_line(pid) for pid in self._siblings)
 
     def await_leavers(self, within: float) -> None:
         """Wait until processes that left the graph have ended, for `within` s of wall time, to know their codes."""
@@ -152,18 +152,18 @@ class Lockstep:
 
     def _wait_for_newcomers(self, is_wanted: Callable[[], bool] = lambda: False) -> None:
         deadline = time.monotonic() + self._newcomers_within
-        while not self._is_everybody_there() and not is_wanted():
+        while (missing := self._missing()) and not is_wanted():
             self._end_if_over()
             if time.monotonic() > deadline:
-                self._give_up()
+                self._give_up(missing)
             time.sleep(_POLL_S)
         graph = self._master.graph()
         while not self._master.is_connected(graph) and time.monotonic() < deadline:
             time.sleep(_POLL_S)
             graph = self._master.graph()
 
-    def _is_everybody_there(self) -> bool:
-        """Return True if every other process of the launcher is a node or has started one."""
+    def _missing(self) -> list[int]:
+        """Return the processes of the launcher that are no nodes, and have not started one."""
         siblings = self._launcher.look()
         if ended := self._siblings - siblings:
             self._gone(ended)
@@ -174,27 +174,18 @@ class Lockstep:
         nodes = frozenset(graph.pids.values())
         self._joined |= siblings & nodes
         self._watched.watch({*nodes, graph.master, os.getpid()})
-        missing = siblings - nodes - self._given_up - {graph.master}
-        return not any(nodes.isdisjoint(descendants(pid)) for pid in missing)
+        others = siblings - nodes - self._given_up - {graph.master}
+        return sorted(pid for pid in others if nodes.isdisjoint(descendants(pid)))
 
     def _note_tests(self, siblings: frozenset[int]) -> None:
         if self._tests and self._tests.keys().isdisjoint(siblings):
             raise TestFinished("the test has finished")
         self._tests = {pid: path for pid in siblings if (path := rostest_result_path(pid))}
 
-    def _give_up(self) -> None:
-        for pid in self._late():
-            self._given_up.add(pid)
-            within = f"within {self._newcomers_within:g} s of wall time"
-            self.notes.append(
-                f"'{process_name(pid)}' did not become a ROS node {within}; the clock does not wait for it"
-            )
-
-    def _late(self) -> Iterator[int]:
-        graph = self._master.graph()
-        nodes = frozenset(graph.pids.values())
-        missing = self._siblings - nodes - self._given_up - {graph.master}
-        return (pid for pid in missing if nodes.isdisjoint(descendants(pid)))
+    def _give_up(self, missing: Iterable[int]) -> None:
+        self._given_up.update(missing)
+        late = f"did not become a ROS node within {self._newcomers_within:g} s of wall time"
+        self.notes += (f"'{process_name(pid)}' {late}; the clock does not wait for it" for pid in missing)
 
     def _lose(self, seconds: float) -> None:
         if self.is_kept:

@@ -181,11 +181,9 @@ class Watch:
             self._progress, self._progressed_at = progress, now
 
     def _look_at_limits(self) -> None:
-        if self._ending == "over" and time.monotonic() > self._deadline:
-            self._ending = "wall limit"
-            self._interrupt()
-        if self._ending == "over" and self._launch.output.stat().st_size > _MAX_OUTPUT_BYTES:
-            self._ending = "output limit"
+        is_late, size = time.monotonic() > self._deadline, self._launch.output.stat().st_size
+        if self._ending == "over" and (is_late or size > _MAX_OUTPUT_BYTES):
+            self._ending = "wall limit" if is_late else "output limit"
             self._interrupt()
 
     def _interrupt(self) -> None:

@@ -12,7 +12,8 @@ from pydantic import ValidationError
 from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan, PointCloud2
 from sensor_msgs.msg import Imu as ImuMessage
 
-from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
+from sim_action.core.geometry import Pose, Twist
+from sim_action.robot.documents.sdf_elements import pose_of
 from sim_action.ros.messages import (
     camera_info_message,
     header,
@@ -21,13 +22,13 @@ from sim_action.ros.messages import (
     joint_states_message,
     scan_message,
 )
-from sim_action.ros.robot_topics import diagonal, in_frame_of
+from sim_action.ros.robot_topics import Schedule, diagonal, in_frame_of
 from sim_action.ros.ros1.gazebo_plugins import Plugin
 from sim_action.ros.ros1.node.internal_parts import states_in
 from sim_action.ros.ros1.node.message_classes import points_message, twist_of
 from sim_action.ros.ros1.node.plugins import TICKS, Device, Wiring, schedule_of
 from sim_action.ros.ros1.node.topics import OdometryPublisher, Publisher, Subscription
-from sim_action.sensors import MountedSensor
+from sim_action.sensors import MountedSensor, Sensor
 from sim_action.sensors.camera import Camera
 from sim_action.sensors.imu import Imu
 from sim_action.sensors.lidar import Lidar
@@ -128,9 +129,7 @@ def open_laser(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
             publisher.send(scan_message(seconds, frame, scan, 1 / schedule.rate))
 
     lidar = wiring.on_schedule(_lidar(plugin), schedule, publisher)
-    rate = schedule.rate if schedule.is_even else TICKS
-    mounted = MountedSensor(lidar, name, plugin.link, _pose(plugin), rate, trace=False)
-    yield Device(schedule, (publisher,), publish, mounted)
+    yield Device(schedule, (publisher,), publish, _mounted(lidar, name, plugin, schedule))
 
 
 def _lidar(plugin: Plugin) -> Lidar:
@@ -188,9 +187,7 @@ def open_camera(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
 
     pictures = (images, *depths, *clouds)
     on_schedule = wiring.on_schedule(camera, schedule, *pictures)
-    rate = schedule.rate if schedule.is_even else TICKS
-    mounted = MountedSensor(on_schedule, name, plugin.link, _pose(plugin), rate, trace=False)
-    yield Device(schedule, (*pictures, *infos), publish, mounted)
+    yield Device(schedule, (*pictures, *infos), publish, _mounted(on_schedule, name, plugin, schedule))
 
 
 def _camera(plugin: Plugin) -> Camera:
@@ -206,10 +203,11 @@ def _camera(plugin: Plugin) -> Camera:
     )
 
 
-def _pose(plugin: Plugin) -> Pose:
-    words = (plugin.sensor.text("pose") or "0 0 0 0 0 0").split()
-    x, y, z, roll, pitch, yaw = map(float, words)
-    return Pose((x, y, z), quaternion_from_rpy(roll, pitch, yaw))
+def _mounted(sensor: Sensor, name: str, plugin: Plugin, schedule: Schedule) -> MountedSensor:
+    """Return a sensor at the pose of its tag; it is read at every tick if its messages are not evenly spaced."""
+    tag = plugin.sensor.element
+    pose = pose_of(None if tag is None else tag.find("pose"))
+    return MountedSensor(sensor, name, plugin.link, pose, schedule.rate if schedule.is_even else TICKS, trace=False)
 
 
 def open_imu(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:

@@ -37,6 +37,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
 from sim_action.core.records import replace
 from sim_action.core.wording import did_you_mean
+from sim_action.robot.model.link_motion import LinkStates
 from sim_action.robot.model.robot_model import Joint, JointType, Link, RobotModel
 from sim_action.ros.robot_topics import in_frame_of
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, body_of
@@ -49,7 +50,6 @@ from sim_action.ros.ros1.node.world_models import (
     SpawnedRobot,
     WorldModels,
     description_of,
-    link_state,
     refuse_unknown,
     unknown_model_message,
 )
@@ -351,7 +351,7 @@ class GazeboServices:
         described = self._robot
         if (separator and robot is not None and model != robot.name) or link not in described.links_by_name:
             raise LookupError(f"there is no link '{name}'{did_you_mean(link, described.links_by_name)}")
-        return link_state(described, self._current.base, self._current.joints, link)
+        return LinkStates(described, *self._current.base, self._current.joints)[link]
 
     def _frame_of(self, name: str) -> Pose:
         """Return the pose of a model or of a link in the world. Raises LookupError."""

@@ -19,7 +19,6 @@ from sim_action.core.errors import ControllersFinished
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.records import dataclass, field, replace
-from sim_action.robot.model.link_motion import LinkStates
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import Answer, JointTargets, commands_of
 from sim_action.state.observation import JointState
@@ -291,27 +290,9 @@ class ModelFrame:
 
     def twist(self, base: Pose, twist: Twist) -> Twist:
         """Return the twist of the model's origin, from the twist of its base link; world frame."""
-        return twist_at(twist, _between(base, self.pose(base)))
+        arm = geometry.subtract(self.pose(base).position_xyz, base.position_xyz)
+        return Twist(geometry.add(twist.linear_xyz, geometry.cross(twist.angular_xyz, arm)), twist.angular_xyz)
 
     def base_pose(self, pose: Pose) -> Pose:
         """Return the pose of the base link, from the pose of the model."""
         return geometry.compose(pose, self.base)
-
-
-def twist_at(twist: Twist, way_xyz: Vector3) -> Twist:
-    """Return the twist of another point of a rigid body, `way_xyz` m from the first point; world frame."""
-    x, y, z = geometry.cross(twist.angular_xyz, way_xyz)
-    linear = twist.linear_xyz
-    return Twist((linear[0] + x, linear[1] + y, linear[2] + z), twist.angular_xyz)
-
-
-def link_state(
-    model: RobotModel, base: tuple[Pose, Twist], joints: Mapping[str, JointState], link: str
-) -> tuple[Pose, Twist]:
-    """Return pose and twist of a link, world frame; `base`: pose and twist of the base link. Raises KeyError."""
-    return LinkStates(model, *base, joints)[link]
-
-
-def _between(first: Pose, second: Pose) -> Vector3:
-    (ax, ay, az), (bx, by, bz) = first.position_xyz, second.position_xyz
-    return (bx - ax, by - ay, bz - az)

@@ -13,17 +13,12 @@ from hypothesis import strategies as st
 
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy, rotate
-from sim_action.robot.model.robot_model import Joint, Link, RobotModel
 from sim_action.ros.ros1.node import world_models
 from sim_action.state.command import Answer, JointTargets, commands_of
-from sim_action.state.observation import JointState
 from sim_action.world import Body, Disturbance, World
 
 HERE, THERE, AWAY = Pose((1.0, 2.0, 0.5)), Pose((3.0, 0.0, 0.5)), Pose((-4.0, 0.0, 0.1))
 ROBOT = world_models.SpawnedRobot("rover", Element("robot"), Pose())
-HINGE = Joint("hinge", "continuous", "base", "arm", Pose((0.0, 0.0, 1.0)), (0.0, 0.0, 1.0))
-TIP = Joint("tip", "fixed", "arm", "hand", Pose((2.0, 0.0, 0.0)), (0.0, 0.0, 1.0))
-MODEL = RobotModel("m", "", (Link("base", 1.0), Link("arm", 1.0), Link("hand", 1.0)), (HINGE, TIP), "")
 
 
 def box(name: str, pose: Pose = HERE) -> Body:
@@ -34,14 +29,10 @@ def places(models: world_models.WorldModels) -> dict[str, tuple[float, float, fl
     return {body.name: (body.pose.x, body.pose.y, body.pose.z) for body in models.world.objects}
 
 
-def test_the_ground_is_the_first_of_all_models() -> None:
-    assert world_models.WorldModels(World()).names == ("ground_plane",)
-    assert world_models.WorldModels(World(objects=(box("wall"),)), ROBOT).names == ("ground_plane", "wall", "rover")
-
-
-def test_what_comes_and_goes() -> None:
+def test_what_comes_and_goes_after_the_ground() -> None:
     one = world_models.WorldModels(World()).with_body(box("a")).with_body(box("b"))
 
+    assert replace(one, robot=ROBOT).names == ("ground_plane", "a", "b", "rover")
     assert places(one).keys() == {"a", "b"}
     assert places(one.with_body(box("a", THERE)))["a"] == THERE.position_xyz
     assert places(one.without("a")).keys() == {"b"}
@@ -136,23 +127,14 @@ def test_who_asks_waits_until_the_change_is_made() -> None:
     assert (asking.answer, restarts, changes.has_pending()) == (None, False, False)
 
 
-def test_what_is_refused_changes_nothing_and_the_rest_is_made() -> None:
+def test_what_is_refused_changes_nothing_and_a_change_may_begin_sim_time_anew() -> None:
     changes = world_models.ChangeQueue()
-    first = Asking(changes, refusing, restarts=True)
-    wait_for(changes)
-    models, restarts = changes.apply(EMPTY)
-    first.join()
-
-    assert (models, restarts, first.answer) == (EMPTY, False, "not here")
-
-
-def test_sim_time_begins_anew_if_a_change_says_so() -> None:
-    changes = world_models.ChangeQueue()
-    asking = Asking(changes, world_models.WorldModels.at_spawn_poses, restarts=True)
-    wait_for(changes)
-
-    assert changes.apply(EMPTY)[1]
-    asking.join()
+    for alter, answer in ((refusing, "not here"), (world_models.WorldModels.at_spawn_poses, None)):
+        asking = Asking(changes, alter, restarts=True)
+        wait_for(changes)
+        models, restarts = changes.apply(EMPTY)
+        asking.join()
+        assert (models, restarts, asking.answer) == (EMPTY, answer is None, answer)
 
 
 NONE: frozenset[str] = frozenset()
@@ -222,25 +204,3 @@ def test_a_model_whose_base_link_is_not_at_its_origin() -> None:
     assert frame.base_pose(frame.pose(turned)).position_xyz == pytest.approx(turned.position_xyz)
     # The origin goes around the base link at a radius of 1 m.
     assert frame.twist(turned, Twist((0.0, 0.0, 0.0), (0.0, 0.0, 2.0))).linear_xyz == pytest.approx((2, 0, 0))
-
-
-def test_a_point_away_from_what_turns_goes_around_it() -> None:
-    twist = Twist((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-    assert world_models.twist_at(twist, (0.0, 3.0, 0.0)).linear_xyz == pytest.approx((-2, 0, 0))
-
-
-def test_a_link_moves_with_the_base_and_with_its_joint() -> None:
-    base = Pose((5.0, 0.0, 0.0), quaternion_from_rpy(0, 0, math.pi / 2)), Twist((0.1, 0.0, 0.0), (0.0, 0.0, 1.0))
-    joints = {"hinge": JointState(math.pi / 2, 3.0, 0.0)}
-
-    pose, twist = world_models.link_state(MODEL, base, joints, "hand")
-
-    assert pose.position_xyz == pytest.approx((3, 0, 1))
-    assert pose.yaw == pytest.approx(math.pi)
-    assert twist.angular_xyz == pytest.approx((0, 0, 4), abs=1e-5)
-    assert twist.linear_xyz == pytest.approx((0.1, -8, 0), abs=1e-4)
-
-
-def test_a_link_that_there_is_not() -> None:
-    with pytest.raises(KeyError):
-        world_models.link_state(MODEL, (Pose(), Twist()), {}, "foot")
