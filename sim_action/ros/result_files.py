@@ -51,8 +51,13 @@ def expectation_of(
         verdict = Verdict(
             passed=case.problem is None, time=time, message=escaped_line(said) if case.problem else "held"
         )
+    return expectation(case.name, assertion, where, verdict)
+
+
+def expectation(name: str, assertion: str, where: Location, verdict: Verdict) -> ExpectationOutcome:
+    """Return the outcome of an expectation of a test."""
     return ExpectationOutcome(
-        name=case.name or "unnamed", assertion=assertion, severity="error", location=where, verdict=verdict
+        name=name or "unnamed", assertion=assertion, severity="error", location=where, verdict=verdict
     )
 
 

@@ -28,9 +28,17 @@ from sim_action.ros.ros1.installation import Ros, find_ros
 from sim_action.ros.ros1.launch.launch_process import Launch, Watch, free_port
 from sim_action.ros.ros1.launch.overlay import Overlay, build_overlay, scratch_parent
 from sim_action.ros.ros1.launch_request import REPLAY_FILE, REQUEST_FILE, TRACE_FILE, SimulationRequest
-from sim_action.ros.ros1.verdicts.findings import LOGS, RESULTS, Findings, Run, collect_findings
+from sim_action.ros.ros1.verdicts.findings import (
+    LOGS,
+    RESULTS,
+    Findings,
+    LaunchTags,
+    Run,
+    TestTag,
+    collect_findings,
+    test_tags,
+)
 from sim_action.ros.ros1.verdicts.judge import Judge
-from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags, TestTag, test_tags
 from sim_action.runner.isolation.child_process import environment
 from sim_action.world.claims import NOT_SIMULATED
 

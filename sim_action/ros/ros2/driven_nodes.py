@@ -36,8 +36,8 @@ from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.ros.ros2.node_processes import ProcessFolder
-    from sim_action.ros.ros2.node_spec import Ros2Nodes
     from sim_action.ros.ros2.packages import Packages
+    from sim_action.ros.ros2.spec import Ros2Nodes
 
 ROSOUT: Final = "/rosout"
 _LOG_TYPE: Final = "rcl_interfaces/msg/Log"

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sim_action.core.errors import UsageError
 from sim_action.core.wording import did_you_mean
@@ -19,8 +19,10 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.documents.package_search import PACKAGE_FILE
 from sim_action.ros.launches import argument_problem
 from sim_action.ros.ros2.installation import Ros2, find_ros
-from sim_action.ros.ros2.node_spec import Ros2Nodes, Ros2NodeSpec
 from sim_action.ros.ros2.packages import BUILD, INSTALL, UNREADABLE, Packages, is_python, workspace_of
+
+if TYPE_CHECKING:
+    from sim_action.ros.ros2.spec import Ros2Nodes, Ros2NodeSpec
 
 _CONTAINER: Final = ", in a ROS 2 with rclcpp, such as the container ros:jazzy"
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from sim_action.commands.controller_answers import twist_problem
 from sim_action.core.errors import ScriptError
@@ -29,9 +29,11 @@ from sim_action.ros.joint_commands import (
 )
 from sim_action.ros.messages import Message, seconds_of, twist_of
 from sim_action.ros.ros2.graph import USUAL, Graph, Qos, TopicEnd
-from sim_action.ros.ros2.node_spec import JointController
 from sim_action.state.command import Answer, JointTargets
 from sim_action.state.observation import Observation
+
+if TYPE_CHECKING:
+    from sim_action.ros.ros2.spec import JointController
 
 TWIST: Final = "geometry_msgs/msg/Twist"
 STAMPED_TWIST: Final = "geometry_msgs/msg/TwistStamped"

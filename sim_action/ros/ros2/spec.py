@@ -2,19 +2,255 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 from collections.abc import Sequence
-from typing import Annotated, ClassVar
+from pathlib import PurePosixPath
+from typing import Annotated, ClassVar, Final, Literal, Self
 
-from pydantic import Field
+from pydantic import AfterValidator, BeforeValidator, Field, JsonValue, model_validator
 from typing_extensions import override
 
 from sim_action.commands import CommandSource, Controller
-from sim_action.core.field_types import PositiveHertz
+from sim_action.core.field_types import FrozenModel, NamesFile, PositiveHertz
+from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_document import plain_data
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.ros.launches import unchecked_notes
-from sim_action.ros.ros2.node_spec import Ros2Nodes
+from sim_action.robot.model.joint_selection import joints_set_by
+from sim_action.robot.model.robot_model import RobotModel
+from sim_action.ros.launches import ListedNode, Nodes, unchecked_notes
 from sim_action.world.scene import Scene
+
+# design.ros2.org/articles/topic_and_service_names.html
+_TOKEN: Final = r"[A-Za-z_][A-Za-z0-9_]*"  # noqa: S105 - a part of a name
+_NODE: Final = re.compile(_TOKEN)
+_GRAPH: Final = re.compile(rf"(?:/|~/)?{_TOKEN}(?:/{_TOKEN})*")
+_ROBOT: Final = re.compile(rf"/?{_TOKEN}(?:/{_TOKEN})*")
+_NAMESPACE: Final = re.compile(rf"/|/?{_TOKEN}(?:/{_TOKEN})*")
+_FILE_STARTS: Final = ("./", "../", "/")
+_MAX_NAME_CHARS: Final = 247  # rmw/validate_full_topic_name.h, which also counts what a namespace adds
+# rcl_interfaces/ParameterValue; a larger integer would become a float.
+_MIN_INTEGER: Final = -(2**63)
+_MAX_INTEGER: Final = 2**63 - 1
+Names = Annotated[tuple[str, ...], Field(min_length=1)]
+
+
+def _node_name(name: str) -> str:
+    """Return a valid name of a node. Raise ValueError."""
+    if not _NODE.fullmatch(name):
+        raise ValueError(f"the name of a node has letters, digits and '_' and starts with no digit, found {name!r}")
+    _refuse_long(name)
+    return name
+
+
+def _graph_name(name: str, pattern: re.Pattern[str] = _GRAPH) -> str:
+    """Return a valid name of a topic or service. Raise ValueError."""
+    if not pattern.fullmatch(name):
+        raise ValueError(
+            f"a name in ROS 2 has letters, digits and '_' between its '/', such as /arm/cmd_vel, found {name!r}"
+        )
+    _refuse_long(name)
+    return name
+
+
+def _old_name(name: str) -> str:
+    if name.strip("/") == "clock":
+        raise ValueError("each node has a clock of its own, so /clock cannot be remapped")
+    return _graph_name(name)
+
+
+def _namespace(name: str) -> str:
+    """Return a valid namespace. Raise ValueError."""
+    if not _NAMESPACE.fullmatch(name):
+        raise ValueError(f"a namespace has letters, digits and '_' between its '/', such as /robot1, found {name!r}")
+    _refuse_long(name)
+    return name
+
+
+def _refuse_long(name: str) -> None:
+    if len(name) > _MAX_NAME_CHARS:
+        raise ValueError(f"a name in ROS 2 has at most {_MAX_NAME_CHARS} characters, this one has {len(name)}")
+
+
+def _arguments(text: str) -> str:
+    """Return arguments that can be split as a shell does. Raise ValueError."""
+    try:
+        shlex.split(text)
+    except ValueError as error:
+        raise ValueError(f"cannot be split into arguments: {str(error).lower()}") from None
+    return text
+
+
+def _parameters(values: dict[str, JsonValue], space: str = "") -> dict[str, JsonValue]:
+    """Return values that ROS 2 has types for; `space`: the start of their names. Raise ValueError."""
+    for name, value in values.items():
+        if not name:
+            raise ValueError("a parameter needs a name, found ''")
+        if isinstance(value, dict):
+            _parameters(value, f"{space}{name}.")
+        else:
+            _check_value(space + name, value)
+    return values
+
+
+def _check_value(name: str, value: JsonValue) -> None:
+    if value is None:
+        raise ValueError(f"'{name}' has no value; remove it, or give it one")
+    values = value if isinstance(value, list) else [value]
+    kinds = {type(each) for each in values}
+    if len(kinds) > 1 or not kinds <= {bool, int, float, str}:
+        wanted = "a list of a parameter has values of one type: bool, integer, float or text"
+        raise ValueError(f"{wanted}; '{name}' has {', '.join(map(shown, values[:5]))}")
+    for each in values:
+        if isinstance(each, int) and not _MIN_INTEGER <= each <= _MAX_INTEGER:
+            raise ValueError(f"an integer has 64 bits in ROS 2; '{name}' has {shown(each)}")
+
+
+NodeName = Annotated[str, AfterValidator(_node_name)]
+GraphName = Annotated[str, AfterValidator(_graph_name)]
+OldName = Annotated[str, AfterValidator(_old_name)]
+RobotTopicName = Annotated[str, AfterValidator(lambda name: _graph_name(name, _ROBOT))]
+Namespace = Annotated[str, AfterValidator(_namespace)]
+Parameters = Annotated[dict[str, JsonValue], BeforeValidator(plain_data), AfterValidator(_parameters)]
+
+
+class Ros2NodeSpec(ListedNode):
+    """A node: an executable of a package, or a file, and its start options."""
+
+    short_form: ClassVar[str] = r"^[^/]+/[^/]+$|^\.{0,2}/"
+
+    package: Annotated[str | None, Field(min_length=1, description="package of the executable")] = None
+    executable: Annotated[
+        str | None, Field(min_length=1, description="name of the executable, as `ros2 run` takes it")
+    ] = None
+    file: Annotated[
+        str | None, NamesFile(), Field(min_length=1, description="program, instead of a package and an executable")
+    ] = None
+    name: Annotated[NodeName | None, Field(description="name of the node; default: the one in its code")] = None
+    namespace: Annotated[Namespace | None, Field(description="namespace of the node")] = None
+    args: Annotated[
+        str, AfterValidator(_arguments), Field(description="arguments of the program, as on a command line")
+    ] = ""
+    parameters: Annotated[Parameters, Field(description="parameters of the node")] = Field(default_factory=dict)
+    remap: Annotated[
+        dict[OldName, GraphName], Field(description="name that the node uses -> name that replaces it")
+    ] = Field(default_factory=dict)
+    stdin: Annotated[str, Field(description="text that the program can read, as from a keyboard")] = ""
+    required: Annotated[bool, Field(description="if true, the run fails when this node ends")] = False
+
+    @classmethod
+    @override
+    def expanded(cls, text: str) -> dict[str, str]:
+        if text.startswith(_FILE_STARTS):
+            return {"file": text}
+        package, slash, executable = text.partition("/")
+        if not (package and slash and executable) or "/" in executable:
+            wanted = "the short form of a node is package/executable, or a file such as ./mover.py"
+            hint = f"; did you mean './{text}'?" if text.endswith(".py") else ""
+            raise ValueError(f"{wanted}, found '{text}'{hint}")
+        return {"package": package, "executable": executable}
+
+    @model_validator(mode="after")
+    def _has_one_program(self) -> Ros2NodeSpec:
+        """Raise ValueError unless there is either a file, or a package and an executable."""
+        if self.file is not None and (self.package is not None or self.executable is not None):
+            raise ValueError("a node has either a 'file', or a 'package' and an 'executable'; remove one of them")
+        if self.file is None and (self.package is None or self.executable is None):
+            missing = "'package'" if self.package is None else "'executable'"
+            wanted = "a node needs a 'package' and an 'executable', or a 'file'"
+            raise ValueError(f"{wanted}; add {missing}" if self.package or self.executable else wanted)
+        return self
+
+    @property
+    def program(self) -> str:
+        """The program in the short form, for messages."""
+        return self.file or f"{self.package}/{self.executable}"
+
+    @property
+    def called(self) -> str:
+        """The stated name of the node, else the name of its program, which is mostly the same."""
+        return self.name or PurePosixPath(self.file or self.executable or "").stem
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """The arguments of the program."""
+        return tuple(shlex.split(self.args))
+
+
+class JointController(FrozenModel):
+    """A controller: the joints that it moves, by name, by pattern such as `'*_hip'`, or by group of the SRDF."""
+
+    trajectory: Annotated[
+        Names | None,
+        Field(description="joints that follow a `trajectory_msgs/JointTrajectory` on `/NAME/joint_trajectory`"),
+    ] = None
+    position: Annotated[
+        Names | None, Field(description="joints whose positions are a `std_msgs/Float64MultiArray` on `/NAME/commands`")
+    ] = None
+    velocity: Annotated[Names | None, Field(description="joints whose velocities are, likewise")] = None
+    effort: Annotated[Names | None, Field(description="joints whose efforts are, likewise")] = None
+
+    @model_validator(mode="after")
+    def _has_one_kind(self) -> Self:
+        if len(self.model_fields_set) != 1 or not self.names:
+            raise ValueError("a controller needs exactly one of 'trajectory', 'position', 'velocity' and 'effort'")
+        return self
+
+    @property
+    def kind(self) -> str:
+        """The key that is stated."""
+        (kind,) = self.model_fields_set
+        return kind
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names, patterns and groups of its joints."""
+        names: tuple[str, ...] | None = getattr(self, self.kind)
+        return names or ()
+
+    def topic(self, name: str) -> str:
+        """Return its usual topic; `name`: that of the controller."""
+        return f"/{name.strip('/')}/{'joint_trajectory' if self.kind == 'trajectory' else 'commands'}"
+
+    def joints(self, model: RobotModel) -> tuple[str, ...]:
+        """Return its joints, in the order of the names, and in that of the model for patterns and groups."""
+        found = joints_set_by(model, dict.fromkeys(self.names))
+        return tuple(dict.fromkeys(joint for name in self.names for joint in found[name]))
+
+
+class Ros2Nodes(Nodes[Ros2NodeSpec]):
+    """The nodes to start, and the names of the robot's topics."""
+
+    namespace: Annotated[Namespace | None, Field(description="of its nodes and topics, and prefix of its frames")] = (
+        None
+    )
+    topics: Annotated[
+        dict[str, RobotTopicName],
+        Field(
+            description="cmd_vel, odom, joint_states, joint_trajectory, or the name of a sensor or a controller -> "
+            "topic name"
+        ),
+    ] = Field(default_factory=dict)
+    controllers: Annotated[
+        dict[RobotTopicName, JointController],
+        Field(
+            description="name of a controller of ros2_control -> the joints that nodes command by its topic; default: "
+            "`/joint_trajectory` for all joints that are not those of the drive"
+        ),
+    ] = Field(default_factory=dict)
+    pace: Annotated[
+        Literal["lockstep", "realtime"],
+        Field(
+            description="lockstep: sim time waits for the nodes, and every run is the same; realtime: sim time follows "
+            "the wall clock, for nodes that must"
+        ),
+    ] = "lockstep"
+
+    @property
+    def space(self) -> str:
+        """The beginning of the names of topics and nodes: "/robot2"; empty without a namespace."""
+        return f"/{name}" if (name := (self.namespace or "").strip("/")) else ""
 
 
 class Ros2Commands(CommandSource):

@@ -29,7 +29,7 @@ from sim_action.ros.ros2.packages import Packages, command_of, workspace_of
 if TYPE_CHECKING:
     from pydantic import JsonValue
 
-    from sim_action.ros.ros2.node_spec import Ros2Nodes, Ros2NodeSpec
+    from sim_action.ros.ros2.spec import Ros2Nodes, Ros2NodeSpec
 
 DOMAINS: Final = range(1, 102)
 """The domains whose ports are below those that Linux gives to any program. 0 is the default of all ROS systems."""

@@ -10,15 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final, cast
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass
-from sim_action.core.wording import free_name
+from sim_action.core.wording import FirstFew, free_name
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, recognise
 from sim_action.recording.export.ros2_markers import urdf_of
+from sim_action.robot.model.joint_selection import setting_problems
 from sim_action.robot.model.robot_model import Joint
 from sim_action.ros import robot_topics
 from sim_action.ros.messages import (
@@ -43,7 +44,6 @@ from sim_action.ros.robot_topics import (
     plain_name,
 )
 from sim_action.ros.ros2.graph import LATCHED, TRANSFORMS, USUAL, Qos
-from sim_action.ros.ros2.node_spec import JointController, joint_problems
 from sim_action.ros.ros2.received_commands import (
     Subscription,
     any_joints_subscription,
@@ -53,6 +53,9 @@ from sim_action.ros.ros2.received_commands import (
 from sim_action.scenario.model import DrivenRobot
 from sim_action.state.observation import Observation
 from sim_action.world.scene import Fitting, Scene
+
+if TYPE_CHECKING:
+    from sim_action.ros.ros2.spec import JointController
 
 _ODOM: Final = "odom"
 
@@ -69,7 +72,7 @@ TRANSFORM_TOPICS: Final = frozenset({"/tf", "/tf_static"})  # the topics that al
 # They have one type each, and no key.
 _OF_ALL_ROBOTS: Final = frozenset({"/clock", "/parameter_events", "/robot_description", "/rosout", "/tf", "/tf_static"})
 
-_Controllers = Mapping[str, JointController]
+_Controllers = Mapping[str, "JointController"]
 _NO_CONTROLLERS: Final[_Controllers] = MappingProxyType({})
 
 
@@ -186,7 +189,16 @@ def controller_problems(scene: Scene, controllers: _Controllers) -> SpecProblems
     taken = topics_of(scene, {}).keys() - {TRAJECTORIES}
     for name in sorted(taken & controllers.keys()):
         yield (name,), f"'{name}' is already the name of another topic of the robot; choose another name"
-    yield from joint_problems(controllers, scene.model)
+    hinted, first = FirstFew(), dict[str, str]()
+    for name, controller in controllers.items():
+        key = (name, controller.kind)
+        problems = list(setting_problems(scene.model, dict.fromkeys(controller.names, 0.0), hinted))
+        yield from ((key, message) for _, message in problems)
+        for joint in controller.joints(scene.model):
+            if (why := scene.model.why_not_driven(joint)) is not None:
+                yield key, why
+            elif (other := first.setdefault(joint, name)) != name:
+                yield key, f"joint '{joint}' already obeys the controller '{other}'"
 
 
 def channels(

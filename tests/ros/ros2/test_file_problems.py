@@ -12,8 +12,7 @@ from sim_action.core.workspace import Workspace
 from sim_action.ros.ros2 import file_problems as module
 from sim_action.ros.ros2.file_problems import file_problems, why_no_ros
 from sim_action.ros.ros2.installation import find_ros
-from sim_action.ros.ros2.node_spec import Ros2Nodes, Ros2NodeSpec
-from sim_action.ros.ros2.spec import Ros2Commands
+from sim_action.ros.ros2.spec import Ros2Commands, Ros2Nodes, Ros2NodeSpec
 from tests.ros.ros2.prefixes import installed, manifest, program, ros_prefix, source
 from tests.ros_workspace import written
 

@@ -20,7 +20,7 @@ from sim_action.robot.model.robot_model import Joint
 from sim_action.ros.joint_commands import TrajectoryPoint, Waypoint, joint_curves
 from sim_action.ros.messages import Message, vector
 from sim_action.ros.ros2 import graph, received_commands
-from sim_action.ros.ros2.node_spec import JointController
+from sim_action.ros.ros2.spec import JointController
 from sim_action.ros.ros2.topics import channels, controller_problems, topics_of
 from sim_action.state.command import JointTargets
 from tests.ros.ros2.scenes import ARM, moment, resting, scene
@@ -44,22 +44,13 @@ def twist(x: float = 0.3, turn: float = 0.2) -> Message:
     return {"linear": vector((x, 0.0, 0.0)), "angular": vector((0.0, 0.0, turn))}
 
 
-@pytest.mark.parametrize("kind", [TWIST, STAMPED])
-def test_a_subscription_has_the_type_of_its_publisher(kind: str) -> None:
-    found = DRIVE.matched([end(type=kind)])
-
-    assert (found.type, found.qos) == (kind, graph.USUAL)
-    assert set(found.types) == {TWIST, STAMPED}
-
-
-def test_without_a_publisher_it_takes_twists() -> None:
+def test_a_subscription_has_the_type_and_the_reliability_of_its_publisher() -> None:
     assert DRIVE.matched([]) == DRIVE
-    assert DRIVE.type == TWIST
-
-
-def test_it_also_hears_best_effort_publishers() -> None:
+    for kind in (TWIST, STAMPED):
+        found = DRIVE.matched([end(type=kind)])
+        assert (found.type, found.qos, set(found.types)) == (kind, graph.USUAL, {TWIST, STAMPED})
     found = DRIVE.matched([end(reliability="best_effort", type=STAMPED)])
-    assert (found.type, found.qos.reliability) == (STAMPED, "best_effort")
+    assert (DRIVE.type, found.type, found.qos.reliability) == (TWIST, STAMPED, "best_effort")
 
 
 WRONG_TYPE = (
@@ -387,14 +378,3 @@ def test_a_controller_has_one_kind() -> None:
     for keys in ({}, {"position": ("a",), "velocity": ("b",)}):
         with pytest.raises(ValidationError, match="needs exactly one of"):
             JointController.model_validate(keys)
-
-
-def test_an_error_names_the_node_and_the_topic(tmp_path: Path) -> None:
-    there = scene(tmp_path, ARM, robot=", base: fixed")
-    commands = received_commands.ReceivedCommands(channels(there, {}, 100.0).subscriptions)
-
-    with pytest.raises(ScriptError) as raised:
-        commands.take("/joint_trajectory", trajectory(["elbow"], point(1.0, [0.0])), "/planner", resting(there))
-    assert str(raised.value).startswith(
-        "'/planner' sent a bad command on /joint_trajectory: a trajectory of the unknown"
-    )

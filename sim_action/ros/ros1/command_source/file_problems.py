@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 from xml.etree import ElementTree as ET
 
 from sim_action.core.errors import UsageError
@@ -21,8 +21,10 @@ from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.ros.launches import argument_problem
 from sim_action.ros.ros1.catkin_packages import find_launch_file, packages_in, packages_of, workspace_of
-from sim_action.ros.ros1.command_source.node_spec import NodeSpec, RosNodes
 from sim_action.ros.ros1.installation import Ros, find_ros
+
+if TYPE_CHECKING:
+    from sim_action.ros.ros1.command_source.spec import NodeSpec, RosNodes
 
 _LAUNCH_FILES: Final = frozenset({".launch", ".test", ".xml"})
 _MAX_LAUNCH_FILE_BYTES: Final = 4_000_000

@@ -1,4 +1,4 @@
-"""The nodes that are launched for a scenario: started, watched by the events of the launcher, and ended.
+"""The controller of a scenario that nodes of ROS 1 drive: it launches them, and joins them as one more node.
 
 A scenario replaces most nodes of Gazebo in a launch file; the others are losses. The scenario is the robot, the world
 and the drive. Further models, other worlds and controllers of joints are missing.
@@ -10,6 +10,7 @@ import json
 import os
 import shlex
 import shutil
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -17,10 +18,14 @@ from contextlib import ExitStack
 from functools import partial
 from os import path
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
+from xml.etree import ElementTree as ET
 
+import yaml
+
+from sim_action.commands import ClosedLoop
 from sim_action.commands.line_protocol import StderrTail
-from sim_action.core.errors import ScriptError, SourceProblem
+from sim_action.core.errors import ScriptError, SourceProblem, UsageError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
@@ -29,8 +34,10 @@ from sim_action.ros.launches import EventFile
 from sim_action.ros.lost_parts import LeftOutProgram, lost_parts
 from sim_action.ros.processes import children
 from sim_action.ros.program_failures import error_with_output, signal_name, traceback_location
-from sim_action.ros.ros1.installation import Ros
-from sim_action.ros.ros1.launch.launch_process import Launch
+from sim_action.ros.ros1.catkin_packages import find_launch_file, workspace_of
+from sim_action.ros.ros1.command_source.file_problems import Packages, why_no_ros
+from sim_action.ros.ros1.installation import Ros, find_ros
+from sim_action.ros.ros1.launch.launch_process import Launch, free_port
 from sim_action.ros.ros1.launch.overlay import Overlay, build_overlay, scratch_parent
 from sim_action.ros.ros1.verdicts.launch_output import (
     Death,
@@ -40,6 +47,11 @@ from sim_action.ros.ros1.verdicts.launch_output import (
     refusal,
     xacro_error,
 )
+from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.ros.ros1.command_source.spec import NodeSpec, RosNodes
+    from sim_action.ros.ros1.node.robot_node import RobotNode
 
 _LAUNCHER: Final = Path(__file__).with_name("launcher.py")
 # Packages whose nodes would wait forever for Gazebo, or for controllers of its plugins. The robot of the scenario
@@ -278,3 +290,100 @@ class Event(FrozenModel):
 def _after_mention(text: str, program: str) -> str:
     start = text.rfind("Traceback (most recent call last)", 0, max(0, text.rfind(f'/{Path(program).name}", line ')))
     return text[start:] if start >= 0 else text
+
+
+def _variables(nodes: LaunchedNodes, port: int) -> Mapping[str, str]:
+    """Return the environment variables that make a process a node of this launch."""
+    wanted = ("ROS_HOSTNAME", "ROS_HOME", "ROS_PACKAGE_PATH", "ROS_ROOT")
+    master = {"ROS_MASTER_URI": f"http://localhost:{port}", "ROS_LOG_DIR": str(nodes.folder / "log")}
+    return {**{name: nodes.overlay.variables[name] for name in wanted}, **master}
+
+
+def open_nodes(spec: RosNodes, rate: float, scene: Scene) -> ClosedLoop:
+    """Launch nodes, and return their controller; `rate`: ticks per second. Raises SourceProblem, ScriptError."""
+    if why := why_no_ros():
+        raise SourceProblem(why, KEY)
+    ros, port = find_ros(), free_port()
+    workspace = workspace_of(spec.workspace, scene.workspace)
+    arguments = spec.launch[2:] if spec.launch else ()
+    file = _file_of(spec, workspace)
+    launching = LaunchSpec(ros, workspace, file, arguments, port, scene.model.urdf, spec.allow_losses, scene.seed)
+    try:
+        nodes = LaunchedNodes(launching)
+    except UsageError as error:
+        # Such as messages that genpy cannot generate.
+        raise SourceProblem(str(error), KEY) from None
+    try:
+        node = _joined(nodes, launching, spec, rate, scene)
+    except BaseException:
+        nodes.close()
+        raise
+    return ClosedLoop(
+        node.tick,
+        sensors=node.sensors,
+        close=node.close,
+        notes=node.notes,
+        losses=nodes.losses,
+        repeats=True,
+        transcript=node.transcript,
+        not_reproducible=node.not_reproducible,
+    )
+
+
+def _file_of(spec: RosNodes, workspace: Path) -> Callable[[Overlay, Path], Path]:
+    """Return a function that finds or writes the launch file, once there is an overlay."""
+
+    def named(overlay: Overlay, folder: Path) -> Path:
+        if spec.launch is None:
+            (folder / "nodes.launch").write_text(launch_text(spec.nodes or ()), encoding="utf-8")
+            return folder / "nodes.launch"
+        package = Packages.around(workspace).folder(spec.launch[0])
+        found = find_launch_file(package, spec.launch[1]) if package else None
+        if package is None or found is None:
+            raise SourceProblem(f"'{'/'.join(spec.launch[:2])}' does not exist any more", KEY)
+        return Path(overlay.variables["ROS_PACKAGE_PATH"]) / spec.launch[0] / found.relative_to(package)
+
+    return named
+
+
+def _joined(nodes: LaunchedNodes, launch: LaunchSpec, spec: RosNodes, rate: float, scene: Scene) -> RobotNode:
+    """Make the simulation one more node. Raises ScriptError."""
+    os.environ.update(_variables(nodes, launch.port))
+    ros = launch.ros
+    # At the end: the other packages of the distribution are for another Python.
+    sys.path += [str(ros.modules), str(nodes.folder / "overlay/modules")]
+    try:
+        from sim_action.ros.ros1.node.robot_node import RobotNode  # the rest of the module runs without it
+    except ImportError as error:
+        version = ".".join(map(str, sys.version_info[:3]))
+        raise ScriptError(
+            f"Python {version} cannot import the rospy of {ros.modules}: {error}; run sim-action with the Python that "
+            f"ROS was installed for, for example in an environment made by {ros.python} -m venv"
+        ) from None
+    nodes.await_start()
+    return RobotNode(nodes, scene, spec, rate)
+
+
+def launch_text(nodes: Iterable[NodeSpec]) -> str:
+    """Return the text of a launch file that starts the nodes (wiki.ros.org/roslaunch/XML)."""
+    launch = ET.Element("launch")
+    for node in nodes:
+        _add(launch, node)
+    ET.indent(launch)
+    return ET.tostring(launch, encoding="unicode") + "\n"
+
+
+def _add(launch: ET.Element, node: NodeSpec) -> None:
+    element = ET.SubElement(launch, "node", pkg=node.package, type=node.type, name=node.called)
+    if node.args:
+        element.set("args", node.args)
+    if node.namespace:
+        element.set("ns", node.namespace)
+    if node.required:
+        element.set("required", "true")
+    for name, other in node.remap.items():
+        # `from` is a keyword of Python.
+        ET.SubElement(element, "remap", {"from": name, "to": other})
+    if node.params:
+        # roslaunch reads it with the same library. JSON would not do: its 1e-6 is text in YAML 1.1.
+        ET.SubElement(element, "rosparam").text = yaml.safe_dump(node.params)

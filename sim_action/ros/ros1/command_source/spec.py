@@ -2,19 +2,86 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+import re
+from pathlib import PurePosixPath
+from typing import Annotated, ClassVar, Final
 
-from pydantic import Field
+from pydantic import AfterValidator, BeforeValidator, Field, JsonValue
 from typing_extensions import override
 
 from sim_action.commands import CommandSource, Controller
 from sim_action.core.field_types import PositiveHertz
 from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_document import plain_data
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.ros.launches import unchecked_notes
+from sim_action.ros.launches import ListedNode, Nodes, StartTime, unchecked_notes
 from sim_action.ros.robot_topics import topic_problems, topics_of
-from sim_action.ros.ros1.command_source.node_spec import RosNodes
 from sim_action.world.scene import Scene
+
+_BASE: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_GRAPH: Final = re.compile(r"[~/]?[A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z0-9_]+)*")
+
+
+def _base_name(name: str) -> str:
+    if not _BASE.fullmatch(name):
+        raise ValueError(f"the name of a node has letters, digits and '_' and starts with a letter, found {name!r}")
+    return name
+
+
+def _graph_name(name: str) -> str:
+    if not _GRAPH.fullmatch(name):
+        raise ValueError(f"a name in ROS has letters, digits, '_' and '/', such as /arm/cmd_vel, found {name!r}")
+    return name
+
+
+BaseName = Annotated[str, AfterValidator(_base_name)]
+GraphName = Annotated[str, AfterValidator(_graph_name)]
+
+
+class NodeSpec(ListedNode):
+    """A node: a program of a package, and its start options."""
+
+    short_form: ClassVar[str] = r"^[^/]+/[\s\S]"
+
+    package: Annotated[str, Field(min_length=1, description="package of the program")]
+    type: Annotated[
+        str, Field(min_length=1, description="file of the program, such as mover.py, or its name if it is compiled")
+    ]
+    name: Annotated[
+        BaseName | None, Field(description="name of the node; default: the file name without its suffix")
+    ] = None
+    args: Annotated[str, Field(description="arguments of the program, as in a launch file")] = ""
+    params: Annotated[
+        dict[str, JsonValue], BeforeValidator(plain_data), Field(description="private parameters of the node")
+    ] = Field(default_factory=dict)
+    remap: Annotated[
+        dict[GraphName, GraphName], Field(description="name that the node uses -> name that replaces it")
+    ] = Field(default_factory=dict)
+    namespace: Annotated[GraphName | None, Field(description="namespace of the node")] = None
+    required: Annotated[bool, Field(description="if true, the run fails when this node ends")] = False
+
+    @classmethod
+    @override
+    def expanded(cls, text: str) -> dict[str, str]:
+        package, slash, kind = text.partition("/")
+        if not (package and slash and kind):
+            raise ValueError(f"the short form of a node is package/type, such as my_robot/mover.py, found '{text}'")
+        return {"package": package, "type": kind}
+
+    @property
+    def called(self) -> str:
+        """The name of the node."""
+        plain = re.sub(r"\W", "_", PurePosixPath(self.type).stem)
+        return self.name or (plain if plain[:1].isalpha() else f"node_{plain}")
+
+
+class RosNodes(Nodes[NodeSpec]):
+    """The nodes to launch, and the names of the robot's topics."""
+
+    topics: Annotated[
+        dict[str, GraphName], Field(description="cmd_vel, odom, joint_states, or the name of a sensor -> topic name")
+    ] = Field(default_factory=dict)
+    start_within: StartTime = 10.0
 
 
 class RosCommands(CommandSource):
@@ -74,6 +141,7 @@ class RosCommands(CommandSource):
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises SourceProblem if ROS is not installed, ScriptError."""
-        from sim_action.ros.ros1.command_source.driven_nodes import open_nodes  # the rest of the module runs without it
+        # the rest of the module runs without it
+        from sim_action.ros.ros1.command_source.launched_nodes import open_nodes
 
         return open_nodes(self.ros1, self.rate, scene)

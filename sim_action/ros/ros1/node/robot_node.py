@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import rospy
 from geometry_msgs.msg import Twist as TwistMessage
@@ -18,8 +18,6 @@ from sim_action.core.errors import ScriptError
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.ros.messages import Message, image_message, imu_message, joint_states_message, scan_message
 from sim_action.ros.robot_topics import COMMANDS, JOINTS, ODOMETRY, Schedule, in_frame_of, topics_of
-from sim_action.ros.ros1.command_source.launched_nodes import LaunchedNodes
-from sim_action.ros.ros1.command_source.node_spec import RosNodes
 from sim_action.ros.ros1.lockstep import Lockstep
 from sim_action.ros.ros1.master import Master
 from sim_action.ros.ros1.node.internal_parts import states_in, states_sensor
@@ -37,6 +35,10 @@ from sim_action.state.observation import Observation
 from sim_action.state.readings import OdometryReading
 from sim_action.state.reproducibility import Transcript
 from sim_action.world.scene import Fitting, Scene
+
+if TYPE_CHECKING:
+    from sim_action.ros.ros1.command_source.launched_nodes import LaunchedNodes
+    from sim_action.ros.ros1.command_source.spec import RosNodes
 
 NAME: Final = "/gazebo"  # the node name that Gazebo has
 _TWIST: Final = "geometry_msgs/Twist"

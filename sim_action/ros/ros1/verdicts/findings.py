@@ -1,22 +1,147 @@
-"""The findings of a launch: test results, runs of the simulation, and output."""
+"""The findings of a launch: the tags of its files, test results, runs of the simulation, and output.
+
+roslaunch reports neither files nor lines. Tags are searched in the text: `$(find PACKAGE)` is replaced, and an include
+that depends on arguments is not followed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
+import re
+import xml.parsers.expat
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path, PurePath
 from typing import Final
 
-from sim_action.core.files import read_at_most
+from sim_action.core.errors import Location
+from sim_action.core.files import content_or_empty
 from sim_action.core.records import dataclass
+from sim_action.robot.documents.xml_document import shown_file
 from sim_action.ros.result_files import Case, Suite, read_suite
 from sim_action.ros.ros1.launch.launch_process import Ending
 from sim_action.ros.ros1.launch_request import PROCESS_FILE, SimulationResult, run_folders
 from sim_action.ros.ros1.verdicts.launch_output import CallbackError, callback_errors, cleaned_output
-from sim_action.ros.ros1.verdicts.launch_tags import TestTag
 
 RESULTS: Final = "results"  # folder of the results of rostest and its tests, in the folder of the call
 LOGS: Final = "log"  # folder of the logs of nodes, in the folder of the call
 _MAX_OUTPUT_BYTES: Final = 110_000_000
+_MAX_LAUNCH_FILE_BYTES: Final = 4_000_000
+_MAX_FILES: Final = 100
+_FIND: Final = re.compile(r"\$\(find\s+([^)\s]+)\)")
+_WORLD: Final = frozenset({"world_name", "world", "world_file", "/gazebo/world_name"})
+_SUBSTITUTION: Final = re.compile(r"\$\([^)]*\)")
+DEFAULT_TIME_LIMIT_S: Final = 60.0  # s that rostest gives a test without a time-limit (wiki.ros.org/roslaunch/XML/test)
+
+
+@dataclass(frozen=True, slots=True)
+class LaunchTag:
+    """A tag of a launch file."""
+
+    name: str
+    given: Mapping[str, str]
+    place: Location
+
+
+@dataclass(frozen=True, slots=True)
+class LaunchTags:
+    """The tags of launch files and of the files that they include; `file`: the first one, as reports show it."""
+
+    file: str
+    tags: tuple[LaunchTag, ...] = ()
+
+    @classmethod
+    def read(cls, paths: Sequence[Path], packages: Mapping[str, Path]) -> LaunchTags:
+        """Read launch files; `packages`: name -> folder of all packages."""
+        seen = set[Path]()
+        return cls(shown_file(paths[0].resolve()), tuple(tag for path in paths for tag in _tags(path, packages, seen)))
+
+    def node(self, package: str, program: str) -> LaunchTag | None:
+        """Return the first tag of a node."""
+        wanted = {"pkg": package, "type": program}
+        return next((tag for tag in self.tags if tag.name == "node" and wanted.items() <= tag.given.items()), None)
+
+    def world(self, path: str) -> Location:
+        """Return the place that names a world file; without one, the launch file."""
+        name = PurePath(path).name
+        return next((tag.place for tag in self.tags if _names_world(tag, name)), Location(self.file))
+
+
+def _names_world(tag: LaunchTag, name: str) -> bool:
+    if tag.name == "node":
+        return any(word.endswith(f"/{name}") or word == name for word in tag.given.get("args", "").split())
+    stated = tag.given.get("value", tag.given.get("default", ""))
+    return tag.given.get("name") in _WORLD and PurePath(stated).name == name
+
+
+def _tags(path: Path, packages: Mapping[str, Path], seen: set[Path]) -> Iterator[LaunchTag]:
+    path = path.resolve()
+    if path in seen or len(seen) == _MAX_FILES:
+        return
+    seen.add(path)
+    for tag in _own_tags(path):
+        yield tag
+        if tag.name == "include" and (file := _found(tag.given.get("file", ""), packages)) is not None:
+            yield from _tags(file, packages, seen)
+
+
+def _own_tags(path: Path) -> list[LaunchTag]:
+    """Return the tags of a file itself; in broken XML, those before the error."""
+    found: list[LaunchTag] = []
+    parser = xml.parsers.expat.ParserCreate()
+    file = shown_file(path)
+
+    def begin(name: str, given: dict[str, str]) -> None:
+        found.append(LaunchTag(name, given, Location(file, parser.CurrentLineNumber)))
+
+    parser.StartElementHandler = begin
+    # roslaunch reports what is wrong with the file.
+    with suppress(xml.parsers.expat.ExpatError):
+        parser.Parse(content_or_empty(path, _MAX_LAUNCH_FILE_BYTES), True)
+    return found
+
+
+def _found(stated: str, packages: Mapping[str, Path]) -> Path | None:
+    names = _FIND.findall(stated)
+    if any(name not in packages for name in names):
+        return None
+    path = _FIND.sub(lambda found: str(packages[found[1]]), stated)
+    return Path(path) if "$(" not in path and Path(path).is_file() else None
+
+
+@dataclass(frozen=True, slots=True)
+class TestTag:
+    """A `<test>` tag: line, name, time limit in s, and retries. `$(...)` is not replaced."""
+
+    line: int
+    name: str
+    time_limit: float
+    retry: int
+
+    def is_called(self, name: str) -> bool:
+        """Return True if a test name can result from this tag, once its `$(...)` are replaced."""
+        parts = map(re.escape, _SUBSTITUTION.split(self.name))
+        return re.fullmatch(".*".join(parts), name) is not None
+
+
+def test_tags(path: Path) -> tuple[TestTag, ...]:
+    """Return the `<test>` tags of a file itself, in their order; in broken XML, those before the error."""
+    return tuple(_tag(tag.place.line or 0, tag.given) for tag in _own_tags(path) if tag.name == "test")
+
+
+def _tag(line: int, given: Mapping[str, str]) -> TestTag:
+    return TestTag(
+        line,
+        given.get("test-name", ""),
+        _number(given.get("time-limit"), DEFAULT_TIME_LIMIT_S),
+        int(_number(given.get("retry"), 0)),
+    )
+
+
+def _number(text: str | None, default: float) -> float:
+    try:
+        return float(text or default)
+    except ValueError:
+        return default
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +205,7 @@ def collect_findings(
         )
         for name in names
     )
-    output = read_at_most(folder / "output.txt", _MAX_OUTPUT_BYTES) or b""
+    output = content_or_empty(folder / "output.txt", _MAX_OUTPUT_BYTES)
     text = "\n".join((*(suite.output for suite in reported), output.decode(errors="replace")))
     text = cleaned_output(text).replace(f"{share}/", "")
     return Findings(*ending, tests, tuple(runs), text, callbacks(None))

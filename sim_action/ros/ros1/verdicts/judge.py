@@ -21,10 +21,10 @@ from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, sta
 from sim_action.robot.documents.xml_document import shown_file
 from sim_action.ros.launches import ALLOW_LOSSES, LaunchRequest
 from sim_action.ros.program_failures import exception_line, signal_name, traceback_location
-from sim_action.ros.result_files import Case, expectation_of
+from sim_action.ros.result_files import Case, expectation, expectation_of
 from sim_action.ros.ros1.command_source.file_problems import Packages, program_problem
 from sim_action.ros.ros1.launch_request import TITLE, loss_failures, loss_warnings
-from sim_action.ros.ros1.verdicts.findings import Findings, Run, TestFindings
+from sim_action.ros.ros1.verdicts.findings import Findings, LaunchTags, Run, TestFindings
 from sim_action.ros.ros1.verdicts.launch_output import (
     Death,
     NotLaunched,
@@ -37,7 +37,6 @@ from sim_action.ros.ros1.verdicts.launch_output import (
     required_deaths,
     xacro_error,
 )
-from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags
 from sim_action.state.verdict import Judged, Verdict
 from sim_action.world.claims import NODE_FAILED, AuditWarning
 from sim_action.world.world_files.losses import Loss
@@ -144,20 +143,20 @@ class Judge:
             yield self._expectation(case, test, where, late)
         if not cases and late is not None:
             verdict = Verdict(passed=False, time=_sim_time(test.run), message=_with_callbacks(late, test))
-            yield _expected(test.name, "rostest", _place(test) or where, verdict)
+            yield expectation(test.name, "rostest", _place(test) or where, verdict)
 
         # rospy goes on after a callback that raised, so methods may hold although an assertion of the test does not.
         own = [each for each in test.callbacks if each.is_assertion and each.is_of(test.name)] if cases else []
         if own:
             verdict = Verdict(passed=False, time=_sim_time(test.run), message="; ".join(map(str, own[:_MAX_CALLBACKS])))
-            yield _expected("callbacks", "rostest", own[0].location or where, verdict)
+            yield expectation("callbacks", "rostest", own[0].location or where, verdict)
 
     def _unpublished(self, test: TestFindings, where: Location) -> Iterator[ExpectationOutcome]:
         """Yield an expectation for each topic that the test listened to and that no node published."""
         for topic in test.methods.unpublished if test.methods else ():
             message = f"never checked: the test listens to '{topic}', which no node published"
             verdict = Verdict(False, message=escaped_line(message), judged=Judged())
-            expected = _expected(topic, "rostest", where, verdict)
+            expected = expectation(topic, "rostest", where, verdict)
             yield expected.model_copy(update={"unexercised": "warn"}) if self.request.allows_losses else expected
 
     def _expectation(self, case: Case, test: TestFindings, where: Location, late: str | None) -> ExpectationOutcome:
@@ -179,7 +178,7 @@ class Judge:
         verdict = Verdict(passed=not dead, time=_sim_time(run), message=escaped_line(dead or how_far(run)))
         about = {
             "status": "failed" if dead else "passed",
-            "expectations": (_expected("nodes live", "roslaunch", where, verdict),),
+            "expectations": (expectation("nodes live", "roslaunch", where, verdict),),
             "output": output_tail(found.text),
         }
         return self._outcome(whole, about)
@@ -258,12 +257,6 @@ def _accepting_skips(expectations: Iterable[ExpectationOutcome]) -> tuple[Expect
     if all(expected.verdict.status == "not_exercised" for expected in found):
         return found
     return tuple(expected.model_copy(update={"unexercised": "warn"}) for expected in found)
-
-
-def _expected(name: str, assertion: str, where: Location, verdict: Verdict) -> ExpectationOutcome:
-    return ExpectationOutcome(
-        name=name or "unnamed", assertion=assertion, severity="error", location=where, verdict=verdict
-    )
 
 
 def how_far(run: Run | None) -> str:

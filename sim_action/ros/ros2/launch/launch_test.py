@@ -41,9 +41,8 @@ from sim_action.ros.ros2.driven_nodes import DrivenNodes, Session, controller_of
 from sim_action.ros.ros2.graph import LATCHED
 from sim_action.ros.ros2.installation import find_ros
 from sim_action.ros.ros2.launch.launched_nodes import LaunchedNodes, LaunchSpec, RobotTopics
-from sim_action.ros.ros2.node_spec import Ros2Nodes
 from sim_action.ros.ros2.packages import Packages, workspace_of
-from sim_action.ros.ros2.spec import Ros2Commands
+from sim_action.ros.ros2.spec import Ros2Commands, Ros2Nodes
 from sim_action.runner.isolation.child_process import environment
 from sim_action.scenario.model import DrivenRobot, Scenario, Stage
 from sim_action.simulation.loop import SimulationRun, simulate

@@ -15,10 +15,9 @@ from sim_action.ros.result_files import Case, Suite
 from sim_action.ros.ros1.launch.launch_process import Ending
 from sim_action.ros.ros1.launch_request import SimulationResult
 from sim_action.ros.ros1.verdicts import findings, judge
-from sim_action.ros.ros1.verdicts.findings import Findings, Run
+from sim_action.ros.ros1.verdicts.findings import Findings, LaunchTag, LaunchTags, Run
 from sim_action.ros.ros1.verdicts.judge import AbsentNodes, Judge, _with_callbacks
 from sim_action.ros.ros1.verdicts.launch_output import CallbackError
-from sim_action.ros.ros1.verdicts.launch_tags import LaunchTag, LaunchTags
 from sim_action.world.world_files.losses import Loss
 from tests.ros.ros1.launches import package
 
@@ -53,21 +52,14 @@ HELD = Suite((Case("test_it"),))
 BOTH: list[tuple[Program, Suite | None]] = [("roslaunch", None), ("rostest", HELD)]
 
 
-def test_the_wall_limit_is_an_error_and_no_verdict() -> None:
-    outcome = judged("rostest", ending="wall limit", end="nodes finished")
+@pytest.mark.parametrize("suite", [None, Suite((Case("test_it", "error", "KeyboardInterrupt"),))])
+def test_the_wall_limit_is_an_error_and_no_verdict(suite: Suite | None) -> None:
+    outcome = judged("rostest", suite=suite, ending="wall limit", end="nodes finished")
 
     (failure,) = outcome.failures
-    assert outcome.status == "error"
-    assert failure.kind == "wall limit"
+    assert (outcome.status, failure.kind) == ("error", "wall limit")
     assert "the robot had moved 0.50 m at sim time 1.0 s" in failure.message
     assert "raise --wall-limit" in failure.message
-
-
-def test_a_test_that_failed_because_the_wall_limit_ended_it_has_no_verdict() -> None:
-    interrupted = Suite((Case("test_it", "error", "KeyboardInterrupt"),))
-    assert (
-        judged("rostest", suite=interrupted, ending="wall limit", end="nodes finished").failures[0].kind == "wall limit"
-    )
 
 
 def test_a_test_beyond_its_limit_of_sim_time_fails() -> None:
@@ -133,30 +125,23 @@ def test_a_topic_without_a_publisher_is_not_exercised(allows_losses: bool, statu
 
 
 @pytest.mark.parametrize(("program", "suite"), BOTH)
-def test_a_loss_is_an_error(program: Program, suite: Suite | None) -> None:
-    outcome = judged(program, suite=suite, losses=(LOSS,))
-
-    (failure,) = outcome.failures
-    assert (outcome.status, outcome.exit_code, outcome.expectations) == ("error", 2, ())
+def test_a_loss_is_an_error_unless_it_is_allowed_and_a_finding_is_a_warning(
+    program: Program, suite: Suite | None
+) -> None:
+    lost = judged(program, suite=suite, losses=(LOSS,))
+    (failure,) = lost.failures
+    assert (lost.status, lost.exit_code, lost.expectations) == ("error", 2, ())
     assert (failure.title, failure.location and failure.location.line) == ("not simulated", 5)
     assert "--allow-losses" in failure.message
 
-
-@pytest.mark.parametrize(("program", "suite"), BOTH)
-def test_an_allowed_loss_is_a_warning(program: Program, suite: Suite | None) -> None:
-    outcome = judged(program, suite=suite, losses=(LOSS,), allows_losses=True)
-
-    (kept,), (warning,) = outcome.expectations, outcome.warnings
-    assert (outcome.status, outcome.exit_code) == ("passed", 0)
+    allowed = judged(program, suite=suite, losses=(LOSS,), allows_losses=True)
+    (kept,), (warning,) = allowed.expectations, allowed.warnings
+    assert (allowed.status, allowed.exit_code) == ("passed", 0)
     assert (kept.verdict.passed, warning.message, warning.location) == (True, LOSS.message, LOSS.location)
 
-
-@pytest.mark.parametrize(("program", "suite"), BOTH)
-def test_a_finding_about_the_run_is_a_warning(program: Program, suite: Suite | None) -> None:
-    outcome = judged(program, suite=suite, claims={"never-moved": "it never moved"})
-
-    (warning,) = outcome.warnings
-    assert (outcome.status, outcome.exit_code) == ("passed", 0)
+    still = judged(program, suite=suite, claims={"never-moved": "it never moved"})
+    (warning,) = still.warnings
+    assert (still.status, still.exit_code) == ("passed", 0)
     assert (str(warning), warning.location.file) == ("it never moved [never-moved]", "a.launch")
 
 
@@ -201,28 +186,19 @@ def test_a_test_that_passes_without_its_simulation_does_not_pass() -> None:
 PASSED, SKIPPED = Case("test_a"), Case("test_b", "skipped", "pytest.skip", "no lidar")
 
 
-def judged_cases(*cases: Case) -> Outcome:
-    return judged("rostest", suite=Suite(cases))
+def test_skipped_cases_are_not_exercised_or_a_warning_beside_others() -> None:
+    def judged_cases(*cases: Case) -> Outcome:
+        return judged("rostest", suite=Suite(cases))
 
-
-def test_a_test_that_skips_all_of_its_cases_is_not_exercised() -> None:
-    outcome = judged_cases(SKIPPED)
-    assert outcome.status == "not_exercised"
-    assert outcome.expectations[0].verdict.message == (
+    skipped, some = judged_cases(SKIPPED), judged_cases(PASSED, SKIPPED)
+    assert skipped.status == "not_exercised"
+    assert skipped.expectations[0].verdict.message == (
         "never checked: the test skipped this case (no lidar); let it run, or remove it"
     )
-
-
-def test_a_test_that_skips_one_of_its_cases_passes_with_a_warning() -> None:
-    outcome = judged_cases(PASSED, SKIPPED)
-    assert (outcome.status, outcome.display_status) == ("passed", "warned")
-    assert [expected.status for expected in outcome.expectations] == ["passed", "warned"]
-
-
-def test_a_case_that_failed_decides() -> None:
-    outcome = judged_cases(PASSED, SKIPPED, Case("test_c", "failure", "AssertionError", "0 != 1"))
-    assert outcome.status == "failed"
-    assert judged_cases(PASSED).display_status == "passed"
+    assert (some.status, some.display_status) == ("passed", "warned")
+    assert [expected.status for expected in some.expectations] == ["passed", "warned"]
+    failed = judged_cases(PASSED, SKIPPED, Case("test_c", "failure", "AssertionError", "0 != 1"))
+    assert (failed.status, judged_cases(PASSED).display_status) == ("failed", "passed")
 
 
 def test_a_failure_names_three_callbacks_that_raised() -> None:
@@ -251,36 +227,25 @@ def test_a_required_node_that_does_not_exist_is_an_invalid_launch(tmp_path: Path
 
 @pytest.mark.parametrize("required", ["false", "0", ""])
 @looks_for_ros
-def test_another_node_is_a_loss(required: str, tmp_path: Path) -> None:
+def test_another_node_is_a_loss_where_it_is_known_to_stand(required: str, tmp_path: Path) -> None:
     package(tmp_path, "pkg", {"no.py": ""}).joinpath("no.py").chmod(0o644)
-    found = absent(tmp_path, ERROR.format("pkg/no.py", "Cannot locate node"), required=required)
+    text = ERROR.format("pkg/no.py", "Cannot locate node") + ERROR.format("elsewhere/x", "elsewhere")
+    found = absent(tmp_path, text, required=required)
 
-    (loss,) = found.losses
-    assert (loss.location, found.failures) == (PLACE, ())
-    assert "'no.py' of 'pkg' is not executable; run chmod +x no.py" in loss.message
+    here, elsewhere = found.losses
+    assert (here.location, elsewhere.location, found.failures) == (PLACE, Location("a.launch"), ())
+    assert "'no.py' of 'pkg' is not executable; run chmod +x no.py" in here.message
+    assert "elsewhere" in elsewhere.message
 
 
 @looks_for_ros
-def test_a_node_of_an_unknown_place_is_at_the_launch_file(tmp_path: Path) -> None:
-    (loss,) = absent(tmp_path, ERROR.format("elsewhere/x", "elsewhere")).losses
-    assert loss.location == Location("a.launch")
-    assert "elsewhere" in loss.message
-
-
-@pytest.mark.parametrize(
-    "name", ["rviz", "rqt_robot_steering", "image_view", "teleop_twist_keyboard", "turtlebot3_teleop"]
-)
-@looks_for_ros
-def test_a_program_for_a_person_that_is_not_installed_is_no_loss(name: str, tmp_path: Path) -> None:
-    assert absent(tmp_path, ERROR.format(f"{name}/{name}", name)) == AbsentNodes()
+def test_a_program_for_a_person_that_is_not_installed_is_no_loss(tmp_path: Path) -> None:
+    names = ("rviz", "rqt_robot_steering", "image_view", "teleop_twist_keyboard", "turtlebot3_teleop")
+    text = "".join(ERROR.format(f"{name}/{name}", name) for name in names)
+    assert absent(tmp_path, f"{text}process[driver-1]: started with pid [7]\n") == AbsentNodes()
 
 
 def test_every_window_has_a_reason() -> None:
     for pattern, reason in judge.WINDOW_PACKAGES.items():
         assert re.compile(pattern)
         assert reason
-
-
-@looks_for_ros
-def test_a_launch_that_starts_everything_lacks_nothing(tmp_path: Path) -> None:
-    assert absent(tmp_path, "process[driver-1]: started with pid [7]\n") == AbsentNodes()

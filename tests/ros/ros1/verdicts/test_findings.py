@@ -1,4 +1,4 @@
-"""The places of nodes and worlds in launch files."""
+"""The places of nodes, worlds and tests in launch files."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import Location
-from sim_action.ros.ros1.verdicts import launch_tags
-from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags
+from sim_action.ros.ros1.verdicts import findings
+from sim_action.ros.ros1.verdicts.findings import DEFAULT_TIME_LIMIT_S, LaunchTags
 from tests.ros_workspace import written
 
 LAUNCH = """\
@@ -68,26 +68,14 @@ def test_a_broken_file_has_the_tags_before_the_error(tmp_path: Path) -> None:
     assert LaunchTags.read([tmp_path / "none.launch"], {}).tags == ()
 
 
-def tags_of_tests(folder: Path, text: str) -> tuple[launch_tags.TestTag, ...]:
-    path = folder / "x.test"
-    path.write_text(text)
-    return launch_tags.test_tags(path)
-
-
-def test_each_test_has_its_line_and_its_limit(tmp_path: Path) -> None:
-    first, second = tags_of_tests(tmp_path, TEXT + "</launch>")
-    assert first == launch_tags.TestTag(3, "moves", 30.0, 2)
-    assert (second.line, second.time_limit, second.retry) == (4, launch_tags.DEFAULT_TIME_LIMIT_S, 0)
-
-
-def test_what_is_no_xml_has_those_before(tmp_path: Path) -> None:
-    assert [tag.name for tag in tags_of_tests(tmp_path, TEXT)] == ["moves", "turns_$(arg side)_far"]
-    assert launch_tags.test_tags(tmp_path / "nowhere.test") == ()
-
-
-def test_a_name_with_arguments_in_it_is_found_again(tmp_path: Path) -> None:
-    first, second = tags_of_tests(tmp_path, TEXT)
-    assert second.is_called("turns_left_far")
+def test_each_test_has_its_line_and_its_limit_also_before_an_error(tmp_path: Path) -> None:
+    path = tmp_path / "x.test"
+    for text in (f"{TEXT}</launch>", TEXT):
+        path.write_text(text)
+        first, second = findings.test_tags(path)
+        assert first == findings.TestTag(3, "moves", 30.0, 2)
+        assert (second.line, second.time_limit, second.retry) == (4, DEFAULT_TIME_LIMIT_S, 0)
+    called = {name: (first.is_called(name), second.is_called(name)) for name in ("moves", "movesX", "turns_left_far")}
+    assert called == {"moves": (True, False), "movesX": (False, False), "turns_left_far": (False, True)}
     assert not second.is_called("turns_left")
-    assert first.is_called("moves")
-    assert not first.is_called("movesX")
+    assert findings.test_tags(tmp_path / "nowhere.test") == ()
