@@ -84,7 +84,7 @@ SENSORS = "nodes/mixer.py, " + ", ".join(
 )
 
 
-@pytest.mark.parametrize("runs", soaked([3, 20], short=[3]))
+@pytest.mark.parametrize("runs", soaked([2, 20], short=[2]))
 @pytest.mark.parametrize("nodes", [pytest.param(TIMERS, id="timers"), pytest.param(SENSORS, id="sensors")])
 def test_a_chain_of_nodes_has_one_digest(nodes: str, runs: int, tmp_path: Path) -> None:
     chain(tmp_path, nodes)

@@ -62,16 +62,6 @@ def ran(folder: Path, *words: str) -> tuple[int, dict[str, Any]]:
     return done.returncode, outcome
 
 
-def test_a_node_drives_the_same_way_every_time(tmp_path: Path) -> None:
-    scenario(tmp_path, "{nodes: [{package: nodes, type: mover.py, params: {speed: 0.6}}]}")
-
-    code, outcome = ran(tmp_path, "--repeat", "2")
-
-    assert (code, outcome["status"]) == (0, "passed"), outcome
-    assert outcome["repeats"] == {"count": 2, "agreed": 2, "digests": 1, "replay": None}
-    assert not [note for note in outcome["notes"] if "lock-step" in note]
-
-
 FAILURES = [
     pytest.param("crasher", ["'crasher' ended with exit code 1: ZeroDivisionError"], "crasher.py", id="a crash"),
     pytest.param("killed", ["'killed' ended with SIGKILL"], "s.sim.yml", id="a signal"),
@@ -128,21 +118,6 @@ def test_a_robot_that_nobody_drives_is_told_of_with_what_may_be_meant(tmp_path: 
     assert (code, outcome["status"]) == (1, "failed")
     (note,) = [note for note in outcome["notes"] if "no node drove the robot" in note]
     assert "topics: {cmd_vel: /cmd_vell}" in note
-
-
-def test_a_callback_that_raised_is_noted_with_its_place(tmp_path: Path) -> None:
-    scenario(tmp_path, "{nodes: [nodes/heedless.py]}")
-    hears = "from nav_msgs.msg import Odometry\n\n\ndef look(message):\n    message.no_such_field\n\n\n"
-    listens = 'rospy.init_node("heedless")\nrospy.Subscriber("/odom", Odometry, look)\ndrive()\n'
-    package(tmp_path / "ws", "nodes", {"heedless.py": f"{DRIVE}\n{hears}{listens}"})
-
-    code, outcome = ran(tmp_path)
-
-    assert (code, outcome["status"]) == (0, "passed"), outcome
-    (note,) = [note for note in outcome["notes"] if "callback" in note]
-    assert "a callback of the node 'heedless' raised" in note
-    assert "no_such_field" in note
-    assert "ws/src/nodes/heedless.py:" in note
 
 
 def test_parts_of_a_launch_file_that_a_scenario_does_not_replace_are_an_error_unless_allowed(tmp_path: Path) -> None:
@@ -232,10 +207,14 @@ BY_THE_WALL_CLOCK = {
 }
 
 
-def test_nodes_that_act_by_the_wall_clock_are_named_and_others_are_not(tmp_path: Path) -> None:
+def test_nodes_that_act_by_the_wall_clock_or_whose_callbacks_raise_are_named_and_others_are_not(tmp_path: Path) -> None:
     # A fast machine simulates 2 s before the node has slept long enough to be noticed.
     longer = "expect:\n  - max_speed: {linear: 2}\ntime_limit: 8 s\n"
-    scenario(tmp_path, "{nodes: [nodes/mover.py, nodes/sleeping.py, nodes/polling.py]}", longer)
+    nodes = "{package: nodes, type: mover.py, params: {speed: 0.4}}, nodes/sleeping.py, nodes/polling.py"
+    scenario(tmp_path, f"{{nodes: [{nodes}, nodes/heedless.py]}}", longer)
+    hears = "from nav_msgs.msg import Odometry\n\n\ndef look(message):\n    message.no_such_field\n\n\n"
+    listens = 'rospy.init_node("heedless")\nrospy.Subscriber("/odom", Odometry, look)\nrospy.spin()\n'
+    package(tmp_path / "ws", "nodes", {"heedless.py": f"{HEAD}{hears}{listens}"})
     for name, (waits, _) in BY_THE_WALL_CLOCK.items():
         loop = f'rospy.init_node("{name}")\nwhile not rospy.is_shutdown():\n    {waits}\n'
         package(tmp_path / "ws", "nodes", {f"{name}.py": f"{HEAD}import threading\nimport time\n\n{loop}"})
@@ -247,6 +226,11 @@ def test_nodes_that_act_by_the_wall_clock_are_named_and_others_are_not(tmp_path:
     for message, (name, (_, why)) in zip(said, sorted(BY_THE_WALL_CLOCK.items()), strict=True):
         assert f"the node '{name}' does not wait for sim time" in message
         assert why in message
+    (note,) = [note for note in outcome["notes"] if "callback" in note]
+    assert "a callback of the node 'heedless' raised" in note
+    assert "no_such_field" in note
+    assert "ws/src/nodes/heedless.py:" in note
+    assert not [note for note in outcome["notes"] if "lock-step" in note]
 
 
 def test_where_ros_is_absent_one_message_says_what_to_type(tmp_path: Path) -> None:
@@ -276,18 +260,6 @@ LAUNCHES = [
     pytest.param('<launch><include file="$(find nods)/x.launch"/></launch>', ["'nods'", "'nodes'"], id="no package"),
     pytest.param(
         '<launch><group><param name="x"/></group></launch>', ["param", "x"], id="no launch file", marks=pytest.mark.soak
-    ),
-    pytest.param(
-        '<launch><node pkg="nodes" type="no.py" name="n"/></launch>',
-        ["nodes/no.py"],
-        id="no node",
-        marks=pytest.mark.soak,
-    ),
-    pytest.param(
-        '<launch><param name="x" value="$(arg a)"/></launch>',
-        ["requires", "'a'"],
-        id="no argument",
-        marks=pytest.mark.soak,
     ),
 ]
 

@@ -12,7 +12,7 @@ import yaml
 
 from sim_action.state.trace_storage import load_trace
 from tests.integration.test_documents import ROOT, blocks
-from tests.ros.ros2.nodes import needs_ros2, outcomes, run, scenario
+from tests.ros.ros2.nodes import needs_ros2, outcomes, run
 from tests.soak import soaked
 
 pytestmark = needs_ros2
@@ -57,42 +57,6 @@ def test_without_lock_step_runs_have_several_digests(tmp_path: Path) -> None:
     found = outcomes(tmp_path, ".", "--no-report", "--jobs", "1", "--repeat", "20")
 
     assert all(found[name]["repeats"]["digests"] > 1 for name in LOOPS), found
-
-
-# Its speed depends on the order of its callbacks.
-SEVERAL: Final = """\
-import rclpy
-from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry
-from rclpy.node import Node
-from sensor_msgs.msg import JointState
-
-rclpy.init()
-node = Node("several")
-publisher = node.create_publisher(Twist, "cmd_vel", 10)
-mixed = [1]
-
-
-def mix(number):
-    mixed[0] = (mixed[0] * 31 + number) % 1009
-    twist = Twist()
-    twist.linear.x = 0.1 + mixed[0] / 10_000
-    publisher.publish(twist)
-
-
-node.create_subscription(JointState, "joint_states", lambda _: mix(1), 10)
-node.create_subscription(Odometry, "odom", lambda _: mix(2), 10)
-rclpy.spin(node)
-"""
-
-
-def test_a_node_hears_several_topics_in_the_same_order_every_time(tmp_path: Path) -> None:
-    (tmp_path / "several.py").write_text(SEVERAL)
-    scenario(tmp_path, "several", "{nodes: [./several.py]}", "expect:\n  - travel: {at_least: 0.1 m}\n", 1.0)
-
-    outcome = outcomes(tmp_path, ".", "--no-report", "--repeat", "2")["several"]
-
-    assert (outcome["status"], outcome["repeats"]["digests"]) == ("passed", 1), outcome
 
 
 PROGRAM: Final = """\

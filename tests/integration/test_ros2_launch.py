@@ -82,21 +82,21 @@ def workspace(folder: Path, **launches: str) -> None:
 @needs_ros2
 def test_launched_nodes_have_the_same_result_every_time(tmp_path: Path) -> None:
     workspace(tmp_path, chain=CHAIN)
-    for number in "12":
-        scenario(tmp_path, f"chain{number}", "{launch: [robot, chain.launch.py]}", PATIENT)
-        scenario(tmp_path, f"xml{number}", "{launch: [robot, including.launch.xml, 'topic:=/cmd_vel']}", PATIENT)
-    digests = dict[str, set[str]]()
+    for name in ("chain1", "chain2"):
+        scenario(tmp_path, name, "{launch: [robot, chain.launch.py]}", PATIENT)
+    scenario(tmp_path, "xml", "{launch: [robot, including.launch.xml, 'topic:=/cmd_vel']}", PATIENT)
+    digests = dict[str, str]()
     for name, outcome in outcomes(tmp_path, ".", "--jobs", "2").items():
         assert (outcome["status"], outcome["warnings"]) == ("passed", []), outcome
         assert outcome["travelled"] > 0.5
-        digests.setdefault(name[:-1], set()).add(outcome["digest"])
+        digests[name] = outcome["digest"]
         if name == "chain1":
             programs = "gz, ros_gz_bridge/parameter_bridge, ros_gz_sim/create"
             assert outcome["notes"][-2:] == [
                 f"not started, because sim-action is the simulator: {programs}",
                 "the launch file bridges /depth to ROS 2, and the robot does not publish it",
             ]
-    assert {name: len(found) for name, found in digests.items()} == {"chain": 1, "xml": 1}
+    assert digests["chain1"] == digests["chain2"] != digests["xml"]
 
 
 # Sim time begins when all nodes are up, which may take long on a busy machine.

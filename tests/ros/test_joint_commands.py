@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -50,35 +47,7 @@ def test_each_joint_has_its_own_from_where_it_is() -> None:
     assert found["b"].at(6.5) == pytest.approx((2.25, 0.5 / 0.98))
 
 
-@given(
-    ends=st.tuples(*[numbers] * 6),
-    span=st.floats(0.2, 5),
-    shares=st.lists(st.floats(0.01, 0.99), min_size=1).map(sorted),
-)
-def test_with_accelerations_it_is_the_polynomial_of_degree_five(
-    ends: tuple[float, ...], span: float, shares: list[float]
-) -> None:
-    first, last = Waypoint(1.0, *ends[:3]), Waypoint(1.0 + span, *ends[3:])
-    curve = JointCurve((first, last))
-    powers = [[_derived(order, power, share) for power in range(6)] for share in (0, 1) for order in range(3)]
-    asked = [getattr(point, name) * span**order for point in (first, last) for order, name in enumerate(_STATE)]
-    coefficients = np.linalg.solve(np.array(powers), np.array(asked))
-
-    for share in shares:
-        state = curve.state(1.0 + share * span)
-        expected = [
-            sum(coefficients[power] * _derived(order, power, share) for power in range(6)) / span**order
-            for order in range(3)
-        ]
-        assert [getattr(state, name) for name in _STATE] == pytest.approx(expected, abs=1e-6, rel=1e-6)
-
-
 _STATE = ("position", "velocity", "acceleration")
-
-
-def _derived(order: int, power: int, share: float) -> float:
-    """Return the derivative of a power of the share."""
-    return math.perm(power, order) * share ** (power - order) if power >= order else 0.0
 
 
 @given(ends=st.tuples(*[numbers] * 6), span=st.floats(0.2, 5))

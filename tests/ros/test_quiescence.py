@@ -91,39 +91,21 @@ def watched(*pids: int) -> WatchedProcesses:
     return made
 
 
-def test_a_process_that_sleeps_is_quiet() -> None:
-    with process(SLEEPS) as sleeper:
-        assert watched(sleeper.pid).wait(LONG)
-
-
 @pytest.mark.parametrize("text", [RUNS, RUNS_IN_A_THREAD])
-def test_a_process_of_which_one_thread_runs_is_not(text: str) -> None:
+def test_processes_are_quiet_when_no_thread_of_those_that_are_watched_runs(text: str) -> None:
     with process(SLEEPS) as sleeper, process(text) as runner:
-        assert not watched(sleeper.pid, runner.pid).wait(SHORT)
-
-
-def test_who_is_no_longer_watched_may_run() -> None:
-    with process(SLEEPS) as sleeper, process(RUNS) as runner:
         both = watched(sleeper.pid, runner.pid)
+        assert not both.wait(SHORT)
+        assert both.busy(SHORT) == {runner.pid}
         both.watch([sleeper.pid])
-
         assert both.wait(LONG)
-
-
-def test_a_process_that_has_ended_is_not_waited_for() -> None:
-    with process(SLEEPS) as sleeper, process(RUNS) as runner:
-        both = watched(sleeper.pid, runner.pid)
+        both.watch([sleeper.pid, runner.pid])
         assert not both.wait(SHORT)
         runner.kill()
         runner.wait()
-
         assert both.wait(LONG)
-
-
-def test_a_process_that_was_never_there_is_not_waited_for() -> None:
-    with process(SLEEPS) as gone:
-        pass
-    assert watched(gone.pid).wait(LONG)
+    # It was never there for this one.
+    assert watched(runner.pid).wait(LONG)
 
 
 def test_a_process_that_has_ended_and_is_not_reaped_is_quiet() -> None:
@@ -131,14 +113,6 @@ def test_a_process_that_has_ended_and_is_not_reaped_is_quiet() -> None:
         os.waitid(os.P_PID, ended.pid, os.WEXITED | os.WNOWAIT)
 
         assert watched(ended.pid).wait(LONG)
-
-
-def test_processes_that_are_busy_are_named() -> None:
-    with process(SLEEPS) as sleeper, process(RUNS_IN_A_THREAD) as runner:
-        both = watched(sleeper.pid, runner.pid)
-        both.wait(SHORT)
-
-        assert both.busy(SHORT) == {runner.pid}
 
 
 # Waits for a line, and then wakes up ten times without another one.

@@ -48,7 +48,7 @@ MACHINE_LAUNCH = """\
   <param name="robot_description" textfile="$(find machine)/machine.urdf"/>
   <group ns="m">
     <rosparam>
-      joint_state_controller: {type: joint_state_controller/JointStateController, publish_rate: 50}
+      joint_state_controller: {type: joint_state_controller/JointStateController, publish_rate: 200}
       head: {type: position_controllers/JointPositionController, joint: pan}
       rotor: {type: velocity_controllers/JointVelocityController, joint: spin}
       disc: {type: effort_controllers/JointGroupEffortController, joints: [flywheel]}

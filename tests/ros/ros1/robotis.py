@@ -10,10 +10,8 @@ from tests.ros_workspace import TRIANGLE
 _XACRO = 'xmlns:xacro="http://ros.org/wiki/xacro"'
 
 _PROPERTIES = f"""\
-<?xml version="1.0"?>
 <robot name="properties" {_XACRO}>
   <material name="light_black"><color rgba="0.4 0.4 0.4 1.0"/></material>
-  <material name="dark"><color rgba="0.3 0.3 0.3 1.0"/></material>
 </robot>
 """
 
@@ -23,72 +21,42 @@ _BURGER = f"""\
   <xacro:include filename="$(find turtlebot3_description)/urdf/common_properties.xacro"/>
   <xacro:include filename="$(find turtlebot3_description)/urdf/turtlebot3_burger.gazebo.xacro"/>
   <xacro:property name="scale" value="0.001 0.001 0.001"/>
-
-  <xacro:macro name="part" params="name mesh mass xyz *shape">
-    <visual>
-      <origin xyz="${{xyz}}" rpy="0 0 0"/>
+  <xacro:macro name="part" params="mesh xyz mass i *shape">
+    <visual><origin xyz="${{xyz}}"/><material name="light_black"/>
       <geometry><mesh filename="package://turtlebot3_description/meshes/${{mesh}}" scale="${{scale}}"/></geometry>
-      <material name="light_black"/>
     </visual>
-    <collision>
-      <origin xyz="${{xyz}}" rpy="0 0 0"/>
-      <geometry><xacro:insert_block name="shape"/></geometry>
-    </collision>
+    <collision><origin xyz="${{xyz}}"/><geometry><xacro:insert_block name="shape"/></geometry></collision>
+    <inertial><mass value="${{mass}}"/>
+      <inertia ixx="${{i}}" ixy="0" ixz="0" iyy="${{i}}" iyz="0" izz="${{i}}"/></inertial>
   </xacro:macro>
-
-  <link name="base_footprint"/>
-  <joint name="base_joint" type="fixed">
-    <parent link="base_footprint"/><child link="base_link"/><origin xyz="0 0 0.010" rpy="0 0 0"/>
-  </joint>
-  <link name="base_link">
-    <xacro:part name="base" mesh="bases/base.stl" mass="0.8" xyz="-0.032 0 0.070">
-      <box size="0.14 0.14 0.143"/>
-    </xacro:part>
-    <inertial>
-      <origin xyz="0 0 0" rpy="0 0 0"/><mass value="0.826"/>
-      <inertia ixx="0.0022" ixy="0" ixz="0" iyy="0.0021" iyz="0" izz="0.002"/>
-    </inertial>
-  </link>
-
+  <xacro:macro name="fixed" params="link parent xyz">
+    <joint name="${{link}}_joint" type="fixed"><parent link="${{parent}}"/><child link="${{link}}"/>
+      <origin xyz="${{xyz}}" rpy="0 0 0"/></joint>
+  </xacro:macro>
   <xacro:macro name="wheel" params="side reflect">
     <joint name="wheel_${{side}}_joint" type="continuous">
       <parent link="base_link"/><child link="wheel_${{side}}_link"/>
       <origin xyz="0.0 ${{reflect * 0.08}} 0.023" rpy="-1.57 0 0"/><axis xyz="0 0 1"/>
     </joint>
-    <link name="wheel_${{side}}_link">
-      <xacro:part name="w" mesh="wheels/${{side}}_tire.stl" mass="0" xyz="0 0 0">
-        <cylinder length="0.018" radius="0.033"/>
-      </xacro:part>
-      <inertial>
-        <mass value="0.028"/><inertia ixx="1.1e-05" ixy="0" ixz="0" iyy="1.1e-05" iyz="0" izz="2.1e-05"/>
-      </inertial>
-    </link>
+    <link name="wheel_${{side}}_link"><xacro:part mesh="wheels/${{side}}_tire.stl" xyz="0 0 0" mass="0.028" i="2e-05">
+      <cylinder length="0.018" radius="0.033"/></xacro:part></link>
   </xacro:macro>
+
+  <link name="base_footprint"/>
+  <xacro:fixed link="base_link" parent="base_footprint" xyz="0 0 0.010"/>
+  <link name="base_link"><xacro:part mesh="bases/base.stl" xyz="-0.032 0 0.070" mass="0.826" i="0.002">
+    <box size="0.14 0.14 0.143"/></xacro:part></link>
   <xacro:wheel side="left" reflect="1"/>
   <xacro:wheel side="right" reflect="-1"/>
-
-  <joint name="caster_back_joint" type="fixed">
-    <parent link="base_link"/><child link="caster_back_link"/><origin xyz="-0.081 0 -0.004" rpy="-1.57 0 0"/>
-  </joint>
-  <link name="caster_back_link">
-    <collision><origin xyz="0 0.001 0" rpy="0 0 0"/><geometry><box size="0.030 0.009 0.020"/></geometry></collision>
+  <xacro:fixed link="caster_back_link" parent="base_link" xyz="-0.081 0 -0.005"/>
+  <link name="caster_back_link"><collision><geometry><box size="0.030 0.020 0.009"/></geometry></collision>
     <inertial><mass value="0.005"/><inertia ixx="1e-06" ixy="0" ixz="0" iyy="1e-06" iyz="0" izz="1e-06"/></inertial>
   </link>
-
-  <joint name="imu_joint" type="fixed">
-    <parent link="base_link"/><child link="imu_link"/><origin xyz="-0.032 0 0.068" rpy="0 0 0"/>
-  </joint>
+  <xacro:fixed link="imu_link" parent="base_link" xyz="-0.032 0 0.068"/>
   <link name="imu_link"/>
-
-  <joint name="scan_joint" type="fixed">
-    <parent link="base_link"/><child link="base_scan"/><origin xyz="-0.032 0 0.172" rpy="0 0 0"/>
-  </joint>
-  <link name="base_scan">
-    <xacro:part name="lds" mesh="sensors/lds.stl" mass="0" xyz="0 0 0">
-      <cylinder length="0.0315" radius="0.055"/>
-    </xacro:part>
-    <inertial><mass value="0.114"/><inertia ixx="0.001" ixy="0" ixz="0" iyy="0.001" iyz="0" izz="0.001"/></inertial>
-  </link>
+  <xacro:fixed link="base_scan" parent="base_link" xyz="-0.032 0 0.172"/>
+  <link name="base_scan"><xacro:part mesh="sensors/lds.stl" xyz="0 0 0" mass="0.114" i="0.001">
+    <cylinder length="0.0315" radius="0.055"/></xacro:part></link>
 </robot>
 """
 

@@ -60,34 +60,20 @@ def around(root: Path, folder: str) -> Workspace:
     return Workspace(root / folder, root)
 
 
-def test_the_nearest_one_around_the_scenario_counts(tmp_path: Path) -> None:
+def test_the_nearest_one_around_the_scenario_counts_unless_another_one_is_named(tmp_path: Path) -> None:
     ros_package(tmp_path / "src/far")
-    ros_package(tmp_path / "robots/src/near")
+    # The code of a package is no workspace.
+    ros_package(ros_package(tmp_path / "robots/src/near") / "src/near/inner")
 
     assert workspace_of(None, around(tmp_path, "robots/src/near/simulation")) == tmp_path / "robots"
     assert workspace_of(None, around(tmp_path, "simulation")) == tmp_path
-
-
-def test_the_code_of_a_package_is_no_workspace(tmp_path: Path) -> None:
-    package = ros_package(tmp_path / "ws/src/driver")
-    ros_package(package / "src/driver/inner")
-
-    assert workspace_of(None, around(tmp_path, "ws/src/driver/simulation")) == tmp_path / "ws"
+    assert workspace_of("../robots", around(tmp_path, "simulation")) == tmp_path / "robots"
 
 
 def test_packages_that_lie_in_the_repository_itself_are_found(tmp_path: Path) -> None:
     ros_package(tmp_path / "driver")
-
     found = workspace_of(None, around(tmp_path, "simulation"))
-
-    assert found == tmp_path
-    assert packages_in(found) == {"driver": tmp_path / "driver"}
-
-
-def test_a_workspace_that_is_named_is_seen_from_the_scenario(tmp_path: Path) -> None:
-    ros_package(tmp_path / "ws/src/driver")
-
-    assert workspace_of("../ws", around(tmp_path, "simulation")) == tmp_path / "ws"
+    assert (found, packages_in(found)) == (tmp_path, {"driver": tmp_path / "driver"})
 
 
 @pytest.mark.parametrize(
@@ -96,6 +82,5 @@ def test_a_workspace_that_is_named_is_seen_from_the_scenario(tmp_path: Path) -> 
 def test_what_is_no_folder_of_the_repository_is_refused(named: str, message: str, tmp_path: Path) -> None:
     workspace = around(tmp_path / "repository", "simulation")
     written(workspace.directory / "a", "")
-
     with pytest.raises(PathError, match=message):
         workspace_of(named, workspace)

@@ -12,6 +12,8 @@ from sim_action.core.geometry import Pose, compose
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, body_of, find_world, read_world
 from sim_action.world import World, placed
 from sim_action.world.parts import CylinderPart
+from sim_action.world.world_files import WorldFile
+from tests.ros_workspace import written
 
 WALL = """
 <model name="wall"><static>true</static><pose>2 0 0.5 0 0 1.5</pose>
@@ -27,10 +29,18 @@ def models(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def read(folder: Path, inside: str) -> tuple[World, list[str]]:
+def file_of(folder: Path, inside: str) -> WorldFile:
     path = folder / "a.world"
     path.write_text(f'<?xml version="1.0"?><sdf version="1.6"><world name="default">{inside}</world></sdf>')
-    found = read_world(path)
+    return read_world(path)
+
+
+def add_model(folder: Path, name: str, text: str) -> None:
+    written(folder / f"models/{name}/model.sdf", f'<sdf version="1.6">{text}</sdf>')
+
+
+def read(folder: Path, inside: str) -> tuple[World, list[str]]:
+    found = file_of(folder, inside)
     return found.world, [loss.message for loss in found.losses if not loss.is_remark]
 
 
@@ -53,8 +63,7 @@ def test_poses_of_model_link_and_collision_are_put_together(tmp_path: Path) -> N
 
 
 def test_models_that_are_included(tmp_path: Path) -> None:
-    (tmp_path / "models/wall").mkdir(parents=True)
-    (tmp_path / "models/wall/model.sdf").write_text(f'<sdf version="1.6">{WALL}</sdf>')
+    add_model(tmp_path, "wall", WALL)
     world, notes = read(
         tmp_path,
         """<include><uri>model://ground_plane</uri></include><include><uri>model://sun</uri></include>
@@ -124,28 +133,16 @@ ROVER = """
 """
 
 
-def test_a_model_with_a_plugin_that_drives_is_the_robot(tmp_path: Path) -> None:
-    path = tmp_path / "a.world"
-    path.write_text(f'<sdf version="1.7"><world name="w">{WALL}{ROVER}</world></sdf>')
-
-    found = read_world(path)
-
+def test_a_model_with_a_plugin_that_drives_is_the_robot_also_if_it_is_included(tmp_path: Path) -> None:
+    found = file_of(tmp_path, f"{WALL}{ROVER}")
     assert [body.name for body in found.world.objects] == ["wall"]
     assert found.robot is not None
     assert (found.robot.name, found.robot.pose.position_xyz) == ("rover", (1, 0, 0))
     assert found.losses == ()
 
-
-def test_a_robot_that_is_included_has_the_name_and_the_pose_of_the_include(tmp_path: Path) -> None:
-    model = tmp_path / "models/rover/model.sdf"
-    model.parent.mkdir(parents=True)
-    model.write_text(f'<sdf version="1.6">{ROVER}</sdf>')
-    path = tmp_path / "a.world"
+    add_model(tmp_path, "rover", ROVER)
     include = "<include><uri>model://rover</uri><name>one</name><pose>0 2 0 0 0 0</pose></include>"
-    path.write_text(f'<sdf version="1.6"><world name="w">{include}</world></sdf>')
-
-    robot = read_world(path).robot
-
+    robot = file_of(tmp_path, include).robot
     assert robot is not None
     assert (robot.name, robot.pose.position_xyz) == ("one", (0, 2, 0))
 
@@ -161,22 +158,11 @@ def test_what_plugins_cannot_do_is_told(tmp_path: Path) -> None:
 
 
 def test_a_loss_has_its_place_also_in_an_included_file(tmp_path: Path) -> None:
-    model = tmp_path / "models/pole/model.sdf"
-    model.parent.mkdir(parents=True)
-    model.write_text(
-        '<sdf version="1.6">\n<model name="pole"><link name="l">\n<kinematic>1</kinematic></link></model></sdf>'
-    )
-    path = tmp_path / "a.world"
-    path.write_text(
-        '<sdf version="1.6"><world name="w">\n<actor name="a"/>\n<include><uri>model://pole</uri></include></world></sdf>'
-    )
+    add_model(tmp_path, "pole", '\n<model name="pole"><link name="l">\n<kinematic>1</kinematic></link></model>')
+    losses = file_of(tmp_path, '\n<actor name="a"/>\n<include><uri>model://pole</uri></include>').losses
 
-    losses = read_world(path).losses
-
-    assert [(Path(loss.location.file).name, loss.location.line) for loss in losses if loss.location] == [
-        ("a.world", 2),
-        ("model.sdf", 3),
-    ]
+    places = [(Path(loss.location.file).name, loss.location.line) for loss in losses if loss.location]
+    assert places == [("a.world", 2), ("model.sdf", 3)]
 
 
 def test_old_worlds_have_gravity_in_physics(tmp_path: Path) -> None:
@@ -213,8 +199,7 @@ def test_a_state_that_moves_or_deletes_is_lost(tmp_path: Path) -> None:
 
 
 def test_a_model_that_includes_another_has_its_shapes(tmp_path: Path) -> None:
-    (tmp_path / "models/wall").mkdir(parents=True)
-    (tmp_path / "models/wall/model.sdf").write_text(f'<sdf version="1.6">{WALL}</sdf>')
+    add_model(tmp_path, "wall", WALL)
     include = "<include><uri>model://wall</uri><pose>0 2 0 0 0 0</pose></include>"
     nested = "<model name='n'><pose>0 0 1 0 0 0</pose><link name='l'><collision name='c'><geometry><sphere><radius>0.1"
     nested += "</radius></sphere></geometry></collision></link></model>"
@@ -229,9 +214,7 @@ def test_a_model_that_includes_another_has_its_shapes(tmp_path: Path) -> None:
 
 
 def test_an_include_can_fix_a_model(tmp_path: Path) -> None:
-    (tmp_path / "models/wall").mkdir(parents=True)
-    moves = WALL.replace("<static>true</static>", "")
-    (tmp_path / "models/wall/model.sdf").write_text(f'<sdf version="1.6">{moves}</sdf>')
+    add_model(tmp_path, "wall", WALL.replace("<static>true</static>", ""))
     include = "<include><uri>model://wall</uri><static>{}</static></include>"
 
     for stated, mass in (("true", None), ("false", 1.0)):

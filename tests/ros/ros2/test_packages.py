@@ -70,7 +70,7 @@ def test_sources_are_found_anywhere_but_in_what_a_build_has_left(tmp_path: Path)
     assert list(Packages.around(tmp_path, None).sources) == ["robot"]
 
 
-def test_the_nearest_workspace_around_a_scenario_counts(tmp_path: Path) -> None:
+def test_a_folder_with_an_install_folder_is_a_workspace(tmp_path: Path) -> None:
     root, inner = tmp_path / "root", tmp_path / "root/inner"
     source(root)
     isolated(inner, "p")
@@ -78,18 +78,6 @@ def test_the_nearest_workspace_around_a_scenario_counts(tmp_path: Path) -> None:
     assert workspace_of(None, Workspace(scenario, root)) == inner
     assert workspace_of(None, Workspace(root / "other", root)) == root
     assert workspace_of("install", Workspace(inner, root)) == inner / "install"
-    with pytest.raises(PathError, match="does not exist"):
-        workspace_of("absent", Workspace(scenario, root))
-    with pytest.raises(PathError, match="is not a folder"):
-        workspace_of("drive.sim.yml", Workspace(scenario, root))
-
-
-def test_without_a_workspace_the_root_counts(tmp_path: Path) -> None:
-    package = source(tmp_path, "p").parent
-    written(package / "p/src/package.xml", "")
-    (tmp_path / "src").rename(tmp_path / "robots")
-
-    assert workspace_of(None, Workspace(tmp_path / "robots/p", tmp_path)) == tmp_path
 
 
 def test_executables_are_installed_files_and_entry_points(tmp_path: Path) -> None:

@@ -17,7 +17,6 @@ from tests.ros.ros1.launches import launched, needs_ros, package
 pytestmark = pytest.mark.process
 
 
-@pytest.mark.process
 def test_a_sitecustomize_that_was_there_is_read_after_ours(tmp_path: Path) -> None:
     ours, theirs = tmp_path / "ours", tmp_path / "theirs"
     ours.mkdir()
@@ -83,14 +82,14 @@ class Late(unittest.TestCase):
 
     def test_who_publishes_is_heard_as_soon(self):
         driven()
-        came = [driven() for _ in range(5)]
+        came = [driven() for _ in range(2)]
         self.assertGreater(min(came), 0.07)
         self.assertLess(max(came) - min(came), 0.0005)
 
     def test_who_listens_hears_as_much(self):
         # 0.9 s are a multiple of what is between two messages.
-        first, *others = [heard() for _ in range(5)]
-        self.assertEqual(others, [first] * 4)
+        first, *others = [heard() for _ in range(3)]
+        self.assertEqual(others, [first] * 2)
 
     def test_small_messages_are_not_held_back(self):
         publisher = rospy.Publisher("/late", Twist, queue_size=1)
@@ -115,7 +114,6 @@ LATE_TEST = """<launch>
 
 
 @needs_ros
-@pytest.mark.process
 def test_who_comes_late_is_heard_and_hears_at_once(tmp_path: Path) -> None:
     package(tmp_path / "ws", "late", {"late.py": LATE, "late.test": LATE_TEST})
 

@@ -51,6 +51,7 @@ def test_planar_move_and_controllers(tmp_path: Path) -> None:
     assert "joint 'spin' has hardware_interface/VelocityJointInterface, but the controller needs" in notes
     assert "'/m/disc_speed': its gains are not used; a servo of the engine" in notes
     assert "planar move (kinematic)" in notes
+    assert "joint_state_controller/publish_rate is 200: messages are published 100 times per second" in notes
 
 
 @pytest.mark.parametrize("again", soaked([0, 1], short=[0]))
