@@ -90,6 +90,16 @@ def test_whoever_has_the_token_sees_progress_and_report(tmp_path: Path, name: st
         assert asked(server.address, "state?after=other").status == 200
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="another program could take the port there")
+def test_its_port_can_be_used_again_at_once(tmp_path: Path) -> None:
+    with serving(LivePages(tmp_path)) as server:
+        port = server.server_address[1]
+        # The server closes this connection first: the kernel keeps its port for a minute.
+        assert asked(server.address, "state").status == 200
+    with LoopbackServer(port, LivePages(tmp_path)) as server:
+        assert server.server_address[1] == port
+
+
 @pytest.mark.parametrize(
     ("path", "host"),
     [
