@@ -25,7 +25,7 @@ from sim_action.reports.html.notebook import outcome_page, player_frame, report_
 from sim_action.reports.html.report import page, write_html
 from sim_action.results.events import Finished
 from sim_action.results.journal import Header, Journal, Planned
-from sim_action.results.outcome import Outcome
+from sim_action.results.outcome import Outcome, Repetition
 from sim_action.results.results_json import Results
 from sim_action.results.shard_results import EarlierRun
 from sim_action.state.verdict import Verdict
@@ -176,6 +176,19 @@ def test_a_base_run(tmp_path: Path) -> None:
         "files have the ghost, too",
     ]
     assert looked(tmp_path / "new/report.html", *checks) == dict.fromkeys(checks, "")
+
+
+def test_repetitions(tmp_path: Path) -> None:
+    alone, burger = (
+        outcome(f"{name}.sim.yml").model_copy(update={"name": name, "replay": kept(drive(), tmp_path, name)})
+        for name in ("alone", "burger")
+    )
+    again = tuple(
+        Repetition(cause=name, status="passed", ending="passed", replay=kept(drive(distance=distance), tmp_path, name))
+        for name, distance in (("half", 0.5), ("moved", 1.5))
+    )
+    write_html(results(alone, burger.model_copy(update={"repetitions": again})), report_options(tmp_path))
+    look("repetitions are thin lines in views and bands in plots", tmp_path / "report.html")
 
 
 @pytest.mark.soak

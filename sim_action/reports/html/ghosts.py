@@ -42,6 +42,7 @@ class Ghost:
     parting: Parting | None
     alike: str  # the sentence for a pair that does not part
     is_shown: bool = False  # True if it is drawn from the start
+    is_repetition: bool = False  # True if it shows the confidence: its path is a thin line, and plots have bands
 
     def entry(self, blocks: ReplayBlocks) -> dict[str, object]:
         """Return the data for the script of the page."""
@@ -54,6 +55,7 @@ class Ghost:
             else {"time": parts.time, "words": f"{parts.told[0].upper()}{parts.told[1:]}"},
             "alike": self.alike,
             "shown": self.is_shown,
+            "repetition": self.is_repetition,
         }
 
 
@@ -222,7 +224,9 @@ class GhostSources:
             theirs = stored_replay(other, self._folder, self._readers["repetition"])[0] if name else None
             if theirs is not None:
                 block = f"repetition-{identity}" if number == 1 else f"repetition-{identity}-{number}"
-                self._keep(identity, ghost(label, block, replay, theirs, is_shown=label == REPETITION))
+                is_shown = label == REPETITION
+                repeated = ghost(label, block, replay, theirs, is_shown=is_shown)
+                self._keep(identity, replace(repeated, is_repetition=not is_shown))
                 self._waiting.add(block, theirs, replay)
 
     def _keep(self, identity: str, found: Ghost) -> None:

@@ -57,8 +57,8 @@ interface View {
   /** Draws another run as a ghost; null: none. */
   compare(ghost: GhostRun | null): void;
   draw(moment: Moment, follow: boolean): void;
-  /** Shows the path and the frame of a link; 0: the base, with its path alone. */
-  choose(link: number): void;
+  /** Shows the path and the frame of a link, and its paths in repetitions as thin lines; 0: the base, with its path alone. */
+  choose(link: number, repetitions: Run[]): void;
   /** Draws these layers alone; see `LAYERS` of the page. */
   showLayers(shown: ReadonlySet<string>): void;
   /** Shows the whole path. */
@@ -113,6 +113,8 @@ interface GhostEntry {
   alike: string;
   /** True if it is drawn from the start. */
   shown: boolean;
+  /** True if it shows the confidence of the run: its path is a thin line, and plots have bands. */
+  repetition: boolean;
 }
 
 interface ScenarioEntry {
@@ -204,6 +206,8 @@ interface Curve {
   values: Float64Array;
   /** The commanded values, drawn dashed. */
   commanded: Float64Array | null;
+  /** The lowest and highest values in several runs, this one among them. */
+  band: { runs: number; low: Float64Array; high: Float64Array } | null;
   /** True if the values themselves are commanded. */
   aimed: boolean;
   status: "free" | "passed" | "warned" | "inconclusive" | "not_exercised" | "failed";

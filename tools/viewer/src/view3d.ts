@@ -30,6 +30,8 @@ class View3D implements View {
   private readonly marks: Group[];
   private readonly command: Group | null = null;
   private trail: Trail | null = null;
+  /** The paths of repetitions. */
+  private repeated: Layer[] = [];
   private ghost: Ghost | null = null;
   private readonly clearance: number;
   private readonly width: number;
@@ -97,13 +99,22 @@ class View3D implements View {
     this.home();
   }
 
-  choose(link: number): void {
+  choose(link: number, repetitions: Run[]): void {
     this.axes.removeFromParent();
-    if (this.trail) this.remove(this.trail);
+    for (const layer of this.trail ? [this.trail, ...this.repeated] : this.repeated) this.remove(layer);
+    this.repeated = repetitions.map((run) => this.add(this.thinPath(run, link)));
     this.trail = null;
     if (link === 0) return;
     this.trail = this.add(new Trail(this.run, link, this.colours.accent));
     this.links[link].add(this.axes);
+  }
+
+  private thinPath(run: Run, link: number): Layer {
+    if (link) return new Trail(run, link, this.colours.accent);
+    const way = new Way(run, this.colours.accent, this.clearance, 0.2 * this.width);
+    // Below the path of the open run.
+    way.group.position.z = -0.001;
+    return way;
   }
 
   showLayers(shown: ReadonlySet<string>): void {

@@ -89,6 +89,12 @@ class Ghosts extends EventTarget {
     this.dispatchEvent(new Event("chosen"));
   }
 
+  /** Returns the motions of the repetitions that show the confidence of the run, as far as the page has room for them. */
+  async repetitions() {
+    const packed = this.entries.flatMap(({ repetition, replay }) => (repetition && replay ? [replay] : []));
+    return (await Promise.all(packed.map(unpackedReplay))).map((replay) => new Motion(replay));
+  }
+
   tell() {
     const { entry } = this;
     this.list.value = this.label;

@@ -34,7 +34,17 @@ class Player {
     if (!this.element.isConnected) return;
     await this.views.open();
     // Another scenario may have been opened meanwhile, which the address names by now.
-    if (this.element.isConnected) await this.ghosts.restore();
+    if (!this.element.isConnected) return;
+    await this.ghosts.restore();
+    this.showRepetitions(await this.ghosts.repetitions());
+  }
+
+  /** Draws the paths of repetitions as thin lines, and their values as bands. @param {Motion[]} motions */
+  showRepetitions(motions) {
+    if (!motions.length || !this.element.isConnected) return;
+    this.views.showRepetitions(motions);
+    this.plots.showRepetitions(motions);
+    this.show();
   }
 
   /** The decisive sim time: that of the failure, or the end of a run with an error, else the start. */

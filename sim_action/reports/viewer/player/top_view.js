@@ -27,6 +27,8 @@ class TopView {
     this.link = 0;
     /** The path of the chosen link. */
     this.trail = motion.base;
+    /** The same path in repetitions. @type {Float64Array[][]} */
+    this.repeated = [];
     /** @type {GhostRun | null} */
     this.ghost = null;
     /** The points of the links and bodies of the ghost. @type {{links: Float64Array[][], bodies: Float64Array[][]}} */
@@ -49,10 +51,10 @@ class TopView {
     this.span = Math.max(1.2, 1.25 * (x1 - x0) + 0.8, 1.8 * (y1 - y0) + 0.8);
   }
 
-  /** Draws the path of a link. @param {number} link */
-  choose(link) {
+  /** Draws the path of a link, and its paths in repetitions as thin lines. @param {number} link @param {Run[]} repetitions */
+  choose(link, repetitions) {
     this.link = link;
-    this.trail = link ? this.motion.trail(link) : this.motion.base;
+    [this.trail, ...this.repeated] = [this.motion, ...repetitions].map((run) => (link ? run.trail(link) : run.base));
   }
 
   /** @param {ReadonlySet<string>} shown */
@@ -118,6 +120,7 @@ class TopView {
     const { commanded_path } = this.motion.replay;
     if (commanded_path && this.shown.has("command")) this.line(commanded_path, colours.lines[COMMAND_COLOUR], 1.5, [2, 4]);
     if (this.ghost) this.drawGhost(this.ghost, moment.time);
+    for (const path of this.repeated) this.path(path, colours.accent, 0.8);
     this.drawWay(moment.time);
     this.drawRobot(moment);
     if (this.shown.has("forces")) drawPushes(this, this.motion.pushes, moment.time);
@@ -212,8 +215,7 @@ class TopView {
   drawGhost(ghost, time) {
     const { colours, ghostPoints } = this;
     const moment = ghost.at(time);
-    const [x, y] = ghost.base;
-    this.line(Array.from(x, (_, i) => [x[i], y[i]]), `${colours.ghost}80`, 1.5);
+    this.path(ghost.base, `${colours.ghost}80`, 1.5);
     this.context.globalAlpha = time > ghost.end + 1e-6 ? 0.4 : 1;
     for (const i of ghost.others) {
       if (!moment.here[i]) continue;
@@ -290,6 +292,11 @@ class TopView {
     context.lineCap = dashes.length ? "butt" : "round";
     context.stroke();
     context.setLineDash([]);
+  }
+
+  /** @param {Float64Array[]} places columns @param {string} colour @param {number} width */
+  path([x, y], colour, width) {
+    this.line(Array.from(x, (_, i) => [x[i], y[i]]), colour, width);
   }
 
   /** Dragging moves the view, the wheel zooms, a double click shows everything. */

@@ -34,6 +34,8 @@ class Views {
     this.link = 0;
     /** The run that is drawn as a ghost. @type {GhostMotion | null} */
     this.ghost = null;
+    /** The runs whose paths are thin lines. @type {Motion[]} */
+    this.repetitions = [];
     this.pending = 0;
     /** @type {View | null} */
     this.view = null;
@@ -109,7 +111,7 @@ class Views {
     this.canvas.replaceWith(canvas);
     this.canvas = canvas;
     this.view = make_view(canvas);
-    this.view.choose(this.link);
+    this.view.choose(this.link, this.repetitions);
     this.view.showLayers(this.layers.shown);
     this.view.compare(this.ghost);
     canvas.addEventListener("viewmoved", () => this.draw());
@@ -148,8 +150,14 @@ class Views {
   /** Shows the path and the frame of a link. @param {number} link */
   choose(link) {
     this.link = link;
-    this.view?.choose(link);
+    this.view?.choose(link, this.repetitions);
     this.draw();
+  }
+
+  /** Draws the paths of other runs as thin lines. @param {Motion[]} runs */
+  showRepetitions(runs) {
+    this.repetitions = runs;
+    this.choose(this.link);
   }
 
   /** Draws another run as a ghost; null: none. @param {GhostMotion | null} ghost */

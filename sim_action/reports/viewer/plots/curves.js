@@ -23,6 +23,8 @@ class Catalogue {
     this.curves = new Map();
     /** @type {Map<number, Float64Array[]>} */
     this.trails = new Map();
+    /** @type {Catalogue[]} */
+    this.repetitions = [];
     this.addExpectations();
     this.addBase();
     this.addJoints();
@@ -57,11 +59,36 @@ class Catalogue {
     /** @type {Curve} */
     const curve = {
       key, name: signal.name, title: "", si: signal.unit, factor, unit, least, times: motion.times, aimed: false, status: "free", cutOff: false,
-      decided: null, lower: null, upper: null, from: motion.start, to: motion.end, ...read,
+      band: null, decided: null, lower: null, upper: null, from: motion.start, to: motion.end, ...read,
       values: shown(read.values), commanded: read.commanded ? shown(read.commanded) : null,
     };
+    curve.band = this.bandOf(curve);
     this.curves.set(key, curve);
     return curve;
+  }
+
+  /** Has each curve know the range of its values in repetitions of the run, too. @param {Motion[]} motions */
+  setRepetitions(motions) {
+    this.repetitions = motions.map((motion) => new Catalogue(motion, this.expectations));
+    for (const curve of this.curves.values()) curve.band = this.bandOf(curve);
+  }
+
+  /** @param {Curve} curve @returns {Curve["band"]} */
+  bandOf(curve) {
+    const others = this.repetitions.flatMap((other) => other.curve(curve.key) ?? []);
+    if (!others.length) return null;
+    const turn = curve.key === "base.yaw" ? 2 * Math.PI * curve.factor : 0;
+    // Headings at the start that are equal may differ by whole turns.
+    const turns = others.map(({ values }) => (turn ? turn * Math.round((curve.values[0] - values[0]) / turn) : 0));
+    const low = curve.values.slice(), high = curve.values.slice();
+    curve.times.forEach((time, row) => {
+      others.forEach((other, i) => {
+        const value = valueAt(other, time) + turns[i];
+        if (value < low[row]) low[row] = value;
+        if (value > high[row]) high[row] = value;
+      });
+    });
+    return { runs: 1 + others.length, low, high };
   }
 
   addExpectations() {

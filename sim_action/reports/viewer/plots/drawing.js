@@ -142,8 +142,7 @@ function drawLine(chart, axis, { times, values, colour, width, dash, faint }) {
 
 /** Makes the path of values over the shown time, with gaps. @param {Chart} chart @param {PlotAxis} axis @param {Float64Array} times @param {Float64Array} values */
 function tracePath(chart, axis, times, values) {
-  const { context, area, range, x } = chart;
-  const first = rowAt(times, range.from), last = Math.min(times.length - 1, rowAt(times, range.to) + 1);
+  const { context, x } = chart;
   const y = (/** @type {number} */ value) => heightOf(chart, axis, value);
   context.beginPath();
   let drawing = false;
@@ -155,8 +154,39 @@ function tracePath(chart, axis, times, values) {
       drawing = true;
     }
   };
-  if (last - first < 3 * (area.right - area.left)) for (let row = first; row <= last; row++) add(row);
-  else for (const row of tellingRows(values, first, last, Math.round(area.right - area.left))) add(row);
+  shownRows(chart, times, values).forEach(add);
+}
+
+/** Fills the range of a curve in several runs. @param {Chart} chart @param {PlotAxis} axis @param {Curve} curve @param {string} colour */
+function drawBand(chart, axis, { times, band }, colour) {
+  if (!band) return;
+  const { context, colours, x } = chart;
+  const { low, high } = band;
+  const rows = new Set([low, high].flatMap((values) => shownRows(chart, times, values)));
+  context.fillStyle = colour;
+  context.globalAlpha = colours.dark ? 0.35 : 0.25;
+  /** The rows since the last gap. @type {number[]} */
+  let part = [];
+  const fill = () => {
+    context.beginPath();
+    for (const row of part) context.lineTo(x(times[row]), heightOf(chart, axis, high[row]));
+    for (const row of part.reverse()) context.lineTo(x(times[row]), heightOf(chart, axis, low[row]));
+    context.fill();
+    part = [];
+  };
+  for (const row of [...rows].sort((a, b) => a - b)) {
+    if (Number.isNaN(low[row])) fill();
+    else part.push(row);
+  }
+  fill();
+  context.globalAlpha = 1;
+}
+
+/** Returns the rows that a plot draws in the shown time. @param {Chart} chart @param {Float64Array} times @param {Float64Array} values */
+function shownRows({ area, range }, times, values) {
+  const first = rowAt(times, range.from), last = Math.min(times.length - 1, rowAt(times, range.to) + 1);
+  if (last - first >= 3 * (area.right - area.left)) return tellingRows(values, first, last, Math.round(area.right - area.left));
+  return Array.from({ length: Math.max(0, last + 1 - first) }, (_, i) => first + i);
 }
 
 /**
@@ -216,9 +246,9 @@ function axisOf(curves, range, clock) {
     bottom = Math.min(bottom, low);
     top = Math.max(top, high);
   };
-  for (const { times, values, commanded } of curves) {
+  for (const { times, values, commanded, band } of curves) {
     const first = rowAt(times, range.from), last = rowAt(times, range.to) + 2;
-    for (const column of [values, commanded]) if (column) include(...extent(whole ? column : column.subarray(first, last)));
+    for (const column of [values, commanded, band?.low, band?.high]) if (column) include(...extent(whole ? column : column.subarray(first, last)));
   }
   const size = top - bottom;
   const limits = curves.flatMap(({ lower, upper }) => [lower, upper]).filter((limit) => limit !== null);

@@ -13,9 +13,12 @@ function csvOf(curves, range, ghostOf, ghostName) {
     const unit = curve.si ? ` (${curve.si})` : "";
     const measured = { head: `${name}${curve.aimed ? " commanded" : ""}${unit}`, curve, values: curve.values };
     const commanded = curve.commanded ? [{ head: `${name} commanded${unit}`, curve, values: curve.commanded }] : [];
+    const { band } = curve;
+    const ends = band ? [{ which: "lowest", values: band.low }, { which: "highest", values: band.high }] : [];
+    const range = ends.map(({ which, values }) => ({ head: `${name} ${which} of ${band?.runs} runs${unit}`, curve, values }));
     const ghost = ghostOf(curve);
     const other = ghost ? [{ head: `${name} [${ghostName}]${unit}`, curve: ghost, values: ghost.values }] : [];
-    return [measured, ...commanded, ...other];
+    return [measured, ...commanded, ...range, ...other];
   });
   // Times of several rates that differ by rounding are one row.
   const rowOf = (/** @type {number} */ time) => time.toFixed(6);
@@ -56,11 +59,10 @@ function csvField(text) {
 function pictureOf(plot, heading, colours) {
   const width = Math.max(480, plot.frame.clientWidth), ratio = 2, line = 18;
   const samples = plot.curves.flatMap((curve, i) => {
-    const aim = curve.commanded ? ", fine dashes: commanded" : "";
     const title = curve.title && curve.title !== curve.name ? `${curve.title}: ` : "";
     const words = `${title}${curve.name}${curve.unit ? ` (${curve.unit})` : ""}`;
     const dash = DASHES[i % DASHES.length];
-    const measured = { words: `${words}${aim}`, colour: lineColour(colours, i), width: 2, dash: curve.aimed ? COMMANDED_DASH : dash };
+    const measured = { words: `${words}${curveMarks(curve)}`, colour: lineColour(colours, i), width: 2, dash: curve.aimed ? COMMANDED_DASH : dash };
     return plot.ghosts.has(curve.key) ? [measured, { words: `${words}, ${plot.ghostName}`, colour: colours.ghost, width: 1.1, dash }] : [measured];
   });
   const top = 14 + line * (1 + samples.length), height = top + 200;

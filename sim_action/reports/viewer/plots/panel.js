@@ -149,6 +149,13 @@ class PlotPanel {
     this.draw();
   }
 
+  /** Draws the range of the values in these and in this run as bands. @param {Motion[]} motions */
+  showRepetitions(motions) {
+    this.catalogue.setRepetitions(motions);
+    for (const plot of this.plots) plot.show(plot.curves);
+    this.draw();
+  }
+
   /** Shows another range of time. @param {{from: number, to: number}} range */
   zoom(range) {
     this.setRange(range);

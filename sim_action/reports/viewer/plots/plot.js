@@ -127,7 +127,9 @@ class Plot extends EventTarget {
       const value = ghost && known ? valueAt(ghost, time) : NaN;
       const has_ended = Number.isNaN(value) && time > this.ghostEnd;
       const other = ghost && known ? ` · ${this.ghostName} ${has_ended ? "ended" : told(value, unit)}` : "";
-      write(this.values[i], `${told(valueAt(curve, time), unit)}${aim}${other}`);
+      const ends = curve.band && [curve.band.low, curve.band.high].map((values) => told(valueAt(curve, time, values), unit));
+      const range = ends ? ` · in ${curve.band?.runs} runs ${[...new Set(ends)].join(" to ")}` : "";
+      write(this.values[i], `${told(valueAt(curve, time), unit)}${aim}${range}${other}`);
     });
   }
 
@@ -217,6 +219,7 @@ class Plot extends EventTarget {
     context.beginPath();
     context.rect(area.left, 0, area.right - area.left, area.bottom + 2);
     context.clip();
+    this.curves.forEach((curve, i) => drawBand(chart, axis(curve), curve, lineColour(colours, i)));
     this.curves.forEach((curve, i) => {
       const colour = lineColour(colours, i), dash = DASHES[i % DASHES.length];
       const ghost = this.ghosts.get(curve.key);
@@ -240,8 +243,12 @@ function curveTitle(curve) {
 function plotWords(curve) {
   const limits = [["at least", curve.lower], ["at most", curve.upper]].filter(([, limit]) => limit !== null);
   const asked = limits.map(([words, limit]) => `, ${words} ${told(Number(limit), curve.unit)}`).join("");
-  const aim = curve.commanded ? ", fine dashes: commanded" : "";
-  return `${curve.title} ${curve.name} over time${asked}${aim}`.trim();
+  return `${curve.title} ${curve.name} over time${asked}${curveMarks(curve)}`.trim();
+}
+
+/** Says what is drawn with a curve. @param {Curve} curve */
+function curveMarks({ commanded, band }) {
+  return `${commanded ? ", fine dashes: commanded" : ""}${band ? `, band: lowest and highest of ${band.runs} runs` : ""}`;
 }
 
 /** @param {Colours} colours @param {number} number */

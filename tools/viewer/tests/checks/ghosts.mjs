@@ -102,6 +102,31 @@ export const GHOSTS = {
       assert.doesNotMatch((await page.textContent(".against")) ?? "", /ended/);
     },
   },
+  "repetitions are thin lines in views and bands in plots": {
+    look: async (page) => {
+      /** @type {string[][]} */
+      const seen = [];
+      for (const name of ["burger", "alone"]) {
+        await page.evaluate((hash) => {
+          location.hash = hash;
+        }, `#scenario=${name}&plots=base.speed&t=0.5`);
+        const words = name === "alone" ? "0.5 m/s" : "0.5 m/s · in 3 runs 0.25 m/s to 0.75 m/s";
+        const isSaid = (/** @type {string} */ said) => ["h2", ".plot .value"].map((part) => document.querySelector(`.scenario.live ${part}`)?.textContent).join() === said;
+        await page.waitForFunction(isSaid, `${name},${words}`);
+        await page.waitForSelector(".view canvas[data-kind='3d']");
+        seen.push([await picture(page), (await page.locator(".plot .frame canvas").screenshot()).toString("base64")]);
+        await page.keyboard.press("v");
+        await page.waitForSelector(".view canvas[data-kind=top]");
+        seen.push([await picture(page)]);
+        if (name === "alone") continue;
+        assert.match((await page.getAttribute(".plot .frame canvas", "aria-label")) ?? "", /, band: lowest and highest of 3 runs$/);
+        const lines = (await saved(page, () => page.click("text=CSV"))).bytes.toString("utf8").split("\r\n");
+        assert.equal(lines[0], "time (s),speed (m/s),speed lowest of 3 runs (m/s),speed highest of 3 runs (m/s)");
+        assert.match(lines[2], /^[\d.]+,0\.5,0\.25,0\.75$/);
+      }
+      seen.slice(0, 2).forEach((pictures, i) => pictures.forEach((one, j) => assert.notEqual(one, seen[2 + i][j])));
+    },
+  },
   "the ghost of an address is drawn, by keys": {
     hash: "#scenario=burger%20moves&against=base+run",
     look: async (page) => {
