@@ -123,8 +123,8 @@ class Disturbance(field_types.FrozenModel):
     link: Annotated[
         field_types.Name | None,
         Field(
-            description="link of the robot; default without 'body': its base, or its last one if a payload loads "
-            "a bolted robot; or an <adhesion> of MJCF"
+            description="link of the robot; default without 'body': its base; of a payload of a bolted robot: its last "
+            "one before fingers; or an <adhesion> of MJCF"
         ),
     ] = None
     body: Annotated[field_types.Name | None, Field(description="body of the world, instead of a link")] = None

@@ -112,10 +112,31 @@ class Scene:
 
     @property
     def load_link(self) -> str:
-        """The link that bears a payload by default: the base, or the last link that moves if the base is bolted."""
+        """The link that bears a payload by default: the base, or the last link that moves if the base is bolted.
+
+        If several chains of joints are the longest, such as the fingers of a gripper, it is the link that carries them.
+        """
         bolted, root = self.bolted_links, self.model.root
-        movable = (link.name for link in reversed(self.model.links) if link.mass and link.name not in bolted)
-        return next(movable, root) if bolted else root
+        movable = [link.name for link in self.model.links if link.mass and link.name not in bolted]
+        if not bolted or not movable:
+            return root
+        moved_by = {name: self._joints_before(name) for name in movable}
+        longest = max(map(len, moved_by.values()))
+        chains = [joints for joints in moved_by.values() if len(joints) == longest]
+        while any(joints != chains[0] for joints in chains):
+            chains = [joints[:-1] for joints in chains]
+        return next((name for name in reversed(movable) if moved_by[name] == chains[0]), movable[-1])
+
+    def _joints_before(self, link: str) -> list[str]:
+        """Return the names of the joints that move a link, from the root on."""
+        above = {joint.child: joint for joint in self.model.joints}
+        joints: list[str] = []
+        while link in above:
+            joint = above[link]
+            if joint.moves:
+                joints.append(joint.name)
+            link = joint.parent
+        return joints[::-1]
 
     def why_not_moved(self, link: str) -> str | None:
         """Return a message if no force can move a link, or if there is no such link; None if a force can."""

@@ -76,6 +76,17 @@ def test_links_fixed_to_a_base_that_cannot_move_cannot_either(tmp_path: Path) ->
     ] == ["base", "base", "arm", "base"]
 
 
+@pytest.mark.parametrize(("fingers", "loaded"), [(0, "palm"), (1, "finger0"), (2, "palm")])
+def test_a_payload_loads_the_link_that_carries_the_fingers(fingers: int, loaded: str, tmp_path: Path) -> None:
+    inertia = '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    names = ["base", "arm", "palm", *(f"finger{number}" for number in range(fingers)), "camera"]
+    links = "".join(f'<link name="{name}"><inertial>{inertia}</inertial></link>' for name in names)
+    parents = {"arm": ("base", "continuous"), "palm": ("arm", "continuous"), "camera": ("arm", "fixed")}
+    joint = '<joint name="to_{0}" type="{2}"><parent link="{1}"/><child link="{0}"/></joint>'
+    joints = "".join(joint.format(name, *parents.get(name, ("palm", "continuous"))) for name in names[1:])
+    assert scene(tmp_path, f'<robot name="r">{links}{joints}</robot>', base="fixed").load_link == loaded
+
+
 def test_links_that_no_force_can_move_say_why(tmp_path: Path) -> None:
     moving = scene(tmp_path)
     assert moving.why_not_moved("upper") is moving.why_not_moved(moving.model.root) is None
