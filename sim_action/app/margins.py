@@ -20,16 +20,17 @@ from sim_action.reports import ReportOptions, ReportRequest
 from sim_action.reports.progress import ProgressListener
 from sim_action.reports.writing import open_reports, remove_earlier, write_reports
 from sim_action.results.events import Event, Finished, RunEnded
-from sim_action.results.factor_margins import MARGINS_FILE, Margin, Margins, ScenarioMargins
-from sim_action.results.journal import JOURNAL_FILE, Header, Journal
+from sim_action.results.factor_margins import Margin, Margins, ScenarioMargins
+from sim_action.results.journal import JOURNAL_FILE, Header, Journal, Record
 from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import MARGINS_FILE
 from sim_action.runner.margin_search import FACTORS, FactorRequest, Search, Trial, trial
 from sim_action.runner.mutation.judgement import stored
 from sim_action.runner.mutation.mutant import Original
 from sim_action.runner.mutation.planning import first_runs
 from sim_action.runner.outcome_assembly import planned_outcomes
 from sim_action.runner.process_pool import Pool, PoolOptions
-from sim_action.runner.run_keys import RunKeys, RunOptions, trusted_journal
+from sim_action.runner.run_keys import RunKeys, RunOptions, changed_parts, trusted_journal
 from sim_action.runner.run_plan import PlanRequest, plan_runs
 from sim_action.runner.runs import Runs
 from sim_action.scenario.loading import Libraries
@@ -86,26 +87,42 @@ class _Call:
             each if isinstance(each, Refused) else replace(each, mutation=None) for each in first_runs(plan.plans)
         ]
         self._of_patterns = [*map(Outcome.of_nothing, plan.empty), *map(Outcome.of_unmatched, plan.unmatched)]
-        planned = planned_outcomes(
+        self._planned = planned_outcomes(
             [each if isinstance(each, Refused) else (each,) for each in self._firsts], self._of_patterns
         )
-        self._names = [each.name for each in planned]
-        self._earlier = self._resumed() if request.resume else {}
-        header = Header.of_call(planned, (*options.files, MARGINS_FILE), plan.shard)
-        options.room.reserve(len(planned))
+        records = self._resumed() if request.resume else []
+        self._earlier = {each.key: each.outcome for each in records if each.key and each.outcome is not None}
+        self._nominal = [each for each in records if each.turn == 1]
+        header = Header.of_call(self._planned, (*options.files, MARGINS_FILE), plan.shard)
+        options.room.reserve(len(self._planned))
         self._journal = Journal(options.folder, header, warn, time.monotonic(), make_room=options.room.make)
         # The factors of the command line that no run has.
         self._absent = set(request.factors)
 
-    def _resumed(self) -> dict[str, Outcome]:
-        """Return the runs of the earlier call, by their keys, and remove its other files."""
+    def _resumed(self) -> Sequence[Record]:
+        """Return the records of the earlier call, and remove its other files."""
         try:
-            records = trusted_journal(self._options.folder).records
+            return trusted_journal(self._options.folder).records
         except UsageError as error:
             note(f"--resume: {error}")
-            records = []
-        remove_earlier(self._request.reports, {JOURNAL_FILE})
-        return {record.key: record.outcome for record in records if record.key and record.outcome is not None}
+            return []
+        finally:
+            remove_earlier(self._request.reports, {JOURNAL_FILE})
+
+    def _note_runs(self) -> None:
+        """Say how many runs there were, how many the earlier call had, and what has changed since if it had none."""
+        runs = counted(sum(self._turns.values()), "run")
+        if not self._request.resume:
+            if self._request.reports.verbosity != "quiet":
+                note(f"{runs} in all")
+            return
+        keys = {
+            (planned.file, planned.name): self._keys.of(each) or ""
+            for each, planned in zip(self._firsts, self._planned, strict=False)
+            if not isinstance(each, Refused)
+        }
+        changed = "" if self._taken else changed_parts(self._nominal, keys)
+        note(f"--resume: {self._taken} of {runs} taken over{changed and f'; {changed}'}")
 
     def margins(self) -> tuple[Margins, ExitCode]:
         """Run everything, and write the reports."""
@@ -119,8 +136,7 @@ class _Call:
             raise UsageError(f"no scenario that passes has the factor {names}; name another one")
         self._announce([search for several in searches.values() for search in several])
         self._search(originals, searches)
-        if self._request.resume:
-            note(f"--resume: {counted(self._taken, 'run')} of {sum(self._turns.values())} taken over")
+        self._note_runs()
         scenarios = []
         for place, outcome in enumerate(outcomes):
             several = None
@@ -218,7 +234,7 @@ class _Call:
     def _record(self, event: Event) -> None:
         """Write an event into the journal; all runs with one place have one name there, and their files do not stay."""
         if isinstance(event, RunEnded):
-            changed = {"name": self._names[event.place], "trace": None, "replay": None}
+            changed = {"name": self._planned[event.place].name, "trace": None, "replay": None}
             event = replace(event, outcome=event.outcome.model_copy(update=changed), is_one_of_several=True)
         self._journal(event)
 

@@ -143,8 +143,9 @@ class _Printer:
         if not is_quiet:
             self._table(
                 [
-                    Row("information", each.name, " ".join(formatting.measured_text(each)).strip())
+                    Row("information", f"{bar} {message}") if bar else Row("information", each.name, message)
                     for each in outcome.measurements
+                    for bar, message in [formatting.measured_text(each)]
                 ]
             )
         for failure in outcome.failures:

@@ -15,7 +15,6 @@ from sim_action.scenario.source import Variation
 from sim_action.state.verdict import Judged, Verdict
 
 MARGIN: Final = "margin"  # the assertion of the expectations that show margins
-MARGINS_FILE: Final = "margins.json"
 _MAX_REASON: Final = 300
 
 

@@ -92,6 +92,7 @@ def balanced(scenarios: Sequence[T], durations: Sequence[float], count: int) -> 
 
 
 RESULTS_FILE = "results.json"
+MARGINS_FILE: Final = "margins.json"
 
 MAX_OUTCOMES: Final = 50_000
 """The largest number of outcomes that are merged or compared: they take half a minute and almost 1 GB of memory."""
@@ -359,7 +360,8 @@ def _matches(pattern: str) -> Iterator[Path]:
         if os.path.isdir(path):  # noqa: PTH112 - a name that is too long is no folder
             yield from _below(path)
         elif os.path.lexists(path) and (path == Path(pattern) or path.suffix == ".json"):
-            yield path
+            # The results beside margins have them, too.
+            yield path.with_name(RESULTS_FILE) if path.name == MARGINS_FILE else path
 
 
 def _below(folder: Path) -> Iterator[Path]:

@@ -381,6 +381,21 @@ def take_over(
     return TakenOver(tuple(records), frozenset(search.kept), remarks)
 
 
+def changed_parts(records: Iterable[Record], keys: Mapping[tuple[str, str], str]) -> str:
+    """Return what has changed since records of an earlier call, in words; empty: nothing.
+
+    `keys`: file and name of a scenario -> its key in this call; empty: it has none.
+    """
+    changed: set[str] = set()
+    for record in records:
+        key = "" if record.outcome is None else keys.get((record.outcome.file, record.outcome.name), "")
+        if key and record.key is not None:
+            pairs = zip(_PARTS, _short(key), _short(record.key), strict=False)
+            changed.update(name for name, new, old in pairs if new != old)
+    names = ", ".join(name for name in _PARTS if name in changed)
+    return names and f"since then, these have changed: {names}"
+
+
 _Key = tuple[str, int | None]  # the key of a run, and the number of the repetition; None for a final outcome
 
 
@@ -441,15 +456,8 @@ class _Search:
         keys: dict[tuple[str, str], str] = {}
         for place, index in self._indices.items():
             keys[self.planned[place].file, self.planned[place].name] = self.keys.of(self.runs[index]) or ""
-        changed: set[str] = set()
-        for record in recorded.records:
-            key = "" if record.outcome is None else keys.get((record.outcome.file, record.outcome.name), "")
-            if key and record.key is not None:
-                pairs = zip(_PARTS, _short(key), _short(record.key), strict=False)
-                changed.update(name for name, new, old in pairs if new != old)
-        if not changed:
-            return "it has none of these scenarios, or files of its runs are missing"
-        return f"since then, these have changed: {', '.join(name for name in _PARTS if name in changed)}"
+        changed = changed_parts(recorded.records, keys)
+        return changed or "it has none of these scenarios, or files of its runs are missing"
 
     def _final(self, place: int, key: str | None) -> Record | None:
         record = self.earlier.get((key, None)) if key is not None else None

@@ -212,9 +212,10 @@ def test_a_smaller_margin_is_shown_by_compare(tmp_path: Path, capsys: pytest.Cap
         folder.mkdir()
         margins_of(folder, PUSHED.replace("friction: 0.5", f"friction: {friction}"), "--factor", "friction")
         folders.append(str(folder / "results" / "margins"))
-    capsys.readouterr()
-    assert call(["compare", *folders, "--strict"]) == 1
-    assert "friction down: margin 0.1943, now 0.04478" in capsys.readouterr().out
+    for names in (folders, [f"{folder}/margins.json" for folder in folders]):
+        capsys.readouterr()
+        assert call(["compare", *names, "--strict"]) == 1
+        assert "friction down: margin 0.1943, now 0.04478" in capsys.readouterr().out
 
 
 @pytest.mark.process
@@ -251,12 +252,15 @@ def test_an_interrupted_search_leaves_reports_and_no_pass_and_goes_on_with_resum
     capsys.readouterr()
     assert margins_of(tmp_path, PUSHED, *factors, "--resume") == whole
     runs = 1 + sum(each["runs"] for each in whole)
-    assert f"--resume: 16 runs of {runs} taken over" in capsys.readouterr().err
+    assert f"--resume: 16 of {runs} runs taken over" in capsys.readouterr().err
     assert margins_of(tmp_path, PUSHED, *factors, "--resume", "-j", "2") == whole
-    assert f"--resume: {runs - 1} runs of {runs} taken over" in capsys.readouterr().err
+    assert f"--resume: {runs - 1} of {runs} runs taken over" in capsys.readouterr().err
     # Another scenario takes over nothing.
     assert margins_of(tmp_path, PUSHED.replace("force: [3,", "force: [2.9,"), *factors, "--resume") != whole
-    assert "--resume: 0 runs of " in capsys.readouterr().err
+    message = capsys.readouterr().err
+    assert message.startswith("sim-action: --resume: 0 of ")
+    parts = "scenarios, or their seeds and engines, files that scenarios name"
+    assert message.endswith(f" taken over; since then, these have changed: {parts}\n")
 
 
 @pytest.mark.process

@@ -118,7 +118,7 @@ def test_the_input_margins_is_a_gate_with_reports_of_its_own(runner: Runner) -> 
     [annotation] = missed.annotations
     assert (annotation.file, annotation.line) == ("push.sim.yml", 6)
     assert annotation.message.startswith("fails already at 0.3057, 38.9 % below 0.5; 80 % below 0.5 was asked: object")
-    for told in (annotation.message, "margin of push: `", "sim-action margins --at-least=friction=0.4 push.sim.yml"):
+    for told in (annotation.message, "` push: ", "sim-action margins --at-least=friction=0.4 push.sim.yml"):
         assert told in missed.summary
 
 

@@ -278,7 +278,7 @@ def _expectations(outcome: Outcome, options: ReportOptions) -> str:
 def _measurements(outcome: Outcome, options: ReportOptions) -> str:
     """Return a list of the values that were measured without a limit."""
     lines = [
-        f"- {INFORMATION.icon} {markdown_text(measured.name)}: {f'`{bar}` ' if bar else ''}{message_text(message)}"
+        f"- {INFORMATION.icon} {f'`{bar}`' if bar else f'{markdown_text(measured.name)}:'} {message_text(message)}"
         f"{_replay_note(outcome, options, measured.time)}"
         for measured in outcome.measurements[:_MAX_ROWS]
         for bar, message in [formatting.measured_text(measured)]
