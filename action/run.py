@@ -28,7 +28,7 @@ from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.files import similar_path
 from sim_action.core.wording import escaped_line, shown, system_reason
 from sim_action.reports.github.annotations import complaint
-from sim_action.results.written_files import JUNIT_FILE
+from sim_action.results.output_folder import JUNIT_FILE
 
 TRUE_OR_FALSE: Final = ("true", "false")
 ROSTEST_ACTION: Final = (

@@ -8,10 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from sim_action.recording.replay.columns import Column
-from sim_action.recording.replay.pictures import CameraData, PictureData, png_of
-from sim_action.recording.replay.replay_data import ContactData, Frames, Replay, SignalData
-from sim_action.recording.replay.replay_file import write_replay
-from sim_action.recording.replay.scans import ScanData
+from sim_action.recording.replay.replay_data import ContactData, Frames, Replay, SignalData, write_replay
 from sim_action.recording.replay.scene_data import (
     BodyData,
     BoxShape,
@@ -24,6 +21,7 @@ from sim_action.recording.replay.scene_data import (
     PolygonMark,
     SceneData,
 )
+from sim_action.recording.replay.sensor_data import CameraData, PictureData, ScanData, png_of
 from sim_action.recording.replay.sightings import ObstacleData, SightingData
 
 GREY = (0.5, 0.5, 0.5)

@@ -59,17 +59,17 @@ OWN: Final = frozenset(
         "core/permissions.py",
         "core/provenance.py",
         "engines/mujoco/__init__.py",  # what installed packages state
-        "recording/replay/replay_file.py",
+        "recording/replay/replay_data.py",
         "reports/html/document.py",
         "reports/links.py",  # only a scenario file in the workspace, with links resolved
         "results/artifacts.py",
         "results/journal.py",
         "results/journal_seal.py",
         "results/results_json.py",
-        "results/written_files.py",
+        "results/output_folder.py",
         "runner/cluster/task.py",
         "runner/cluster/workspace_archive.py",  # regular files of the workspace, links as links
-        "runner/isolation/capacity.py",
+        "runner/isolation/child_process.py",
         "runner/isolation/portable_child.py",
         "runner/isolation/process_control.py",
         "runner/run_keys.py",

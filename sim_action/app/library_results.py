@@ -22,7 +22,7 @@ from sim_action.results import results_json
 from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.outcome import ExpectationOutcome, Failure, Status
 from sim_action.results.outcome import Outcome as RecordedOutcome
-from sim_action.results.written_files import JUNIT_FILE
+from sim_action.results.output_folder import JUNIT_FILE
 from sim_action.state.trace import Trace
 from sim_action.state.trace_storage import load_trace
 

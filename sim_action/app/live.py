@@ -32,7 +32,7 @@ from sim_action.reports import ReportOptions, workspace_of
 from sim_action.reports.html.document import Page
 from sim_action.reports.html.live_page import Finished, live_report, live_state, progress_page, version
 from sim_action.results.journal import JournalFollower
-from sim_action.results.written_files import JUNIT_FILE
+from sim_action.results.output_folder import JUNIT_FILE
 
 MAX_CONNECTIONS: Final = 32  # the number of connections at a time, and so of threads
 _ADDRESS: Final = "127.0.0.1"

@@ -25,9 +25,8 @@ from sim_action.reports.writing import open_reports
 from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.events import RunEnded
 from sim_action.results.outcome import Outcome
-from sim_action.results.output_folder import remove_regular
+from sim_action.results.output_folder import JUNIT_FILE, is_foreign, is_proof, remove_regular
 from sim_action.results.proof import MutantStatus, Proof
-from sim_action.results.written_files import JUNIT_FILE, is_foreign, is_proof
 from sim_action.runner.child_outcome import interrupted
 from sim_action.runner.mutation import judgement, planning
 from sim_action.runner.mutation.mutant import Mutant, Original

@@ -20,8 +20,8 @@ from sim_action.core.wording import escaped_line, system_reason, warn
 from sim_action.reports.comparison import comparison_markdown, print_comparison
 from sim_action.reports.github.step_outputs import append_outputs
 from sim_action.results.comparison import Comparison, Thresholds, compare_outcomes
+from sim_action.results.output_folder import is_comparison, is_foreign
 from sim_action.results.shard_results import read_run
-from sim_action.results.written_files import is_comparison, is_foreign
 
 
 @click.command()

@@ -18,8 +18,8 @@ from sim_action.reports.table import Row, Table
 from sim_action.results import weaker_checks
 from sim_action.results.comparison import Change, ChangeKind, Comparison, SmallerMargin
 from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.results.output_folder import COMPARED
 from sim_action.results.paired_comparison import CONFIDENCE, GateComparison, MarginLoss, Rate, RateChange
-from sim_action.results.written_files import COMPARED
 from sim_action.scenario.variations.gate import GATE, percent
 
 Look = Literal["failed", "warned", "information", "passed"]  # the status of a change, the worst first

@@ -31,8 +31,8 @@ from sim_action.reports.links import file_and_line, relative_path, stored_trace
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
+from sim_action.results.output_folder import JUNIT_NAME
 from sim_action.results.results_json import RESULTS_FILE, Results
-from sim_action.results.written_files import JUNIT_NAME
 from sim_action.scenario.variations.gate import GATE
 from sim_action.world.claims import AuditWarning
 

@@ -27,8 +27,8 @@ from sim_action.results import output_folder
 from sim_action.results.artifacts import REPORT_FILE, RUN_FILE_FOLDERS, with_existing_files
 from sim_action.results.journal import JOURNAL_FILE, manifest
 from sim_action.results.outcome import Outcome
+from sim_action.results.output_folder import JUNIT_FILE, is_foreign, is_own_junit, refuse_foreign_files
 from sim_action.results.results_json import RESULTS_FILE, Results
-from sim_action.results.written_files import JUNIT_FILE, is_foreign, is_own_junit, refuse_foreign_files
 
 if TYPE_CHECKING:
     from sim_action.results.shard_results import EarlierRun

@@ -28,8 +28,7 @@ from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.engines import ENGINES
 from sim_action.recording.export import write_recordings
 from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome, Scope, flattened, status_of
-from sim_action.runner.child_files import ChildFiles, OutcomeWriter
-from sim_action.runner.job import BEGUN, JUDGED, Job, out_of_memory
+from sim_action.runner.job import BEGUN, JUDGED, ChildFiles, Job, OutcomeWriter, out_of_memory
 from sim_action.runner.observed_inputs import ObservedInputs, hear_early, observed_inputs
 from sim_action.runner.process_output import dump_stack_before, redirect_output
 from sim_action.scenario.loading import build_scene, checked

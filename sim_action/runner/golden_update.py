@@ -11,7 +11,7 @@ from sim_action.assertions.matches import Matches, single_row
 from sim_action.core.errors import InvalidScenario, Problem
 from sim_action.core.records import replace
 from sim_action.core.workspace import PathError
-from sim_action.results.written_files import is_foreign
+from sim_action.results.output_folder import is_foreign
 from sim_action.scenario.model import Expectation, LoadedScenario, Scenario
 from sim_action.scenario.source import Refused
 from sim_action.state.golden_trajectory import Golden, GoldenError, is_golden

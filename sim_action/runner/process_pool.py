@@ -28,9 +28,7 @@ from sim_action.runner.child_outcome import (
     outcome_of,
     refusal_of,
 )
-from sim_action.runner.isolation import child_type_here
-from sim_action.runner.isolation.capacity import cause_of, most_children
-from sim_action.runner.isolation.child_process import ChildProcess, Starter
+from sim_action.runner.isolation.child_process import ChildProcess, Starter, cause_of, child_type_here, most_children
 from sim_action.runner.process_output import muted
 from sim_action.runner.run_keys import RunKeys
 from sim_action.runner.runs import Runs, Scheduler

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from sim_action.recording.replay.replay_file import read_replay
+from sim_action.recording.replay.replay_data import read_replay
 from tests.integration.conftest import outcomes, sim_action
 
 DRIVES = """\

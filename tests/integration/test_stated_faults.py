@@ -12,7 +12,7 @@ import pytest
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.permissions import Permissions
 from sim_action.recording.replay.build import make_replay
-from sim_action.recording.replay.replay_file import read_replay
+from sim_action.recording.replay.replay_data import read_replay
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import simulate
 from sim_action.simulation.recorder import RunRecorder

@@ -10,8 +10,8 @@ import pytest
 
 from sim_action.app.schema import proof_schema
 from sim_action.core.errors import ExitCode, Location
+from sim_action.results.output_folder import is_proof
 from sim_action.results.proof import Finding, MutantResult, PathChange, Proof, ProvenExpectation, ProvenScenario
-from sim_action.results.written_files import is_proof
 
 
 def proof(*scenarios: ProvenScenario) -> Proof:

@@ -11,8 +11,8 @@ from typing import Final
 import pytest
 
 from sim_action.results.outcome import Outcome
-from sim_action.runner.child_files import ChildReport
 from sim_action.runner.child_main import _noted
+from sim_action.runner.job import ChildReport
 from tests.robot.bad_models import GOOD
 
 pytestmark = pytest.mark.process
@@ -26,7 +26,7 @@ COUNT: Final = """
 import os, sys
 from pathlib import Path
 from sim_action.scenario.loading import load_scenario
-from sim_action.runner.child_files import ChildFiles
+from sim_action.runner.job import ChildFiles
 from sim_action.runner.job import Job
 from sim_action.runner.child_main import run_job, become_child
 
@@ -51,7 +51,7 @@ COMPARED: Final = """
 import os
 from pathlib import Path
 from sim_action.scenario.loading import load_scenario
-from sim_action.runner.child_files import ChildFiles
+from sim_action.runner.job import ChildFiles
 from sim_action.runner.job import Job
 from sim_action.runner.child_main import run_job, become_child
 

@@ -12,10 +12,9 @@ import pytest
 from sim_action.core.errors import Location
 from sim_action.engines import installed
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
-from sim_action.runner.child_files import ChildReport
 from sim_action.runner.child_outcome import Ending, outcome_of, refusal_of, skipped
 from sim_action.runner.isolation.child_process import ChildProcess
-from sim_action.runner.job import Job
+from sim_action.runner.job import ChildReport, Job
 from sim_action.scenario.loading import load_scenario
 from sim_action.state.verdict import Verdict
 

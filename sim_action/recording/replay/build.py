@@ -19,7 +19,7 @@ from sim_action.core.errors import InvalidPart
 from sim_action.core.geometry import ZERO, Vector3
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import TIME_EPSILON_S
-from sim_action.recording.replay import pictures, replay_data, scans, scene_data, sightings
+from sim_action.recording.replay import replay_data, scene_data, sensor_data, sightings
 from sim_action.recording.replay.channels import stored_channels
 from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray, fine_scale, steady
 from sim_action.recording.replay.replay_data import (
@@ -33,8 +33,8 @@ from sim_action.recording.replay.replay_data import (
     PoseColumns,
     Replay,
     SignalData,
+    write_replay,
 )
-from sim_action.recording.replay.replay_file import write_replay
 from sim_action.recording.replay.scene_data import (
     MAX_ABS_VALUE,
     MAX_MARKS,
@@ -104,8 +104,8 @@ def replay_of(
         signals=tuple(signals),
         marks=tuple(marks),
         channels=stored_channels(scene, frames, film.contacts, commanded, readings),
-        scans=scans.stored_scans(readings, links, scene.model.root, float(film.time[-1]), scene.physics.rate),
-        cameras=pictures.stored_pictures(readings, float(film.time[-1])),
+        scans=sensor_data.stored_scans(readings, links, scene.model.root, float(film.time[-1]), scene.physics.rate),
+        cameras=sensor_data.stored_pictures(readings, float(film.time[-1])),
         obstacles=sightings.obstacles_of(scene, film, readings),
     )
 
@@ -134,7 +134,7 @@ def make_replay(
     base = (commanded or {}).get("base")
     update = {
         "commanded_path": commanded_path(scenario, start, base, film.time),
-        "unread": tuple(unread[: scans.MAX_SENSORS]),
+        "unread": tuple(unread[: sensor_data.MAX_SENSORS]),
         "events": stored_events(events),
         "scenario": scenario.name[:MAX_TEXT_LENGTH],
         "golden": stored_golden(scenario, scene),
@@ -144,7 +144,7 @@ def make_replay(
 
 def warm_up(robots: Iterable[RobotModel]) -> None:
     """Build the validators of all models and import the mesh readers once, before processes are forked."""
-    for module in (scene_data, scans, pictures, sightings, replay_data):
+    for module in (scene_data, sensor_data, sightings, replay_data):
         for model in vars(module).values():
             if isinstance(model, type) and issubclass(model, BaseModel):
                 model.model_rebuild()

@@ -19,8 +19,8 @@ from sim_action.core.lazy_numpy import NDArray
 from sim_action.core.records import dataclass
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.replay.columns import FloatArray, Index, steady
-from sim_action.recording.replay.scans import MAX_SENSORS, SensorName, scans_until, times_of
 from sim_action.recording.replay.scene_data import Length, Number
+from sim_action.recording.replay.sensor_data import MAX_SENSORS, SensorName, scans_until, times_of
 from sim_action.recording.replay.surfaces import Triangles, hull_surface
 from sim_action.state.readings import ContactReading, LidarScan
 from sim_action.state.trace import Trace

@@ -13,8 +13,7 @@ import numpy as np
 from sim_action.core import units
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.wording import shortened
-from sim_action.recording.replay.replay_data import Replay, SignalData
-from sim_action.recording.replay.replay_file import ReplayError, read_replay
+from sim_action.recording.replay.replay_data import Replay, ReplayError, SignalData, read_replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.results.artifacts import stored_file

@@ -19,8 +19,7 @@ from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import shortened
 from sim_action.recording.replay.columns import Column, TextColumn, steady
-from sim_action.recording.replay.replay_data import Frames, GoldenData, Replay
-from sim_action.recording.replay.replay_file import ReplayReader
+from sim_action.recording.replay.replay_data import Frames, GoldenData, Replay, ReplayReader
 from sim_action.recording.replay.scene_data import BodyData, LinkData, PoseNumbers, SceneData
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment, quantity

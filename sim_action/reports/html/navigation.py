@@ -12,7 +12,7 @@ from sim_action.core.wording import counted
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import first_message
 from sim_action.reports.html.document import Html, element, joined, status_mark
-from sim_action.reports.html.sweep import has_plot
+from sim_action.reports.html.gate_article import has_plot
 from sim_action.reports.scenario_groups import ScenarioGroup, worst_first
 from sim_action.results.artifacts import namesake_number
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Outcome

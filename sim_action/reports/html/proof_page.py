@@ -11,8 +11,7 @@ from sim_action.core.errors import Location
 from sim_action.core.files import whole_file
 from sim_action.core.records import dataclass
 from sim_action.core.wording import counted
-from sim_action.recording.replay.replay_data import Replay
-from sim_action.recording.replay.replay_file import ReplayReader
+from sim_action.recording.replay.replay_data import Replay, ReplayReader
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Final, Self
 
 from sim_action.core.records import dataclass, field
-from sim_action.recording.replay.replay_data import Replay
-from sim_action.recording.replay.replay_file import ReplayError, ReplayReader
+from sim_action.recording.replay.replay_data import Replay, ReplayError, ReplayReader
 from sim_action.recording.replay.scene_data import MAX_TEXT_LENGTH, MeshData
 from sim_action.reports.escaping import one_line
 from sim_action.results.artifacts import stored_file

@@ -12,17 +12,16 @@ from math import isfinite
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core.files import whole_file
-from sim_action.recording.replay.replay_file import ReplayReader
+from sim_action.recording.replay.replay_data import ReplayReader
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import counts_text, run_headline, shard_text, speed_text
 from sim_action.reports.html.document import Html, Page, element, encoded, joined, packed_article
-from sim_action.reports.html.gate_article import GroupPlace, gate_article, variations_article
+from sim_action.reports.html.gate_article import GroupPlace, gate_article, sweep, variations_article
 from sim_action.reports.html.ghosts import Ghost, GhostSources
 from sim_action.reports.html.navigation import PageEntry, PagePlan, planned_page, scenario_list
 from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json, replay_id, stored_replay
 from sim_action.reports.html.scenario_article import drawn, first_seen, run_article
-from sim_action.reports.html.sweep import sweep
 from sim_action.reports.html.top_view import RunLook, SceneOutlines, small_path
 from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.results.artifacts import REPORT_FILE

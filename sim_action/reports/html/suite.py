@@ -22,10 +22,9 @@ from sim_action.reports.html.document import (
     table,
     titled,
 )
-from sim_action.reports.html.gate_article import run_row
+from sim_action.reports.html.gate_article import parameters, run_row
 from sim_action.reports.html.navigation import PagePlan
 from sim_action.reports.html.scenario_article import first_seen_words
-from sim_action.reports.html.sweep import parameters
 from sim_action.reports.scenario_groups import ScenarioGroup, nearest_expectation, relative_margin
 from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.reports.table import Table

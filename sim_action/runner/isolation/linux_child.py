@@ -35,7 +35,12 @@ from typing import TYPE_CHECKING, Final, NoReturn, Self
 from typing_extensions import override
 
 from sim_action.engines import chosen
-from sim_action.runner.child_files import (
+from sim_action.runner.child_main import become_child, run_job
+from sim_action.runner.isolation import child_process, process_control
+from sim_action.runner.job import (
+    ENDED,
+    ENDED_LAST,
+    FORKED,
     LENGTH,
     MAX_OUTCOME_BYTES,
     MAX_OUTCOMES,
@@ -43,10 +48,8 @@ from sim_action.runner.child_files import (
     MAX_STACK_DUMP_BYTES,
     ChildFiles,
     ChildReport,
+    Job,
 )
-from sim_action.runner.child_main import become_child, run_job
-from sim_action.runner.isolation import child_process, process_control
-from sim_action.runner.job import ENDED, ENDED_LAST, FORKED, Job
 from sim_action.runner.process_output import flush_output, muted
 
 assert sys.platform == "linux"

@@ -28,7 +28,8 @@ from pathlib import Path
 from typing import Final, NoReturn, Self
 
 from sim_action.core.files import open_regular
-from sim_action.runner.child_files import (
+from sim_action.runner.isolation.child_process import ChildProcess, job_environment, remove, scratch_folder
+from sim_action.runner.job import (
     MAX_OUTCOME_BYTES,
     MAX_OUTPUT_BYTES,
     MAX_STACK_DUMP_BYTES,
@@ -37,9 +38,8 @@ from sim_action.runner.child_files import (
     STACK_DUMP_FILE,
     ChildFiles,
     ChildReport,
+    Job,
 )
-from sim_action.runner.isolation.child_process import ChildProcess, job_environment, remove, scratch_folder
-from sim_action.runner.job import Job
 
 _RELAY_TIMEOUT_S: Final = 1.0  # a process that the script left behind may keep the pipe open
 

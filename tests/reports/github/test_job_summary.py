@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
-from sim_action.recording.replay.replay_file import write_replay
+from sim_action.recording.replay.replay_data import write_replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.github.job_summary import MAX_BYTES, summary, write_summary
 from sim_action.results.outcome import Failure, Outcome

@@ -11,8 +11,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from sim_action.recording.replay.replay_data import Replay
-from sim_action.recording.replay.replay_file import write_replay
+from sim_action.recording.replay.replay_data import Replay, write_replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.github.mermaid_chart import chart, load_replay, sampled, signal_of_verdict
 from sim_action.state.verdict import Signal, Verdict

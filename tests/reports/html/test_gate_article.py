@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+import json
+import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from sim_action.reports import ReportOptions
-from sim_action.reports.html.gate_article import GroupPlace, gate_article, rate_figure, variations_article
+from sim_action.reports.html.gate_article import (
+    GroupPlace,
+    gate_article,
+    has_plot,
+    parameters,
+    rate_figure,
+    sweep,
+    variations_article,
+)
 from sim_action.reports.scenario_groups import grouped_scenarios
-from sim_action.results.outcome import GateStatistics
+from sim_action.results.outcome import GateStatistics, Outcome
 from sim_action.results.results_json import Results
+from sim_action.scenario.source import Varied
+from tests.outcomes import like
 from tests.reports.html.gates import GATES, failed_gate, run
 
 
@@ -74,3 +88,78 @@ def test_the_drawing_of_a_rate_stays_in_its_frame(lower: float, upper: float) ->
     text = rate_figure(statistics, None, "passed")
     assert all(0 <= float(x) <= 360 for x in re.findall(r' (?:x|x1|x2|cx)="(.*?)"', text))
     assert "NaN" not in text
+
+
+def varied(*values: Any, key: str = "world.ground.friction") -> list[Outcome]:
+    return [run(number, 0.1, variation=(Varied(key, value),)) for number, value in enumerate(values)]
+
+
+def test_numbers_are_in_si_and_texts_are_for_people() -> None:
+    friction, yaw, floor = parameters([run(0, 0.1), run(10, 0.1)])
+    assert (friction.label, friction.unit, friction.texts) == ("friction", "", ("0.1", "0.2"))
+    assert (yaw.label, yaw.unit, yaw.texts) == ("yaw", "rad", ("-10 deg", "0 deg"))
+    assert list(yaw.numbers) == pytest.approx([-math.pi / 18, 0.0])
+    assert (floor.numbers, floor.categories, floor.is_plotted) == ((), ["wet"], False)
+
+
+@pytest.mark.parametrize("value", ["wet", True, None, [1, 2], {"a": 1}, "3 parsec", 10**400])
+def test_a_parameter_with_another_value_has_categories(value: Any) -> None:
+    (parameter,) = parameters(varied(1, value, 1))
+    assert parameter.numbers == ()
+    assert parameter.packed()["values"] == [0.0, 1.0, 0.0]
+
+
+def test_values_of_different_units_are_categories() -> None:
+    (parameter,) = parameters(varied("1 m", "1 s", 3))
+    assert parameter.categories == ["1 m", "1 s", "3"]
+
+
+def test_a_number_without_a_unit_is_in_si() -> None:
+    (parameter,) = parameters(varied("10 cm", 0.2, 0))
+    assert (parameter.unit, parameter.numbers) == ("m", (0.1, 0.2, 0.0))
+
+
+def test_a_run_that_lacks_a_key_has_no_value() -> None:
+    lacks = run(9, 0.1, variation=())
+    (parameter,) = parameters([*varied(1, 2), lacks])
+    assert parameter.packed()["values"] == [1.0, 2.0, None]
+
+
+def test_what_runs_measured_is_packed_with_the_articles() -> None:
+    runs = [run(0, 0.15), run(1, -0.3), run(2, None)]
+    data = sweep(runs, {id(runs[0]): "s4"}, 0.9)
+    assert data is not None
+    series = {each["name"]: each["values"] for each in json.loads(json.dumps(data))["series"]}
+    assert series == {
+        "smallest margin": [10.0, -20.0, None],
+        "margin: travel at least 1.5 m": [0.15, -0.3, None],
+        "measured: travel at least 1.5 m": [1.65, 1.2, None],
+    }
+    assert data["statuses"] == ["passed", "failed", "error"]
+    assert data["entries"] == ["s4", None, None]
+    assert data["claim"] == 0.9
+
+
+def test_a_goal_that_came_true_has_no_margin() -> None:
+    def met(number: int, margin: float) -> Outcome:
+        made = run(number, margin)
+        [expected] = made.expectations
+        goal = like(expected, verdict=replace(expected.verdict, goal=True))
+        return like(made, expectations=(goal,))
+
+    data = sweep([met(0, 0.15), met(1, -0.3), met(2, 0.001)], {}, None)
+    assert data is not None
+    assert json.loads(json.dumps(data))["series"][0]["values"] == [0.0, -20.0, 0.0]
+
+
+def test_values_that_no_browser_reads_are_left_out() -> None:
+    runs = [run(0, math.inf), run(1, math.nan), run(2, 0.1)]
+    data = sweep(runs, {}, None)
+    json.dumps(data, allow_nan=False)
+
+
+@pytest.mark.parametrize("values", [(1, 2), (1, 1, 1), ("a", "b", "c"), (), (None, None, None)])
+def test_without_numbers_that_vary_there_is_no_plot(values: tuple[Any, ...]) -> None:
+    runs = varied(*values)
+    assert not has_plot(runs)
+    assert sweep(runs, {}, None) is None

@@ -6,7 +6,7 @@ import json
 import re
 from pathlib import Path
 
-from sim_action.recording.replay.replay_file import write_replay
+from sim_action.recording.replay.replay_data import write_replay
 from sim_action.reports.html.document import Page
 from sim_action.reports.html.proof_page import ShownScenario, proof_page, write_proof_page
 from tests.outcomes import like, outcome, report_options

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.recording.replay.replay_data import Replay
-from sim_action.recording.replay.replay_file import ReplayReader
+from sim_action.recording.replay.replay_data import Replay, ReplayReader
 from sim_action.recording.replay.scene_data import MAX_TEXT_LENGTH
 from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json, stored_replay
 from tests.outcomes import like, outcome

@@ -13,8 +13,7 @@ from typing import NoReturn
 
 import pytest
 
-from sim_action.runner.child_files import ChildFiles
-from sim_action.runner.job import Job
+from sim_action.runner.job import ChildFiles, Job
 from sim_action.scenario.loading import load_scenario
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems use another class")

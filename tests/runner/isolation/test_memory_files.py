@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such files")
 
 if sys.platform == "linux":
-    from sim_action.runner.child_files import LENGTH, MAX_OUTCOME_BYTES, ChildReport, OutcomeWriter
     from sim_action.runner.isolation.linux_child import MemoryFiles, pickled
+    from sim_action.runner.job import LENGTH, MAX_OUTCOME_BYTES, ChildReport, OutcomeWriter
 
 
 @pytest.fixture

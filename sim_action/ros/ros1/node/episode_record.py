@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from sim_action.core.geometry import Vector3
 from sim_action.core.wording import escaped_line
 from sim_action.recording.replay.build import replay_of
-from sim_action.recording.replay.replay_file import write_replay
+from sim_action.recording.replay.replay_data import write_replay
 from sim_action.ros.ros1.launch_request import REPLAY_FILE, TRACE_FILE
 from sim_action.simulation.loop import SimulationRun
 from sim_action.state.trace_storage import save_trace

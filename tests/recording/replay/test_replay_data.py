@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from sim_action.recording.replay import replay_file
+from sim_action.recording.replay import replay_data
 from sim_action.recording.replay.build import replay_of
 from sim_action.recording.replay.columns import Column
 from sim_action.recording.replay.replay_data import GoldenData
@@ -24,7 +24,7 @@ Change = Callable[[dict[str, Any]], object]
 def written(path: Path) -> dict[str, Any]:
     """A replay on disk, and what is in it."""
     seen = trace([0.0, 0.1, 0.2], x=[0.0, 0.1, 0.3], contacts=[contact(0.1)])
-    replay_file.write_replay(replay_of(scene(), seen), path)
+    replay_data.write_replay(replay_of(scene(), seen), path)
     found: dict[str, Any] = json.loads(gzip.decompress(path.read_bytes()))
     return found
 
@@ -32,8 +32,8 @@ def written(path: Path) -> dict[str, Any]:
 def test_what_is_written_is_read(tmp_path: Path) -> None:
     path = tmp_path / "replays" / "a.json.gz"
     replay = replay_of(scene(), SEEN)
-    replay_file.write_replay(replay, path)
-    assert replay_file.read_replay(path) == replay
+    replay_data.write_replay(replay, path)
+    assert replay_data.read_replay(path) == replay
 
 
 @pytest.mark.parametrize("version", [0, 3])
@@ -41,21 +41,21 @@ def test_a_file_of_another_version_says_so(tmp_path: Path, version: int) -> None
     found = written(tmp_path / "a") | {"version": version}
     (tmp_path / "a").write_bytes(gzip.compress(json.dumps(found).encode()))
     words = rf"another version of sim-action \(format {version}; this one reads 1 and 2\)"
-    with pytest.raises(replay_file.ReplayError, match=words):
-        replay_file.read_replay(tmp_path / "a")
+    with pytest.raises(replay_data.ReplayError, match=words):
+        replay_data.read_replay(tmp_path / "a")
 
 
 def test_a_truncated_file_says_so(tmp_path: Path) -> None:
     written(tmp_path / "a")
     whole = (tmp_path / "a").read_bytes()
     (tmp_path / "a").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(replay_file.ReplayError, match="the file is truncated"):
-        replay_file.read_replay(tmp_path / "a")
+    with pytest.raises(replay_data.ReplayError, match="the file is truncated"):
+        replay_data.read_replay(tmp_path / "a")
 
 
 def test_the_same_run_is_the_same_file(tmp_path: Path) -> None:
     for name in ("a", "b"):
-        replay_file.write_replay(replay_of(scene(), SEEN), tmp_path / name)
+        replay_data.write_replay(replay_of(scene(), SEEN), tmp_path / name)
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
@@ -166,11 +166,11 @@ def test_what_does_not_fit_together_is_refused(name: str, tmp_path: Path) -> Non
     change = HOSTILE[name]
     path = tmp_path / "a.json.gz"
     found = written(path)
-    replay_file.read_replay(path)
+    replay_data.read_replay(path)
     change(found)
     path.write_bytes(gzip.compress(json.dumps(found).encode(), 1))
-    with pytest.raises(replay_file.ReplayError, match=r"^a\.json\.gz: not a valid replay: (?!Value error)"):
-        replay_file.read_replay(path)
+    with pytest.raises(replay_data.ReplayError, match=r"^a\.json\.gz: not a valid replay: (?!Value error)"):
+        replay_data.read_replay(path)
 
 
 @pytest.mark.parametrize(
@@ -192,8 +192,8 @@ def test_what_does_not_fit_together_is_refused(name: str, tmp_path: Path) -> Non
 def test_what_is_no_replay_is_refused(data: bytes, tmp_path: Path) -> None:
     path = tmp_path / "a.json.gz"
     path.write_bytes(data)
-    with pytest.raises(replay_file.ReplayError):
-        replay_file.read_replay(path)
+    with pytest.raises(replay_data.ReplayError):
+        replay_data.read_replay(path)
 
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
@@ -202,39 +202,39 @@ def test_what_is_no_number_is_refused(number: str, tmp_path: Path) -> None:
     found = written(path)
     found["scene"]["bodies"][0]["pose"][0] = "here"
     path.write_bytes(gzip.compress(json.dumps(found).replace('"here"', number).encode()))
-    with pytest.raises(replay_file.ReplayError):
-        replay_file.read_replay(path)
+    with pytest.raises(replay_data.ReplayError):
+        replay_data.read_replay(path)
 
 
 def test_a_small_file_that_holds_much_is_not_unpacked(tmp_path: Path) -> None:
     path = tmp_path / "a.json.gz"
-    path.write_bytes(gzip.compress(b" " * (replay_file.MAX_UNPACKED_BYTES + 1), 1))
-    with pytest.raises(replay_file.ReplayError, match="the unpacked data has more than 24 MB"):
-        replay_file.read_replay(path)
+    path.write_bytes(gzip.compress(b" " * (replay_data.MAX_UNPACKED_BYTES + 1), 1))
+    with pytest.raises(replay_data.ReplayError, match="the unpacked data has more than 24 MB"):
+        replay_data.read_replay(path)
 
 
 def test_a_link_is_not_followed(tmp_path: Path) -> None:
     written(tmp_path / "b.json.gz")
     (tmp_path / "a.json.gz").symlink_to("b.json.gz")
     # A report that others read has no path of this machine.
-    with pytest.raises(replay_file.ReplayError, match=r"^a\.json\.gz: not a valid replay: [^/]*$"):
-        replay_file.read_replay(tmp_path / "a.json.gz")
+    with pytest.raises(replay_data.ReplayError, match=r"^a\.json\.gz: not a valid replay: [^/]*$"):
+        replay_data.read_replay(tmp_path / "a.json.gz")
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes of this kind here")
 def test_a_pipe_holds_nobody_up(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a.json.gz")
-    with pytest.raises(replay_file.ReplayError):
-        replay_file.read_replay(tmp_path / "a.json.gz")
+    with pytest.raises(replay_data.ReplayError):
+        replay_data.read_replay(tmp_path / "a.json.gz")
 
 
 def test_replays_of_equal_scenes_share_the_scene_and_are_equal_to_those_read_alone(tmp_path: Path) -> None:
     moved = trace([0.0, 0.1, 0.2], x=[0.0, 0.2, 0.6], contacts=[contact(0.1)])
     for name, seen in (("a", SEEN), ("b", moved), ("c", SEEN)):
-        replay_file.write_replay(replay_of(scene(), seen), tmp_path / name)
-    reader = replay_file.ReplayReader()
+        replay_data.write_replay(replay_of(scene(), seen), tmp_path / name)
+    reader = replay_data.ReplayReader()
     found = [reader.read(tmp_path / name) for name in ("a", "b", "c")]
-    assert found == [replay_file.read_replay(tmp_path / name) for name in ("a", "b", "c")]
+    assert found == [replay_data.read_replay(tmp_path / name) for name in ("a", "b", "c")]
     assert found[0].scene is found[1].scene is found[2].scene
 
 
@@ -248,11 +248,11 @@ def test_a_hostile_replay_is_refused_for_the_same_reason_after_one_with_the_same
     content = written(path)
     change(content)
     path.write_bytes(gzip.compress(json.dumps(content, separators=(",", ":")).encode()))
-    reader = replay_file.ReplayReader()
+    reader = replay_data.ReplayReader()
     reader.read(before)
-    with pytest.raises(replay_file.ReplayError) as alone:
-        replay_file.read_replay(path)
-    with pytest.raises(replay_file.ReplayError) as after:
+    with pytest.raises(replay_data.ReplayError) as alone:
+        replay_data.read_replay(path)
+    with pytest.raises(replay_data.ReplayError) as after:
         reader.read(path)
     assert str(after.value) == str(alone.value)
 
@@ -263,11 +263,11 @@ def test_a_second_scene_in_a_file_counts_as_without_a_reader_that_knows_the_firs
     data = gzip.decompress(before.read_bytes())
     other = b'"scene":{"robot":"other","links":[{"name":"base"}]}'
     path.write_bytes(gzip.compress(data[:-1] + b"," + other + b"}"))
-    reader = replay_file.ReplayReader()
+    reader = replay_data.ReplayReader()
     reader.read(before)
-    with pytest.raises(replay_file.ReplayError) as alone:
-        replay_file.read_replay(path)
-    with pytest.raises(replay_file.ReplayError) as after:
+    with pytest.raises(replay_data.ReplayError) as alone:
+        replay_data.read_replay(path)
+    with pytest.raises(replay_data.ReplayError) as after:
         reader.read(path)
     assert str(after.value) == str(alone.value)
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.runner import child_files
-from sim_action.runner.child_files import OutcomeWriter
+from sim_action.runner import job
+from sim_action.runner.job import OutcomeWriter
 
 
 def test_a_later_outcome_replaces_the_earlier(tmp_path: Path) -> None:
@@ -19,7 +19,7 @@ def test_a_later_outcome_replaces_the_earlier(tmp_path: Path) -> None:
 
 
 def test_an_outcome_that_is_too_large_leaves_the_earlier(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(child_files, "MAX_OUTCOME_BYTES", 10)
+    monkeypatch.setattr(job, "MAX_OUTCOME_BYTES", 10)
     writer = OutcomeWriter(tmp_path / "outcome.json")
     writer.write(b"first")
     with pytest.raises(ValueError, match="the outcome is larger than"):
