@@ -25,10 +25,9 @@ from sim_action.results.journal import JOURNAL_FILE, Header, Journal, Record
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import MARGINS_FILE
 from sim_action.runner.margin_search import FACTORS, FactorRequest, Search, Trial, trial
-from sim_action.runner.mutation.judgement import stored
 from sim_action.runner.mutation.mutant import Original
 from sim_action.runner.mutation.planning import first_runs
-from sim_action.runner.outcome_assembly import planned_outcomes
+from sim_action.runner.outcome_assembly import planned_outcomes, stored_trace
 from sim_action.runner.process_pool import Pool, PoolOptions
 from sim_action.runner.run_keys import RunKeys, RunOptions, changed_parts, trusted_journal
 from sim_action.runner.run_plan import PlanRequest, plan_runs
@@ -161,7 +160,7 @@ class _Call:
     def _originals(self, outcomes: Sequence[Outcome]) -> Iterator[tuple[int, Original]]:
         """Yield the runs that passed, with their places."""
         for place, (each, outcome) in enumerate(zip(self._firsts, outcomes, strict=True)):
-            trace = stored(outcome, self._folder) if outcome.status == "passed" else None
+            trace = stored_trace(outcome, self._folder) if outcome.status == "passed" else None
             if trace is not None and not isinstance(each, Refused):
                 yield place, Original(each, outcome, trace)
 

@@ -31,6 +31,7 @@ from sim_action.runner.child_outcome import interrupted
 from sim_action.runner.mutation import judgement, planning
 from sim_action.runner.mutation.mutant import Mutant, Original
 from sim_action.runner.mutation.suggestions import MOST_RUNS, MOST_TRIALS, Candidates, Search, candidates
+from sim_action.runner.outcome_assembly import stored_trace
 from sim_action.runner.process_pool import Pool, PoolOptions
 from sim_action.runner.run_plan import PlanRequest, plan_runs
 from sim_action.runner.runs import Runs
@@ -179,7 +180,7 @@ class _Call:
         return [next(proven_ones) if isinstance(each, Original) else each for each in told]
 
     def _original(self, loaded: LoadedScenario | Refused, outcome: Outcome) -> ShownScenario | Original:
-        trace = judgement.stored(outcome, self._folder / _ORIGINALS) if outcome.status == "passed" else None
+        trace = stored_trace(outcome, self._folder / _ORIGINALS) if outcome.status == "passed" else None
         if trace is None or isinstance(loaded, Refused):
             return ShownScenario(judgement.not_mutated(outcome))
         return Original(loaded, outcome, trace)

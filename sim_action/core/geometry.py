@@ -7,6 +7,7 @@ y left, z up; roll, pitch, yaw turn about the fixed x, y, z axes in this order.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final, Self
 
 from sim_action.core.records import dataclass
@@ -210,3 +211,23 @@ def ellipsoid_solid(radii_xyz: Vector3) -> Solid:
     """Return the solid ellipsoid with these radii in m; a sphere has three equal ones."""
     a, b, c = radii_xyz
     return Solid(4 / 3 * math.pi * a * b * c, ((b * b + c * c) / 5, (a * a + c * c) / 5, (a * a + b * b) / 5))
+
+
+def convex_hull(ordered: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return the corners of the convex hull of different points in ascending order, counter-clockwise."""
+    return _half(ordered)[:-1] + _half(ordered[::-1])[:-1]
+
+
+def _half(ordered: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    kept = list(ordered[:2])
+    for point in ordered[2:]:
+        x, y = point
+        bx, by = kept[-1]
+        while len(kept) > 1:
+            ax, ay = kept[-2]
+            if (bx - ax) * (y - ay) > (by - ay) * (x - ax):
+                break
+            kept.pop()
+            bx, by = ax, ay
+        kept.append(point)
+    return kept

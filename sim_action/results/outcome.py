@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self, get_args
 
 from pydantic import Field, JsonValue
 
@@ -15,7 +15,7 @@ from sim_action.core.provenance import Provenance
 from sim_action.core.wording import escaped_line
 from sim_action.scenario.model import Severity, Unexercised
 from sim_action.scenario.selection import Unmatched
-from sim_action.scenario.source import Refused, Variation
+from sim_action.scenario.source import Refused, Source, Variation
 from sim_action.state.timeline import MAX_TIME_MARKS, TimeMark
 from sim_action.state.verdict import Verdict, VerdictStatus
 from sim_action.world.claims import AuditWarning
@@ -349,6 +349,12 @@ class Repeats(FrozenModel):
     replay: str | None = None
 
 
+def _stated_by(source: Source | Refused) -> dict[str, Any]:
+    """Return the attributes of an outcome that its scenario states."""
+    stated = {name: getattr(source, name) for name in ("name", "line", "number", "group", "tags", "variation")}
+    return {**stated, "gate": None if source.gate is None else source.gate.name}
+
+
 class Outcome(FrozenModel):
     """The result of running one scenario.
 
@@ -556,9 +562,12 @@ class Outcome(FrozenModel):
             outcome = cls(name=refused.name, file=refused.file, status="error", failures=(failure,))
         else:
             outcome = cls.of_invalid(refused.file, refused.error)
-        told = ("name", "line", "number", "group", "tags", "variation")
-        gate = None if refused.gate is None else refused.gate.name
-        return outcome.model_copy(update={"gate": gate, **{key: getattr(refused, key) for key in told}})
+        return outcome.model_copy(update=_stated_by(refused))
+
+    @classmethod
+    def of_source(cls, source: Source, *failures: Failure) -> Outcome:
+        """Return the outcome of a scenario that has no verdict; `failures`: the reasons."""
+        return cls(file=source.document.file, status="error", failures=failures, **_stated_by(source))
 
     @classmethod
     def of_nothing(cls, pattern: str) -> Outcome:

@@ -185,18 +185,7 @@ def _without_result(scenario: Source | Refused, message: str) -> Outcome:
     failure = Failure(kind="missing", title="no result", message=message)
     if isinstance(scenario, Refused):
         return Outcome.of_refused(scenario).model_copy(update={"failures": (failure,)})
-    return Outcome(
-        name=scenario.name,
-        file=scenario.document.file,
-        line=scenario.line,
-        number=scenario.number,
-        group=scenario.group,
-        tags=scenario.tags,
-        variation=scenario.variation,
-        gate=scenario.gate_name,
-        status="error",
-        failures=(failure,),
-    )
+    return Outcome.of_source(scenario, failure)
 
 
 def _missing_shards(sharded: Sequence[tuple[Shard, ResultsFile]], added: int) -> Iterator[Outcome]:

@@ -30,7 +30,7 @@ from sim_action.recording.export import write_recordings
 from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome, Scope, flattened, status_of
 from sim_action.runner.job import BEGUN, JUDGED, ChildFiles, Job, OutcomeWriter, out_of_memory
 from sim_action.runner.observed_inputs import ObservedInputs, hear_early, observed_inputs
-from sim_action.runner.process_output import dump_stack_before, redirect_output
+from sim_action.runner.process_output import dump_stack_before, is_open, redirect_output
 from sim_action.scenario.loading import build_scene, checked
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.scenario.mutation import Mutation
@@ -286,7 +286,7 @@ def _simulated(loaded: LoadedScenario, scene: Scene, footage: RunRecorder, progr
         if os.getpid() != born:
             # A copy made by os.fork() in user code: only the original may write the verdict.
             os._exit(0)
-    closed = [f"{number} ({what})" for number, what in own.items() if not _is_open(number)]
+    closed = [f"{number} ({what})" for number, what in own.items() if not is_open(number)]
     if closed:
         raise errors.ScriptError(
             f"the controller closed file descriptors of sim-action: {', '.join(closed)}; "
@@ -329,14 +329,6 @@ def _source_of(error: Exception, job: Job) -> str | None:
     scenario = job.loaded.scenario
     commands = scenario.commands if error.actor is None else scenario.world.actors[error.actor].commands
     return commands[error.source].key
-
-
-def _is_open(descriptor: int) -> bool:
-    try:
-        os.fstat(descriptor)
-    except OSError:
-        return False
-    return True
 
 
 _REFUSALS: Final = frozenset(

@@ -54,18 +54,12 @@ def outcome_of(child: ChildProcess, ending: Ending) -> Outcome:
     # It is written once everything is judged, so whatever happens afterwards changes no verdict.
     written = _written(child, mask)
     outcome = written or mask.outcome(without_verdict(job.loaded, _failure(child, ending, output)))
+    own = unjudged(job.loaded)
     if job.replay is not None and job.loaded.scenario.runs_user_code and child.wrote(job.replay):
         mask.replay(job.replay)
     return outcome.model_copy(
         update={
-            "name": job.loaded.scenario.name,
-            "file": job.loaded.file,
-            "line": job.loaded.source.line,
-            "number": job.loaded.source.number,
-            "group": job.loaded.source.group,
-            "tags": job.loaded.source.tags,
-            "variation": job.loaded.source.variation,
-            "gate": job.loaded.source.gate_name,
+            **{name: getattr(own, name) for name in own.model_fields_set - {"status", "failures"}},
             "statistics": None,
             "trace": job.trace_name if child.wrote(job.trace) else None,
             "replay": job.named(job.replay) if job.replay and child.wrote(job.replay) else None,
@@ -154,18 +148,7 @@ def without_verdict(loaded: LoadedScenario, failure: Failure) -> Outcome:
 
 def unjudged(loaded: LoadedScenario) -> Outcome:
     """Return the outcome of a run without verdict and reason."""
-    source = loaded.source
-    return Outcome(
-        name=loaded.scenario.name,
-        file=loaded.file,
-        line=source.line,
-        number=source.number,
-        group=source.group,
-        tags=source.tags,
-        variation=source.variation,
-        gate=source.gate_name,
-        status="error",
-    )
+    return Outcome.of_source(loaded.source).model_copy(update={"name": loaded.scenario.name})
 
 
 def _written(child: ChildProcess, mask: Mask) -> Outcome | None:

@@ -21,6 +21,7 @@ from sim_action.results.outcome import ExpectationOutcome, Measurement, Outcome
 from sim_action.robot.model.joint_selection import matches_name
 from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, LoadedScenario, PoseAgreement
 from sim_action.state.motion_record import MotionRecord
+from sim_action.state.trace import rotation_angles
 from sim_action.state.trace_storage import TraceError
 from sim_action.state.verdict import VERBS, Judged, Verdict
 
@@ -276,11 +277,7 @@ def _distance(measure: _Measure, place: tuple[str, str] | None = None) -> _Large
 
 def _angle(measure: _Measure, place: tuple[str, str]) -> _Largest:
     def largest(ours: MotionRecord, theirs: MotionRecord) -> _Difference | None:
-        one, other = _poses(ours, place)[:, 3:], _poses(theirs, place)[:, 3:]
-        # A quaternion and its negative are the same rotation. The arc cosine of their product would lose half of the
-        # digits of small angles.
-        near = np.minimum(np.linalg.norm(one - other, axis=1), np.linalg.norm(one + other, axis=1))
-        return measure.largest(ours.time, 4 * np.arcsin(np.minimum(near / 2, 1.0)))
+        return measure.largest(ours.time, rotation_angles(_poses(ours, place)[:, 3:], _poses(theirs, place)[:, 3:]))
 
     return largest
 

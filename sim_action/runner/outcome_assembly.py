@@ -210,7 +210,7 @@ class OutcomeAssembly:
             return merge_repeats(run, turns, self._folder)
         from sim_action.runner.numerical_confidence import divergence, with_confidence  # a usual run does without them
 
-        traces = [_trace(each, self._folder) for each in turns]
+        traces = [stored_trace(each, self._folder) for each in turns]
         parted = divergence(traces[0], dict(zip(scenario.changes, traces[1:], strict=True)))
         _remove(self._folder, [each.model_copy(update={"replay": None}) for each in turns[1:]])
         return with_confidence(run, turns[0], dict(zip(scenario.changes, turns[1:], strict=True)), parted)
@@ -302,7 +302,7 @@ def _told(loaded: LoadedScenario, runs: Sequence[_Run], folder: Path) -> tuple[O
 
 def _parting(first: _Run, other: _Run, folder: Path) -> Divergence | None:
     """Return the first difference, or None if the traces show none."""
-    ours, theirs = _trace(first.outcome, folder), _trace(other.outcome, folder)
+    ours, theirs = stored_trace(first.outcome, folder), stored_trace(other.outcome, folder)
     with suppress(ValueError):
         return None if ours is None or theirs is None else first_divergence(ours, theirs)
     return None
@@ -347,7 +347,8 @@ def _where(found: Divergence) -> str:
     return f"at {found.time:.6g} s, in {found.column}: {theirs!r} and not {ours!r}"
 
 
-def _trace(outcome: Outcome, folder: Path) -> Trace | None:
+def stored_trace(outcome: Outcome, folder: Path) -> Trace | None:
+    """Return the trace of a run; None if it has none."""
     path = stored_file(folder, outcome.trace) if outcome.trace else None
     with suppress(TraceError):
         return None if path is None else load_trace(path)

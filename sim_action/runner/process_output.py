@@ -36,6 +36,15 @@ _MAX_DIAGNOSTICS: Final = 50
 _APPEND: Final = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
 
 
+def is_open(descriptor: int) -> bool:
+    """Return True if a descriptor of this process is open."""
+    try:
+        os.fstat(descriptor)
+    except OSError:
+        return False
+    return True
+
+
 def redirect_output(place: int | Path) -> None:
     """Send everything that this process and its children print to a file, and leave standard input empty.
 

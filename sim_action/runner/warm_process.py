@@ -36,7 +36,7 @@ from sim_action.core.records import dataclass
 from sim_action.engines import ENGINES
 from sim_action.runner.isolation import process_control
 from sim_action.runner.isolation.child_process import PACKAGE_ROOT
-from sim_action.runner.process_output import muted
+from sim_action.runner.process_output import is_open, muted
 
 assert sys.platform == "linux"
 
@@ -100,7 +100,7 @@ class WarmProcess:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 # A file that has got the number of a closed standard error is not inherited.
-                stderr=None if _is_open(_STDERR) and os.get_inheritable(_STDERR) else subprocess.DEVNULL,
+                stderr=None if is_open(_STDERR) and os.get_inheritable(_STDERR) else subprocess.DEVNULL,
                 env=environment,
                 # Ctrl-C is for the caller, which asks the call to stop.
                 start_new_session=True,
@@ -166,20 +166,12 @@ class WarmProcess:
 @contextmanager
 def _standard_streams() -> Iterator[None]:
     """Occupy the numbers of closed standard streams: what writes to them must not write to other files."""
-    opened = [os.open(os.devnull, os.O_RDWR) for number in range(_STDERR + 1) if not _is_open(number)]
+    opened = [os.open(os.devnull, os.O_RDWR) for number in range(_STDERR + 1) if not is_open(number)]
     try:
         yield
     finally:
         for descriptor in opened:
             os.close(descriptor)
-
-
-def _is_open(descriptor: int) -> bool:
-    try:
-        os.fstat(descriptor)
-    except OSError:
-        return False
-    return True
 
 
 def _umask() -> int:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
-from sim_action.core.geometry import Pose, Vector3, compose
+from sim_action.core.geometry import Pose, Vector3, compose, convex_hull
 from sim_action.world import placed
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, SpherePart, SurfacePart, moved
 from sim_action.world.scene import Scene
@@ -66,21 +66,5 @@ def _ring(radius: float) -> list[tuple[float, float]]:
 def _line(points: list[tuple[Vector3, float]], distance: float) -> tuple[Vector3, ...]:
     height = max(0.0, min(z - radius for (_, _, z), radius in points))
     around = ((x + dx, y + dy) for (x, y, _), radius in points for dx, dy in _ring(radius + distance))
-    corners = _hull(sorted(set(around)))
+    corners = convex_hull(sorted(set(around)))
     return tuple((x, y, height) for x, y in (*corners, corners[0]))
-
-
-def _hull(ordered: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    return _half(ordered)[:-1] + _half(ordered[::-1])[:-1]
-
-
-def _half(ordered: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    kept: list[tuple[float, float]] = []
-    for x, y in ordered:
-        while len(kept) > 1:
-            (ax, ay), (bx, by) = kept[-2:]
-            if (bx - ax) * (y - ay) > (by - ay) * (x - ax):
-                break
-            kept.pop()
-        kept.append((x, y))
-    return kept

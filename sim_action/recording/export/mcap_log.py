@@ -11,13 +11,13 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar, Final, cast
+from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core import geometry
-from sim_action.core.geometry import ZERO, Pose, Quaternion, Vector3
+from sim_action.core.geometry import ZERO, Pose, Quaternion
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass
 from sim_action.core.units import TIME_EPSILON_S
@@ -25,8 +25,9 @@ from sim_action.core.wording import free_name
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2_markers import contacts, robot_description, world_markers
 from sim_action.recording.export.ros2_messages import CdrForm, Frames, Topic, definition, full_name, nanoseconds, stamps
+from sim_action.recording.replay.channels import in_base_frame
 from sim_action.robot.model.kinematics import link_of_frame
-from sim_action.robot.model.link_motion import link_motion
+from sim_action.robot.model.link_motion import frames_of, link_motion
 from sim_action.robot.model.robot_model import Joint, RobotModel
 from sim_action.sensors import MountedSensor
 from sim_action.sensors.lidar import Lidar
@@ -364,7 +365,7 @@ def of_actors(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
 
 def _ground_truth(trace: Trace) -> OdometryTrack:
     turned = trace.base_orientation_xyzw
-    twists = [rotated_into(turned, vectors) for vectors in (trace.base_linear_xyz, trace.base_angular_xyz)]
+    twists = [in_base_frame(turned, vectors) for vectors in (trace.base_linear_xyz, trace.base_angular_xyz)]
     return OdometryTrack(trace.time, np.column_stack((trace.base_position_xyz, turned)), np.column_stack(twists))
 
 
@@ -382,18 +383,12 @@ def of_pose(pose: Pose, count: int = 1) -> FloatArray:
 
 def composed(outer: FloatArray, inner: FloatArray) -> FloatArray:
     """Return `geometry.compose` of each pair of poses (N, 7)."""
-    return _array(geometry.compose(_pose(outer), _pose(inner)))
+    return _array(geometry.compose(_frames(outer), _frames(inner)))
 
 
 def inverted(poses: FloatArray) -> FloatArray:
     """Return `geometry.inverse` of each pose (N, 7)."""
-    return _array(geometry.inverse(_pose(poses)))
-
-
-def rotated_into(orientations: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Rotate vectors (N, 3) from the world frame into frames with orientations (N, 4)."""
-    back = geometry.conjugate(cast(Quaternion, tuple(orientations.T)))
-    return np.column_stack(geometry.rotate(back, cast(Vector3, tuple(vectors.T))))
+    return _array(geometry.inverse(_frames(poses)))
 
 
 def moved_by(joint: Joint, positions: FloatArray) -> FloatArray:
@@ -410,9 +405,8 @@ def moved_by(joint: Joint, positions: FloatArray) -> FloatArray:
     return composed(turned, of_pose(back, len(positions)))
 
 
-def _pose(poses: FloatArray) -> Pose:
-    columns: Any = tuple(poses.T)
-    return Pose(columns[:3], columns[3:])
+def _frames(poses: FloatArray) -> Pose:
+    return frames_of(poses[:, :3], poses[:, 3:])
 
 
 def _array(pose: Pose) -> FloatArray:

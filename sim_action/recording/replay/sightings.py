@@ -18,7 +18,7 @@ from sim_action.core.geometry import Pose
 from sim_action.core.lazy_numpy import NDArray
 from sim_action.core.records import dataclass
 from sim_action.core.units import TIME_EPSILON_S
-from sim_action.recording.replay.columns import FloatArray, Index, steady
+from sim_action.recording.replay.columns import FloatArray, Index, poses_at
 from sim_action.recording.replay.scene_data import Length, Number
 from sim_action.recording.replay.sensor_data import MAX_SENSORS, SensorName, scans_until, times_of
 from sim_action.recording.replay.surfaces import Triangles, hull_surface
@@ -221,7 +221,7 @@ def _link_poses(scene: Scene, film: Trace, link: str | None, time: FloatArray) -
     from sim_action.robot.model.link_motion import link_motion  # a usual run does without it
 
     motion = link_motion(scene.model, film, link or scene.model.root)
-    return _columns(_between(film.time, motion.position_xyz, motion.orientation_xyzw, time))
+    return _columns(poses_at(time, film.time, motion.position_xyz, motion.orientation_xyzw))
 
 
 def _columns(poses: FloatArray) -> Pose:
@@ -233,18 +233,10 @@ def _body_poses(scene: Scene, film: Trace, name: str, time: FloatArray) -> Float
     """Return the poses (T, 7) of a body at given times."""
     record = film.bodies.get(name)
     if record is not None and len(record):
-        return _between(record.time, record.position_xyz, record.orientation_xyzw, time)
+        return poses_at(time, record.time, record.position_xyz, record.orientation_xyzw)
     (body,) = (body for body in scene.world.objects if body.name == name)
     pose = placed(body, scene.parts_of(body))
     return np.tile([*pose.position_xyz, *pose.orientation_xyzw], (len(time), 1))
-
-
-def _between(known: FloatArray, position: FloatArray, orientation: FloatArray, time: FloatArray) -> FloatArray:
-    """Return poses (T, 7) at given times, interpolated linearly."""
-    rows = np.column_stack((position, steady(orientation)))
-    found = np.column_stack([np.interp(time, known, column) for column in rows.T])
-    found[:, 3:] /= np.linalg.norm(found[:, 3:], axis=1)[:, None]
-    return found
 
 
 # The largest number of pairs of a point and a triangle at once; an array of them has 24 MB.

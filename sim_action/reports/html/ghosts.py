@@ -18,7 +18,7 @@ from sim_action.core import units
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import shortened
-from sim_action.recording.replay.columns import Column, TextColumn, steady
+from sim_action.recording.replay.columns import Column, TextColumn, poses_at
 from sim_action.recording.replay.replay_data import Frames, GoldenData, Replay, ReplayReader
 from sim_action.recording.replay.scene_data import BodyData, LinkData, PoseNumbers, SceneData
 from sim_action.reports.escaping import one_line
@@ -26,6 +26,7 @@ from sim_action.reports.formatting import moment, quantity
 from sim_action.reports.html.document import Html, element, joined, text
 from sim_action.reports.html.replay_blocks import MAX_REPLAY_BYTES, PackedReplay, ReplayBlocks, replay_id, stored_replay
 from sim_action.results.outcome import Outcome, repetition_name
+from sim_action.state.trace import rotation_angles
 
 if TYPE_CHECKING:
     from sim_action.reports.html.base_run import Base, ScenarioChange
@@ -478,7 +479,7 @@ def _differences(
     """Yield each difference over time, its limit and its unit."""
     mine, other = _base_at(ours, times), _base_at(theirs, times)
     yield np.linalg.norm(mine[:, :3] - other[:, :3], axis=1), tolerance.position, "m"
-    yield _angles(mine[:, 3:], other[:, 3:]), tolerance.angle, "rad"
+    yield rotation_angles(mine[:, 3:], other[:, 3:]), tolerance.angle, "rad"
     if _at_one_place(ours, theirs):
         sliding = _sliding(ours)
         others = dict(zip(theirs.joint_names, theirs.frames.joints, strict=True))
@@ -503,16 +504,8 @@ def _column_at(replay: Replay, column: Column, times: FloatArray) -> FloatArray:
 
 def _base_at(replay: Replay, times: FloatArray) -> FloatArray:
     """Return (N, 7): position in m and quaternion of the base at some times."""
-    count, known = replay.frames.count, _times(replay)
-    poses = np.column_stack([column.decoded(count) for column in replay.frames.base])
-    poses[:, 3:] = steady(poses[:, 3:])
-    return np.column_stack([np.interp(times, known, values) for values in poses.T])
-
-
-def _angles(mine: FloatArray, other: FloatArray) -> FloatArray:
-    mine, other = (each / np.maximum(np.linalg.norm(each, axis=1, keepdims=True), 1e-12) for each in (mine, other))
-    apart = np.minimum(np.linalg.norm(mine - other, axis=1), np.linalg.norm(mine + other, axis=1))
-    return np.asarray(4 * np.arcsin(np.minimum(apart / 2, 1.0)), dtype=np.float64)
+    poses = np.column_stack([column.decoded(replay.frames.count) for column in replay.frames.base])
+    return poses_at(times, _times(replay), poses[:, :3], poses[:, 3:])
 
 
 def _at_one_place(ours: Replay, theirs: Replay) -> bool:

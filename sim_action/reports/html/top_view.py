@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sim_action.core.geometry import convex_hull
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass
 from sim_action.recording.replay import scene_data
@@ -360,9 +361,7 @@ def _ball() -> FloatArray:
 def _hull(points: Iterable[Sequence[float]]) -> FloatArray:
     """Return the corners (N, 2) of the convex hull of points, counter-clockwise."""
     ordered = sorted({(x, y) for x, y in points})
-    if len(ordered) < 3:
-        return np.array(ordered)
-    return np.array(_half(ordered)[:-1] + _half(ordered[::-1])[:-1])
+    return np.array(ordered if len(ordered) < 3 else convex_hull(ordered))
 
 
 def _rounded(points: FloatArray) -> FloatArray:
@@ -374,21 +373,6 @@ def _rounded(points: FloatArray) -> FloatArray:
     if ties.any():
         rounded[ties] = [round(value, 4) for value in points[ties].tolist()]
     return rounded
-
-
-def _half(ordered: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    kept = ordered[:2]
-    for point in ordered[2:]:
-        x, y = point
-        bx, by = kept[-1]
-        while len(kept) > 1:
-            ax, ay = kept[-2]
-            if (bx - ax) * (y - ay) > (by - ay) * (x - ax):
-                break
-            kept.pop()
-            bx, by = ax, ay
-        kept.append(point)
-    return kept
 
 
 _MAX_SMALL_POINTS: Final = 40

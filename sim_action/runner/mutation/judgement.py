@@ -14,12 +14,11 @@ from sim_action.core.errors import Location
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import counted
-from sim_action.results.artifacts import stored_file
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.proof import Finding, MutantResult, MutantStatus, PathChange, ProvenExpectation, ProvenScenario
 from sim_action.runner.mutation.mutant import Mutant, Original
+from sim_action.runner.outcome_assembly import stored_trace
 from sim_action.state.trace import Trace, rotation_angles
-from sim_action.state.trace_storage import TraceError, load_trace
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,15 +28,6 @@ class JudgedMutant:
     mutant: Mutant
     outcome: Outcome  # the outcome of its run
     result: MutantResult  # what its run showed
-
-
-def stored(outcome: Outcome, folder: Path) -> Trace | None:
-    """Return the trace of a run; None if it has none."""
-    path = stored_file(folder, outcome.trace) if outcome.trace else None
-    try:
-        return None if path is None else load_trace(path)
-    except TraceError:
-        return None
 
 
 def judged(original: Original, mutant: Mutant, outcome: Outcome, folder: Path) -> JudgedMutant:
@@ -90,7 +80,7 @@ def _changed(original: Outcome, mutant: Outcome) -> dict[str, object]:
 
 
 def _change(original: Original, outcome: Outcome, folder: Path) -> PathChange | None:
-    trace = stored(outcome, folder)
+    trace = stored_trace(outcome, folder)
     model = original.loaded.model
     joints = () if model is None else model.moving_joints
     sliding = [joint.name for joint in joints if joint.type == "prismatic"]

@@ -23,8 +23,8 @@ from sim_action.recording.replay.sensor_data import (
     stored_scans,
     thinning,
 )
-from sim_action.sensors.camera import Camera
 from sim_action.sensors import ReadingLog
+from sim_action.sensors.camera import Camera
 from sim_action.state.readings import CameraImage
 from tests.outcomes import like
 from tests.recording.replay import logs

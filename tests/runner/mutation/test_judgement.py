@@ -14,6 +14,7 @@ from sim_action.results.proof import MutantResult, MutantStatus
 from sim_action.runner.mutation import judgement
 from sim_action.runner.mutation.mutant import Mutant, Original
 from sim_action.runner.mutation.planning import TABLE
+from sim_action.runner.outcome_assembly import stored_trace
 from sim_action.scenario.model import Severity
 from sim_action.state.trace import Trace
 from sim_action.state.trace_storage import save_trace
@@ -150,9 +151,9 @@ def test_the_motion_of_a_survivor_is_compared(run: Original, tmp_path: Path) -> 
 
 def test_a_trace_that_is_missing_or_damaged_is_none(tmp_path: Path) -> None:
     (tmp_path / "m.npz").write_bytes(b"no trace")
-    assert judgement.stored(judged_run(HOLDS, trace="m.npz"), tmp_path) is None
-    assert judgement.stored(judged_run(HOLDS, trace="gone.npz"), tmp_path) is None
-    assert judgement.stored(judged_run(HOLDS), tmp_path) is None
+    assert stored_trace(judged_run(HOLDS, trace="m.npz"), tmp_path) is None
+    assert stored_trace(judged_run(HOLDS, trace="gone.npz"), tmp_path) is None
+    assert stored_trace(judged_run(HOLDS), tmp_path) is None
 
 
 def test_a_scenario_that_did_not_pass_says_why() -> None:
