@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import shutil
 import stat
+import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -98,3 +101,104 @@ def test_a_file_outside_of_every_checkout_is_trusted(tmp_path: Path, monkeypatch
     for name in ("job/results.jsonl", "link/a/results.jsonl", "other/results.jsonl"):
         assert "without a git repository" in (distrusted(tmp_path / name) or "")
     assert distrusted(tmp_path / "jobs/results.jsonl") is None
+
+
+def git(folder: Path, *words: str) -> None:
+    identity = ("-c", "user.name=a", "-c", "user.email=a@b", "-c", "protocol.file.allow=always")
+    subprocess.run(["git", *identity, *words], cwd=folder, check=True, capture_output=True)
+
+
+def without_git(folder: Path) -> str:
+    return "without a git repository that names its own files"
+
+
+def committed(folder: Path) -> str:
+    git(folder, "init", "-q")
+    git(folder, "add", "-Af")
+    git(folder, "commit", "-qm", "a")
+    return "belongs to the git repository"
+
+
+def staged_under_another_spelling(folder: Path) -> str:
+    """As a file system sees it that does not distinguish letter case: one file with two names."""
+    committed(folder)
+    git(folder, "mv", "-f", "sim-results", "SIM-RESULTS")
+    (folder / "sim-results").mkdir()
+    for path in (folder / "SIM-RESULTS").rglob("*"):
+        place = folder / "sim-results" / path.relative_to(folder / "SIM-RESULTS")
+        place.mkdir() if path.is_dir() else place.hardlink_to(path)
+    return "belongs to the git repository"
+
+
+def scenarios_in_submodule(folder: Path) -> str:
+    origin = folder.parent / "origin"
+    shutil.move(folder / "sim", origin)
+    committed(origin)
+    git(folder, "init", "-q")
+    git(folder, "submodule", "add", "-q", str(origin), "sim")
+    return committed(folder)
+
+
+def scenarios_in_nested_repository(folder: Path) -> str:
+    git(folder / "sim", "init", "-q")
+    git(folder, "init", "-q")
+    git(folder, "add", "-f", "sim-results")
+    return "belongs to the git repository"
+
+
+def everything_in_submodule_without_repository(folder: Path) -> str:
+    origin = folder.parent / "origin"
+    shutil.copytree(folder, origin)
+    committed(origin)
+    shutil.rmtree(folder)
+    git(folder.parent, "init", "-q")
+    git(folder.parent, "submodule", "add", "-q", str(origin), folder.name)
+    (folder / ".git").unlink()
+    return "is a submodule without a repository"
+
+
+def broken_repository(folder: Path) -> str:
+    (folder / ".git").mkdir()
+    return "git cannot list its files"
+
+
+def repository_around(folder: Path) -> str:
+    """The nearest repository does not know the journal, one around it does."""
+    git(folder.parent, "init", "-q")
+    git(folder.parent, "add", "-Af", folder.name)
+    git(folder, "init", "-q")
+    return "belongs to the git repository"
+
+
+def worktree(folder: Path) -> str:
+    main = folder.rename(folder.parent / "main")
+    committed(main)
+    git(main, "worktree", "add", "-q", "--detach", str(folder))
+    return "belongs to the git repository"
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    "layout",
+    [
+        without_git,
+        committed,
+        staged_under_another_spelling,
+        scenarios_in_submodule,
+        scenarios_in_nested_repository,
+        everything_in_submodule_without_repository,
+        broken_repository,
+        repository_around,
+        worktree,
+    ],
+)
+def test_a_journal_that_may_be_of_the_checkout_is_not_trusted(
+    tmp_path: Path, layout: Callable[[Path], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "outer/job"
+    for path in (folder / "sim/a.sim.yml", folder / "sim-results/results.jsonl"):
+        path.parent.mkdir(parents=True)
+        path.touch()
+    reason = layout(folder)
+    monkeypatch.setenv("GITHUB_WORKSPACE", str(folder))
+    assert reason in (distrusted(folder / "sim-results/results.jsonl") or "")
