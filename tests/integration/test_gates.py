@@ -57,22 +57,20 @@ def test_a_gate_passes_although_a_run_fails(workspace: Path) -> None:
     assert statuses(workspace / "whole").count("skipped") > 0
 
 
-@pytest.mark.parametrize("jobs", ["2", "3"])
-def test_the_number_of_jobs_changes_no_gate(workspace: Path, jobs: str) -> None:
-    sim_action(workspace, "run", ".", "-j", jobs, "--output-dir", f"jobs{jobs}")
-    assert gates(workspace / f"jobs{jobs}") == gates(workspace / "whole")
+def test_the_number_of_jobs_changes_no_gate(workspace: Path) -> None:
+    sim_action(workspace, "run", ".", "-j", "3", "--output-dir", "jobs")
+    assert gates(workspace / "jobs") == gates(workspace / "whole")
 
 
-@pytest.mark.parametrize("count", [2, 3])
-def test_the_number_of_shards_changes_no_gate(workspace: Path, count: int) -> None:
-    for index in range(1, count + 1):
-        part = f"of{count}/{index}"
-        ran = sim_action(workspace, "run", "slip.sim.yml", "--shard", f"{index}/{count}", "--output-dir", part)
+def test_the_number_of_shards_changes_no_gate(workspace: Path) -> None:
+    for index in (1, 2, 3):
+        part = f"shards/{index}"
+        ran = sim_action(workspace, "run", "slip.sim.yml", "--shard", f"{index}/3", "--output-dir", part)
         assert ran.returncode == 0, ran.stdout
         assert gates(workspace / part) == []
-    merged = sim_action(workspace, "merge", f"of{count}", "--output-dir", f"merged{count}")
+    merged = sim_action(workspace, "merge", "shards", "--output-dir", "merged")
     assert merged.returncode == 0, merged.stdout
-    assert gates(workspace / f"merged{count}") == gates(workspace / "whole")[1:]
+    assert gates(workspace / "merged") == gates(workspace / "whole")[1:]
 
 
 def test_runs_that_are_selected_by_number_are_a_part(workspace: Path) -> None:
@@ -93,13 +91,6 @@ def test_a_run_that_fails_ends_no_others_with_fail_fast(workspace: Path) -> None
     assert gates(workspace / "fast") == gates(workspace / "whole")[1:]
 
 
-def test_a_lost_shard_leaves_the_gate_without_a_verdict(workspace: Path) -> None:
-    sim_action(workspace, "run", "slip.sim.yml", "--shard", "1/2", "--output-dir", "lost/1")
-    merged = sim_action(workspace, "merge", "lost", "--output-dir", "found")
-    assert merged.returncode == 2
-    assert json.loads(gates(workspace / "found")[0])["status"] == "error"
-
-
 def test_resumed_runs_give_the_same_gate(workspace: Path) -> None:
     sim_action(workspace, "run", "slip.sim.yml", "--output-dir", "resumed")
     before = gates(workspace / "resumed")
@@ -118,29 +109,6 @@ def test_a_selected_run_counts_by_itself(workspace: Path) -> None:
     assert statuses(workspace / "one") == ["failed"]
 
 
-def test_every_report_shows_a_gate_as_one_entry(workspace: Path) -> None:
-    ran = sim_action(workspace, "run", "slip.sim.yml", "-j", "1", "--output-dir", "told")
-    assert "slip: gate of 7 runs, at least 50 % pass with 75 % confidence\n" in ran.stderr
-    assert "slip: 7 of 7 runs, " in ran.stderr
-    assert "of 7 runs passed (" in ran.stdout
-    assert "1 passed" in ran.stdout
-    assert "; 7 runs of 1 gate in" in ran.stdout
-    assert (workspace / "told/junit.xml").read_text(encoding="utf-8").count("<testcase") == 1
-
-
-def test_quiet_prints_no_chances(workspace: Path) -> None:
-    ran = sim_action(workspace, "run", "slip.sim.yml", "--quiet", "--output-dir", "quiet")
-    assert ran.stderr == ""
-
-
-def test_a_shard_with_a_part_of_a_gate_has_no_verdicts(workspace: Path) -> None:
-    ran = sim_action(workspace, "run", "slip.sim.yml", "--shard", "1/2", "--output-dir", "one")
-    assert ran.returncode == 0
-    assert "4 of the 7 runs of the gate are in this part" in ran.stdout
-    assert "no verdicts here; 4 runs of 1 gate for sim-action merge" in ran.stdout
-    assert (workspace / "one/junit.xml").read_text(encoding="utf-8").count("<skipped") == 1
-
-
 def test_a_gate_is_planned_without_a_run(workspace: Path) -> None:
     few = SCENARIO.replace("at_least: 50 %, confidence: 75 %}", "at_least: 90 %}").replace("slip", "few")
     (workspace / "few.yml").write_text(few)
@@ -149,17 +117,6 @@ def test_a_gate_is_planned_without_a_run(workspace: Path) -> None:
     assert "7 runs, too few" in ran.stdout
     assert "A robot that is 97 % good passes with P >= 0.8 at 76 runs." in ran.stdout
     assert " runs, about 1 s." in ran.stdout
-
-
-def test_a_plan_without_a_gate_or_a_rate_is_refused_in_one_line(tmp_path: Path) -> None:
-    (tmp_path / "plain.sim.yml").write_text(SCENARIO.partition("variations:")[0])
-    name = "plain.sim.yml"
-    for words in ((name, "--plan-gate"), ("--plan-gate", name), (name, "--plan-gate", "--list")):
-        ran = sim_action(tmp_path, "run", *words)
-        assert ran.returncode == 2
-        assert ran.stdout == ""
-        (line,) = ran.stderr.splitlines()
-        assert line.startswith("sim-action: --plan-gate")
 
 
 def test_a_list_names_the_gates_beside_its_lines(workspace: Path) -> None:

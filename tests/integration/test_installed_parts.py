@@ -58,36 +58,6 @@ def test_the_tests_of_the_example_pass(example: Path, tmp_path: Path) -> None:
     assert ran.returncode == 0, ran.stdout
 
 
-@pytest.mark.soak
-def test_the_checks_find_verdicts_that_are_not_as_they_should_be(example: Path, tmp_path: Path) -> None:
-    path = example / "tests/test_wobble.py"
-    text = path.read_text()
-    path.write_text(
-        text.partition("def test_wobble")[0]
-        + 'STRICT = DRIVES.changed({"expect.1.wobble.at_most": "0.0001 deg"})\n\n\n'
-        + "def test_wobble():\n    check_assertion(Wobble(), passes=STRICT, fails=DRIVES)\n\n\n"
-        + 'def test_sensor():\n    check_sensor(Inclinometer(), scenario=DRIVES.changed({"sensors.0.trace": False}))\n'
-    )
-    ran = called(example, install_wobble(tmp_path / "site"), *TESTS, program="pytest")
-    assert "wobble: should have passed in 'burger does not wobble', and failed: wobbled " in ran.stdout
-    assert "wobble: should have failed in 'burger does not wobble', and passed: wobbled at most " in ran.stdout
-    assert "inclinometer: the trace of 'burger does not wobble' has no readings of it" in ran.stdout
-
-
-def test_an_assertion_that_cannot_be_imported_stops_its_scenario_only(tmp_path: Path) -> None:
-    site = install_assertion(tmp_path / "site", "a-still", "raise ValueError('oh')")
-    (tmp_path / "a.sim.yml").write_text(STILL.format(name="a", expect="still: {}"))
-    (tmp_path / "b.sim.yml").write_text(STILL.format(name="b", expect="upright: {}"))
-    ran = called(tmp_path, site, "run", "--no-report")
-    assert "Traceback" not in ran.stdout + ran.stderr
-    assert [outcome["status"] for outcome in outcomes(tmp_path)] == ["error", "passed"]
-    (failure,) = outcomes(tmp_path)[0]["failures"]
-    assert failure["message"] == (
-        "expect.0.still: 'still' of a-still 1.0 cannot be imported: ValueError: oh (a_still.py:1)"
-    )
-    assert (failure["location"]["file"], failure["location"]["line"]) == ("a.sim.yml", 3)
-
-
 @pytest.mark.parametrize(
     ("old", "new", "recorded"),
     [("return self\n", "raise ValueError('oh')\n", True), ("return Watch()", "raise ValueError('oh')", False)],
@@ -116,29 +86,3 @@ def test_a_package_that_cannot_be_imported_in_the_process_of_a_scenario_is_named
     assert "'still' of a-still 1.0 raised KeyError: 'MY_KEY' (a_still.py:3)" in outcomes(tmp_path)[0]["output"]
     ran = called(tmp_path, site, "run", "--no-report", "--pass-env", "MY_KEY", MY_KEY="1")
     assert ran.returncode == 0, ran.stdout
-
-
-def test_a_resumed_run_is_not_taken_over_after_the_package_changed(tmp_path: Path) -> None:
-    site = install_assertion(tmp_path / "site", "a-still")
-    (tmp_path / "a.sim.yml").write_text(STILL.format(name="a", expect="still: {}"))
-    (tmp_path / ".gitignore").write_text("sim-results/\n__pycache__/\n")
-    for command in (("init", "-q"), ("add", "-A")):
-        subprocess.run(["git", *command], cwd=tmp_path, check=True)
-    run = ("run", "--no-report", "--resume")
-    taken = "1 of 1 scenario taken over"
-    first, second = (called(tmp_path, site, *run) for _ in range(2))
-    assert (first.returncode, second.returncode) == (0, 0), second.stdout
-    assert taken not in first.stdout + first.stderr
-    assert taken in second.stdout + second.stderr
-    module = site / "a_still.py"
-    module.write_text(module.read_text().replace("Verdict(True", "Verdict(False"))
-    assert called(tmp_path, site, *run).returncode == 1
-
-
-def test_validate_imports_nothing_where_scripts_are_refused(tmp_path: Path) -> None:
-    site = install_assertion(tmp_path / "site", "a-still", "print('imported')")
-    (tmp_path / "a.sim.yml").write_text(STILL.format(name="a", expect="still: {}"))
-    ran = called(tmp_path, site, "validate", GITHUB_EVENT_NAME="issue_comment")
-    assert ran.returncode == 2
-    assert "imported\n" not in ran.stdout
-    assert "'still' of a-still 1.0 is not imported: scripts are not run on issue_comment" in ran.stdout

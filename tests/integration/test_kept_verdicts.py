@@ -16,8 +16,6 @@ from sim_action.results.results_json import Results
 from tests.integration.conftest import sim_action
 from tests.soak import soaked
 
-ROOT: Final = Path(__file__).parents[2]
-
 SCENARIO: Final = """\
 name: {name}
 robot: {{model: turtlebot3_burger}}
@@ -147,30 +145,12 @@ def test_a_text_that_is_no_unicode_is_escaped(tmp_path: Path) -> None:
     assert found.location == Location("it.py", 5)
 
 
-LEAKS: Final = {
-    "in a call": ("while True: leaked.append(open(os.devnull))", "leaked = []", 5),
-    "at import": ("pass", "leaked = []\nwhile True: leaked.append(open(os.devnull))", 4),
-}
 SILENT_LEAK: Final = """\
 try:
     while True: leaked.append(os.open(os.devnull, 0))
 except OSError:
     pass
 """
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="there is no such limit")
-@pytest.mark.parametrize(
-    ("where", "engine"), soaked(product(LEAKS, installed()), short=zip(LEAKS, (installed() * 2)[:2], strict=True))
-)
-def test_exhausted_descriptors_are_an_error_of_the_script(tmp_path: Path, where: str, engine: str) -> None:
-    body, before, line = LEAKS[where]
-    write(tmp_path, "it", body, before)
-    outcome = run(tmp_path, "--backend", engine, code=1)["it"]
-    found = failure(outcome)
-    assert found.title == "script error"
-    assert "OSError: [Errno 24] Too many open files" in found.message
-    assert found.location == Location("it.py", line)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no such limit")
@@ -188,24 +168,6 @@ def test_exhausted_descriptors_cost_no_verdict(tmp_path: Path, at_import: bool, 
     assert outcome.status == "passed"
     assert remarks(outcome) == []
     assert None not in (outcome.trace, outcome.replay)
-
-
-def test_a_call_of_exit_is_named_with_its_line(tmp_path: Path) -> None:
-    (tmp_path / "deep").mkdir()
-    write(tmp_path / "deep", "it", "os._exit(3)")
-    found = failure(run(tmp_path, code=1)["it"])
-    assert found.title == "exit 3"
-    assert found.message.startswith("deep/it.py:5 called os._exit(3): the process of this scenario ended by itself")
-    assert found.location == Location("deep/it.py", 5)
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="it calls the C library")
-def test_an_exit_that_is_not_known_is_not_suspected(tmp_path: Path) -> None:
-    write(tmp_path, "it", "import ctypes; ctypes.CDLL(None)._exit(3)")
-    found = failure(run(tmp_path, code=1)["it"])
-    assert found.message.startswith("the process of this scenario ended by itself, with exit code 3 and no verdict;")
-    assert "os._exit" not in found.message
-    assert found.location is None
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere, these files lie in the scratch folder")

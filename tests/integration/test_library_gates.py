@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import pickle
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from sim_action import GateOutcome, Results, Scenario, load, run, validate
-from sim_action.errors import InvalidScenario, UsageError
-from sim_action.parts import Lidar, Travel
+from sim_action import GateOutcome, Results, Scenario, load, run
+from sim_action.errors import UsageError
+from sim_action.parts import Travel
 
 RUNS = 7
 
@@ -82,11 +81,6 @@ def test_texts_of_a_gate_show_its_failed_runs(results: Results, gate: GateOutcom
     assert "slip" in gate._repr_html_()
 
 
-def test_gates_survive_a_copy(results: Results) -> None:
-    (copy,) = pickle.loads(pickle.dumps(results)).gates
-    assert (copy.status, copy.statistics) == ("passed", results.gates[0].statistics)
-
-
 def test_loaded_runs_of_a_gate_form_it_again(tmp_path: Path, gate: GateOutcome) -> None:
     (tmp_path / "slip.sim.yml").write_text(slips().to_yaml())
     scenarios = load(tmp_path, allow_outside=True)
@@ -104,19 +98,3 @@ def test_runs_that_are_given_twice_are_no_gate(tmp_path: Path) -> None:
     scenarios = load(tmp_path, allow_outside=True)
     some = run([*scenarios, *scenarios[:1]], report=False, allow_outside=True)
     assert (len(some), some.gates) == (RUNS + 1, ())
-
-
-def test_a_gate_over_noise_alone_needs_no_variations() -> None:
-    noisy = [{"lidar": Lidar(rays=4, range=3.5, noise=0.01), "name": "scan", "rate": 10}]
-    claim = {"passes": {"at_least": "50 %", "confidence": "75 %"}, "runs": 2}
-    scenario = slips(sensors=noisy, gate=claim, expect=[Travel(at_least=0.01)], variations=None)
-    # It says that nothing reads the sensor.
-    (warning,) = validate(scenario)
-    assert "[no-effect]" in str(warning)
-    (gate,) = run(scenario, report=False).gates
-    assert [each.name for each in gate.runs] == ["slip[sample=1]", "slip[sample=2]"]
-
-
-def test_a_wrong_gate_is_refused() -> None:
-    with pytest.raises(InvalidScenario, match="it needs 29: write 'runs: 29' or more"):
-        validate(slips(gate={"passes": {"at_least": "90 %"}, "runs": 20}))

@@ -8,7 +8,6 @@ import junitparser
 import pytest
 
 from tests.integration.conftest import outcomes, sim_action
-from tests.integration.engines import on_every_engine
 
 # The first reading comes at 1 s, after the window of the expectation has closed.
 UNREAD = """\
@@ -51,8 +50,6 @@ def test_every_report_shows_that_it_was_not_exercised(tmp_path: Path) -> None:
     [
         ("unexercised: warn\n", "", (), 0),
         ("", 'unexercised = "warn"', (), 0),
-        ("", "", ("--unexercised", "warn"), 0),
-        ("", 'unexercised = "warn"', ("--unexercised", "error"), 1),
         ("unexercised: error\n", 'unexercised = "warn"', ("--unexercised", "warn"), 1),
     ],
 )
@@ -81,10 +78,9 @@ time_limit: 1 s
 RULE = "premise-never-held"
 
 
-@on_every_engine
-def test_a_strict_run_fails_by_the_rule_of_a_warning(engine: str, tmp_path: Path) -> None:
+def test_a_strict_run_fails_by_the_rule_of_a_warning(tmp_path: Path) -> None:
     (tmp_path / "a.sim.yml").write_text(WARNS)
-    run = sim_action(tmp_path, "run", "--strict", "--backend", engine, GITHUB_ACTIONS="true")
+    run = sim_action(tmp_path, "run", "--strict", GITHUB_ACTIONS="true")
     assert run.returncode == 1, run.stdout + run.stderr
     assert f"::error file=a.sim.yml,line=5,col=5,title=warns%3A {RULE}::" in run.stdout
     (suite,) = junitparser.JUnitXml.fromfile(str(tmp_path / "sim-results/junit.xml"))
@@ -93,24 +89,6 @@ def test_a_strict_run_fails_by_the_rule_of_a_warning(engine: str, tmp_path: Path
     assert (type(failure), failure.type) == (junitparser.Failure, RULE)
     (outcome,) = outcomes(tmp_path)
     assert (outcome["status"], outcome["strict"], outcome["warnings"][0]["rule"]) == ("failed", True, RULE)
-
-
-@pytest.mark.parametrize(
-    ("project", "options", "allow", "code"),
-    [
-        ("", (), "", 0),
-        ("strict = true", (), "", 1),
-        ("strict = true", ("--no-strict",), "", 0),
-        ("strict = true", (), f"allow: [{RULE}]\n", 0),
-    ],
-)
-def test_strict_is_of_the_project_too(
-    project: str, options: tuple[str, ...], allow: str, code: int, tmp_path: Path
-) -> None:
-    (tmp_path / "a.sim.yml").write_text(WARNS + allow)
-    (tmp_path / "pyproject.toml").write_text(f"[tool.sim-action]\n{project}\n")
-    run = sim_action(tmp_path, "run", *options)
-    assert run.returncode == code, run.stdout + run.stderr
 
 
 def test_a_strict_check_fails_by_what_is_known_before_the_run(tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
@@ -97,15 +96,6 @@ def test_joined_shards_are_one_run(workspace: Path, kind: str, tmp_path: Path) -
         assert len(list((joined / evidence).iterdir())) == 4
 
 
-def test_the_matrix_deals_everything_once(workspace: Path) -> None:
-    entries = json.loads(sim_action(workspace, "matrix", *ASKED, "--shards", "3").stdout)["include"]
-    assert [entry["index"] for entry in entries] == [1, 2, 3]
-    assert {entry["shards"] for entry in entries} == {3}
-    assert sorted("\n".join(entry["scenario"] for entry in entries).split("\n")) == sorted(
-        [*SCENARIOS, "nope*.sim.yml"]
-    )
-
-
 @pytest.mark.parametrize("text", [None, "", '{"version": 2}'])
 def test_without_durations_the_matrix_is_balanced_by_count(workspace: Path, tmp_path: Path, text: str | None) -> None:
     durations = tmp_path / "results.json"
@@ -119,76 +109,6 @@ def test_without_durations_the_matrix_is_balanced_by_count(workspace: Path, tmp_
     assert made.stdout == sim_action(workspace, "matrix", "--shards", "2").stdout
 
 
-@pytest.fixture
-def lossy(workspace: Path, tmp_path: Path) -> Path:
-    """The results of shards 1 and 3 alone."""
-    for index in (1, 3):
-        shutil.copytree(workspace / f"by-shard/{index}", tmp_path / "by-shard" / str(index))
-    return tmp_path / "by-shard"
-
-
-def test_what_a_lost_shard_should_have_run_is_an_error(workspace: Path, lossy: Path, tmp_path: Path) -> None:
-    merged = sim_action(workspace, "merge", str(lossy), "--output-dir", str(tmp_path / "out"))
-    assert merged.returncode == 2, "of the shards that are there, one is invalid"
-    assert "shard 2 of 3 returned no results; 2 of 6 scenarios have none" in merged.stdout
-    sim_action(workspace, "merge", str(lossy), "--scenarios", ".", "--output-dir", str(tmp_path / "out"))
-    missing = [
-        made["file"]
-        for made in outcomes(tmp_path / "out")
-        if made["failures"][:1] and made["failures"][0]["kind"] == "missing"
-    ]
-    assert missing == ["c.sim.yml", "deep/same.sim.yml"]
-    assert "no shard returned a result for this scenario" in (tmp_path / "out/junit.xml").read_text()
-
-
-def test_if_every_shard_is_lost_every_scenario_is_reported(workspace: Path, tmp_path: Path) -> None:
-    asked = ("merge", "nope", "--output-dir", str(tmp_path / "out"))
-    unlisted = sim_action(workspace, *asked)
-    assert unlisted.returncode == 2
-    assert unlisted.stderr.startswith("sim-action: no results.json found at 'nope': download the results of the shards")
-    assert list(tmp_path.iterdir()) == []
-    merged = sim_action(workspace, *asked, "--scenarios", ".", GITHUB_OUTPUT=str(tmp_path / "outputs"))
-    assert merged.returncode == 2
-    assert merged.stderr == "sim-action: no results.json found at 'nope'\n"
-    assert [made["file"] for made in outcomes(tmp_path / "out")] == sorted(
-        SCENARIOS, key=lambda name: ("/" in name, name)
-    )
-    assert ET.parse(tmp_path / "out/junit.xml").getroot().get("errors") == "5"
-    assert "\n5\n" in (tmp_path / "outputs").read_text()
-
-
-def test_a_scenario_that_ran_twice_is_refused_however_it_was_named(workspace: Path, tmp_path: Path) -> None:
-    spelled = {"relative": "a.sim.yml", "absolute": str(workspace / "a.sim.yml"), "winding": "deep/../a.sim.yml"}
-    for kind, name in spelled.items():
-        sim_action(workspace, "run", name, "--output-dir", str(tmp_path / kind))
-    for kind in ("absolute", "winding"):
-        parts = [str(tmp_path / "relative"), str(tmp_path / kind)]
-        merged = sim_action(workspace, "merge", *parts, "--output-dir", str(tmp_path / "out"))
-        assert (merged.returncode, merged.stdout) == (2, "")
-        assert f"contain results of 'same' in {spelled[kind]}; each scenario may occur only once" in merged.stderr
-        assert sim_action(workspace, "merge", parts[1], "--scenarios", "a.sim.yml").returncode == 0
-
-
-def test_what_holds_no_scenario_is_one_outcome_however_it_is_spelled(tmp_path: Path) -> None:
-    (tmp_path / "a.sim.yml").write_text(SCENARIOS["invalid.sim.yml"])
-    (tmp_path / "empty").mkdir()
-    sim_action(tmp_path, "run", ".", "empty", "nope*", "./empty/", "--output-dir", "out/1")
-    assert [made["file"] for made in outcomes(tmp_path / "out/1")] == ["a.sim.yml", "empty", "nope*"]
-    merged = sim_action(tmp_path, "merge", "out", "--scenarios", ".", "--scenarios", "./empty")
-    assert "3 errors" in merged.stdout, merged.stderr
-
-
-def test_more_names_than_a_runner_passes_on_are_refused(tmp_path: Path) -> None:
-    folder = tmp_path / ("f" * 200)
-    folder.mkdir()
-    for place in range(700):
-        (folder / f"{place}.sim.yml").touch()
-    planned = sim_action(tmp_path, "matrix", "--shards", "1")
-    assert (planned.returncode, planned.stdout) == (2, "")
-    assert "use more shards, or use a matrix of folders or of `shard: I/N`" in planned.stderr
-    assert len(json.loads(sim_action(tmp_path, "matrix", "--shards", "2").stdout)["include"]) == 2
-
-
 def test_an_empty_shard_passes_and_reads_well(tmp_path: Path) -> None:
     (tmp_path / "a.sim.yml").write_text(SCENARIOS["a.sim.yml"])
     ran = sim_action(tmp_path, "run", "--shard", "2/2", GITHUB_STEP_SUMMARY="summary.md", GITHUB_OUTPUT="outputs")
@@ -199,13 +119,6 @@ def test_an_empty_shard_passes_and_reads_well(tmp_path: Path) -> None:
     assert "success" in (tmp_path / "outputs").read_text()
     assert ET.parse(tmp_path / "sim-results/junit.xml").getroot().get("tests") == "0"
     assert outcomes(tmp_path / "sim-results") == []
-
-
-def test_no_scenario_at_all_is_exit_code_5(tmp_path: Path) -> None:
-    assert sim_action(tmp_path, "run", "--shard", "1/2").returncode == 5
-    planned = sim_action(tmp_path, "matrix", "--shards", "2")
-    assert (planned.returncode, planned.stdout) == (5, "")
-    assert "no scenario found at '.'" in planned.stderr
 
 
 @pytest.mark.parametrize(

@@ -54,19 +54,6 @@ def test_an_invalid_scenario_does_not_lose_the_others_of_its_file(folder: Path) 
     assert "2 valid, 1 invalid" in validated.stderr
 
 
-@pytest.mark.parametrize("engine", installed())
-def test_a_variation_is_run_again_to_the_last_bit_by_its_name(folder: Path, engine: str) -> None:
-    assert sim_action(folder, "run", "push.sim.yml", "--backend", engine).returncode == 1
-    first = {outcome["name"]: outcome for outcome in outcomes(folder)}
-    assert len(first) == 4
-    assert len({outcome["digest"] for outcome in first.values()}) == 4
-    for name, outcome in first.items():
-        sim_action(folder, "run", "--backend", engine, "--only", name)
-        (again,) = outcomes(folder)
-        same = ("name", "group", "variation", "status", "digest", "expectations")
-        assert {key: again[key] for key in same} == {key: outcome[key] for key in same}
-
-
 def test_the_values_that_results_have_make_the_same_scenario(folder: Path) -> None:
     sim_action(folder, "run", "push.sim.yml")
     last = outcomes(folder)[-1]
@@ -87,14 +74,6 @@ def test_variations_are_one_suite_and_one_entry_of_the_terminal(folder: Path) ->
     assert f"push  push.sim.yml  {engine}  2 of 4 passed; worst: [friction=0.001,yaw=" in ran.stdout
     (suite,) = ET.parse(folder / "sim-results/junit.xml").getroot()
     assert (suite.get("name"), suite.get("tests"), suite.get("failures")) == ("push", "4", "2")
-
-
-def test_another_seed_draws_other_values(folder: Path) -> None:
-    def yaws(*flags: str) -> list[Any]:
-        sim_action(folder, "run", "push.sim.yml", *flags)
-        return [outcome["variation"][1]["value"] for outcome in outcomes(folder)]
-
-    assert yaws() == yaws("--seed", "0") != yaws("--seed", "7")
 
 
 NOISY = """\
@@ -193,14 +172,6 @@ def test_each_variation_is_compared_on_all_engines(folder: Path) -> None:
     assert len(set(names)) == len(names)
 
 
-def test_what_no_variation_can_do_is_told_once(folder: Path) -> None:
-    path = folder / "push.sim.yml"
-    path.write_text(path.read_text().replace("turtlebot3_burger", "ant.xml") + "agreement: {position: 1 cm}\n")
-    (folder / "ant.xml").write_text("<mujoco/>")
-    assert sim_action(folder, "run", "push.sim.yml").returncode == 2
-    assert told(folder) == [("push", "error")]
-
-
 def test_scenarios_are_found_by_name_and_tag(folder: Path) -> None:
     assert sim_action(folder, "run", "--tag", "dry").returncode == 0
     assert told(folder) == [("one", "passed")]
@@ -211,94 +182,6 @@ def test_scenarios_are_found_by_name_and_tag(folder: Path) -> None:
     nothing = sim_action(folder, "run", "--only", "pus")
     assert nothing.returncode == 2
     assert "no scenario is named 'pus'; did you mean 'push'?" in nothing.stderr
-
-
-def test_shards_are_dealt_scenarios_of_what_is_selected(folder: Path) -> None:
-    flags = ("--only", "one", "--only", "push")
-    for index in (1, 2):
-        sim_action(folder, "run", "--shard", f"{index}/2", *flags, "--output-dir", f"part-{index}")
-    parts = [json.loads((folder / f"part-{index}/results.json").read_text())["outcomes"] for index in (1, 2)]
-    assert [[outcome["number"] for outcome in part] for part in parts] == [[1, 2, 4], [1, 3]]
-    listed = sim_action(folder, "run", "--list", "--shard", "2/2", *flags)
-    assert [line.partition("\t")[0] for line in listed.stdout.splitlines()] == [outcome["name"] for outcome in parts[1]]
-    sim_action(folder, "merge", "part-1", "part-2")
-    assert [name.partition("[")[0] for name, _ in told(folder)] == ["one", "push", "push", "push", "push"]
-    suites = list(ET.parse(folder / "sim-results/junit.xml").getroot())
-    assert [(suite.get("name"), suite.get("tests")) for suite in suites] == [("one", "1"), ("push", "4")]
-
-
-def test_a_matrix_deals_scenarios_of_a_file(folder: Path) -> None:
-    dealt = sim_action(folder, "matrix", "--shards", "256", "--exclude", "t*", ".")
-    entries = [shard["scenario"] for shard in json.loads(dealt.stdout)["include"]]
-    assert entries == ["many.sim.yml", *(f"push.sim.yml::{number}" for number in (1, 2, 3, 4))]
-    for index, entry in enumerate(entries):
-        sim_action(folder, "run", entry, "--exclude", "t*", "--output-dir", f"part/{index}")
-    merge = ("merge", "part", "--scenarios", ".", "--exclude", "t*")
-    assert "3 passed, 2 failed" in sim_action(folder, *merge).stdout
-    merged = outcomes(folder)
-    sim_action(folder, "run", "--exclude", "t*")
-    assert [outcome["digest"] for outcome in merged] == [outcome["digest"] for outcome in outcomes(folder)]
-    (folder / "part/2/results.json").unlink()
-    sim_action(folder, *merge)
-    assert [status for _, status in told(folder)] == ["passed", "failed", "error", "passed", "passed"]
-
-
-def test_each_pattern_of_a_selection_must_match(folder: Path) -> None:
-    for flags, told in (
-        (("--only", "one", "--only", "pus"), "--only: no scenario is named 'pus'; did you mean 'push'?"),
-        (("--tag", "dry", "--tag", "wat"), "--tag: no scenario has the tag 'wat'; did you mean 'wet'?"),
-    ):
-        for command in (("run", "--list"), ("run", "--shard", "1/2", "--list"), ("matrix", "--shards", "2")):
-            refused = sim_action(folder, *command, *flags)
-            assert refused.returncode == 2
-            assert told in refused.stderr
-            # A matrix has no place for an error; a run reports it, and runs the scenarios that are selected.
-            assert bool(refused.stdout) == (command[0] == "run")
-    excluded = sim_action(folder, "run", "--list", "--exclude", "push", "--exclude", "tree", "--exclude-tag", "dri")
-    assert excluded.returncode == 0
-    assert len(excluded.stdout.splitlines()) == 3
-    assert "sim-action: warning: --exclude: no scenario is named 'tree'; did you mean 'three'?" in excluded.stderr
-    assert "sim-action: warning: --exclude-tag: no scenario has the tag 'dri'; did you mean 'dry'?" in excluded.stderr
-
-
-def test_a_shard_of_a_matrix_need_not_have_a_scenario_for_each_pattern(folder: Path) -> None:
-    flags = ("--only", "one", "--only", "push")
-    dealt = sim_action(folder, "matrix", "--shards", "2", *flags, ".")
-    entries = [shard["scenario"].splitlines() for shard in json.loads(dealt.stdout)["include"]]
-    listed = [sim_action(folder, "run", "--list", *entry, *flags) for entry in entries]
-    assert [shard.returncode for shard in listed] == [0, 0]
-    names = [line.partition("[")[0].partition("\t")[0] for shard in listed for line in shard.stdout.splitlines()]
-    assert sorted(names) == ["one", "push", "push", "push", "push"]
-    alone = sim_action(folder, "matrix", "--shards", "1", *flags, ".")
-    (shard,) = json.loads(alone.stdout)["include"]
-    assert shard["scenario"] == "many.sim.yml::1\npush.sim.yml::1-4"
-
-
-def test_what_stops_all_variations_is_told_by_one_part(folder: Path) -> None:
-    path = folder / "push.sim.yml"
-    path.write_text(path.read_text().replace("[0.001, 0.9]", "[0.001, fast]"))
-    codes = [
-        sim_action(folder, "run", f"push.sim.yml::{number}", "--output-dir", f"part/{number}").returncode
-        for number in (1, 2, 3, 4)
-    ]
-    assert codes == [2, 0, 0, 0]
-    assert sim_action(folder, "merge", "part", "--scenarios", "push.sim.yml").returncode == 2
-    assert told(folder) == [("push", "error")]
-    beyond = sim_action(folder, "run", "push.sim.yml::5")
-    assert beyond.returncode == 2
-    assert "push.sim.yml::5: the file has 4 scenarios, counted from 1" in beyond.stderr
-
-
-def test_a_matrix_and_what_must_be_in_a_merge_know_the_same_selection(folder: Path) -> None:
-    dealt = sim_action(folder, "matrix", "--shards", "5", "--only", "push", ".")
-    shards = [shard["scenario"] for shard in json.loads(dealt.stdout)["include"]]
-    assert shards == [f"push.sim.yml::{number}" for number in (1, 2, 3, 4)]
-    assert sim_action(folder, "matrix", "--shards", "5", "--tag", "none").returncode == 2
-    sim_action(folder, "run", "--tag", "wet", "--output-dir", "part")
-    merge = ("merge", "part", "--scenarios", ".")
-    assert sim_action(folder, *merge, "--tag", "wet").returncode == 1
-    assert len(outcomes(folder)) == 4
-    assert sim_action(folder, *merge).returncode == 2
 
 
 def test_nothing_is_begun_after_the_first_failure(folder: Path) -> None:
@@ -369,16 +252,3 @@ def test_a_sweep_that_passes_says_how_near_it_came(folder: Path) -> None:
     assert properties["worst"].startswith("[linear=0.5], margin 0.")
     goals = {each["assertion"]: each["verdict"]["goal"] for each in outcomes(folder)[0]["expectations"]}
     assert goals == {"max_speed": False, "travel": True}
-
-
-def test_a_name_is_run_again_as_it_was_printed(folder: Path) -> None:
-    (folder / "push.sim.yml").unlink()
-    (folder / "many.sim.yml").write_text(
-        "scenarios:\n  - {name: 'what?', variations: {robot.pose.x: [0, 1]}}\n  - {name: whats}\n"
-        f"  - {{name: 'w*'}}\n{SHARED}"
-    )
-    listed = [line.partition("\t")[0] for line in sim_action(folder, "run", "--list").stdout.splitlines()]
-    assert listed == ["what?[x=0]", "what?[x=1]", "whats", "w*"]
-    for name in listed:
-        again = sim_action(folder, "run", "--list", "--only", name).stdout
-        assert [line.partition("\t")[0] for line in again.splitlines()] == [name]
