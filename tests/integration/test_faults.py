@@ -70,11 +70,3 @@ def test_validate_tells_it_beside_what_is_invalid(folder: Path) -> None:
     assert f"b.sim.yml: {SAID}\nTraceback (most recent call last):\n" in validated.stdout
     assert "c.sim.yml:9:15: expect.0.upright.max_tilt: " in validated.stdout
     assert "1 valid, 1 invalid, 1 not checked to the end" in validated.stderr
-
-
-def test_of_variations_it_is_told_once(folder: Path) -> None:
-    path = folder / "b.sim.yml"
-    path.write_text(path.read_text() + "variations:\n  seed: [1, 2]\n")
-    assert called(folder, "run", "b.sim.yml").returncode == 3
-    (faulty,) = Results.read(folder / "sim-results" / "results.json").outcomes
-    assert [failure.message for failure in faulty.failures] == [SAID]
