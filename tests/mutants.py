@@ -64,10 +64,10 @@ _INTEGRATION: Final = {
     "ros": "patches ros1_processes ros1_launches ros1_scenarios ros1",
     "runner": "execution processes repeats golden_runs killers resource_guards shards inspection_process "
     "kept_verdicts resume journal interruptions injected_faults",
-    "scenario": "cli suites worlds moving_worlds watch checked_nothing check_nothing selecting_nothing",
+    "scenario": "cli suites worlds moving_worlds watch check_nothing selecting_nothing",
     "sensors": "imu lidar camera contact_sensor odometry rays",
     "simulation": "execution physics faults driven_worlds odometry templates golden_runs tunnelling pinned_robots "
-    "accuracy_notes jumps verdicts_of_runs preloading wall_followers",
+    "accuracy_notes jumps verdicts_of_runs preloading",
     "state": "repeats golden_runs signals recordings",
     "world": "worlds moving_worlds first_clashes patches meshes",
 }

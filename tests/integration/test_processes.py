@@ -144,57 +144,6 @@ def test_the_same_controller_gives_the_same_run_whatever_it_is_written_in_and_ho
     assert processes_of(tmp_path) == []
 
 
-CRANE: Final = """\
-  <joint name="crane" type="revolute">
-    <parent link="base_link"/><child link="boom"/><origin xyz="0 0 0.15"/><axis xyz="0 0 1"/>
-    <limit lower="-2" upper="2" effort="5" velocity="2"/>
-  </joint>
-  <link name="boom">
-    <inertial><mass value="0.2"/>
-      <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.001" iyz="0" izz="0.001"/></inertial>
-  </link>
-</robot>
-"""
-BASE_AND_ARM: Final = """\
-name: {name}
-robot: {{model: rover.urdf}}
-commands: {{{source}, rate: 20 Hz}}
-expect: [{{travel: {{at_least: 0.5 m}}}}, {{joint: {{name: crane, at_least: 55 deg, at_most: 60 deg}}, after: 2 s}}]
-duration: 3 s
-time_limit: 3 s
-"""
-BASE_AND_ARM_SCRIPT: Final = """\
-from sim_action import JointTargets, Twist
-
-def control(seen):
-    x, _, _ = seen.pose.position_xyz
-    return Twist.planar(0.3 - 0.01 * x), JointTargets(position={"crane": min(1.0, seen.time)})
-"""
-BASE_AND_ARM_PROGRAM: Final = """\
-import json, sys
-
-for line in sys.stdin:
-    seen, answer = json.loads(line), {}
-    if seen["type"] == "step":
-        answer = {"position": {"crane": min(1.0, seen["time"])}}
-        answer["twist"] = {"linear": 0.3 - 0.01 * seen["pose"]["position_xyz"][0]}
-    print(json.dumps(answer), flush=True)
-"""
-
-
-@pytest.mark.parametrize("engine", soaked(installed(), short=installed()[-1:]))
-def test_one_controller_drives_a_base_and_moves_the_arm_on_it(tmp_path: Path, engine: str) -> None:
-    rover = (ROOT / "examples/drives/rover.urdf").read_text()
-    (tmp_path / "rover.urdf").write_text(rover.replace("</robot>\n", CRANE))
-    (tmp_path / "ctl.py").write_text(BASE_AND_ARM_SCRIPT)
-    (tmp_path / "program.py").write_text(BASE_AND_ARM_PROGRAM)
-    for name, source in (("script", "script: ctl.py"), ("process", "process: python program.py")):
-        (tmp_path / f"{name}.sim.yml").write_text(BASE_AND_ARM.format(name=name, source=source))
-    outcomes = run(tmp_path, "--backend", engine)
-    assert {outcome.status for outcome in outcomes.values()} == {"passed"}, outcomes
-    assert outcomes["script"].digest == outcomes["process"].digest
-
-
 HEAD: Final = """\
 import json, os, signal, subprocess, sys, time
 def answers(count):
@@ -310,14 +259,6 @@ def test_a_call_that_is_killed_outright_leaves_no_program(tmp_path: Path) -> Non
     call.kill()
     call.wait(PATIENCE)
     wait_for(0, tmp_path)
-
-
-def test_programs_are_refused_where_scripts_are(tmp_path: Path) -> None:
-    (tmp_path / "ctl.py").write_text(PYTHON)
-    write(tmp_path, "refused", "process: python ctl.py")
-    outcomes = run(tmp_path, "--allow-scripts", "false")
-    (failure,) = next(iter(outcomes.values())).failures
-    assert "scripts are not allowed to run here" in failure.message
 
 
 SEEN: Final = """\
