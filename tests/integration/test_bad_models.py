@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import junitparser
 import pytest
 
 from sim_action.engines import installed
@@ -78,15 +77,15 @@ def outcomes(folder: Path) -> dict[str, Outcome]:
     return {Path(outcome.file).parent.name.replace("_", " "): outcome for outcome in results.outcomes}
 
 
-@pytest.fixture(scope="module", params=installed())
-def suite(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
-    """A folder in which all cases have run on one engine, two at a time."""
+@pytest.fixture(scope="module")
+def suite(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which all cases have run, two at a time."""
     folder = tmp_path_factory.mktemp("suite")
     for case in CASES:
         write(folder, case.name, case.text, case.files)
     for number in range(GOOD_ONES):
         write(folder, f"good {number}", GOOD)
-    ran = sim_action(folder, "run", ".", "--jobs", "2", "--backend", request.param)
+    ran = sim_action(folder, "run", ".", "--jobs", "2", "--backend", installed()[0])
     assert ran.returncode == 2, ran.stdout + ran.stderr
     assert "Traceback" not in ran.stdout + ran.stderr
     return folder
@@ -112,14 +111,3 @@ def test_every_good_model_passes_beside_them(suite: Path) -> None:
     found = outcomes(suite)
     assert len(found) == len(CASES) + GOOD_ONES
     assert {found[f"good {number}"].status for number in range(GOOD_ONES)} == {"passed"}
-
-
-def test_junit_holds_every_scenario(suite: Path) -> None:
-    junit = junitparser.JUnitXml.fromfile(str(suite / "sim-results/junit.xml"))
-    suites = list(junit)
-    assert len(suites) == len(CASES) + GOOD_ONES
-    assert sum(tests.errors > 0 for tests in suites) == sum(case.is_refused for case in CASES)
-    assert junit.failures == 0
-    told = [result.message or "" for tests in suites for test in tests for result in test.result]
-    for case in CASES:
-        assert not case.is_refused or any(f"[{case.rule}]" in message for message in told), case

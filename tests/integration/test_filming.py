@@ -15,7 +15,6 @@ from sim_action.scenario.model import LoadedScenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.recorder import RunRecorder
 from sim_action.state.trace import Trace
-from sim_action.state.trace_storage import load_trace, save_trace
 from tests.integration.engines import on_every_engine
 from tests.scenarios import LEAST, load
 
@@ -131,18 +130,6 @@ def test_assertions_about_objects_have_curves_in_the_replay(engine: str, tmp_pat
     at = film.bodies["ball"].position_xyz[-1, 2]
     assert fallen[0] == pytest.approx(film.bodies["ball"].position_xyz[0, 2], abs=0.02)
     assert fallen[-1] == pytest.approx(at, abs=0.1)
-
-
-@on_every_engine
-def test_bodies_are_stored_with_the_trace(engine: str, tmp_path: Path) -> None:
-    run, _ = filmed(load(tmp_path, BUSY.format(engine=engine)))
-    save_trace(run.trace, tmp_path / "trace.npz")
-    found = load_trace(tmp_path / "trace.npz")
-    assert list(found.bodies) == list(run.trace.bodies)
-    for name, record in run.trace.bodies.items():
-        assert (found.bodies[name].time == record.time).all()
-        assert (found.bodies[name].position_xyz == record.position_xyz).all()
-        assert (found.bodies[name].orientation_xyzw == record.orientation_xyzw).all()
 
 
 def test_what_explodes_has_been_seen_until_then(tmp_path: Path) -> None:

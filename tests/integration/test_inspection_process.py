@@ -87,21 +87,6 @@ def test_mjcf_is_limited_too(tmp_path: Path) -> None:
     assert (found.returncode, found.stderr) == (1, message)
 
 
-def test_the_command_says_what_is_wrong_with_mjcf(tmp_path: Path) -> None:
-    (tmp_path / "bot.xml").write_text("<mujoco>\n<worldbody><body><geom size='-1'/></body></worldbody></mujoco>")
-    refused = sim_action(tmp_path, "inspect", "bot.xml")
-    assert (refused.returncode, refused.stdout) == (2, "")
-    assert refused.stderr.startswith("sim-action: bot.xml:2: ")
-
-
-def test_the_command_says_what_it_would_say_of_urdf(tmp_path: Path) -> None:
-    (tmp_path / "bot.xacro").write_text(MODEL.format(value="${1 / 2}"))
-    inspected = sim_action(tmp_path, "inspect", "bot.xacro")
-    assert (inspected.returncode, inspected.stderr) == (0, "")
-    assert "bot: 1 links, 0 joints (0 move), 2 kg" in inspected.stdout
-    assert "model: bot.xacro" in inspected.stdout
-
-
 @pytest.mark.parametrize(("value", "line", "rule"), [("${1 / 0}", 5, "bad-xacro"), ("${-1}", 5, "bad-shape")])
 def test_the_command_says_what_is_wrong_and_where(value: str, line: int, rule: str, tmp_path: Path) -> None:
     (tmp_path / "bot.xacro").write_text(MODEL.format(value=value))

@@ -98,12 +98,6 @@ def test_the_network_of_the_example_is_made_here() -> None:
     assert (ROOT / "examples/commands/balance.onnx").read_bytes() == balance()
 
 
-def test_a_policy_is_code_for_the_gate(folder: Path) -> None:
-    ran = sim_action(folder, "run", "--no-report", "--allow-scripts", "false", "policy.sim.yml")
-    assert ran.returncode == 2
-    assert "commands.policy.file: scripts are not allowed to run here" in ran.stdout + ran.stderr
-
-
 @pytest.mark.parametrize("file", ["../pd.onnx", "link.onnx"])
 def test_a_network_outside_of_the_workspace_is_refused(file: str, folder: Path) -> None:
     inside = folder / "repository"
@@ -132,17 +126,3 @@ def test_validate_opens_the_network_in_a_process_of_its_own(folder: Path) -> Non
     ran = fresh_sim_action(folder, "validate", "policy.sim.yml", PYTHONPATH=f"{folder / 'fake'}:{ROOT}")
     assert ran.returncode == 2
     assert "pd.onnx made onnxruntime crash (status 77)" in ran.stdout + ran.stderr
-
-
-def test_a_network_that_returns_nan_is_an_error_that_names_the_joint(folder: Path) -> None:
-    rows = [[0.0, 0.0]] * 4
-    (folder / "pd.onnx").write_bytes(linear(rows, [0, float("nan")], DOUBLE))
-    ran = sim_action(folder, "run", "--no-report", "policy.sim.yml")
-    assert ran.returncode == 1
-    (outcome,) = outcomes(folder)
-    (failure,) = outcome["failures"]
-    assert failure["title"] == "policy error"
-    assert failure["message"].startswith(
-        "at 0 s of sim time, the network returned nan for joint 'elbow'; its inputs are finite"
-    )
-    assert failure["location"]["line"] == 4

@@ -137,23 +137,6 @@ def test_a_failure_does_not_hide_what_other_expectations_notice(tmp_path: Path) 
     assert scenario["mutants"][0]["noticed_by"] == [0, 1]
 
 
-def test_an_expectation_that_is_not_exercised_in_a_run_notices_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The run at twice the speed ends before the post appears."""
-    text = (
-        "world: {objects: [{name: post, box: [0.1, 0.1, 0.5], pose: {x: 50, y: 50}, appears: 4 s}]}\n"
-        "commands: {rate: 10 Hz, twist: [{linear: 0.2, for: 10 s}]}\n"
-        "expect: [{travel: {at_least: 1.0}, before: 7}, {clearance: {at_least: 0.05, to: [post]}}]"
-    )
-    (scenario,) = proof(written(tmp_path, "post", text), "--only", "silenced,scaled")["scenarios"]
-    clearance = scenario["expectations"][1]
-    # Other mutants were left out.
-    assert (clearance["finding"], clearance["noticed"]) == ("unknown", [])
-    assert clearance["not_exercised"] == ["scaled:x2", "scaled:x10", "scaled:x57.3"]
-    assert "; not exercised in: scaled:x2, scaled:x10, scaled:x57.3" in capsys.readouterr().out
-
-
 def test_an_expectation_that_is_blind_to_directions_misses_an_inverted_axis(tmp_path: Path) -> None:
     """Each expectation notices something, and together they miss that the robot drives the other way."""
     text = (
@@ -185,19 +168,6 @@ def test_scenarios_that_do_not_pass_are_listed_and_not_mutated(
     assert call(["prove", "--quiet", "--only", "silenced", "."]) == ExitCode.INVALID
 
 
-def test_a_mutant_that_crashes_has_noticed_nothing(tmp_path: Path) -> None:
-    (tmp_path / "control.py").write_text(
-        "from sim_action import Twist\n\n\ndef control(seen):\n"
-        "    assert seen.time < 2 or seen.pose.position_xyz[0] > 0.05, 'stuck'\n    return Twist.planar(0.2)\n"
-    )
-    text = "commands: {rate: 10 Hz, script: control.py}\nexpect: [{travel: {at_least: 0.6}}]"
-    (scenario,) = proof(written(tmp_path, "script", text), "--only", "silenced")["scenarios"]
-    (silenced,) = scenario["mutants"]
-    assert (silenced["status"], silenced["noticed_by"]) == ("could not run", [])
-    assert "stuck" in silenced["reason"]
-    assert scenario["expectations"][0]["finding"] == "unknown"
-
-
 def test_mutants_of_sensors_and_objects_are_noticed_by_what_they_change(tmp_path: Path) -> None:
     (tmp_path / "control.py").write_text(
         "from sim_action import Twist\n\n\ndef control(seen):\n"
@@ -212,22 +182,6 @@ def test_mutants_of_sensors_and_objects_are_noticed_by_what_they_change(tmp_path
     found = proof(written(tmp_path, "stops", text), "--only", "frozen,removed")["scenarios"][0]
     results = {each["name"]: each["noticed_by"] for each in found["mutants"]}
     assert results == {"removed:wall": [1], "frozen:lidar": [0, 1]}
-
-
-def test_only_the_first_variation_is_proven(tmp_path: Path) -> None:
-    text = STRAIGHT + "variations: {world.ground.friction: [1.0, 0.9]}\nexpect: [{travel: {at_least: 0.8}}]"
-    (scenario,) = proof(written(tmp_path, "varied", text), "--only", "silenced")["scenarios"]
-    assert scenario["name"] == "varied[friction=1.0]"
-    assert scenario["variation"] == [{"key": "world.ground.friction", "value": 1.0}]
-
-
-def test_a_budget_takes_the_most_telling_mutants(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = written(tmp_path, "corridor", USEFUL["corridor"])
-    (scenario,) = proof(path, "--budget", "1 us")["scenarios"]
-    assert (scenario["mutants"], scenario["left_out"]) == ([], 16)
-    assert [each["finding"] for each in scenario["expectations"]] == ["unknown", "unknown"]
-    assert "left out: 16 mutants" in capsys.readouterr().out
-    assert len(proof(path, "--budget", "1 h", "--only", "silenced")["scenarios"][0]["mutants"]) == 1
 
 
 @pytest.mark.parametrize(

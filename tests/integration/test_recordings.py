@@ -137,13 +137,6 @@ def test_wrenches_are_recorded_in_the_frame_of_their_link(folder: Path) -> None:
     assert [each.message.wrench.force.z for each in log["/wrench/base_footprint"]][-1] == 1.0
 
 
-def test_what_was_not_asked_for_is_not_there(folder: Path) -> None:
-    (folder / "a.sim.yml").write_text(SCENARIO)
-    assert call(["run", "--quiet", "--record", "tum", "a.sim.yml"]) == ExitCode.PASSED
-    assert call(["run", "--quiet", "a.sim.yml"]) == ExitCode.PASSED
-    assert outcome()["recordings"] == []
-
-
 def test_a_run_without_a_verdict_leaves_what_there_is_of_it(folder: Path) -> None:
     (folder / "a.sim.yml").write_text(FAILING)
     (folder / "breaks.py").write_text(SCRIPT)
@@ -152,23 +145,6 @@ def test_a_run_without_a_verdict_leaves_what_there_is_of_it(folder: Path) -> Non
     log = read_file(folder / "sim-results/recordings/breaks-off.mcap")
     assert log["/clock"][-1].time == pytest.approx(1.1e9, abs=0.05e9)
     assert len(log["/cmd_vel"]) == 11
-
-
-def test_formats_come_from_the_environment_and_from_pyproject(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (folder / "a.sim.yml").write_text(SCENARIO)
-    (folder / "pyproject.toml").write_text('[tool.sim-action]\nrecord = ["tum"]\n')
-    call(["run", "--quiet", "a.sim.yml"])
-    assert outcome()["recordings"] == ["recordings/drives-at-a-wall.tum"]
-    monkeypatch.setenv("SIM_ACTION_RECORD", "csv,tum")
-    call(["run", "--quiet", "a.sim.yml"])
-    assert outcome()["recordings"] == ["recordings/drives-at-a-wall.csv", "recordings/drives-at-a-wall.tum"]
-
-
-def test_what_is_no_format_stops_before_anything_runs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (folder / "a.sim.yml").write_text(SCENARIO)
-    assert call(["run", "--record", "mcpa", "a.sim.yml"]) == ExitCode.INVALID
-    assert "did you mean 'mcap'?" in capsys.readouterr().err
-    assert not (folder / "sim-results").exists()
 
 
 def _forever(_run: object, _file: object) -> None:

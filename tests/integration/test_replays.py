@@ -46,13 +46,6 @@ def test_without_a_report_there_is_none(tmp_path: Path) -> None:
     assert not (tmp_path / "sim-results/replays").exists()
 
 
-def test_a_project_may_do_without(tmp_path: Path) -> None:
-    (tmp_path / "a.sim.yml").write_text(DRIVES)
-    (tmp_path / "pyproject.toml").write_text("[tool.sim-action]\nreport = false\n")
-    assert sim_action(tmp_path, "run", "a.sim.yml").returncode == 0
-    assert outcome(tmp_path)["replay"] is None
-
-
 def test_what_a_failing_script_did_until_then_is_kept(tmp_path: Path) -> None:
     (tmp_path / "steer.py").write_text("from sim_action import Twist\n" + SCRIPT)
     (tmp_path / "a.sim.yml").write_text(DRIVES.replace("twist: [{linear: 0.5}]", "script: steer.py"))

@@ -117,26 +117,6 @@ def test_a_robot_of_several_files_drives(tmp_path: Path) -> None:
     assert ran.returncode == 0, ran.stdout
 
 
-def test_it_is_inspected_and_what_is_to_be_pasted_drives(tmp_path: Path) -> None:
-    shown = sim_action(rover(tmp_path), "inspect", "models/rover.sdf").stdout
-    assert "left::rim" in shown
-    block = shown[shown.index("robot:\n") :]
-    written(tmp_path / "drive.sim.yml", SCENARIO.replace("robot: {model: models/rover.sdf}\n", block))
-    ran = sim_action(tmp_path, "run")
-    assert ran.returncode == 0, block + ran.stdout
-
-
-def test_what_is_wrong_in_an_included_file_is_told_by_validate(tmp_path: Path) -> None:
-    wheel = WHEEL.replace("0.033", "wide")
-    written(rover(tmp_path) / "models/rover_wheel/wheel.sdf", wheel)
-    ran = sim_action(tmp_path, "validate")
-    assert ran.returncode == 2
-    assert (
-        "models/rover_wheel/wheel.sdf:4: <radius> is 'wide': expected a finite number [bad-number]"
-        in ran.stdout + ran.stderr
-    )
-
-
 @contextmanager
 def scene(folder: Path, text: str, robot: Robot, rate: float) -> Iterator[Engine]:
     written(folder / "robot.sdf", text)
