@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from sim_action.commands.waypoints import Leg, Point
+from sim_action.engines import ENGINES
 from sim_action.simulation.loop import SimulationRun
 from tests.integration.engines import on_every_engine
 from tests.simulated import simulated
@@ -29,53 +30,30 @@ RATE: Final = 120
 
 @dataclass(frozen=True)
 class Follower:
-    """A robot, how large its path is, how it drives, and how well."""
+    """A robot, how large its path is, how it drives, and in PyBullet and MuJoCo how well, in m."""
 
     name: str
     scale: float  # of the path
     figures: Mapping[str, object]
-    off: Mapping[str, float]  # off, near, end: engine -> m
-    near: Mapping[str, float]
-    end: Mapping[str, float]
+    off: tuple[float, float]
+    near: tuple[float, float]
+    end: tuple[float, float]
     robot: Mapping[str, object] = field(default_factory=dict)
 
 
+def figures(speed: float, lookahead: float, tolerance: float, **more: float) -> dict[str, float]:
+    return {"speed": speed, "lookahead": lookahead, "tolerance": tolerance, **more}
+
+
 R2D2S: Final = {side: [f"{side}_front_wheel_joint", f"{side}_back_wheel_joint"] for side in ("left", "right")}
+# Its wheels have the inertia of flywheels.
+R2D2: Final = {"drive": {"skid": {**R2D2S, "acceleration": 0.2}}}
+NEAR: Final = (0.01, 0.01)
 FOLLOWERS: Final = (
-    Follower(
-        "burger",
-        1.0,
-        {"speed": 0.2, "lookahead": 0.3, "tolerance": 0.05},
-        off={"pybullet": 0.07, "mujoco": 0.07},
-        near={"pybullet": 0.01, "mujoco": 0.01},
-        end={"pybullet": 0.01, "mujoco": 0.01},
-    ),
-    Follower(
-        "husky",
-        2.0,
-        {"speed": 0.5, "lookahead": 0.6, "tolerance": 0.1, "max_turn_rate": 0.8},
-        off={"pybullet": 0.17, "mujoco": 0.12},
-        near={"pybullet": 0.01, "mujoco": 0.01},
-        end={"pybullet": 0.01, "mujoco": 0.01},
-    ),
-    Follower(
-        "r2d2",
-        2.0,
-        {"speed": 0.3, "lookahead": 0.6, "tolerance": 0.1, "max_turn_rate": 0.5},
-        off={"pybullet": 0.28, "mujoco": 0.2},
-        near={"pybullet": 0.02, "mujoco": 0.015},
-        end={"pybullet": 0.02, "mujoco": 0.015},
-        # Its wheels have the inertia of flywheels.
-        robot={"drive": {"skid": {**R2D2S, "acceleration": 0.2}}},
-    ),
-    Follower(
-        "racecar",
-        2.0,
-        {"speed": 0.5, "lookahead": 0.5, "tolerance": 0.05},
-        off={"pybullet": 0.22, "mujoco": 0.22},
-        near={"pybullet": 0.28, "mujoco": 0.28},
-        end={"pybullet": 0.01, "mujoco": 0.01},
-    ),
+    Follower("burger", 1.0, figures(0.2, 0.3, 0.05), (0.07, 0.07), NEAR, NEAR),
+    Follower("husky", 2.0, figures(0.5, 0.6, 0.1, max_turn_rate=0.8), (0.17, 0.12), NEAR, NEAR),
+    Follower("r2d2", 2.0, figures(0.3, 0.6, 0.1, max_turn_rate=0.5), (0.28, 0.2), (0.02, 0.015), (0.02, 0.015), R2D2),
+    Follower("racecar", 2.0, figures(0.5, 0.5, 0.05), (0.22, 0.22), (0.28, 0.28), NEAR),
 )
 KNOWN: Final = {known.name: known for known in (BURGER, *ROBOTS)}
 IN_SOAK: Final = (pytest.mark.pybullet, pytest.mark.soak)
@@ -121,9 +99,10 @@ def test_it_follows_five_waypoints(follower: Follower, engine: str, tmp_path: Pa
     points = waypoints(follower)
     legs = [Leg(*ends) for ends in zip([places[0], *points], points, strict=False)]
     off = max(min(math.dist(place, leg.closest(place)) for leg in legs) for place in places)
-    assert off <= follower.off[engine]
-    assert max(nearest_in_turn(places, points, 0.3 * follower.scale)) <= follower.near[engine]
-    assert math.dist(places[-1], points[-1]) <= follower.end[engine]
+    column = list(ENGINES).index(engine)
+    assert off <= follower.off[column]
+    assert max(nearest_in_turn(places, points, 0.3 * follower.scale)) <= follower.near[column]
+    assert math.dist(places[-1], points[-1]) <= follower.end[column]
     assert float(np.abs(done.trace.speed[-RATE:]).max()) < 0.005
     # Nothing was asked of the drive that it cannot do.
     assert not [note for note in done.notes if "a twist asked" in note]

@@ -56,52 +56,12 @@ def test_agreement_that_was_asked_and_is_missed_fails_on_its_line(tmp_path: Path
     assert missed["location"]["line"] == 5
 
 
-def test_agreement_that_holds_passes(tmp_path: Path) -> None:
-    code, outcomes = run(tmp_path, "agreement: {position: 1 cm, yaw: 1 deg}")
-    assert (code, [outcome["name"] for outcome in outcomes]) == (0, NAMES)
-
-
-@pytest.mark.parametrize("engine", ENGINE_NAMES)
-def test_one_engine_is_asked_by_file_or_flag(engine: str, tmp_path: Path) -> None:
-    for text, flags in ((f"backend: {engine}", ()), ("", ("--backend", engine))):
-        code, (outcome,) = run(tmp_path, text, *flags)
-        assert (code, outcome["name"], outcome["engine"].split()[0]) == (0, "drives", engine)
-
-
-@pytest.mark.parametrize("jobs", ["1", "2"])
-def test_each_engine_has_one_digest_alone_and_among_others(jobs: str, tmp_path: Path) -> None:
+def test_each_engine_has_one_digest_alone_and_among_others(tmp_path: Path) -> None:
     for number in range(4):
         (tmp_path / f"{number}.sim.yml").write_text(DRIVES + "time_limit: 5 s\n")
     _, alone = run(tmp_path, "", "--backend", "all")
-    sim_action(tmp_path, "run", "--backend", "all", "--jobs", jobs)
+    sim_action(tmp_path, "run", "--backend", "all", "--jobs", "2")
     several = json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"]
     assert len(several) == 10
     digests = {(outcome["engine"], outcome["digest"]) for outcome in (*alone, *several)}
     assert len(digests) == len(ENGINE_NAMES)
-
-
-def test_a_robot_that_only_mujoco_reads_runs_there(tmp_path: Path) -> None:
-    body = '<body name="box"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="1"/></body>'
-    (tmp_path / "box.xml").write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
-    text = "name: rests\nrobot: {model: box.xml}\nexpect: [upright]\ntime_limit: 1 s\n"
-    (tmp_path / "box.sim.yml").write_text(text)
-    assert sim_action(tmp_path, "run").returncode == 0
-    refused = sim_action(tmp_path, "run", "--backend", "pybullet")
-    assert refused.returncode == 2
-    assert "box.sim.yml:2:9" in refused.stdout
-
-
-def test_results_of_two_engines_are_merged_also_from_shards(tmp_path: Path) -> None:
-    for name in "abc":
-        (tmp_path / f"{name}.sim.yml").write_text(DRIVES.replace("drives", name) + "time_limit: 5 s\n")
-    for shard in ("1/2", "2/2"):
-        sim_action(tmp_path, "run", "--backend", "all", "--shard", shard, "--output-dir", f"part-{shard[0]}")
-    merged = sim_action(tmp_path, "merge", "part-1", "part-2", "--scenarios", ".")
-    assert merged.returncode == 0, merged.stdout + merged.stderr
-    outcomes = json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"]
-    assert [outcome["name"] for outcome in outcomes] == [
-        f"{name} [{engine}]" for name in "abc" for engine in ENGINE_NAMES
-    ]
-    assert [len(outcome["measurements"]) for outcome in outcomes] == [0, 2] * 3
-    twice = sim_action(tmp_path, "merge", "part-1", "part-1/results.json", "part-2")
-    assert twice.returncode == 0

@@ -133,9 +133,8 @@ def followed(folder: Path, arm: Arm, engine: str, interpolation: str, rate: floa
     return trace.time, off
 
 
-@pytest.mark.parametrize("rate", [240, 40])
 @pytest.mark.parametrize("interpolation", ["minimum_jerk", "linear"])
-@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
+@pytest.mark.parametrize(("arm", "rate"), [(ARMS[0], 240), (ARMS[1], 40)], ids=["kuka_iiwa", "franka_panda"])
 @on_every_engine
 def test_arms_follow_joint_trajectories(engine: str, arm: Arm, interpolation: str, rate: int, tmp_path: Path) -> None:
     time, off = followed(tmp_path, arm, engine, interpolation, rate)

@@ -105,10 +105,7 @@ def as_trajectory(folder: Path, turned: tuple[float, float]) -> dict[str, Any]:
 
 
 FORMS: Final[dict[str, Callable[[Path, tuple[float, float]], dict[str, Any]]]] = {
-    **{
-        f"csv {rate} Hz {digits}": as_csv(rate, digits)
-        for rate, digits in ((10, 9), (24, 4), (30, 3), (60, 6), (240, 5))
-    },
+    **{f"csv {rate} Hz {digits}": as_csv(rate, digits) for rate, digits in ((10, 9), (30, 3), (240, 5))},
     "joint states 15 Hz": as_joint_states(15),
     "joint states 100 Hz": as_joint_states(100),
     "trajectory": as_trajectory,

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import random
-import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,25 +10,10 @@ from typing import Any
 import pytest
 
 from sim_action.meshes import MeshError
-from tests.integration.mesh_trials import ENGINES_MARGIN, both, found, reach, rewritten, run, written
-from tests.mesh_files import (
-    GOOD,
-    HALF,
-    SHOWN,
-    SIDES,
-    SURFACE,
-    TRIANGLES,
-    ascii_stl,
-    dae,
-    obj,
-    stl,
-    two_instances,
-    two_objects,
-    wheel,
-)
+from tests.integration.mesh_trials import ENGINES_MARGIN, both, found, reach, rewritten, written
+from tests.mesh_files import GOOD, HALF, SHOWN, SIDES, ascii_stl, dae, obj, stl, two_instances, two_objects, wheel
 
 pytestmark = pytest.mark.pybullet
-IGNORE_VISUALS = 1 << 20  # pybullet.URDF_IGNORE_VISUAL_SHAPES
 MATRIX = "<matrix>1 0 0 1  0 1 0 2  0 0 1 3  0 0 0 1</matrix>"
 POLYLIST = '<polylist><input semantic="VERTEX" source="#vertices" offset="0"/><vcount>{}</vcount><p>{}</p></polylist>'
 DAE_OF_SIDES = dae(POLYLIST.format("4 " * 6, " ".join(str(row) for side in SIDES for row in side)))
@@ -86,35 +69,6 @@ MISREAD: dict[str, tuple[str, bytes, tuple[float | None, ...], tuple[float, ...]
 }
 """What the engine takes for something else without an error, and what it is."""
 
-PASSED_OVER: dict[str, tuple[str, bytes, str]] = {
-    "nothing": ("a.stl", b"", "broken-mesh"),
-    "garbage": ("a.stl", bytes(range(256)), "broken-mesh"),
-    "cut off": ("a.stl", stl()[:-30], "broken-mesh"),
-    "too long": ("a.stl", stl() + b"xx", "broken-mesh"),
-    "no triangle": ("a.stl", stl(faces=[]), "empty-mesh"),
-    "OBJ without faces": ("a.obj", obj(faces=()), "empty-mesh"),
-    "DAE cut off": ("a.dae", dae()[:400], "broken-mesh"),
-}
-"""What leaves the engine with a body that nothing can touch, without an error, and the rule that it breaks."""
-
-KILLERS: dict[str, tuple[str, bytes, str | None]] = {
-    "OBJ far beyond": ("a.obj", obj(faces=[*TRIANGLES, (0, 1, 99_999_999)]), "mesh-index"),
-    "OBJ no points": ("a.obj", b"f 1 2 3\n", "mesh-index"),
-    "DAE far beyond": ("a.dae", dae(SURFACE.format("0 1 99999999")), "mesh-index"),
-    "DAE no numbers": ("a.dae", dae(SURFACE.format("")), "empty-mesh"),
-    "DAE no asset": ("a.dae", dae().replace(b"<asset></asset>", b""), None),
-}
-"""What is the end of the engine's process, and the rule that it breaks."""
-
-ENDLESS: dict[str, tuple[str, bytes]] = {
-    "OBJ with a pipe for a material": ("a.obj", obj(before="mtllib {pipe}\nusemtl a\n")),
-    "DAE with a matrix too many": (
-        "a.dae",
-        dae(node=MATRIX + SHOWN).replace(b"</visual", MATRIX.encode() + b"</visual"),
-    ),
-}
-"""What the engine never comes back from. It breaks no rule."""
-
 
 def each_written(folder: Path, cases: Mapping[str, tuple[Any, ...]]) -> dict[str, Path]:
     """Write the file of each case into a folder of its own."""
@@ -145,45 +99,6 @@ def test_what_the_engine_misreads_is_right_once_rewritten(tmp_path: Path) -> Non
         taken_for = [part if part is None else part + ENGINES_MARGIN for part in misread]
         assert reach(alone) == (NOTHING if misread == NOTHING else pytest.approx(taken_for, abs=1e-3)), case
         assert reach(helped) == pytest.approx(expected, abs=1e-4), case
-
-
-def test_what_the_engine_passes_over_is_refused(tmp_path: Path) -> None:
-    paths = each_written(tmp_path, PASSED_OVER)
-    answers = found(*(["look_at", str(path)] for path in paths.values()))
-    for alone, (case, path) in zip(answers, paths.items(), strict=True):
-        assert reach(alone) == NOTHING, case
-        assert alone["rests_at"] < -1
-        with pytest.raises(MeshError) as raised:
-            rewritten(path)
-        assert raised.value.rule == PASSED_OVER[case][2], case
-
-
-@pytest.mark.parametrize(("name", "data", "rule"), KILLERS.values(), ids=KILLERS)
-def test_what_kills_the_engine_does_not_reach_it(name: str, data: bytes, rule: str | None, tmp_path: Path) -> None:
-    path = written(tmp_path, name, data)
-    assert run(["look_at", str(path)])[0] < 0
-    if rule is None:
-        assert reach(found(["look_at", rewritten(path)])[0]) == pytest.approx(BOX, abs=1e-5)
-        return
-    with pytest.raises(MeshError) as raised:
-        rewritten(path)
-    assert raised.value.rule == rule
-
-
-@pytest.mark.parametrize(("name", "data"), ENDLESS.values(), ids=ENDLESS)
-def test_what_holds_the_engine_up_does_not_reach_it(name: str, data: bytes, tmp_path: Path) -> None:
-    pipe = tmp_path / "pipe"
-    os.mkfifo(pipe)
-    path = written(tmp_path, name, data.replace(b"{pipe}", str(pipe).encode()))
-    with pytest.raises(subprocess.TimeoutExpired):
-        run(["look_at", str(path)], timeout=2)
-    assert None not in reach(found(["look_at", rewritten(path)])[0])
-
-
-def test_a_visual_kills_as_well_unless_visuals_are_ignored(tmp_path: Path) -> None:
-    box, bad = written(tmp_path, "box.obj", obj()), written(tmp_path, "bad.obj", KILLERS["OBJ far beyond"][1])
-    assert run(["look_at", str(box), "", "1 1 1", 0, str(bad)])[0] < 0
-    assert reach(found(["look_at", str(box), "", "1 1 1", IGNORE_VISUALS, str(bad)])[0])[0] is not None
 
 
 def test_whatever_is_rewritten_does_the_engine_no_harm(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 from sim_action.core.lazy_numpy import FloatArray
+from sim_action.engines import ENGINES
 from sim_action.simulation.loop import SimulationRun
 from tests.integration.engines import BALL, on_every_engine
 from tests.scenarios import LEAST, told
@@ -36,72 +37,29 @@ TIME: Final = 6.0
 
 @dataclass(frozen=True)
 class Rolling:
-    """A robot, how fast it drives, and by engine how well it knows where it is on a circle."""
+    """A robot, how fast it drives, and in PyBullet and MuJoCo how well it knows where it is on a circle."""
 
     name: str
     model: str
     speed: float
     turn: float
-    off: Mapping[str, float]
-    yaw_off: Mapping[str, float]
+    off: tuple[float, float]
+    yaw_off: tuple[float, float]
     keys: Mapping[str, object] = field(default_factory=dict)
 
 
 ROVERS: Final = {side: [f"{end}_{side}_wheel_joint" for end in ("front", "rear")] for side in ("left", "right")}
+DRIVES: Final = ROOT / "examples/drives"
+ROVER: Final = str(DRIVES / "rover.urdf")
 OURS: Final = (
-    Rolling(
-        "burger",
-        "turtlebot3_burger",
-        0.2,
-        0.5,
-        off={"pybullet": 0.003, "mujoco": 0.003},
-        yaw_off={"pybullet": 0.002, "mujoco": 0.002},
-    ),
-    Rolling(
-        "rover",
-        str(ROOT / "examples/drives/rover.urdf"),
-        0.4,
-        0.4,
-        keys={"drive": {"skid": ROVERS}},
-        off={"pybullet": 0.04, "mujoco": 0.02},
-        yaw_off={"pybullet": 0.01, "mujoco": 0.005},
-    ),
-    Rolling(
-        "mecanum",
-        str(ROOT / "examples/drives/rover.urdf"),
-        0.4,
-        0.4,
-        keys={"drive": {"mecanum": ROVERS}},
-        off={"pybullet": 0.002, "mujoco": 0.002},
-        yaw_off={"pybullet": 0.001, "mujoco": 0.001},
-    ),
-    Rolling(
-        "car",
-        str(ROOT / "examples/drives/car.urdf"),
-        0.5,
-        0.5,
-        off={"pybullet": 0.003, "mujoco": 0.004},
-        yaw_off={"pybullet": 0.003, "mujoco": 0.003},
-    ),
+    Rolling("burger", "turtlebot3_burger", 0.2, 0.5, (0.003, 0.003), (0.002, 0.002)),
+    Rolling("rover", ROVER, 0.4, 0.4, (0.04, 0.02), (0.01, 0.005), {"drive": {"skid": ROVERS}}),
+    Rolling("mecanum", ROVER, 0.4, 0.4, (0.002, 0.002), (0.001, 0.001), {"drive": {"mecanum": ROVERS}}),
+    Rolling("car", str(DRIVES / "car.urdf"), 0.5, 0.5, (0.003, 0.004), (0.003, 0.003)),
 )
 OTHERS: Final = (
-    Rolling(
-        "husky",
-        KNOWN["husky"].path,
-        0.5,
-        0.5,
-        keys=KNOWN["husky"].keys,
-        off={"pybullet": 0.08, "mujoco": 0.065},
-        yaw_off={"pybullet": 0.03, "mujoco": 0.045},
-    ),
-    Rolling(
-        "racecar",
-        KNOWN["racecar"].path,
-        0.5,
-        0.5,
-        off={"pybullet": 0.02, "mujoco": 0.01},
-        yaw_off={"pybullet": 0.02, "mujoco": 0.008},
-    ),
+    Rolling("husky", KNOWN["husky"].path, 0.5, 0.5, (0.08, 0.065), (0.03, 0.045), KNOWN["husky"].keys),
+    Rolling("racecar", KNOWN["racecar"].path, 0.5, 0.5, (0.02, 0.01), (0.02, 0.008), KNOWN["racecar"].keys),
 )
 
 every_robot = pytest.mark.parametrize(
@@ -148,8 +106,9 @@ def _yaws(orientations_xyzw: FloatArray) -> FloatArray:
 def test_it_knows_a_circle_as_well_as_its_wheels_roll(engine: str, robot: Rolling, tmp_path: Path) -> None:
     found = run(tmp_path, engine, robot, {"linear": robot.speed, "angular": robot.turn})
     off, yaw_off = drift(found)
-    assert off / (robot.speed * TIME) < robot.off[engine]
-    assert yaw_off / (robot.turn * TIME) < robot.yaw_off[engine]
+    column = list(ENGINES).index(engine)
+    assert off / (robot.speed * TIME) < robot.off[column]
+    assert yaw_off / (robot.turn * TIME) < robot.yaw_off[column]
 
 
 @on_every_engine

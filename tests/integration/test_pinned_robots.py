@@ -48,13 +48,13 @@ def pins(ran: SimulationRun) -> list[str]:
 
 
 @on_every_engine
-@pytest.mark.parametrize("mass", [1.0, 6.0, 40.0])
+@pytest.mark.parametrize("mass", [1.0, 40.0])
 def test_a_press_that_stops_at_the_robot_pins_nothing(engine: str, mass: float, tmp_path: Path) -> None:
     assert pins(run(tmp_path, engine, block(mass), WALL, press(0.0))) == []
 
 
 @on_every_engine
-@pytest.mark.parametrize("mass", [1.0, 6.0, 40.0])
+@pytest.mark.parametrize("mass", [1.0, 40.0])
 def test_a_pinned_robot_is_noted(engine: str, mass: float, tmp_path: Path) -> None:
     (note,) = pins(run(tmp_path, engine, block(mass), WALL, press(0.005)))
     assert note.startswith("'press' follows its path with unlimited force and pinned 'block' against 'wall', from 0.")
@@ -77,7 +77,7 @@ def test_another_robot_that_is_pinned_is_named(engine: str, tmp_path: Path) -> N
 
 @on_every_engine
 @pytest.mark.parametrize("squeeze", [0.06, 0.2])
-@pytest.mark.parametrize("mass", [1.0, 6.0, 40.0])
+@pytest.mark.parametrize("mass", [1.0, 40.0])
 def test_a_crushed_robot_has_no_verdict(engine: str, mass: float, squeeze: float, tmp_path: Path) -> None:
     with pytest.raises(
         SimulationUnstable, match=r"'press' follows its path .* squeezes 'block' against 'wall' by more"

@@ -38,7 +38,7 @@ MOTIONS: Final[tuple[tuple[str, Moving], ...]] = (
     ("linear", tuple(range(7))),
 )
 RATES: Final = ((200, 10), (250, 50), (300, 60), (500, 20), (1000, 200))  # in Hz: of the physics, and of the command
-FEW: Final = ((4, 0), (9, 0), (4, 4), (2, 1), (8, 3))  # the indices of motions and rates that `make test` tries
+FEW: Final = ((9, 0), (4, 4), (2, 1))  # the indices of motions and rates that `make test` tries
 
 
 def moved(  # noqa: PLR0917 - one for each parameter of the tests

@@ -142,7 +142,7 @@ def check(shot: Shot, places: FloatArray, *, missed: RunError | None) -> None:
 
 
 @on_every_engine
-@examples(40)
+@examples(24)
 @given(shot=shots)
 def test_a_body_never_passes_a_wall_unseen(engine: str, shot: Shot) -> None:
     with tempfile.TemporaryDirectory() as folder:
@@ -164,7 +164,7 @@ def test_a_body_is_never_behind_a_wall_without_an_error(engine: str, offset: flo
 
 
 @on_every_engine
-@examples(20)
+@examples(12)
 @given(shot=shots)
 def test_a_robot_never_passes_a_wall_unseen(engine: str, shot: Shot) -> None:
     with tempfile.TemporaryDirectory() as folder:
