@@ -15,18 +15,7 @@ import pytest
 import yaml
 
 from tests.app.test_margins import PUSHED
-from tests.integration.conftest import (
-    ACTION,
-    ASSERTION_LINE,
-    BOX,
-    INVALID,
-    SCRIPTED,
-    STUCK,
-    TUTORIAL,
-    counts,
-    environment,
-    write,
-)
+from tests.integration.conftest import ACTION, ASSERTION_LINE, INVALID, STUCK, TUTORIAL, counts, environment, write
 from tests.integration.github import Runner
 from tests.patience import PATIENCE
 from tests.soak import soaked
@@ -74,26 +63,6 @@ def test_an_invalid_scenario_is_not_forgiven_and_leaves_the_others_running(runne
     assert "travle" in annotation.message
 
 
-def test_no_scenario_is_no_success_and_not_forgiven(runner: Runner) -> None:
-    result = runner.run(ACTION, {"fail-on-failure": "false"})
-    assert result.exit_code == 5
-    assert result.outputs["total"] == "0"
-
-
-def test_scenario_takes_a_path_folder_or_glob_per_line(runner: Runner) -> None:
-    for name in (
-        "one path.sim.yml",
-        "a folder/a.sim.yml",
-        "globs/b 1.sim.yml",
-        "globs/b 2.sim.yml",
-        "not named.sim.yml",
-    ):
-        write(runner.workspace / name, TUTORIAL)
-    result = runner.run(ACTION, {"scenario": "one path.sim.yml\n\n  a folder\nglobs/b *.sim.yml\n"})
-    assert result.exit_code == 0, result.log
-    assert result.outputs["total"] == "4"
-
-
 def test_failures_can_be_forgiven_and_reports_left_out(runner: Runner) -> None:
     write(runner.workspace / "stuck.sim.yml", STUCK.replace("30 s", "1 s"))
     inputs = {"summary": "false", "annotations": "false", "junit-path": "a/b.xml", "junit-strict": "true", "jobs": "1"}
@@ -120,20 +89,6 @@ def test_the_input_margins_is_a_gate_with_reports_of_its_own(runner: Runner) -> 
     assert annotation.message.startswith("fails already at 0.3057, 38.9 % below 0.5; 80 % below 0.5 was asked: object")
     for told in (annotation.message, "` push: ", "sim-action margins --at-least=friction=0.4 push.sim.yml"):
         assert told in missed.summary
-
-
-def test_crash_of_a_scenario_is_an_error_of_its_own(runner: Runner) -> None:
-    write(runner.workspace / "box.urdf", BOX)
-    write(runner.workspace / "controller.py", "import os\n\ndef control(observation):\n    os.abort()\n")
-    write(runner.workspace / "box.sim.yml", SCRIPTED)
-    write(runner.workspace / "straight.sim.yml", TUTORIAL)
-    result = runner.run(ACTION)
-    assert result.exit_code == 1
-    assert counts(result) == {"total": "2", "passed": "1", "failed": "0", "errors": "1"}
-    assert "SIGABRT" in result.annotations[0].message
-    assert result.annotations[0].file == "box.sim.yml"
-    assert float(result.outputs["duration"]) > 0
-    assert float(result.outputs["real-time-factor"]) > 0
 
 
 @pytest.mark.parametrize("forgiving", soaked(["true", "false"], short=["true"]))

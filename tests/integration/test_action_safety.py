@@ -47,8 +47,6 @@ HOSTILE_CHOICES = [
 CHATTER = "::error::forged\n##[error]forged\n::set-output name=conclusion::forged\n::stop-commands::forged\n"
 
 
-# The short form has all texts at once, one folder below the other, and a text for each choice.
-SOME_HOSTILE = [HOSTILE[0], HOSTILE[5]]
 ALL_HOSTILE = "/".join([HOSTILE[5], *HOSTILE[:5], *HOSTILE[6:]])
 ALL_CHOICES = dict(zip(CHOICES, itertools.cycle(HOSTILE_CHOICES), strict=False))
 HOSTILE_BY_CHOICE = [{name: text} for name, text in itertools.product(CHOICES, HOSTILE_CHOICES)]
@@ -160,7 +158,7 @@ def test_nodes_of_strangers_wait_for_permission(runner: Runner, event: str) -> N
 ROSTEST = {"package": "robot", "file": "a.test", "ros1": "false"}
 
 
-@pytest.mark.parametrize("text", soaked(HOSTILE, short=SOME_HOSTILE))
+@pytest.mark.parametrize("text", soaked(HOSTILE, short=HOSTILE[:1]))
 def test_inputs_of_rostest_are_text(runner: Runner, text: str) -> None:
     inputs = {"package": text, "file": text, "arguments": text, "sim-time-limit": text}
     result = runner.run(ACTION / "rostest", {**ROSTEST, **inputs})
@@ -178,7 +176,7 @@ def test_modules_of_the_caller_do_not_stand_in_for_ours(runner: Runner) -> None:
     assert not (runner.workspace / "pwned").exists()
 
 
-@pytest.mark.parametrize("text", soaked(HOSTILE, short=SOME_HOSTILE))
+@pytest.mark.parametrize("text", soaked(HOSTILE, short=HOSTILE[5:6]))
 def test_inputs_of_matrix_and_merge_are_text(runner: Runner, text: str) -> None:
     write(runner.workspace / text / f"{text}.sim.yml", TUTORIAL)
     inputs = {"shards": "2", "scenario": f"{text}.sim.yml", "working-directory": text, "durations": text}
@@ -192,23 +190,3 @@ def test_inputs_of_matrix_and_merge_are_text(runner: Runner, text: str) -> None:
         assert not list(runner.workspace.rglob("pwned"))
         assert "##[" not in result.log
         assert "forged" not in {annotation.message for annotation in result.annotations}
-
-
-@pytest.mark.parametrize("text", soaked(HOSTILE_CHOICES, short=HOSTILE_CHOICES[:1]))
-def test_choices_of_matrix_are_refused(runner: Runner, text: str) -> None:
-    write(runner.workspace / "straight.sim.yml", TUTORIAL)
-    assert runner.run(ACTION / "matrix", {"shards": text}).exit_code == 2
-    assert not list(runner.workspace.rglob("pwned"))
-
-
-SWITCHES = ["junit-strict", "summary", "annotations", "fail-on-failure"]
-
-
-@pytest.mark.parametrize(
-    ("name", "text"), soaked(itertools.product(SWITCHES, HOSTILE_CHOICES), short=[(SWITCHES[-1], HOSTILE_CHOICES[2])])
-)
-def test_choices_of_merge_are_refused(runner: Runner, name: str, text: str) -> None:
-    refused = runner.run(ACTION / "merge", {"results": ".", name: text})
-    assert refused.exit_code == 2
-    assert f"the input {name} must be" in refused.annotations[0].message
-    assert not list(runner.workspace.rglob("pwned"))

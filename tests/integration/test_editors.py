@@ -59,27 +59,6 @@ def test_an_editor_reports_typos_at_their_line_in_few_words(server: LanguageServ
         assert all(len(message.partition("|^")[0]) < 120 for _, message in problems), problems
 
 
-def test_an_editor_reports_mistakes_in_draws(server: LanguageServer) -> None:
-    messages = {
-        "{normal: [0, 5 cm], between: [-10 cm, 10 cm]}": None,
-        "{choice: [1, {a: [2]}, b], weights: [1, 2, 0.5], samples: 3}": None,
-        "{sobol: [0 m, 5 cm], samples: 8}": None,
-        "{csv: rows.csv, column: x}": None,
-        "{choise: [1, 2], samples: 3}": "Property choise is not allowed",
-        "{uniform: [0, 1], between: [0, 1]}": "Property between is not allowed",
-        "{uniform: [0, 1], normal: [0, 1]}": "Property normal is not allowed",
-        "{log_uniform: [1], samples: 3}": "Array has too few items. Expected 2 or more",
-        "{integers: [0, 1.5], samples: 3}": 'Incorrect type. Expected "integer"',
-        "{uniform: [0, 1], samples: 0}": "Value is below the minimum of 1",
-    }
-    texts = {draw: f"{SCENARIO}variations:\n  robot.pose.x: {draw}\n" for draw in messages}
-    found = server.problems({f"file:///draw-{number}.sim.yml": text for number, text in enumerate(texts.values())})
-    last = SCENARIO.count("\n") + 2
-    for (draw, message), problems in zip(messages.items(), found.values(), strict=True):
-        told = [text for line, text in problems if line == last]
-        assert (len(problems) == len(told) == 1 and message in told[0]) if message else not problems, (draw, problems)
-
-
 @pytest.mark.parametrize(
     ("line", "text", "meaning", "notation"),
     [

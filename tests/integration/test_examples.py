@@ -35,8 +35,12 @@ def sim_action(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str
 
 
 OF_NODES = [path for path in EXAMPLES if re.search(r"^  ros[12]:", path.read_text(encoding="utf-8"), re.MULTILINE)]
-# What stands for a part that has a form of its own on each engine.
-PARTS = {"assertions", "commands", "drives", "robots", "sensors", "worlds"}
+# What stands for a part that has a form of its own on each engine; another test has assertions on each one.
+PARTS = {"commands", "drives", "robots", "sensors", "worlds"}
+# Tests of their own run them.
+ELSEWHERE = {"quadrotor", "quadruped"}
+# It takes PyBullet as long as thirty others.
+SLOW = "belt_and_arm.sim.yml"
 
 
 def all_pass(paths: list[Path], engine: str, folder: Path) -> None:
@@ -53,15 +57,19 @@ def all_pass(paths: list[Path], engine: str, folder: Path) -> None:
     assert [outcome["name"] for outcome in found if outcome["warnings"]] == []
 
 
-@pytest.mark.parametrize(
-    ("engine", "every"),
-    soaked([(engine, True) for engine in installed()], short=[(installed()[0], True)])
-    + [(engine, False) for engine in installed()[1:]],
-)
-def test_all_examples_pass_on_every_engine(engine: str, every: bool, tmp_path: Path) -> None:
-    """All of them on one engine, and those of parts on the others."""
-    without_nodes = [path for path in EXAMPLES if path not in OF_NODES]
-    all_pass([path for path in without_nodes if every or path.parent.name in PARTS], engine, tmp_path)
+WITHOUT_NODES = [path for path in EXAMPLES if path not in OF_NODES]
+CHOSEN = {
+    "all": WITHOUT_NODES,
+    "quick": [path for path in WITHOUT_NODES if path.parent.name not in ELSEWHERE and path.name != SLOW],
+    "parts": [path for path in WITHOUT_NODES if path.parent.name in PARTS],
+}
+SHORT = list(zip(installed(), ("quick", "parts"), strict=False))
+
+
+@pytest.mark.parametrize(("engine", "which"), soaked([*SHORT, *((engine, "all") for engine in installed())], SHORT))
+def test_all_examples_pass_on_every_engine(engine: str, which: str, tmp_path: Path) -> None:
+    """Most of them on one engine, and those of parts on the other."""
+    all_pass(CHOSEN[which], engine, tmp_path)
 
 
 @pytest.mark.soak

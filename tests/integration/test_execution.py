@@ -19,7 +19,6 @@ from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.isolation.linux_child import LinuxChild
 from sim_action.runner.isolation.portable_child import PortableChild
 from sim_action.scenario.loading import load_scenario
-from sim_action.state.trace_storage import load_trace
 from tests.patience import wait_until
 from tests.pool import execute
 from tests.soak import soaked
@@ -119,21 +118,6 @@ def processes_of(marker: Path) -> list[int]:
             except OSError:
                 continue
     return found
-
-
-def test_where_no_controller_runs_none_is_stuck(tmp_path: Path, run: Run) -> None:
-    (tmp_path / "endless.xacro").write_text(
-        '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="${9**9**9}"/></robot>'
-    )
-    path = scenario(tmp_path, "xacro", wall_limit=2)
-    path.write_text(path.read_text().replace("turtlebot3_burger", "endless.xacro"))
-    (outcome,) = run([path], tmp_path)
-    (failure,) = outcome.failures
-    assert failure.kind == "wall limit"
-    assert (
-        "after 2 s of wall time (wall_limit): xacro that does not terminate or a limit that is too low;"
-        in failure.message
-    )
 
 
 WITHOUT_VERDICT: Mapping[str, tuple[str, str, str]] = {
@@ -356,29 +340,6 @@ def test_what_the_engine_says_becomes_diagnostics(tmp_path: Path, run: Run, capf
     assert "nothing.urdf" in outcome.diagnostics[0].message
     assert outcome.output == ""
     assert capfd.readouterr() == ("", "")
-
-
-def test_traces_are_stored_at_the_rate_that_was_asked_for(tmp_path: Path, run: Run) -> None:
-    path = scenario(tmp_path, "kept")
-    path.write_text(path.read_text() + "trace: {rate: 60 Hz}\n")
-    (outcome,) = run([path], tmp_path)
-    assert outcome.trace == "traces/kept.npz"
-    trace = load_trace(tmp_path / "results" / outcome.trace)
-    assert trace.time[1] - trace.time[0] == pytest.approx(1 / 60)
-    assert trace.time[-1] == outcome.sim_time
-
-
-@pytest.mark.parametrize("copies", soaked([2, 8], short=[2]))
-def test_many_runs_have_one_digest(tmp_path: Path, run: Run, copies: int) -> None:
-    paths = [scenario(tmp_path, f"copy-{index}") for index in range(copies)]
-    wall = scenario(tmp_path, "other", "{twist: [{linear: 0.2, angular: 1.0}]}")
-    alone = [run([paths[0]], tmp_path / str(index), jobs=1)[0].digest for index in range(copies // 2)]
-    together = run([paths[0], wall, *paths[1:]], tmp_path / "together", jobs=1)
-    half = copies // 2
-    parallel = run([*paths[:half], wall, *paths[half:]], tmp_path / "parallel", jobs=2)
-    digests = [o.digest for o in (*together, *parallel) if o.name != "other"]
-    assert len(alone) + len(digests) == copies // 2 + 2 * copies
-    assert len({*alone, *digests}) == 1
 
 
 @on_both

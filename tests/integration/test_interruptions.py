@@ -209,7 +209,8 @@ def test_a_signal_does_not_hide_an_error_of_usage(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, -15), (signal.SIGHUP, -1), (signal.SIGQUIT, -3)]
+    ("number", "code"),
+    soaked(zip(SIGNALS, (130, -15, -1, -3), strict=True), short=[(signal.SIGINT, 130), (signal.SIGTERM, -15)]),
 )
 def test_a_command_that_only_prints_ends_at_once(folder: Path, number: signal.Signals, code: int) -> None:
     assert at_import(folder, "click", number, "validate", ".") == code

@@ -12,7 +12,6 @@ import pytest
 
 from sim_action.engines import installed
 from sim_action.results.results_json import Results
-from tests.soak import soaked
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems tell no peak of memory in this way")
 ROOT: Final = Path(__file__).parents[2]
@@ -62,7 +61,8 @@ def peak_kb(folder: Path, samples: int) -> int:
     return int((folder / "peak").read_text())
 
 
-@pytest.mark.parametrize("samples", soaked([200, 10_000], short=[200]))
+@pytest.mark.soak
+@pytest.mark.parametrize("samples", [200, 10_000])
 def test_a_call_keeps_little_of_each_run(tmp_path: Path, samples: int) -> None:
     few, many = peak_kb(tmp_path / "few", FEW), peak_kb(tmp_path / "many", samples)
     assert many - few < MOST_KB_FOR_A_RUN * (samples - FEW)

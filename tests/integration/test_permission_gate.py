@@ -222,7 +222,7 @@ SOME_EVENTS: Final = ("pull_request_target", "push", "pull_request_review", "fal
     ("name", "event"),
     soaked(
         product(GATED, sorted(PRIVILEGED_EVENTS | set(SOME_EVENTS))),
-        short=[*product(GATED, ("pull_request_target", "false")), *product(["run"], SOME_EVENTS[1:3])],
+        short=[*product(GATED, SOME_EVENTS[:1]), *product(["run"], SOME_EVENTS[1:])],
     ),
 )
 def test_code_is_refused(
@@ -296,14 +296,3 @@ def test_no_file_is_imported_by_its_name_alone(words: list[str], tmp_path: Path)
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert markers(tmp_path) == set()
-
-
-@pytest.mark.parametrize("key", ['allow-scripts = "true"', 'pass-env = ["HOME"]', "allow-outside = true"])
-def test_the_project_file_permits_nothing(
-    key: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("GITHUB_EVENT_NAME", "issue_comment")
-    Path("pyproject.toml").write_text(f"[tool.sim-action]\n{key}\n")
-    for name in GATED:
-        assert call(CALLS[name]) == 2
-    assert markers(folder, capsys.readouterr().out) == set()

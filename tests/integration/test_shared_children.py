@@ -214,7 +214,7 @@ ACTIONS: Final = st.tuples(
 )
 
 
-@examples(4)
+@examples(2)
 @given(acts=st.lists(ACTIONS, min_size=2, max_size=8), jobs=st.integers(1, 2))
 def test_runs_that_share_processes_have_the_outcomes_of_runs_alone(
     tmp_path_factory: pytest.TempPathFactory, acts: list[tuple[str, str, float, int]], jobs: int
@@ -264,19 +264,18 @@ from pathlib import Path
 
 from tests.integration.test_shared_children import ENGINES, Listener, run, suite
 
-folder, shares = Path(sys.argv[1]), sys.argv[2] == "shared"
+folder = Path(sys.argv[1])
 loaded = suite(folder, [("be honest", ENGINES[0], 0.2, 4)] * 3)
 ctypes.CDLL(None).printf(b"not of a run\\n")
-outcomes = run(loaded, folder, Listener(), jobs=1, shares=shares)
+outcomes = run(loaded, folder, Listener(), jobs=1)
 sys.stderr.write(repr([outcome.output for outcome in outcomes]))
 """
 
 
-@pytest.mark.parametrize("how", ["alone", "shared"])
-def test_what_native_code_printed_before_the_runs_belongs_to_none(tmp_path: Path, how: str) -> None:
+def test_what_native_code_printed_before_the_runs_belongs_to_none(tmp_path: Path) -> None:
     # Only without this variable, C keeps printed output in a buffer.
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
-    command = [sys.executable, "-c", PRINTING, str(tmp_path), how]
+    command = [sys.executable, "-c", PRINTING, str(tmp_path)]
     found = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
     assert found.stdout == "not of a run\n"
     assert found.stderr.splitlines()[-1] == repr([""] * 3)
@@ -286,7 +285,7 @@ def children() -> set[int]:
     return set(map(int, Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()))
 
 
-@examples(3)
+@examples(2)
 @given(number=st.integers(1, 12), kind=st.sampled_from((Started, Progressed, RunEnded)), jobs=st.integers(1, 2))
 def test_a_process_that_is_killed_from_outside_costs_no_verdict_of_another_run(
     tmp_path_factory: pytest.TempPathFactory, number: int, kind: type[Event], jobs: int
@@ -320,19 +319,19 @@ def test_with_fail_fast_a_run_that_is_repeated_has_its_own_outcome(tmp_path: Pat
     assert [outcome.status for outcome in shared] == ["passed", "error", "skipped"]
 
 
-def examples_without_code(engine: str) -> list[LoadedScenario]:
-    """The examples without user code that run on this engine."""
-    sources = [source for path in EXAMPLES for source in read_file(path, Permissions())]
+def examples_without_code(engine: str, every: int) -> list[LoadedScenario]:
+    """The examples without user code that run on this engine; of all files, each `every`-th."""
+    sources = [source for path in EXAMPLES[::every] for source in read_file(path, Permissions())]
     loaded = [each for each in load_all(sources, Permissions()) if not isinstance(each, Refused)]
     runs = [each for one in loaded if not one.scenario.runs_user_code for each in engine_runs(one, "all")]
     return [each for each in runs if chosen(each.scenario.backend) == engine]
 
 
-@pytest.mark.parametrize(("engine", "every"), soaked(list(product(ENGINES, (1, 36))), product(ENGINES, (36,))))
+@pytest.mark.parametrize(("engine", "every"), soaked(list(product(ENGINES, (1, 24))), product(ENGINES, (24,))))
 def test_examples_have_the_same_digests_in_a_process_that_has_run_others(
     tmp_path: Path, engine: str, every: int
 ) -> None:
-    loaded = examples_without_code(engine)[::every]
+    loaded = examples_without_code(engine, every)
     assert len(loaded) > 2
     alone = run(loaded, tmp_path / "alone", Listener(), shares=False, replays=True)
     # Each follows all others.
