@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from sim_action.core.geometry import Pose as Pose
     from sim_action.core.geometry import Twist as Twist
     from sim_action.core.version import __version__ as __version__
-    from sim_action.robot.model.link_motion import LinkMotion as LinkMotion
+    from sim_action.robot.model.kinematics import LinkMotion as LinkMotion
     from sim_action.scenario.written import Scenario as Scenario
     from sim_action.state.command import Command as Command
     from sim_action.state.command import JointTargets as JointTargets
@@ -49,7 +49,7 @@ _HOMES = {
     "sim_action.commands.controller_answers": ("JointDescription", "RobotDescription"),
     "sim_action.core.geometry": ("Pose", "Twist"),
     "sim_action.core.version": ("__version__",),
-    "sim_action.robot.model.link_motion": ("LinkMotion",),
+    "sim_action.robot.model.kinematics": ("LinkMotion",),
     "sim_action.scenario.written": ("Scenario",),
     "sim_action.state.command": ("Command", "JointTargets", "LinkWrench"),
     "sim_action.state.joint_motion": ("JointMotion",),

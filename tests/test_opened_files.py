@@ -42,7 +42,7 @@ GATED: Final = {
     "scenario/watched_files.py": "Packages.may_read for each path, with links resolved",
     "state/golden_trajectory.py": "Workspace.file",
     "world/shape_files/grids.py": "Workspace.file",
-    "world/shape_files/shape_error.py": "Workspace.file",
+    "world/shapes.py": "Workspace.file",
 }
 """Modules that open a file that a scenario or a model names -> the check that comes first."""
 

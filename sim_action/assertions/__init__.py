@@ -63,7 +63,6 @@ class Assertion(FrozenModel):
 
     has_golden: ClassVar[bool] = False  # True if it compares the run with a golden trajectory
     more_moments: ClassVar[str] = "run for longer"  # the advice for a run in which it was judged at one moment only
-    slow_modules: ClassVar[tuple[str, ...]] = ()  # modules that its monitor imports, and that few runs need
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: object) -> None:

@@ -19,8 +19,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import link_name_problems, links_named
-from sim_action.robot.model.kinematics import link_poses
-from sim_action.robot.model.link_motion import centre_of_mass
+from sim_action.robot.model.kinematics import centre_of_mass, link_poses
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace

@@ -20,7 +20,7 @@ from sim_action.assertions.monitors.contacts import (
 from sim_action.core.records import dataclass
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.model.link_pairs import has_limb
+from sim_action.robot.model.robot_model import has_limb
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.timeline import is_late
 from sim_action.state.trace import Trace
@@ -28,7 +28,7 @@ from sim_action.state.trace_records import Channels
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
 from sim_action.world.ground import GROUND
-from sim_action.world.out_of_reach import out_of_reach
+from sim_action.world.link_range import out_of_reach
 from sim_action.world.scene import Scene
 
 
@@ -48,7 +48,6 @@ class NoCollision(Assertion):
     )
     measured_unit: ClassVar[str | None] = "contacts"
     sees_shapes: ClassVar[bool] = True
-    slow_modules: ClassVar[tuple[str, ...]] = ("robot.model.link_pairs",)
 
     allow: Annotated[
         tuple[str, ...], Field(description="objects that may be touched, and links of the robot that may touch")

@@ -24,8 +24,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.model.kinematics import link_of_frame, why_no_frame
-from sim_action.robot.model.link_motion import LinkMotion, link_motion
+from sim_action.robot.model.kinematics import LinkMotion, link_motion, link_of_frame, why_no_frame
 from sim_action.robot.model.robot_model import WORLD
 from sim_action.state.observation import Observation
 from sim_action.state.timeline import waits
@@ -33,7 +32,7 @@ from sim_action.state.trace import Trace
 from sim_action.state.trace_records import Channels
 from sim_action.state.verdict import Judged, Mark, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
-from sim_action.world.out_of_reach import passed_by
+from sim_action.world.link_range import passed_by
 from sim_action.world.scene import Scene
 
 _OF_ROBOT: Final = Without(frozenset({"link"}))

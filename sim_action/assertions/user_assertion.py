@@ -23,7 +23,7 @@ from sim_action.core.wording import did_you_mean, escaped_line, shown, with_arti
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import plain_data
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.model.link_motion import LinkMotions
+from sim_action.robot.model.kinematics import LinkMotions
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace

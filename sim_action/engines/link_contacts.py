@@ -18,8 +18,7 @@ from sim_action.core.errors import BadStart, EngineError
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, replace
 from sim_action.engines.observers import MIN_OVERLAP_M, Nearest
-from sim_action.robot.model.link_pairs import NO_PAIRS, LinkPair
-from sim_action.robot.model.robot_model import Joint, RobotModel, Shape
+from sim_action.robot.model.robot_model import NO_PAIRS, Joint, LinkPair, RobotModel, Shape
 from sim_action.state.observation import SelfContact
 from sim_action.state.trace import Trace
 from sim_action.world.scene import Scene

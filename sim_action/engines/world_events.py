@@ -17,7 +17,7 @@ from sim_action.core.units import first_step
 from sim_action.engines.body_control import BodyControl, Target
 from sim_action.state.timeline import waits
 from sim_action.world import Body, Disturbance, Patch, World
-from sim_action.world.body_path import PosePath
+from sim_action.world.body import PosePath
 from sim_action.world.scene import Scene
 
 _AT_REST: Final = Twist()

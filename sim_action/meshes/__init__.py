@@ -22,8 +22,7 @@ from sim_action.core.geometry import Vector3
 from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.wording import shown
 from sim_action.meshes.collada import read_collada
-from sim_action.meshes.collision_hulls import MeshFacts, facts_of
-from sim_action.meshes.hull_file import FORMAT, CleanMesh, read_clean_mesh, write_clean_mesh
+from sim_action.meshes.collision_hulls import FORMAT, CleanMesh, MeshFacts, facts_of, read_clean_mesh, write_clean_mesh
 from sim_action.meshes.mesh import (
     MAX_BINARY_TRIANGLES,
     MAX_BYTES,

@@ -16,8 +16,7 @@ from sim_action.drives import recognise, why_not_recognised
 from sim_action.robot.model.findings import ALLOWABLE, RULES
 from sim_action.robot.model.joint_selection import joints_set_by, setting_problems
 from sim_action.robot.model.kinematics import beyond_limits, why_no_link
-from sim_action.robot.model.link_pairs import NO_PAIRS, touchable_pairs
-from sim_action.robot.model.robot_model import WORLD, RobotModel
+from sim_action.robot.model.robot_model import NO_PAIRS, WORLD, RobotModel, touchable_pairs
 from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, Expectation, Scenario, common_rate
 from sim_action.scenario.source import Source
 from sim_action.scenario.variations.gate import GATE, PlannedGate, Quantile

@@ -12,8 +12,7 @@ from sim_action.assertions import Assertion
 from sim_action.core.records import replace
 from sim_action.core.wording import quoted
 from sim_action.core.yaml_document import KeyPath
-from sim_action.robot.model.link_pairs import rigid_bodies
-from sim_action.robot.model.robot_model import Link
+from sim_action.robot.model.robot_model import Link, rigid_bodies
 from sim_action.scenario.model import Agreement, Expectation, Scenario
 from sim_action.world.claims import HEADINGS, ORIENTATIONS, ClaimFinding, Findings, Setting, beyond
 from sim_action.world.scene import Scene

@@ -23,7 +23,7 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.scenario.faults import Fault
 from sim_action.state.timeline import NOT_YET, TimeMark, late_problems, waits
 from sim_action.world import Body, Disturbance, Patch
-from sim_action.world.body_path import MAX_PACE, Pace
+from sim_action.world.body import MAX_PACE, Pace
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from sim_action.scenario.model import Scenario
 from sim_action.state.observation import Clash
 from sim_action.state.timeline import is_late, late_problems
 from sim_action.world import GROUND, Body, Disturbance, Physics, World, placed
-from sim_action.world.body_path import placements
+from sim_action.world.body import placements
 from sim_action.world.claims import OVERLAPPING_BODIES
 from sim_action.world.scene import Scene
 

@@ -17,7 +17,7 @@ from sim_action.core.errors import BadSource, ControllersFinished, RunError, Scr
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import replace
 from sim_action.engines.engine import Engine, RobotQueries
-from sim_action.robot.model.link_motion import link_motion
+from sim_action.robot.model.kinematics import link_motion
 from sim_action.scenario.model import DrivenActor, Scenario
 from sim_action.simulation.controllers import Controls
 from sim_action.simulation.guards import Guard, Tunnelling, Watchdog

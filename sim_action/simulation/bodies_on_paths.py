@@ -35,7 +35,7 @@ from sim_action.state.observation import Contact
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import FRAME_RATE
 from sim_action.world import GROUND, Body, path_of, placed
-from sim_action.world.body_path import PosePath
+from sim_action.world.body import PosePath
 from sim_action.world.parts import reach
 from sim_action.world.scene import Scene
 

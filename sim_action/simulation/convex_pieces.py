@@ -19,7 +19,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass
-from sim_action.meshes.hull_file import read_hull_points
+from sim_action.meshes.collision_hulls import read_hull_points
 from sim_action.robot.model.robot_model import Shape
 from sim_action.world.parts import (
     BoxPart,

@@ -18,7 +18,7 @@ from sim_action.core import geometry
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass
 from sim_action.robot.documents.urdf_elements import MOMENTS, number, origin
-from sim_action.robot.model.link_motion import Frames, frames_of, link_motion
+from sim_action.robot.model.kinematics import Frames, frames_of, link_motion
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.trace import Trace
 from sim_action.world.scene import Scene

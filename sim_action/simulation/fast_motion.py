@@ -13,11 +13,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from sim_action.core.lazy_numpy import FloatArray
-from sim_action.engines.motion_bound import motion_factors
+from sim_action.engines.clearances import motion_factors
 from sim_action.robot.model.robot_model import Shape
 from sim_action.state.trace import Trace
 from sim_action.world import MAX_SPEED, Body, path_of
-from sim_action.world.body_path import PosePath
+from sim_action.world.body import PosePath
 from sim_action.world.parts import BoxPart, CylinderPart, Part, SpherePart, reach
 from sim_action.world.scene import Scene
 

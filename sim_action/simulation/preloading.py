@@ -27,7 +27,6 @@ def needed_modules(scenarios: Iterable[LoadedScenario]) -> set[str]:
         if loaded.model is None:
             continue
         found.update(_of_world(loaded))
-        found.update(_of_claims(loaded.scenario, loaded.model))
         # Variations often have the same robot.
         scenario = loaded.scenario
         drive = scenario.robot.drive
@@ -46,15 +45,6 @@ def _of_world(loaded: LoadedScenario) -> Iterator[str]:
         yield "simulation.faults"
     if not (loaded.scenario.commands or world.disturbances):
         yield "simulation.energy"
-
-
-def _of_claims(scenario: Scenario, model: RobotModel) -> Iterator[str]:
-    # An arm has at least two motors on a fixed base, a leg three: only then are links checked against each other.
-    few = 1 if scenario.robot.base == "fixed" else 2
-    if len(model.motor_joints) > few:
-        yield "robot.model.link_pairs"
-    for assertion in scenario.assertions:
-        yield from assertion.slow_modules
 
 
 def _of_robot(scenario: Scenario, model: RobotModel) -> Iterator[str]:

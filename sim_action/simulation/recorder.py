@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sim_action.core.geometry import Twist
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import replace
+from sim_action.robot.model.kinematics import frames_of, link_frames
 from sim_action.scenario.model import Agreement, Scenario
 from sim_action.sensors import ReadingLog
 from sim_action.state.command import Command, JointTargets, LinkWrench
@@ -241,8 +242,6 @@ class EveryStep:
     def _link_poses(self, scene: Scene, rows: FloatArray) -> dict[str, FloatArray]:
         if not self._links:
             return {}
-        from sim_action.robot.model.link_motion import frames_of, link_frames  # a usual run does without it
-
         frames = link_frames(scene.model, frames_of(rows[:, 1:4], rows[:, 4:8]), rows[:, 8:])
         return {
             name: np.column_stack([*frames[name].position_xyz, *frames[name].orientation_xyzw]) for name in self._links

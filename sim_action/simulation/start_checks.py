@@ -22,7 +22,7 @@ from sim_action.drives import Drive, DriveMotion, recognise
 from sim_action.drives.undercarriage import ignored_statements
 from sim_action.drives.wheels import axis_in_base, opposed_note
 from sim_action.engines.engine import Engine
-from sim_action.robot.model.link_pairs import unwatched_note
+from sim_action.robot.model.robot_model import unwatched_note
 from sim_action.scenario.model import Scenario
 from sim_action.scenario.world_checks import DEPTH, Clashes, paths_of
 from sim_action.state.observation import Clash, Overlap

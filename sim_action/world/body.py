@@ -1,20 +1,22 @@
-"""One object of the world, fixed or with a mass: of one shape, or of several with stated mass properties."""
+"""One object of the world, fixed, on a path or with a mass: of one shape, or of several with stated mass properties."""
 
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Final, Self
+from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
 from sim_action.core import field_types, geometry
-from sim_action.core.geometry import Pose, Twist, symmetric_eigenvalues
+from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy, symmetric_eigenvalues
+from sim_action.core.records import dataclass
 from sim_action.core.units import first_step
 from sim_action.state.timeline import TimeMark
-from sim_action.world.body_path import Pace, PathPoint, PosePath, placements
 from sim_action.world.ground import Friction
+from sim_action.world.parts import BoxPart, CylinderPart, Part, SpherePart, lowest, moved
 from sim_action.world.physics import MAX_MASS, MAX_SPEED
 from sim_action.world.shapes import (
     MAX_LENGTH_M,
@@ -28,8 +30,114 @@ from sim_action.world.shapes import (
     Stairs,
 )
 
-if TYPE_CHECKING:
-    from sim_action.world.parts import Part
+MAX_PACE: Final = 100.0  # the greatest multiple of the speed that a path states
+
+
+class PathPoint(field_types.FrozenModel):
+    """The pose of a body at one time, world frame; missing keys keep their last value."""
+
+    at: Annotated[
+        field_types.NonNegativeSeconds, Field(description="sim time; must be later than that of the previous point")
+    ]
+    x: field_types.Coordinate | None = None
+    y: field_types.Coordinate | None = None
+    z: field_types.Coordinate | None = None
+    roll: field_types.Radians | None = None
+    pitch: field_types.Radians | None = None
+    yaw: Annotated[
+        field_types.Radians | None, Field(description="absolute angle, not wrapped: 360 deg is one full turn")
+    ] = None
+
+    def after(self, before: field_types.Placement) -> field_types.Placement:
+        """Return the placement at this point, given the previous one."""
+        stated = self.model_dump(exclude={"at"}, exclude_none=True)
+        return before.model_copy(update=stated)
+
+
+class Pace(field_types.FrozenModel):
+    """A change of the speed along a path, which then lasts longer or shorter, or stops."""
+
+    at: Annotated[field_types.NonNegativeSeconds, Field(description="sim time of the change")]
+    speed: Annotated[
+        float, Field(ge=0, le=MAX_PACE, description="speed from then on, as a multiple of the stated one; 0: it stops")
+    ]
+
+
+def placements(start: field_types.Placement, points: Sequence[PathPoint]) -> tuple[field_types.Placement, ...]:
+    """Return the placement at each point."""
+    found: list[field_types.Placement] = []
+    for point in points:
+        found.append(point.after(found[-1] if found else start))
+    return tuple(found)
+
+
+Numbers = tuple[float, float, float, float, float, float]  # x, y, z in m and roll, pitch, yaw in rad
+
+
+@dataclass(frozen=True, slots=True)
+class PosePath:
+    """A pose over time. Each of its six numbers is interpolated linearly; angles are not wrapped."""
+
+    times: tuple[float, ...]  # of the points in s, ascending
+    points: tuple[Numbers, ...]  # the numbers at those times
+    loops: bool = False  # True if the path repeats; otherwise the pose stays at the last point
+    # the changes of the speed along the path: sim time in s, and a multiple of the stated speed
+    pace: tuple[Pace, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        start: field_types.Placement,
+        points: Sequence[PathPoint],
+        *,
+        loops: bool = False,
+        pace: tuple[Pace, ...] = (),
+    ) -> Self:
+        """Return the path of a body; `start` gives the keys that its points omit."""
+        numbers = tuple((p.x, p.y, p.z or 0.0, p.roll, p.pitch, p.yaw) for p in placements(start, points))
+        return cls(tuple(point.at for point in points), numbers, loops, pace)
+
+    def numbers(self, time: float) -> Numbers:
+        """Return the numbers at a time in s; before the first point, those of the first point."""
+        if self.pace:
+            time = self._along(time)
+        first, last = self.times[0], self.times[-1]
+        if self.loops and time > last:
+            time = first + (time - first) % (last - first)
+        after = bisect_right(self.times, time)
+        if after == 0:
+            return self.points[0]
+        if after == len(self.times):
+            return self.points[-1]
+        begins, ends = self.times[after - 1], self.times[after]
+        share = (time - begins) / (ends - begins)
+        x, y, z, roll, pitch, yaw = (
+            one + (other - one) * share for one, other in zip(self.points[after - 1], self.points[after], strict=True)
+        )
+        return x, y, z, roll, pitch, yaw
+
+    def _along(self, time: float) -> float:
+        """Return the time in s of the path at a sim time in s."""
+        along, since, speed = 0.0, 0.0, 1.0
+        for change in self.pace:
+            if change.at >= time:
+                break
+            along, since, speed = along + (change.at - since) * speed, change.at, change.speed
+        return along + (time - since) * speed
+
+    def pose(self, time: float) -> Pose:
+        """Return the pose at a time in s, world frame."""
+        x, y, z, roll, pitch, yaw = self.numbers(time)
+        return Pose((x, y, z), quaternion_from_rpy(roll, pitch, yaw))
+
+    def fastest(self, reach: float) -> tuple[float, float]:
+        """Return upper bounds in m/s and rad/s on the speed of points up to `reach` m from the origin, and on turns."""
+        speed = turn = 0.0
+        for (begins, one), (ends, other) in pairwise(zip(self.times, self.points, strict=True)):
+            ways = [abs(after - before) / (ends - begins) for before, after in zip(one, other, strict=True)]
+            speed, turn = max(speed, math.hypot(*ways[:3])), max(turn, sum(ways[3:]))
+        most = max([1.0, *(change.speed for change in self.pace)])
+        return most * (speed + turn * reach), most * turn
 
 
 BODY_SHAPES: Final = ("box", "cylinder", "sphere", "ramp", "stairs", "mesh")
@@ -76,15 +184,11 @@ class Shape(field_types.FrozenModel):
 
     def parts(self) -> Sequence[Part]:
         """Return the parts of a shape that is not read from a file, in the frame of the object."""
-        from sim_action.world.parts import moved  # it imports this module
-
         return [moved(part, self.pose.pose) for part in solid_parts(self)]
 
 
 def solid_parts(shape: Shape | Body) -> Sequence[Part]:
     """Return the parts of a box, cylinder, sphere, ramp or flight of stairs, in its own frame."""
-    from sim_action.world.parts import BoxPart, CylinderPart, SpherePart  # it imports this module
-
     if shape.box is not None:
         return (BoxPart(shape.box),)
     if shape.cylinder is not None:
@@ -296,8 +400,6 @@ class Body(field_types.FrozenModel):
 
 def placed(body: Body, parts: Sequence[Part]) -> Pose:
     """Return the initial pose of a body with these parts, world frame; without a z it stands on the ground."""
-    from sim_action.world.parts import lowest  # it imports this module
-
     at = body.beginning
     z = -lowest(parts, at.orientation_xyzw) if at.z is None else at.z
     return Pose((at.x, at.y, z), at.orientation_xyzw)

@@ -8,16 +8,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated, Final
 
 from pydantic import Field
 
 from sim_action.core.field_types import FrozenModel, Metres, Name, NonNegativeRatio, PositiveSeconds
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass
-
-if TYPE_CHECKING:
-    from sim_action.world.parts import BoxPart
+from sim_action.world.parts import BoxPart
 
 GROUND: Final = "ground"
 Friction = Annotated[NonNegativeRatio, Field(le=100)]
@@ -118,8 +116,6 @@ def _gaps(spans: Sequence[Span]) -> Iterator[Span]:
 
 
 def _box(across: Span, along: Span) -> BoxPart:
-    from sim_action.world.parts import BoxPart  # it imports this module
-
     (left, right), (low, high) = across, along
     return BoxPart(
         (right - left, high - low, _TILE_DEPTH_M), Pose(((left + right) / 2, (low + high) / 2, -_TILE_DEPTH_M / 2))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from sim_action.core import units
 from sim_action.core.errors import Location
@@ -18,10 +18,7 @@ from sim_action.robot.model.kinematics import Mobility, link_poses, why_no_link
 from sim_action.robot.model.robot_model import WORLD, Keyframe, RobotModel, keyframe_of
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.world import Body, Physics, World
-
-if TYPE_CHECKING:
-    from sim_action.world.parts import Part
-
+from sim_action.world.parts import Part
 
 EGO: Final = "robot"  # the name of the robot under test for the other robots of the world
 

@@ -1,19 +1,19 @@
-"""The shapes of bodies as keys of a scenario: primitives, ramp, stairs, mesh, heightfield, occupancy map."""
+"""The shapes of bodies as keys of a scenario: primitives, ramp, stairs, mesh, heightfield, map; and their files."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Final, Self
+from pathlib import Path
+from typing import Annotated, Final, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from sim_action.core import units
 from sim_action.core.field_types import FrozenModel, Metres, NamesFile, PositiveRadians, PositiveRatio
+from sim_action.core.files import read_at_most
 from sim_action.core.geometry import Pose, Vector3
-
-if TYPE_CHECKING:
-    from sim_action.world.parts import BoxPart, HullPart
-
+from sim_action.core.workspace import PathError, Workspace
+from sim_action.world.parts import BoxPart, HullPart
 
 MIN_LENGTH_M: Final = 1e-4  # the least length in m; engines cannot resolve less
 MAX_LENGTH_M: Final = 10_000.0  # the greatest length in m; beyond, the engines' numbers do not resolve millimetres
@@ -62,8 +62,6 @@ class Ramp(FrozenModel):
 
     def parts(self) -> tuple[HullPart]:
         """Return the parts, centred in the bounding box."""
-        from sim_action.world.parts import HullPart  # it imports this module
-
         x, y, z = self.length / 2, self.width / 2, self.rise / 2
         corners = ((-x, -z), (x, -z), (x, z))
         return (HullPart(tuple((ahead, side, up) for side in (-y, y) for ahead, up in corners)),)
@@ -82,8 +80,6 @@ class Stairs(FrozenModel):
 
     def parts(self) -> tuple[BoxPart, ...]:
         """Return one box per step, centred in the bounding box of all."""
-        from sim_action.world.parts import BoxPart  # it imports this module
-
         length, height = self.steps * self.run, self.steps * self.rise
         return tuple(
             BoxPart(
@@ -193,3 +189,31 @@ class OccupancyMap(FrozenModel):
 
     file: Annotated[File, Field(description="the map's .yaml file; the path is relative to the scenario")]
     height: Annotated[Size, Field(description="height of the walls")] = 1.0
+
+
+class ShapeError(ValueError):
+    """An unusable shape; `key`: the key below it that causes this; `number`: its index in `shapes`, if any."""
+
+    def __init__(self, message: str, key: str = "file") -> None:
+        self.key = key
+        self.number: int | None = None
+        super().__init__(message)
+
+
+def read_bytes(path: Path, name: str, most: int, key: str = "file") -> bytes:
+    """Return the bytes of a file; `name`: as in the scenario. Raises ShapeError."""
+    try:
+        data = read_at_most(path, most)
+    except OSError as error:
+        raise ShapeError(f"'{name}' cannot be read: {error.strerror}", key) from None
+    if data is None:
+        raise ShapeError(f"'{name}' is larger than {most / 1e6:g} MB, the limit for this kind of file", key)
+    return data
+
+
+def found_file(workspace: Workspace, name: str, key: str = "file") -> Path:
+    """Return the path of a file that a scenario names. Raises ShapeError."""
+    try:
+        return workspace.file(name)
+    except PathError as error:
+        raise ShapeError(str(error), key) from None

@@ -16,8 +16,7 @@ from sim_action.core.workspace import Workspace
 from sim_action.engines.link_contacts import SelfWatch, reaches
 from sim_action.engines.observers import Nearest
 from sim_action.robot.model.kinematics import link_poses
-from sim_action.robot.model.link_pairs import touchable_pairs
-from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel, touchable_pairs
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
 from tests.soak import examples

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
-from sim_action.engines.motion_bound import BodyMotionBound, RobotMotionBound, swing_per_turn
+from sim_action.engines.clearances import BodyMotionBound, RobotMotionBound, swing_per_turn
 from sim_action.robot.model.robot_model import Joint, Shape
 from tests.traces import WHEELS, burger
 

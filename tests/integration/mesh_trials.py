@@ -10,7 +10,7 @@ from typing import Any
 
 from sim_action.core.geometry import Vector3
 from sim_action.meshes import clean_mesh
-from sim_action.meshes.hull_file import hull_file_name
+from sim_action.meshes.collision_hulls import hull_file_name
 
 _CHILD = Path(__file__).with_name("mesh_engine.py")
 ENGINES_MARGIN = 0.001  # in m: what PyBullet 3.2.7 puts around each hull

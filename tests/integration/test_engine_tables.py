@@ -9,7 +9,7 @@ import pytest
 from sim_action.core.errors import EngineError
 from sim_action.core.workspace import Workspace
 from sim_action.engines import ENGINES
-from sim_action.robot.audit.kinematic_tree import MAX_JOINTS, MAX_MOVING_JOINTS
+from sim_action.robot.audit.joints import MAX_JOINTS, MAX_MOVING_JOINTS
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.urdf import read_urdf
 from sim_action.state.command import JointTargets

@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import pytest
 
-from sim_action.robot.model.link_motion import centre_of_mass
+from sim_action.robot.model.kinematics import centre_of_mass
 from sim_action.simulation.loop import SimulationRun
 from sim_action.state.command import JointTargets
 from sim_action.state.verdict import Verdict

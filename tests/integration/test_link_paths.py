@@ -19,7 +19,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Quaternion, Vector3
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.permissions import Permissions
-from sim_action.robot.model.link_motion import LinkMotion, link_motion
+from sim_action.robot.model.kinematics import LinkMotion, link_motion
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from tests.integration.engines import on_every_engine

@@ -13,7 +13,7 @@ from sim_action.core import geometry
 from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
 from sim_action.engines.engine import Engine
-from sim_action.robot.model.link_motion import link_motion
+from sim_action.robot.model.kinematics import link_motion
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.meshes import welding
-from sim_action.meshes.welding import welded
+from sim_action.meshes import mesh
+from sim_action.meshes.mesh import welded
 from tests.soak import examples
 
 COORDINATES = st.sampled_from([0.0, -0.0, 1.0, -1.0, 1e-40, -1e-40, 0.5, 1e9])
@@ -43,8 +43,8 @@ def test_equal_points_become_one(rows: list[tuple[float, float, float]], kind: t
 @pytest.mark.parametrize("rounds", [0, 1, 6])
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
 def test_many_points_are_sorted_by_z_then_y_then_x(kind: type, rounds: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(welding, "_MAX_ROUNDS", rounds)
-    monkeypatch.setattr(welding, "_CHUNK", 1000)
+    monkeypatch.setattr(mesh, "_MAX_ROUNDS", rounds)
+    monkeypatch.setattr(mesh, "_CHUNK", 1000)
     points = np.random.default_rng(5).integers(-8, 8, (10_000, 3)).astype(kind) / 4
     found, names = welded(points)
     wanted, wanted_names = expected(points)

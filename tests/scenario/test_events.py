@@ -17,7 +17,7 @@ from sim_action.core.field_types import Placement
 from sim_action.simulation.loop import SimulationRun
 from sim_action.state.verdict import Judged
 from sim_action.world import PathPoint
-from sim_action.world.body_path import Pace, PosePath
+from sim_action.world.body import Pace, PosePath
 from tests.scenarios import told
 from tests.simulated import simulated
 

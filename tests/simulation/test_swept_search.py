@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 
 from sim_action.core.geometry import Pose, Vector3, compose, quaternion_from_rpy
 from sim_action.core.lazy_numpy import FloatArray
-from sim_action.engines.motion_bound import motion_factors
-from sim_action.robot.model.kinematics import link_poses
-from sim_action.robot.model.link_motion import frames_of, link_frames
+from sim_action.engines.clearances import motion_factors
+from sim_action.robot.model.kinematics import frames_of, link_frames, link_poses
 from sim_action.robot.model.robot_model import Joint, Link, RobotModel, Shape
 from sim_action.simulation.convex_pieces import Obstacle, link_pieces, part_pieces, part_soups
 from sim_action.simulation.fast_motion import Block, Parts

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, compose, twist_between
 from sim_action.world import Body
-from sim_action.world.body_path import Numbers, PathPoint, PosePath
+from sim_action.world.body import Numbers, PathPoint, PosePath
 
 GATE: dict[str, Any] = {"name": "gate", "box": (0.1, 1, 1), "pose": {"x": 1, "y": 2}}
 

@@ -13,8 +13,7 @@ from sim_action import world
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.robot.model.robot_spec import Robot
-from sim_action.world.mass_properties import mass_properties_of
-from sim_action.world.parts import BoxPart, CylinderPart, HullPart, SpherePart, moved
+from sim_action.world.parts import BoxPart, CylinderPart, HullPart, SpherePart, mass_properties_of, moved
 
 BALL: dict[str, Any] = {"name": "ball", "sphere": {"radius": "10 cm"}}
 

@@ -21,10 +21,8 @@ from sim_action.core.geometry import Pose, Twist
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.model.kinematics import link_of_frame, why_no_frame, why_no_link
-from sim_action.robot.model.link_motion import motion_in
-from sim_action.robot.model.link_pairs import rigid_bodies
-from sim_action.robot.model.robot_model import WORLD
+from sim_action.robot.model.kinematics import link_of_frame, motion_in, why_no_frame, why_no_link
+from sim_action.robot.model.robot_model import WORLD, rigid_bodies
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Mark, Signal, Verdict
@@ -33,7 +31,7 @@ from sim_action.world.link_range import LinkRange, joints_between, range_of
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.robot.model.link_motion import LinkMotion
+    from sim_action.robot.model.kinematics import LinkMotion
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,8 +44,7 @@ from sim_action.assertions.temporal_logic.intervals import (
 from sim_action.assertions.temporal_logic.parser import place
 from sim_action.core import units
 from sim_action.core.records import dataclass, replace
-from sim_action.robot.model.link_pairs import rigid_bodies
-from sim_action.robot.model.robot_model import WORLD, RobotModel
+from sim_action.robot.model.robot_model import WORLD, RobotModel, rigid_bodies
 from sim_action.sensors import sensor_named
 from sim_action.state.readings import DISTANCES, ReadingColumn
 from sim_action.state.trace import Trace

@@ -20,7 +20,7 @@ from sim_action.assertions.temporal_logic.robustness import Samples
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import TIME_EPSILON_S
-from sim_action.robot.model.link_motion import LinkMotion, link_motion
+from sim_action.robot.model.kinematics import LinkMotion, link_motion
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import Trace, yaw_angles

@@ -12,10 +12,9 @@ from typing_extensions import override
 
 from sim_action.core.errors import EngineError
 from sim_action.engines.link_contacts import LinkContacts, SelfPairs, SelfWatch, refuse_start_inside
-from sim_action.engines.mujoco.contact_pairs import Collider
-from sim_action.engines.mujoco.names import engine_name
+from sim_action.engines.mujoco.geoms import Collider, engine_name
 from sim_action.engines.observers import Nearest
-from sim_action.robot.model.link_pairs import LinkPair, touchable_pairs
+from sim_action.robot.model.robot_model import LinkPair, touchable_pairs
 from sim_action.state.observation import SelfContact
 from sim_action.world.scene import Scene
 

@@ -27,19 +27,17 @@ from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import replace
 from sim_action.engines import named_version
 from sim_action.engines.body_control import HeldWrenches
-from sim_action.engines.clearances import ClearanceRecorder
+from sim_action.engines.clearances import ClearanceRecorder, RobotMotionBound
 from sim_action.engines.engine import NO_CHANNELS, Engine, RobotQueries, link_of
 from sim_action.engines.joint_stops import JointStops
-from sim_action.engines.motion_bound import RobotMotionBound
-from sim_action.engines.mujoco.body_control import BasePusher, MuJoCoBodyControl
+from sim_action.engines.mujoco.bodies import BasePusher, Contacts, Distances, Links, MuJoCoBodyControl, Objects, Rays
+from sim_action.engines.mujoco.geoms import with_user_names
 from sim_action.engines.mujoco.motors import Motors
-from sim_action.engines.mujoco.names import with_user_names
-from sim_action.engines.mujoco.queries import Contacts, Distances, Links, Objects, Rays
 from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.engines.mujoco.sliding import SlidingContacts
 from sim_action.engines.observers import LazyContacts, PathContacts, Recorders, path_contacts
 from sim_action.engines.world_events import WorldEvents
-from sim_action.robot.model.link_motion import LinkStates
+from sim_action.robot.model.kinematics import LinkStates
 from sim_action.robot.model.robot_model import RobotModel, ball_angles
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import ByName, Clash, Contact, JointState, Observation, Overlap

@@ -17,14 +17,26 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.records import dataclass, field, replace
 from sim_action.engines.body_control import MAX_ATTRACTION_M
-from sim_action.engines.mujoco.contact_pairs import FRICTION_RATIO, Collider, add_pairs, soften
-from sim_action.engines.mujoco.geoms import add_collision, add_ground, add_object, lowest_geom, wxyz
-from sim_action.engines.mujoco.names import actor_of, actor_prefix, engine_name, object_name
+from sim_action.engines.mujoco.geoms import (
+    FRICTION_RATIO,
+    Collider,
+    actor_of,
+    actor_prefix,
+    add_collision,
+    add_ground,
+    add_object,
+    add_pairs,
+    engine_name,
+    lowest_geom,
+    object_name,
+    soften,
+    wxyz,
+)
 from sim_action.robot.documents.urdf_elements import child_of
 from sim_action.robot.model.robot_model import WORLD, Joint, Mimic, RobotModel, Surface, ball_orientation
 from sim_action.robot.reading.mjcf.mujoco_spec import engine_spec
 from sim_action.world import Disturbance, placed
-from sim_action.world.mass_properties import symmetric, turned_tensor
+from sim_action.world.parts import symmetric, turned_tensor
 from sim_action.world.scene import EGO, MAX_RAISED_M, Scene
 
 IMPEDANCE: Final = 0.9999

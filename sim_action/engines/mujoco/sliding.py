@@ -31,7 +31,7 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
 from sim_action.core.records import dataclass
-from sim_action.engines.mujoco.contact_pairs import CONTACT_IMPEDANCE
+from sim_action.engines.mujoco.geoms import CONTACT_IMPEDANCE
 from sim_action.engines.mujoco.scene import CompiledScene
 
 _MAX_REMEMBERED_SETS: Final = 256

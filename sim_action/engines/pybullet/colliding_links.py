@@ -17,7 +17,7 @@ from typing_extensions import override
 from sim_action.core.errors import BadStart, EngineError
 from sim_action.engines.link_contacts import LinkContacts, SelfPairs, SelfWatch, refuse_start_inside
 from sim_action.engines.observers import Nearest
-from sim_action.robot.model.link_pairs import touchable_pairs
+from sim_action.robot.model.robot_model import touchable_pairs
 from sim_action.state.observation import SelfContact
 from sim_action.state.trace_records import Channels
 from sim_action.world.scene import Scene

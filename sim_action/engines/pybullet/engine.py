@@ -20,9 +20,16 @@ from sim_action.engines import named_version
 from sim_action.engines.clearances import ClearanceRecorder
 from sim_action.engines.engine import NO_CHANNELS, Engine
 from sim_action.engines.observers import ReadPoses, Recorders, path_contacts
-from sim_action.engines.pybullet.connection import connect_ahead, connected, release
-from sim_action.engines.pybullet.loaded_bodies import add_object, belt_notes, configure, pave
-from sim_action.engines.pybullet.queries import Distances, clashes, overlaps, pose_reader, touching
+from sim_action.engines.pybullet.bodies import Distances, clashes, overlaps, pose_reader, touching
+from sim_action.engines.pybullet.loaded_bodies import (
+    add_object,
+    belt_notes,
+    configure,
+    connect_ahead,
+    connected,
+    pave,
+    release,
+)
 from sim_action.engines.pybullet.robot import LoadedRobot
 from sim_action.engines.world_events import WorldEvents
 from sim_action.state.command import JointTargets

@@ -1,5 +1,7 @@
 """Build a scene in PyBullet, once before the first step: connection, ground, bodies of the world, robot.
 
+A connection has the plane z = 0. It is opened ahead, in use, or released for the next use.
+
 It corrects these properties of PyBullet, as measured: a compound takes 16 shapes and silently drops the rest; each
 static body costs time at every step unless it is a plain rigid one; a hull is 1 mm larger than its points; a
 heightfield is centred between its lowest and highest sample and folds its cells along the other diagonal than MuJoCo.
@@ -7,6 +9,7 @@ heightfield is centred between its lowest and highest sample and folds its cells
 
 from __future__ import annotations
 
+import ctypes
 import math
 import os
 import re
@@ -14,8 +17,9 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from functools import cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pybullet
@@ -24,13 +28,84 @@ from sim_action.core import geometry
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass, field
-from sim_action.engines.pybullet.connection import look
-from sim_action.robot.audit.kinematic_tree import beyond_pybullet
+from sim_action.robot.audit.joints import beyond_pybullet
 from sim_action.robot.model.robot_model import Surface
 from sim_action.world import MAX_SPEED, Body, World, placed
 from sim_action.world.ground import ground_tiles
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart
 from sim_action.world.scene import Scene
+
+
+class Connection(NamedTuple):
+    """The numbers of a DIRECT connection and of the plane z = 0, the only body in it."""
+
+    client: int
+    plane: int
+
+
+_AHEAD: Final[list[Connection]] = []
+_RELEASED: Final[list[int]] = []
+
+# Parameters of mallopt(3): how much free memory at the end of the heap goes back to the system, and from which size on
+# a block is mapped on its own.
+_TRIM_THRESHOLD: Final = -1
+_MMAP_THRESHOLD: Final = -3
+_MAX_KEPT_BYTES: Final = 32 << 20
+
+
+def connect_ahead() -> None:
+    """Open a connection ahead, for the next use in this process or in processes forked from it.
+
+    Opening one takes as long as simulating a small robot for two seconds, mostly for memory that is hardly written to;
+    forked processes share that memory.
+    """
+    if not _AHEAD:
+        _AHEAD.append(_made())
+
+
+def connected() -> Connection:
+    """Return a connection of its own: the one that was opened ahead, one that was released, or a new one."""
+    if _AHEAD:
+        return _AHEAD.pop()
+    client = _RELEASED.pop() if _RELEASED else None
+    if client is None or not pybullet.isConnected(client):
+        return _made()
+    # Its first argument is not the connection.
+    pybullet.resetSimulation(physicsClientId=client)
+    return _with_plane(client)
+
+
+def release(client: int) -> None:
+    """End the use of a connection; one is kept, because a reset takes a tenth of the time of a new one."""
+    if _AHEAD or _RELEASED:
+        pybullet.disconnect(client)
+    else:
+        _keep_free_memory()
+        _RELEASED.append(client)
+
+
+@cache
+def _keep_free_memory() -> None:
+    """Let the C library keep what a reset frees: to get 14 MB from the system again would take 7 ms for each run."""
+    if sys.platform == "linux":
+        if (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is not None:
+            mallopt(_TRIM_THRESHOLD, _MAX_KEPT_BYTES)
+            mallopt(_MMAP_THRESHOLD, _MAX_KEPT_BYTES)
+
+
+def _made() -> Connection:
+    return _with_plane(pybullet.connect(pybullet.DIRECT))
+
+
+def _with_plane(client: int) -> Connection:
+    shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
+    return Connection(client, int(pybullet.createMultiBody(0, shape, look(client), physicsClientId=client)))
+
+
+def look(client: int) -> int:
+    """Return the number of a visual shape that shows nothing; without it, PyBullet draws all shapes in up to 1 ms."""
+    return int(pybullet.createVisualShape(pybullet.GEOM_BOX, halfExtents=(0.5, 0.5, 0.5), physicsClientId=client))
+
 
 BASE: Final = -1  # the number of a body's base link
 

@@ -17,11 +17,9 @@ import numpy as np
 import pybullet
 
 from sim_action.core.geometry import Pose, rpy_from_quaternion
-from sim_action.meshes.collision_hulls import shrunk
-from sim_action.meshes.hull_file import hull_lines
+from sim_action.meshes.collision_hulls import hull_lines, shrunk
 from sim_action.world import Body
-from sim_action.world.mass_properties import mass_properties_of
-from sim_action.world.parts import BoxPart, CylinderPart, HullPart, Part, SpherePart
+from sim_action.world.parts import BoxPart, CylinderPart, HullPart, Part, SpherePart, mass_properties_of
 
 _FLAGS: Final = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
 _MARGIN_M: Final = 0.001  # PyBullet adds this margin around every hull of a file

@@ -20,22 +20,23 @@ from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.records import replace
 from sim_action.drives.wheels import held_joints
 from sim_action.engines.body_control import HeldWrenches
+from sim_action.engines.clearances import RobotMotionBound
 from sim_action.engines.engine import NO_CHANNELS, UNLIMITED_EFFORT, RobotQueries, link_of
 from sim_action.engines.joint_stops import JointStops
-from sim_action.engines.motion_bound import RobotMotionBound
 from sim_action.engines.observers import LazyContacts, PathContacts
-from sim_action.engines.pybullet.body_control import BasePusher, PyBulletBodyControl
-from sim_action.engines.pybullet.loaded_bodies import BASE, add_rotor, load_robot, place, set_surfaces
-from sim_action.engines.pybullet.queries import (
+from sim_action.engines.pybullet.bodies import (
+    BasePusher,
     Contacts,
     Distances,
+    PyBulletBodyControl,
     cast_rays,
     hide_from_rays,
     in_link_frame,
     link_pose,
     link_twist,
 )
-from sim_action.robot.model.link_motion import LinkStates
+from sim_action.engines.pybullet.loaded_bodies import BASE, add_rotor, load_robot, place, set_surfaces
+from sim_action.robot.model.kinematics import LinkStates
 from sim_action.robot.model.robot_model import Mimic, RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import ByName, Contact, JointState, Observation

@@ -12,7 +12,7 @@ import numpy as np
 from sim_action.core.geometry import rpy_from_quaternion
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.recording.export.recorded_run import RecordedRun
-from sim_action.robot.model.link_motion import link_motion
+from sim_action.robot.model.kinematics import link_motion
 from sim_action.robot.model.robot_model import Reading
 
 # Names of columns, each with its unit.

@@ -26,8 +26,7 @@ from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2_markers import contacts, robot_description, world_markers
 from sim_action.recording.export.ros2_messages import CdrForm, Frames, Topic, definition, full_name, nanoseconds, stamps
 from sim_action.recording.replay.channels import in_base_frame
-from sim_action.robot.model.kinematics import link_of_frame
-from sim_action.robot.model.link_motion import frames_of, link_motion
+from sim_action.robot.model.kinematics import frames_of, link_motion, link_of_frame
 from sim_action.robot.model.robot_model import Joint, RobotModel
 from sim_action.sensors import MountedSensor
 from sim_action.sensors.lidar import Lidar

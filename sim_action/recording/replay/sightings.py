@@ -22,6 +22,7 @@ from sim_action.recording.replay.columns import FloatArray, Index, poses_at
 from sim_action.recording.replay.scene_data import Length, Number
 from sim_action.recording.replay.sensor_data import MAX_SENSORS, SensorName, scans_until, times_of
 from sim_action.recording.replay.surfaces import Triangles, hull_surface
+from sim_action.robot.model.kinematics import link_motion
 from sim_action.state.readings import ContactReading, LidarScan
 from sim_action.state.trace import Trace
 from sim_action.world import placed
@@ -218,8 +219,6 @@ def _tall(column: FloatArray | float) -> FloatArray:
 
 def _link_poses(scene: Scene, film: Trace, link: str | None, time: FloatArray) -> Pose:
     """Return the poses of a link at given times as columns."""
-    from sim_action.robot.model.link_motion import link_motion  # a usual run does without it
-
     motion = link_motion(scene.model, film, link or scene.model.root)
     return _columns(poses_at(time, film.time, motion.position_xyz, motion.orientation_xyzw))
 

@@ -13,7 +13,7 @@ import numpy as np
 from sim_action.core.content_cache import Entry, cache_folder
 from sim_action.meshes import MeshError, mesh_bytes, parsed_mesh
 from sim_action.meshes.collada import Colour, colour_of, stated_colour
-from sim_action.meshes.hull_file import read_hull_points
+from sim_action.meshes.collision_hulls import read_hull_points
 from sim_action.recording.replay.surfaces import Triangles, hull_surface, simplified
 from sim_action.robot.model.robot_model import MESH_OF_TEXT, Mjcf, RobotModel
 from sim_action.robot.reading.mjcf.mujoco_spec import surfaces_of

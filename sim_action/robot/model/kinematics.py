@@ -1,17 +1,25 @@
-"""Kinematics of a robot: poses of its links, its bounding box, limits of its joints, and mobility of its base."""
+"""Kinematics of a robot: poses of its links, its bounding box, limits of its joints, and mobility of its base.
+
+The motion of links follows from the state of the base and the joints, at one moment or at many: from the columns of a
+trace, or from an observation. Engines are not asked.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from typing import Final
+from collections.abc import Iterable, Iterator, Mapping
+from types import ModuleType
+from typing import Any, Final
+from weakref import WeakKeyDictionary
 
 from sim_action.core import geometry, units
-from sim_action.core.geometry import ZERO, Box, Pose, Vector3
-from sim_action.core.lazy_numpy import NDArray, np
+from sim_action.core.geometry import ZERO, Box, Pose, Quaternion, Twist, Vector3
+from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.model.robot_model import ENGINE_MARGIN_M, WORLD, Joint, Reading, RobotModel, Shape
+from sim_action.state.observation import ByName, JointState, LinkState
+from sim_action.state.trace import Trace
 
 # The largest part of a quaternion, beyond which a rotation moves no point by more than 1e-7 of its distance.
 _UNTURNED: Final = 1 - 1e-15
@@ -105,7 +113,7 @@ def _contains(outer: Box, inner: Box) -> bool:
 
 def shape_points(shape: Shape) -> NDArray[np.float64]:
     """Return the corners (P, 3) of the hulls of a mesh in m, in the frame of its link."""
-    from sim_action.meshes.hull_file import read_unshrunk_points  # a usual run does without it
+    from sim_action.meshes.collision_hulls import read_unshrunk_points  # a usual run does without it
 
     if shape.corners:
         points = np.frombuffer(shape.corners, np.float32).reshape(-1, 3).astype(np.float64)
@@ -218,3 +226,264 @@ class SameModel:
 
     def __hash__(self) -> int:
         return id(self.model)
+
+
+_POLE: Final = 1e-30  # keeps the rates of a ball joint finite where its angles about x and z cannot be told apart
+Frames = Pose  # a pose whose numbers are columns (T,): the poses of one frame at T moments
+
+
+@dataclass(frozen=True, eq=False)
+class LinkMotion:
+    """The motion of a link at T moments, in the world frame or in another one.
+
+    Attributes:
+        position_xyz: (T, 3) m, of the origin of the link's frame.
+        orientation_xyzw: (T, 4) unit quaternions.
+        linear_xyz: (T, 3) m/s, velocity of the origin.
+        angular_xyz: (T, 3) rad/s.
+    """
+
+    position_xyz: FloatArray
+    orientation_xyzw: FloatArray
+    linear_xyz: FloatArray
+    angular_xyz: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.position_xyz)
+
+    def seen_from(self, frame: LinkMotion) -> LinkMotion:
+        """Return the motion as an observer in a frame that moves too sees it, in the axes of that frame."""
+        back = geometry.conjugate(_columns(frame.orientation_xyzw))
+        away = _columns(self.position_xyz - frame.position_xyz)
+        carried = geometry.cross(_columns(frame.angular_xyz), away)
+        linear = geometry.subtract(_columns(self.linear_xyz - frame.linear_xyz), carried)
+        angular = _columns(self.angular_xyz - frame.angular_xyz)
+        return LinkMotion(
+            _rows(geometry.rotate(back, away)),
+            _rows(geometry.multiply(back, _columns(self.orientation_xyzw))),
+            _rows(geometry.rotate(back, linear)),
+            _rows(geometry.rotate(back, angular)),
+        )
+
+
+_STATES: Final[WeakKeyDictionary[Trace, LinkStates]] = WeakKeyDictionary()
+"""The states that were computed for a trace: several assertions read the same links."""
+
+
+def link_motion(model: RobotModel, trace: Trace, link: str) -> LinkMotion:
+    """Return the motion of a link at the moments of a trace, world frame. Raise KeyError for an unknown link."""
+    states = _STATES.get(trace)
+    if states is None or states.model is not model:
+        states = _STATES[trace] = _states_of(model, trace)
+    (pose, twist), count = states[link], len(trace)
+    groups = (pose.position_xyz, pose.orientation_xyzw, twist.linear_xyz, twist.angular_xyz)
+    rows = [np.column_stack([np.broadcast_to(column, count) for column in group]) for group in groups]
+    return LinkMotion(*rows)
+
+
+def frames_of(positions_xyz: FloatArray, orientations_xyzw: FloatArray) -> Frames:
+    """Return the poses of positions (T, 3) and unit quaternions (T, 4)."""
+    position: Any = tuple(positions_xyz.T)
+    orientation: Any = tuple(orientations_xyzw.T)
+    return Pose(position, orientation)
+
+
+def link_frames(model: RobotModel, base: Pose, positions: FloatArray) -> dict[str, Pose]:
+    """Return the poses of all links as columns (T,); `base`: as columns; `positions`: (T, J) of moving joints."""
+    columns = zip(model.moving_joints, positions.T, strict=True)
+    joints: Any = {joint.name: JointState(column, 0.0, 0.0) for joint, column in columns}
+    states = LinkStates(model, base, Twist(), joints, np)
+    return {name: states[name].pose for name in states}
+
+
+def motion_in(model: RobotModel, trace: Trace, link: str, frame: str = WORLD) -> LinkMotion:
+    """Return the motion of a link in a frame: "world", a link, else "base". Raise KeyError for an unknown link."""
+    motion = link_motion(model, trace, link)
+    if frame == WORLD:
+        return motion
+    return motion.seen_from(link_motion(model, trace, link_of_frame(model, frame)))
+
+
+class LinkMotions(Mapping[str, LinkMotion]):
+    """Link name -> its motion at the moments of a trace, in the world frame. Each is computed when it is read."""
+
+    __slots__ = ("_model", "_trace")
+
+    def __init__(self, model: RobotModel, trace: Trace) -> None:
+        self._model, self._trace = model, trace
+
+    def __getitem__(self, name: str) -> LinkMotion:
+        return link_motion(self._model, self._trace, name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._model.links_by_name)
+
+    def __len__(self) -> int:
+        return len(self._model.links)
+
+
+class LinkStates(Mapping[str, LinkState]):
+    """Link name -> pose and twist, world frame, computed when it is read: floats, or columns of T moments."""
+
+    __slots__ = ("_base", "_functions", "_joints", "_known", "model")
+
+    def __init__(
+        self,
+        model: RobotModel,
+        pose: Pose,
+        twist: Twist,
+        joints: Mapping[str, JointState],
+        functions: ModuleType = math,
+    ) -> None:
+        """`pose` and `twist` are those of the base link; `functions`: the module with `sin` and `cos`."""
+        self.model, self._base, self._joints, self._functions = model, (pose, twist), joints, functions
+        self._known: dict[str, LinkState] | None = None
+
+    def __getitem__(self, name: str) -> LinkState:
+        known = self._known
+        if known is None:
+            known = self._known = {self.model.root: LinkState(*self._base)}
+        found = known.get(name)
+        return self._found(name, known) if found is None else found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.model.links_by_name)
+
+    def __len__(self) -> int:
+        return len(self.model.links)
+
+    def __repr__(self) -> str:
+        return repr(dict(self))
+
+    def __reduce__(self) -> tuple[type[ByName[LinkState]], tuple[dict[str, LinkState]]]:
+        # A copy has the poses, and does not carry the model.
+        return ByName, (dict(self),)
+
+    def _found(self, name: str, known: dict[str, LinkState]) -> LinkState:
+        chain = [name]
+        while chain[-1] not in known:
+            joints = self.model.joints_to.get(chain[-1])
+            if joints is None:
+                raise KeyError(why_no_link(self.model, name))
+            chain.append(joints[0].parent)
+        for parent, child in zip(chain[:0:-1], chain[-2::-1], strict=True):
+            known[child] = self._child(known[parent], self.model.joints_to[child])
+        return known[name]
+
+    def _child(self, above: LinkState, joints: tuple[Joint, ...]) -> LinkState:
+        """Return the state of the link to which joints in series lead from its parent link."""
+        first = joints[0]
+        if first.ball and first.name == f"{first.ball}_z":
+            return self._swung(first.ball)
+        state = _carried(above, first.origin)
+        for joint in joints:
+            if joint.ball:
+                state = self._moved(state, joint, *self._ball_rate(joint))
+            elif joint.moves:
+                state = self._moved(state, joint, *self._reading(joint))
+        return state
+
+    def _reading(self, joint: Joint) -> tuple[Any, Any]:
+        """Return position and velocity of a joint."""
+        state = self._joints.get(joint.name)
+        if state is not None:
+            return state.position, state.velocity
+        if joint.mimic is None:
+            return joint.home, 0.0
+        position, velocity = self._reading(self.model.joints_by_name[joint.mimic.joint])
+        return joint.mimic.multiplier * position + joint.mimic.offset, joint.mimic.multiplier * velocity
+
+    def _moved(self, above: LinkState, joint: Joint, position: Any, velocity: Any) -> LinkState:
+        """Return the state after a joint with one degree of freedom."""
+        axis = geometry.rotate(above.pose.orientation_xyzw, joint.axis_xyz)
+        if joint.type == "prismatic":
+            pose, twist = _carried(above, Pose(geometry.scale(joint.axis_xyz, position)))
+            return LinkState(
+                pose, Twist(geometry.add(twist.linear_xyz, geometry.scale(axis, velocity)), twist.angular_xyz)
+            )
+        turn = _turn_of(joint.axis_xyz, position, self._functions)
+        return _turned(
+            above, joint.anchor_xyz, turn, geometry.add(above.twist.angular_xyz, geometry.scale(axis, velocity))
+        )
+
+    def _swung(self, ball: str) -> LinkState:
+        """Return the state of the link below a ball joint: its readings hold the angular velocity of this link."""
+        first, *others = (self.model.joints_by_name[f"{ball}_{axis}"] for axis in "xyz")
+        above = _carried(self[first.parent], first.origin)
+        (about_x, wx), (about_y, wy), (about_z, wz) = (self._reading(joint) for joint in (first, *others))
+        turn = _turn_of((1.0, 0.0, 0.0), about_x, self._functions)
+        turn = geometry.multiply(turn, _turn_of((0.0, 1.0, 0.0), about_y, self._functions))
+        turn = geometry.multiply(turn, _turn_of((0.0, 0.0, 1.0), about_z, self._functions))
+        own = geometry.rotate(geometry.multiply(above.pose.orientation_xyzw, turn), (wx, wy, wz))
+        return _turned(above, first.anchor_xyz, turn, geometry.add(above.twist.angular_xyz, own))
+
+    def _ball_rate(self, joint: Joint) -> tuple[Any, Any]:
+        """Return the angle of the first or second rotation of a ball joint, and its rate."""
+        (about_x, wx), (about_y, wy), (about_z, _) = (
+            self._reading(self.model.joints_by_name[f"{joint.ball}_{axis}"]) for axis in "xyz"
+        )
+        sine, cosine = self._functions.sin(about_z), self._functions.cos(about_z)
+        if joint.name == f"{joint.ball}_y":
+            return about_y, sine * wx + cosine * wy
+        level = self._functions.cos(about_y)
+        return about_x, (cosine * wx - sine * wy) * level / (level * level + _POLE)
+
+
+def _carried(above: LinkState, offset: Pose) -> LinkState:
+    """Return the state of a frame that is fixed in another one."""
+    (pose, twist), placed = above, geometry.compose(above.pose, offset)
+    arm = geometry.subtract(placed.position_xyz, pose.position_xyz)
+    swept = geometry.cross(twist.angular_xyz, arm)
+    return LinkState(placed, Twist(geometry.add(twist.linear_xyz, swept), twist.angular_xyz))
+
+
+def _turned(above: LinkState, anchor_xyz: Vector3, turn: Quaternion, angular_xyz: Vector3) -> LinkState:
+    """Return the state of a frame that is turned in another one about an anchor, with its angular velocity."""
+    pose, twist = above
+    orientation = geometry.multiply(pose.orientation_xyzw, turn)
+    if anchor_xyz == ZERO:
+        return LinkState(Pose(pose.position_xyz, orientation), Twist(twist.linear_xyz, angular_xyz))
+    before = geometry.rotate(pose.orientation_xyzw, anchor_xyz)
+    after = geometry.rotate(orientation, anchor_xyz)
+    anchor_linear = geometry.add(twist.linear_xyz, geometry.cross(twist.angular_xyz, before))
+    linear = geometry.subtract(anchor_linear, geometry.cross(angular_xyz, after))
+    return LinkState(
+        Pose(geometry.subtract(geometry.add(pose.position_xyz, before), after), orientation), Twist(linear, angular_xyz)
+    )
+
+
+def _turn_of(axis_xyz: Vector3, angle: Any, functions: ModuleType) -> Quaternion:
+    (x, y, z), sine = axis_xyz, functions.sin(angle / 2)
+    return (sine * x, sine * y, sine * z, functions.cos(angle / 2))
+
+
+def _states_of(model: RobotModel, trace: Trace) -> LinkStates:
+    """Return the states of the links at all moments of a trace, as columns."""
+    pose = Pose(_columns(trace.base_position_xyz), _columns(trace.base_orientation_xyzw))
+    twist = Twist(_columns(trace.base_linear_xyz), _columns(trace.base_angular_xyz))
+    readings = zip(trace.joint_position.T, trace.joint_velocity.T, trace.joint_effort.T, strict=True)
+    joints: Any = {name: JointState(*each) for name, each in zip(trace.joint_names, readings, strict=True)}
+    return LinkStates(model, pose, twist, joints, np)
+
+
+def _columns(rows: FloatArray) -> Any:
+    return tuple(rows.T)
+
+
+def _rows(columns: Any) -> FloatArray:
+    return np.column_stack(columns)
+
+
+def centre_of_mass(model: RobotModel, trace: Trace, loads: Mapping[str, FloatArray] | None = None) -> FloatArray:
+    """Return the positions (T, 3) in m of the robot's centre of mass, world frame; some link must have a mass.
+
+    `loads`: link -> masses (T,) in kg that are added at its own centre of mass.
+    """
+    moments, total = np.zeros((len(trace), 3)), np.zeros((len(trace), 1))
+    for link in (link for link in model.links if link.mass):
+        motion = link_motion(model, trace, link.name)
+        offset = geometry.rotate(_columns(motion.orientation_xyzw), link.centre_of_mass_xyz)
+        mass = np.reshape((loads or {}).get(link.name, 0.0) + np.full(len(trace), link.mass), (-1, 1))
+        moments += mass * (motion.position_xyz + _rows(offset))
+        total += mass
+    return moments / total

@@ -18,13 +18,20 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Box, Vector3
 from sim_action.core.records import replace
 from sim_action.core.workspace import Workspace
-from sim_action.robot.audit import elements, joints, kinematic_tree, unsupported_parts
+from sim_action.robot.audit import elements, joints, unsupported_parts
 from sim_action.robot.audit import links as link_rules
 from sim_action.robot.audit.joints import is_free_base, mimic_problem, still_position
-from sim_action.robot.audit.links import RigidBodies, increase, is_empty, principal_moments, proportions
-from sim_action.robot.documents.extensions import start_positions, with_extensions
+from sim_action.robot.audit.links import (
+    Meshes,
+    RigidBodies,
+    increase,
+    is_empty,
+    principal_moments,
+    proportions,
+    resolve_meshes,
+)
+from sim_action.robot.documents.extensions import Series, expand_series, start_positions, with_extensions
 from sim_action.robot.documents.packages import Packages
-from sim_action.robot.documents.series_joints import Series, expand_series
 from sim_action.robot.documents.urdf_elements import (
     BALLS,
     CONTACT,
@@ -63,7 +70,6 @@ from sim_action.robot.model.robot_model import (
     ball_joints,
 )
 from sim_action.robot.reading.control_tags import commanded_joints, with_controllers
-from sim_action.robot.reading.mesh_references import Meshes, resolve_meshes
 
 Check = Callable[[ModelDocument], Iterator[Finding]]
 
@@ -71,13 +77,7 @@ Check = Callable[[ModelDocument], Iterator[Finding]]
 STAGES: Final[tuple[tuple[Check, ...], ...]] = (
     (elements.root, elements.required_attributes, elements.required_children),
     (elements.default_expressions, elements.numbers, unsupported_parts.coefficients),
-    (
-        kinematic_tree.names,
-        kinematic_tree.joint_types,
-        kinematic_tree.tree,
-        kinematic_tree.joint_counts,
-        link_rules.kinds,
-    ),
+    (joints.names, joints.joint_types, joints.tree, joints.joint_counts, link_rules.kinds),
     (
         joints.axes,
         joints.limits,

@@ -11,7 +11,7 @@ import numpy as np
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, replace
 from sim_action.results.outcome import Outcome
-from sim_action.robot.model.link_motion import link_motion
+from sim_action.robot.model.kinematics import link_motion
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.scenario.mutation import Mutation
 from sim_action.state.trace import Trace

@@ -12,8 +12,8 @@ from typing_extensions import override
 
 from sim_action.core.geometry import Vector3
 from sim_action.core.records import dataclass
+from sim_action.meshes.collision_hulls import read_hull_points
 from sim_action.meshes.convex_hull import along, face_normals, furthest, spread_directions
-from sim_action.meshes.hull_file import read_hull_points
 from sim_action.sensors.rendering.pinhole import Components, FloatArray, Rays
 
 Entry = tuple[FloatArray, Components]
@@ -229,7 +229,7 @@ class Triangle(Solid):
         return np.where(missed, np.inf, depth), (nx * side, ny * side, nz * side)
 
 
-_MARGIN_M: Final = 0.001  # the margin in m by which clean meshes are shrunk (see robot.mesh_references)
+_MARGIN_M: Final = 0.001  # the margin in m by which clean meshes are shrunk (see robot.audit.links)
 # The most distant points in as many directions; the error of a sphere is at most 4 % of its radius.
 MAX_HULL_POINTS: Final = 64
 

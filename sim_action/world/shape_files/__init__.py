@@ -7,16 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from sim_action.core.records import dataclass, field
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblem
 from sim_action.world import Body, Shape, World
-from sim_action.world.shape_files.shape_error import ShapeError
-
-if TYPE_CHECKING:
-    from sim_action.world.parts import Part
+from sim_action.world.parts import Part, moved
+from sim_action.world.shapes import ShapeError
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +95,6 @@ def _parts_of_shape(shape: Shape, number: int, workspace: Workspace, *, moves: b
     if shape.mesh is None:
         yield from shape.parts()
         return
-    from sim_action.world.parts import moved  # a usual run does without it
     from sim_action.world.shape_files.mesh_file import mesh_parts  # it imports this module
 
     try:

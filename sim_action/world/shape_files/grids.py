@@ -27,7 +27,7 @@ from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import read_document
 from sim_action.world import Heightfield, OccupancyMap
 from sim_action.world.parts import BoxPart, GridPart
-from sim_action.world.shape_files.shape_error import ShapeError, found_file, read_bytes
+from sim_action.world.shapes import ShapeError, found_file, read_bytes
 
 MAX_PIXELS: Final = 16_000_000  # 4,000 x 4,000 pixels: a map of 200 m at 5 cm
 MAX_BYTES: Final = 4 * MAX_PIXELS  # the file size of that many pixels as text of three digits

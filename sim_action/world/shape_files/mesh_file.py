@@ -15,8 +15,7 @@ from sim_action.meshes.collision_hulls import are_concave, facts_of, hulls_of
 from sim_action.meshes.mesh import Mesh
 from sim_action.world import MeshFile
 from sim_action.world.parts import HullPart, SurfacePart
-from sim_action.world.shape_files.shape_error import ShapeError, found_file
-from sim_action.world.shapes import MAX_LENGTH_M, MIN_LENGTH_M
+from sim_action.world.shapes import MAX_LENGTH_M, MIN_LENGTH_M, ShapeError, found_file
 
 MAX_TRIANGLES: Final = 40_000  # limit for a body that is not convex: that of PyBullet
 _SAMPLED: Final = 1000

@@ -26,8 +26,7 @@ from sim_action.robot.reading.sdf.composition import Entry
 from sim_action.robot.reading.sdf.worlds import SdfWorld, base_pose, is_ground, read_sdf_world
 from sim_action.world import GRAVITY, Ground, World
 from sim_action.world.world_files.losses import HARMLESS_WORLD_PLUGINS, Loss, LossList, lost_parts
-from sim_action.world.world_files.world_bodies import BodyReader, ReadBody
-from sim_action.world.world_files.world_shapes import ShapeReader, said
+from sim_action.world.world_files.world_bodies import BodyReader, ReadBody, ShapeReader, said
 
 if TYPE_CHECKING:
     from sim_action.world.parts import Part

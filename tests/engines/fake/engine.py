@@ -15,7 +15,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines import EngineRow, named_version
 from sim_action.engines.engine import NO_CHANNELS, Engine
-from sim_action.robot.model.link_motion import LinkStates
+from sim_action.robot.model.kinematics import LinkStates
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import ByName, Clash, JointState, Observation, Overlap
 from sim_action.state.trace import Trace

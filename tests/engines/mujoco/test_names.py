@@ -7,8 +7,7 @@ from typing import Final
 
 import pytest
 
-from sim_action.engines.mujoco.geoms import add_object
-from sim_action.engines.mujoco.names import with_user_names
+from sim_action.engines.mujoco.geoms import add_object, with_user_names
 from sim_action.world import Body, World
 from sim_action.world.parts import HullPart
 from sim_action.world.scene import Scene

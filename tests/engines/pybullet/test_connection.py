@@ -50,12 +50,12 @@ def new_connections() -> Iterator[None]:
 def forget() -> None:
     import pybullet
 
-    from sim_action.engines.pybullet import connection
+    from sim_action.engines.pybullet import loaded_bodies
 
-    for client in (*connection._RELEASED, *(each.client for each in connection._AHEAD)):
+    for client in (*loaded_bodies._RELEASED, *(each.client for each in loaded_bodies._AHEAD)):
         pybullet.disconnect(client)
-    connection._RELEASED.clear()
-    connection._AHEAD.clear()
+    loaded_bodies._RELEASED.clear()
+    loaded_bodies._AHEAD.clear()
 
 
 def digest(folder: Path, text: str) -> str:
@@ -76,7 +76,7 @@ def test_a_run_in_a_connection_that_was_used_has_the_digest_of_a_new_one(tmp_pat
 def test_a_released_connection_is_used_again_and_others_are_left_alone() -> None:
     import pybullet
 
-    from sim_action.engines.pybullet.connection import connected, release
+    from sim_action.engines.pybullet.loaded_bodies import connected, release
 
     one, two = connected(), connected()
     pybullet.createMultiBody(1, physicsClientId=one.client)
@@ -94,7 +94,7 @@ def test_a_released_connection_is_used_again_and_others_are_left_alone() -> None
 def test_a_connection_that_was_closed_by_others_is_replaced() -> None:
     import pybullet
 
-    from sim_action.engines.pybullet.connection import connected, release
+    from sim_action.engines.pybullet.loaded_bodies import connected, release
 
     first = connected()
     release(first.client)

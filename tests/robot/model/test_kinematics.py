@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
-from sim_action.meshes.collision_hulls import shrunk
-from sim_action.meshes.hull_file import hull_lines
+from sim_action.meshes.collision_hulls import hull_lines, shrunk
 from sim_action.robot.model.kinematics import beyond_limits, link_poses, robot_box, too_fast, too_strong
 from sim_action.robot.model.robot_model import ENGINE_MARGIN_M, Joint, JointType, Link, RobotModel, Shape
 from sim_action.robot.reading.urdf import read_urdf

@@ -15,8 +15,16 @@ from hypothesis import strategies as st
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
 from sim_action.core.lazy_numpy import FloatArray
-from sim_action.robot.model.kinematics import link_poses, why_no_frame, why_no_link
-from sim_action.robot.model.link_motion import LinkMotion, LinkStates, link_frames, link_motion, motion_in
+from sim_action.robot.model.kinematics import (
+    LinkMotion,
+    LinkStates,
+    link_frames,
+    link_motion,
+    link_poses,
+    motion_in,
+    why_no_frame,
+    why_no_link,
+)
 from sim_action.robot.model.robot_model import Joint, Link, Mimic, RobotModel, ball_angles, ball_joints
 from sim_action.state.observation import JointState
 from sim_action.state.trace import Trace

@@ -8,8 +8,7 @@ import pytest
 
 from sim_action.core.errors import InvalidPart
 from sim_action.core.workspace import Workspace
-from sim_action.robot.model.link_pairs import has_limb, touchable_pairs, unwatched_note
-from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel, has_limb, touchable_pairs, unwatched_note
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
 

@@ -10,8 +10,7 @@ from sim_action.app.inspect import inspect_model, losses_text
 from sim_action.core.errors import ModelError, RefusedModel
 from sim_action.core.workspace import Workspace
 from sim_action.robot.model.joint_selection import chosen, joints_set_by
-from sim_action.robot.model.link_pairs import touchable_pairs
-from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel, touchable_pairs
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
 from tests.scenarios import load, told

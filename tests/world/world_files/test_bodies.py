@@ -14,7 +14,7 @@ from sim_action.robot.documents.packages import Packages
 from sim_action.world import Body, Inertia, Sphere
 from sim_action.world.parts import GridPart, HullPart, SurfacePart, grid_surface
 from sim_action.world.world_files import WorldFile, read_world_file
-from sim_action.world.world_files.world_shapes import MAX_TRIANGLES, simplified
+from sim_action.world.world_files.world_bodies import MAX_TRIANGLES, simplified
 from tests.ros_workspace import written
 
 TETRAHEDRON = """\

@@ -19,7 +19,7 @@ from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.registry import Table
 from sim_action.drives import DRIVES
-from sim_action.robot.model.link_motion import LinkMotion
+from sim_action.robot.model.kinematics import LinkMotion
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.scenario.model import Scenario, TraceSettings
 from sim_action.sensors import SENSORS

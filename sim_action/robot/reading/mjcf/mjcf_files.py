@@ -2,42 +2,172 @@
 
 MuJoCo opens the files that a model names. It gets a text that was written here instead. Included files are part of the
 text, and each name of a mesh in it stands for a file that was resolved in the workspace. `FILES` lists the elements
-that may name a file; any other element that does is refused. Counts that could exhaust the memory are limited.
+that may name a file; a format that is read later gets a row there. An attribute whose name looks like that of a file,
+and that has no row, is refused. Counts that could exhaust the memory are limited.
 """
 
 from __future__ import annotations
 
 import html
+import math
 import os
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal, NoReturn
 from xml.etree.ElementTree import Element
 
-from sim_action.core.errors import Location
+from sim_action.core.errors import Location, Problem, RefusedModel
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import shown
 from sim_action.robot.documents.packages import PackageError, Packages
-from sim_action.robot.documents.part_table import PartRow, part_table
+from sim_action.robot.documents.part_table import ALL, PartRow, part_table
 from sim_action.robot.documents.urdf_elements import is_numbers
 from sim_action.robot.documents.xml_document import MAX_BYTES, MAX_ELEMENTS, ModelDocument, read_document
 from sim_action.robot.model.findings import Finding, Places, finding
 from sim_action.robot.model.robot_model import FloorLook
-from sim_action.robot.reading.mjcf.mjcf_elements import (
-    DROPPED,
-    FILES,
-    NUMBERS_PER_ELEMENT,
-    REMOVED,
-    SECTIONS,
-    UNDRAWN,
-    FileRow,
-    check_attributes,
-    check_element,
-    numbers_in,
-    refusal,
-    shown_name,
-)
+
+Use = Literal["include", "model", "mesh", "unused"]
+
+
+@dataclass(frozen=True, slots=True)
+class FileRow:
+    """An element that may name files."""
+
+    attributes: tuple[str, ...]  # the attributes that name a file
+    # the attribute of <compiler> with the folder of these files; empty: the folder of the model
+    folder: Literal["", "meshdir", "texturedir"]
+    # "include": its elements replace the element; "model": a model to attach; "mesh": our reader reads it; "unused": it
+    # must be in the workspace and may be missing, because it is not opened
+    use: Use
+
+
+_SIDES: Final = ("fileback", "filedown", "filefront", "fileleft", "fileright", "fileup")
+
+FILES: Final[Mapping[str, FileRow]] = {
+    "include": FileRow(("file",), "", "include"),
+    "model": FileRow(("file",), "", "model"),
+    "mesh": FileRow(("file",), "meshdir", "mesh"),
+    "texture": FileRow(("file", *_SIDES), "texturedir", "unused"),
+    "hfield": FileRow(("file",), "meshdir", "unused"),
+    "skin": FileRow(("file",), "meshdir", "unused"),
+}
+"""The elements that may name files. A format that is read later needs a row here, and a reader."""
+
+FOLDERS: Final = ("assetdir", "meshdir", "texturedir")
+"""The attributes of <compiler> that name folders. The first one sets both others."""
+
+DROPPED: Final = frozenset({*FOLDERS, "strippath", "content_type"})
+"""Attributes that state how MuJoCo opens a file. The text for MuJoCo has none of them."""
+
+LIKE_A_FILE: Final = re.compile(r"file|path|dir$|^ur[il]$|librar|^content_type$")
+"""The names of attributes that may name a file."""
+
+NO_FILES: Final = frozenset({("light", "dir")})  # attributes that match `LIKE_A_FILE`, but are directions
+
+REMOVED: Final = frozenset({"light", "camera", "skin", "sensor", "texture", "layer", "visual", "statistic"})
+"""Elements that are removed from the text for MuJoCo, because they have no effect on a simulation."""
+
+SECTIONS: Final = frozenset({"sensor"})  # elements of `REMOVED` whose children count
+
+UNDRAWN: Final = frozenset({"texture", "texrepeat", "texuniform"})
+"""Attributes of <material> that are removed from the text."""
+
+_GIGABYTE: Final = 1 << 30
+
+LIMITS: Final[Mapping[tuple[str, str], int]] = {
+    ("replicate", "count"): MAX_ELEMENTS,
+    ("hfield", "nrow"): 1_000,
+    ("hfield", "ncol"): 1_000,
+    ("texture", "width"): 4_096,
+    ("texture", "height"): 4_096,
+    ("mesh", "params"): 300,
+    ("numeric", "size"): 100_000,
+    ("size", "memory"): _GIGABYTE,
+    ("size", "nkey"): 1_000,
+    ("size", "nuserdata"): 100_000,
+    **{("size", name): 20_000 for name in ("nconmax", "njmax")},
+    ("size", "nstack"): _GIGABYTE // 8,
+    **{
+        ("size", f"nuser_{kind}"): 100
+        for kind in ("actuator", "body", "cam", "geom", "jnt", "sensor", "site", "tendon")
+    },
+}
+"""An element and its attribute -> the largest value. MuJoCo allocates memory in proportion."""
+
+_UNITS: Final[Mapping[str, int]] = {"": 0, **{unit: 10 * (n + 1) for n, unit in enumerate("KMGTPE")}}
+_NUMBER: Final = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?")
+_SIZE: Final = re.compile(r"(-?\d{1,18})([KMGTPE]?)", re.IGNORECASE)
+_MAX_SHOWN: Final = 60
+_MAX_TEXT: Final = 1_000
+NUMBERS_PER_ELEMENT: Final = 200  # as many numbers of a heightfield, mesh or <numeric> count as one element
+_AREAS: Final = {"hfield": ("nrow", "ncol"), "mesh": ("params", "params"), "numeric": ("size",)}
+
+
+def refusal(message: str, place: Location) -> RefusedModel:
+    """Return the error of a model with one problem."""
+    return RefusedModel([Problem(place, message)])
+
+
+def check_element(element: Element, place: Location) -> None:
+    """Raise RefusedModel if an element is not simulated, may not name a file, or demands too much memory."""
+    tag = element.tag
+    row = part_table("mjcf").row(ALL, tag)
+    if row is not None and row.effect == "refused":
+        raise refusal(f"<{tag}> is not simulated, because {row.text}; remove it from the model", place)
+    check_attributes(element, place)
+    for name, text in element.attrib.items():
+        most = LIMITS.get((tag, name))
+        if most is not None:
+            _check_number(tag, name, text, most, place)
+
+
+def numbers_in(element: Element) -> int:
+    """Return the number of values that MuJoCo allocates for an element that has passed `check_element`."""
+    sizes = _AREAS.get(element.tag, ())
+    stated = [max(map(float, element.get(name, "0").split())) for name in sizes]
+    return int(abs(math.prod(stated))) if stated else 0
+
+
+def check_attributes(element: Element, place: Location) -> None:
+    """Raise RefusedModel if an element has an attribute that may name a file, and that is not in the table."""
+    known = FILES[element.tag].attributes if element.tag in FILES else ()
+    for name in element.attrib:
+        if not LIKE_A_FILE.search(name) or name in known or (element.tag, name) in NO_FILES:
+            continue
+        if name in DROPPED and (element.tag in FILES or element.tag == "compiler"):
+            continue
+        allowed = ", ".join(f"<{tag} {row.attributes[0]}>" for tag, row in FILES.items())
+        found = f"<{shown_name(element.tag)} {shown_name(name)}> may not name a file"
+        raise refusal(f"{found}; allowed are {allowed}: remove the attribute", place)
+
+
+def shown_name(name: str) -> str:
+    """Return the name of an element or attribute as messages show it."""
+    return name if len(name) <= _MAX_SHOWN else f"{name[:_MAX_SHOWN]}..."
+
+
+def _check_number(tag: str, name: str, text: str, most: int, place: Location) -> None:
+    """Raise RefusedModel if a number is above the limit, or is not a plain number."""
+
+    def refuse(found: str) -> NoReturn:
+        raise refusal(f"<{tag} {name}={shown(text)}>: {found}; at most {most:,} is allowed", place)
+
+    if name == "memory":
+        size = _SIZE.fullmatch(text.strip())
+        if size is None:
+            refuse("this is not a size in bytes, such as 10M")
+        if int(size[1]) << _UNITS[size[2].upper()] > most:
+            refuse("this is too much memory")
+        return
+    if len(text) > _MAX_TEXT:
+        refuse("this is too large")
+    words = text.split()
+    if not words or not all(map(_NUMBER.fullmatch, words)) or (name == "count" and not text.isdecimal()):
+        refuse("this is not a whole number" if name == "count" else "this is not a number")
+    if max(map(float, words)) > most:
+        refuse("this is too large")
+
 
 # MuJoCo's default colours, of a geom and of a texture.
 _NO_COLOUR: Final = [0.5, 0.5, 0.5, 1.0]
@@ -113,7 +243,7 @@ def _tinted(colour: tuple[float, ...], tint: list[float]) -> tuple[float, float,
 MAX_FILES: Final = 100  # the largest number of XML files of a model
 _MAX_DEPTH: Final = 100
 _MAX_NAME: Final = 1000
-_NUMBER: Final = re.compile(r"(?:\d{1,30}(?:\.\d{1,30})?|\.\d{1,30})(?:[eE]-?\d{1,2})?")
+_TIMESTEP: Final = re.compile(r"(?:\d{1,30}(?:\.\d{1,30})?|\.\d{1,30})(?:[eE]-?\d{1,2})?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -311,7 +441,7 @@ class _Collector:
                 rows.setdefault(part.row, []).append(part.name[1:])
         for stated, names in rows.items():
             self._note_row(stated, f"{', '.join(names)} of <{element.tag}>", ", ".join(names), place)
-        if element.tag == "option" and _NUMBER.fullmatch(element.get("timestep", "").strip()):
+        if element.tag == "option" and _TIMESTEP.fullmatch(element.get("timestep", "").strip()):
             rate = 1 / max(float(element.attrib["timestep"]), 1e-6)
             message = f"<option timestep> is ignored; for the same steps, state physics: {{rate: {rate:.0f} Hz}}"
             self._note("passed-over", message, place)

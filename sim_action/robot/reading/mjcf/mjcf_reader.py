@@ -26,8 +26,7 @@ from sim_action.robot.documents.xml_document import shown_file
 from sim_action.robot.model import robot_model
 from sim_action.robot.model.findings import Finding, finding, refuse_errors, without_harmless
 from sim_action.robot.model.kinematics import joint_motion
-from sim_action.robot.reading.mjcf.mjcf_elements import refusal
-from sim_action.robot.reading.mjcf.mjcf_files import MjcfFiles, collect_files
+from sim_action.robot.reading.mjcf.mjcf_files import MjcfFiles, collect_files, refusal
 from sim_action.robot.reading.mjcf.motors import adhesion_of, keyframes_of, largest_efforts, motors_of
 from sim_action.robot.reading.mjcf.mujoco_spec import build, compiled
 

@@ -21,8 +21,7 @@ from sim_action.core.records import dataclass
 from sim_action.meshes import READERS, MeshError, parsed_mesh
 from sim_action.robot.model.findings import Finding, Places, finding
 from sim_action.robot.model.robot_model import FloorLook, MeshBytes, Mjcf
-from sim_action.robot.reading.mjcf.mjcf_elements import refusal
-from sim_action.robot.reading.mjcf.mjcf_files import MeshFile, MjcfFiles, Pattern, floor_look
+from sim_action.robot.reading.mjcf.mjcf_files import MeshFile, MjcfFiles, Pattern, floor_look, refusal
 
 # A tetrahedron.
 _CORNERS: Final = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)

@@ -22,7 +22,7 @@ from sim_action.robot.documents.sdf_elements import Notes
 from sim_action.robot.documents.xml_document import ModelDocument
 from sim_action.robot.model.findings import Finding, refuse_errors
 from sim_action.robot.model.robot_model import WORLD
-from sim_action.robot.reading.sdf.composition import SEPARATOR, Assembly, Entry, Scope
+from sim_action.robot.reading.sdf.composition import SEPARATOR, Assembly, Entry, Scope, read_sdf_file
 from sim_action.robot.reading.sdf.frames import Frames
 from sim_action.robot.reading.sdf.links_and_joints import (
     JointWriter,
@@ -31,7 +31,6 @@ from sim_action.robot.reading.sdf.links_and_joints import (
     UrdfWriter,
     resolve_joint,
 )
-from sim_action.robot.reading.sdf.sdf_files import read_sdf_file
 from sim_action.robot.reading.sdf.worlds import robot_scope
 
 _MIN_ROTATION_RAD: Final = 1e-6

@@ -36,9 +36,8 @@ from sim_action.robot.documents.urdf_elements import UNLIMITED, is_numbers
 from sim_action.robot.documents.xml_document import ModelDocument
 from sim_action.robot.model.robot_model import WORLD
 from sim_action.robot.reading.sdf.auto_inertia import auto_inertia
-from sim_action.robot.reading.sdf.composition import Entry
+from sim_action.robot.reading.sdf.composition import FRAMES_NAMED, PARENT_MODEL_FLAG, Entry
 from sim_action.robot.reading.sdf.frames import Frames
-from sim_action.robot.reading.sdf.sdf_files import FRAMES_NAMED, PARENT_MODEL_FLAG
 
 _MOMENTS: Final = {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0}
 """The moments of inertia and their defaults in SDF, in kg m^2."""

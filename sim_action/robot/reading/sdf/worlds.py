@@ -21,9 +21,8 @@ from sim_action.robot.documents.packages import Packages, Version
 from sim_action.robot.documents.sdf_elements import Notes, SdfProblem, pose_of, text_of
 from sim_action.robot.documents.xml_document import ModelDocument
 from sim_action.robot.model.findings import refuse_errors
-from sim_action.robot.reading.sdf.composition import Assembly, Entry, Scope
+from sim_action.robot.reading.sdf.composition import Assembly, Entry, Scope, SdfFile, sdf_version, upgraded
 from sim_action.robot.reading.sdf.frames import Frames
-from sim_action.robot.reading.sdf.sdf_files import SdfFile, sdf_version, upgraded
 
 OWN_MODELS: Final = frozenset({"ground_plane", "sun"})
 """The models of Gazebo that need no file: every world has a ground, and lights are only drawn."""

@@ -34,7 +34,7 @@ from sim_action.sensors.imu import Imu
 from sim_action.sensors.lidar import Lidar
 from sim_action.state.observation import Observation
 from sim_action.state.readings import CameraImage, ImuReading, LidarScan
-from sim_action.world.world_files.world_shapes import said
+from sim_action.world.world_files.world_bodies import said
 
 _UNKNOWN: Final = 1e12
 _BGR_FORMATS: Final = ("B8G8R8", "BGR_INT8")

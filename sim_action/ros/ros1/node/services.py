@@ -37,7 +37,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
 from sim_action.core.records import replace
 from sim_action.core.wording import did_you_mean
-from sim_action.robot.model.link_motion import LinkStates
+from sim_action.robot.model.kinematics import LinkStates
 from sim_action.robot.model.robot_model import Joint, JointType, Link, RobotModel
 from sim_action.ros.robot_topics import in_frame_of
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, body_of

@@ -19,8 +19,16 @@ from sim_action.robot.documents.packages import Packages
 from sim_action.robot.documents.part_table import ALL, part_table
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import check_text, load_model
-from sim_action.robot.reading.mjcf.mjcf_elements import DROPPED, FILES, LIKE_A_FILE, LIMITS, NO_FILES
-from sim_action.robot.reading.mjcf.mjcf_files import MAX_FILES, MjcfFiles, collect_files
+from sim_action.robot.reading.mjcf.mjcf_files import (
+    DROPPED,
+    FILES,
+    LIKE_A_FILE,
+    LIMITS,
+    MAX_FILES,
+    NO_FILES,
+    MjcfFiles,
+    collect_files,
+)
 from tests.mesh_files import stl
 
 BODY: Final = '<worldbody><body name="k"><freejoint/><geom size="1"/>{}</body></worldbody>'
