@@ -106,6 +106,7 @@ def test_a_package_outside_the_workspace_is_found_if_the_caller_names_it(
         (["run", "--repeat", "2", "--update-golden"], "--update-golden cannot be combined with --repeat"),
         (["run", "--force"], "--force needs --update-golden"),
         (["run", "--live"], "--live needs --watch"),
+        (["run", "--watch", "--shard", "1/2"], "cannot be combined with --shard"),
         (["run", "--watch", "--port", "1"], "--port needs --live"),
         (["view", "--port", "1"], "--port needs --live"),
         (["view", "--live", "--only", "a"], "--live cannot be combined with --only"),

@@ -22,14 +22,13 @@ INERTIAL = """<inertial><mass value="{0}"/>
   <inertia ixx="{1}" iyy="{1}" izz="{1}" ixy="0" ixz="0" iyz="0"/></inertial>"""
 
 
-def urdf(shape: str, attributes: str = "", visual: str = "") -> str:
-    look = f'<visual><geometry><mesh filename="{visual}"/></geometry></visual>' if visual else ""
+def urdf(shape: str, attributes: str = "") -> str:
     collision = f"<collision {attributes}><geometry>{shape}</geometry></collision>"
-    return f'<robot name="it"><link name="it">{INERTIAL.format(2, 0.02)}{look}{collision}</link></robot>'
+    return f'<robot name="it"><link name="it">{INERTIAL.format(2, 0.02)}{collision}</link></robot>'
 
 
-def load(text: str, z: float, flags: int = 0) -> int:
-    flags |= pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER
+def load(text: str, z: float) -> int:
+    flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "it.urdf")
         path.write_text(text)
@@ -49,18 +48,17 @@ def reach(body: int, axis: tuple[int, int, int]) -> float | None:
     return FAR - min(point[8] for point in points) if points else None
 
 
-def look_at(mesh: str, attributes: str = "", scale: str = "1 1 1", flags: int = 0, visual: str = "") -> dict[str, Any]:
-    """How far a mesh reaches, what a vertical ray at points meets, and where its origin is after a fall of 5 mm."""
-    body = load(urdf(f'<mesh filename="{mesh}" scale="{scale}"/>', attributes, visual), 0, flags)
+def look_at(mesh: str, attributes: str = "", scale: str = "1 1 1") -> dict[str, Any]:
+    """How far a mesh reaches, and where its origin is after a fall of 5 mm."""
+    body = load(urdf(f'<mesh filename="{mesh}" scale="{scale}"/>', attributes), 0)
     reached = {name: reach(body, axis) for name, axis in AXES.items()}
-    hits = {f"{x} {y}": pybullet.rayTest((x, y, 9), (x, y, -9))[0][0] >= 0 for x, y in ((0.5, 0), (0.4, 0.4))}
     low = reached["-z"] or 0.0
     plane()
     pybullet.resetBasePositionAndOrientation(body, (0, 0, low + 0.005), (0, 0, 0, 1))
     for _ in range(480):
         pybullet.stepSimulation()
     z = pybullet.getBasePositionAndOrientation(body)[0][2]
-    return {"reach": reached, "hits": hits, "rests_at": z, "mass": pybullet.getDynamicsInfo(body, -1)[0]}
+    return {"reach": reached, "rests_at": z, "mass": pybullet.getDynamicsInfo(body, -1)[0]}
 
 
 def survive(folder: str) -> dict[str, Any]:

@@ -16,17 +16,12 @@ _CHILD = Path(__file__).with_name("mesh_engine.py")
 ENGINES_MARGIN = 0.001  # in m: what PyBullet 3.2.7 puts around each hull
 
 
-def run(*asked: list[Any], timeout: float = 60) -> tuple[int, list[dict[str, Any]]]:
-    """What the child says to each that it is asked, and how it ended: -11 is a segmentation fault."""
-    command = [sys.executable, str(_CHILD), json.dumps(asked)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
-    lines = [line for line in done.stdout.splitlines() if line.startswith("FOUND ")]
-    return done.returncode, [json.loads(line.removeprefix("FOUND ")) for line in lines]
-
-
 def found(*asked: list[Any]) -> list[dict[str, Any]]:
-    code, answers = run(*asked)
-    assert (code, len(answers)) == (0, len(asked))
+    """What the child says to each that it is asked."""
+    command = [sys.executable, str(_CHILD), json.dumps(asked)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    answers = [json.loads(line[6:]) for line in done.stdout.splitlines() if line.startswith("FOUND ")]
+    assert len(answers) == len(asked)
     return answers
 
 

@@ -161,15 +161,6 @@ def test_every_assertion_can_be_left_unexercised(tmp_path: Path) -> None:
     assert not expected
 
 
-def test_the_tutorials_robot_that_stands_still_fails_with_how_far_it_got(tmp_path: Path) -> None:
-    text = (ROOT / "examples/turtlebot3/straight_line.sim.yml").read_text()
-    (tmp_path / "still.sim.yml").write_text(text.replace("linear: 1.0", "linear: 0.0"))
-    ran = sim_action(tmp_path, "run", "still.sim.yml")
-    assert ran.returncode == 1
-    assert "of 1.5 m in 30.0 s" in ran.stdout
-    assert "still.sim.yml:9:5" in ran.stdout
-
-
 def test_the_five_minutes_of_the_readme(tmp_path: Path) -> None:
     assert sim_action(tmp_path, "init", "hello").returncode == 0
     passing = sim_action(tmp_path, "run", "hello")

@@ -16,7 +16,8 @@ import pytest
 import sim_action.robot
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
-from tests.integration.conftest import fresh_sim_action as command_line
+from tests.integration.conftest import fresh_sim_action
+from tests.integration.conftest import sim_action as warm_sim_action
 from tests.integration.marked_processes import processes_of, wait_for
 from tests.integration.other_systems import System, variables_of
 from tests.patience import PATIENCE
@@ -156,18 +157,7 @@ def title_of(outcome: Outcome) -> str:
 
 
 def digest_here(folder: Path) -> str | None:
-    command = [
-        sys.executable,
-        "-m",
-        "sim_action",
-        "run",
-        "plain.sim.yml",
-        "--backend",
-        "mujoco",
-        "--output-dir",
-        "here",
-    ]
-    subprocess.run(command, cwd=folder, check=True, capture_output=True)
+    warm_sim_action(folder, "run", "plain.sim.yml", "--backend", "mujoco", "--output-dir", "here")
     (outcome,) = Results.read(folder / "here/results.json").outcomes
     return outcome.digest
 
@@ -191,7 +181,7 @@ def test_an_interrupted_run_leaves_no_process(tmp_path: Path, system: System, nu
     assert title_of(outcome) == "interrupted"
 
 
-@every_system
+@pytest.mark.parametrize("system", soaked(["darwin", "win32"], short=["win32"]))
 def test_a_call_that_is_killed_outright_takes_its_children_with_it(tmp_path: Path, system: System) -> None:
     write_script(tmp_path, "waits", "open('began', 'w').close()\ntime.sleep(600)")
     run = start(tmp_path, variables_of(system, tmp_path), "--backend", "mujoco")
@@ -221,7 +211,7 @@ def test_newlines_of_a_windows_checkout_change_nothing(tmp_path: Path) -> None:
             text = path.read_text().replace("model: turtlebot3_burger", "model: robot.urdf")
             path.write_text(text, newline=newline)
     assert b"\r\n" in (tmp_path / "windows/robot.urdf").read_bytes()
-    assert command_line(tmp_path, "run", "linux", "windows").returncode == 0
+    assert warm_sim_action(tmp_path, "run", "linux", "windows").returncode == 0
     one, other = Results.read(tmp_path / "sim-results/results.json").outcomes
     assert one.digest == other.digest
 
@@ -229,7 +219,7 @@ def test_newlines_of_a_windows_checkout_change_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize("encoding", soaked(["cp1252", "cp437", "ascii"], short=["cp1252"]))
 def test_a_console_without_our_symbols_is_told_all_the_same(tmp_path: Path, encoding: str) -> None:
     write_script(tmp_path, "raises", "return 1 / 0  # ✓")
-    ran = command_line(tmp_path, "run", ".", PYTHONIOENCODING=encoding)
+    ran = fresh_sim_action(tmp_path, "run", ".", PYTHONIOENCODING=encoding)
     assert ran.returncode == 1
     assert "Traceback" not in ran.stdout + ran.stderr
     assert "ZeroDivisionError" in ran.stdout

@@ -98,14 +98,13 @@ def test_the_network_of_the_example_is_made_here() -> None:
     assert (ROOT / "examples/commands/balance.onnx").read_bytes() == balance()
 
 
-@pytest.mark.parametrize("file", ["../pd.onnx", "link.onnx"])
-def test_a_network_outside_of_the_workspace_is_refused(file: str, folder: Path) -> None:
+def test_a_network_outside_of_the_workspace_is_refused(folder: Path) -> None:
     inside = folder / "repository"
     inside.mkdir()
     (inside / ".git").mkdir()
     (inside / "link.onnx").symlink_to(folder / "pd.onnx")
     (inside / "arm.urdf").write_text((folder / "arm.urdf").read_text())
-    (inside / "policy.sim.yml").write_text(SCENARIO.format(name="p", commands=POLICY.replace("pd.onnx", file)))
+    (inside / "policy.sim.yml").write_text(SCENARIO.format(name="p", commands=POLICY.replace("pd.onnx", "link.onnx")))
     ran = sim_action(inside, "run", "--no-report", "policy.sim.yml")
     assert ran.returncode == 2
     assert "outside the workspace" in ran.stdout + ran.stderr

@@ -107,7 +107,7 @@ def environment(folder: Path) -> dict[str, str]:
 
 def run(folder: Path, *options: str, paths: str = ".", variables: dict[str, str] | None = None) -> dict[str, Outcome]:
     subprocess.run(
-        [sys.executable, "-m", "sim_action", "run", paths, "--jobs", "2", *options],
+        [sys.executable, "-m", "sim_action", "run", paths, "--jobs", "2", "--no-report", *options],
         cwd=folder,
         env=variables or environment(folder),
         capture_output=True,
@@ -242,23 +242,6 @@ def test_programs_that_misbehave_cost_their_own_scenario_and_nothing_else(tmp_pa
         (failure,) = outcomes[f"{name} at the start"].failures
         assert (name, failure.kind) == (name, "script"), failure
         assert cause in failure.message
-
-
-def test_a_call_that_is_killed_outright_leaves_no_program(tmp_path: Path) -> None:
-    (tmp_path / "ctl.py").write_text("import signal, time\nsignal.signal(15, signal.SIG_IGN)\ntime.sleep(600)\n")
-    write(tmp_path, "waits", "process: python ctl.py, start_within: 600 s")
-    call = subprocess.Popen(
-        [sys.executable, "-m", "sim_action", "run", "."],
-        cwd=tmp_path,
-        env=environment(tmp_path),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    # The call, the supervisor, the scenario, and its program.
-    wait_for(4, tmp_path)
-    call.kill()
-    call.wait(PATIENCE)
-    wait_for(0, tmp_path)
 
 
 SEEN: Final = """\

@@ -159,9 +159,3 @@ def test_what_the_runs_write_themselves_does_not_have_them_run_for_ever(folder: 
         assert "changed: log.py\n" in until("watching 2 files")
         process.send_signal(signal.SIGINT)
         assert process.wait() == 130
-
-
-def test_shards_are_not_watched(folder: Path) -> None:
-    with watching(folder, "--shard", "1/2") as (process, until):
-        assert "cannot be combined with --shard" in until("--update-golden")
-        assert process.wait() == 2
