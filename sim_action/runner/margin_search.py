@@ -207,11 +207,14 @@ def _push(original: Original) -> Iterator[Factor]:
 
 def _start(original: Original) -> Iterator[Factor]:
     robot = original.scenario.robot
+    # A keyframe states the heading unless the scenario does.
+    is_stated = robot.keyframe is None or "yaw" in robot.pose.model_fields_set
+    yaw = robot.pose.yaw if is_stated else float(original.trace.yaw[0])
     if not robot.name_in_world:
         for axis, nominal, way, unit in (
             ("x", robot.pose.x, _SHIFT_M, "m"),
             ("y", robot.pose.y, _SHIFT_M, "m"),
-            ("yaw", robot.pose.yaw, _TURN_RAD, "rad"),
+            ("yaw", yaw, _TURN_RAD, "rad"),
         ):
             yield Factor(f"start:{axis}", unit, nominal, nominal - way, nominal + way, _placed(("robot", "pose", axis)))
 

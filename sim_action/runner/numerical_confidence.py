@@ -9,14 +9,14 @@ to half the step. With a quarter of the step, Richardson's extrapolation replace
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
 from sim_action.core import units
 from sim_action.core.errors import ExitCode, InvalidScenario, UsageError
 from sim_action.core.lazy_numpy import FloatArray, np
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import shortened
 from sim_action.engines import ENGINES, chosen
@@ -38,66 +38,54 @@ _DIVERGENT: Final = 0.5
 _LEAST_RANGE: Final = 0.1
 
 
-def _with_rate(factor: int) -> Callable[[Scenario], Scenario]:
-    def changed(scenario: Scenario) -> Scenario:
-        # All rates that divide the rate of the physics divide its multiples, too.
-        physics = scenario.physics.model_copy(update={"rate": factor * scenario.physics.rate})
-        return scenario.model_copy(update={"physics": physics})
-
-    return changed
-
-
-def _with_pose(**added: float) -> Callable[[Scenario], Scenario]:
-    def changed(scenario: Scenario) -> Scenario:
-        pose = scenario.robot.pose
-        moved = pose.model_copy(update={key: getattr(pose, key) + value for key, value in added.items()})
-        return scenario.model_copy(update={"robot": scenario.robot.model_copy(update={"pose": moved})})
-
-    return changed
-
-
 @dataclass(frozen=True, slots=True)
 class _Cause:
     """A change of a repetition."""
 
     doing: str  # the change in a sentence, such as "halving the step"
-    changed: Callable[[Scenario], Scenario]  # returns the scenario with the change
     factor: float = 1.0  # the error that the change leaves open, in its differences
     rate: int = 1  # the factor of the rate of the physics
-    at_start: bool = False  # True if it changes the start of the robot
+    # key of the start of the robot -> the amount that is added
+    moved: Mapping[str, float] = field(default_factory=dict)
+    engine: str | None = None  # None: that of the run
+
+    def changed(self, scenario: Scenario) -> Scenario:
+        """Return a scenario with the change."""
+        # All rates that divide the rate of the physics divide its multiples, too.
+        physics = scenario.physics.model_copy(update={"rate": self.rate * scenario.physics.rate})
+        pose = scenario.robot.pose
+        moved = pose.model_copy(update={key: getattr(pose, key) + value for key, value in self.moved.items()})
+        # A keyframe still states what the scenario does not.
+        moved.model_fields_set.intersection_update(pose.model_fields_set)
+        robot = scenario.robot.model_copy(update={"pose": moved})
+        backend = self.engine or scenario.backend
+        return scenario.model_copy(update={"physics": physics, "robot": robot, "backend": backend})
 
 
 _HALF: Final = "half the step"
 _QUARTER: Final = "a quarter of the step"
 _CAUSES: Final[Mapping[str, _Cause]] = MappingProxyType(
     {
-        _HALF: _Cause("halving the step", _with_rate(2), factor=_FIRST_ORDER, rate=2),
+        _HALF: _Cause("halving the step", factor=_FIRST_ORDER, rate=2),
         # The difference to a quarter of the step is 3/4 of the whole error.
-        _QUARTER: _Cause("quartering the step", _with_rate(4), factor=4 / 3, rate=4),
-        "the start turned by 1 deg": _Cause("turning the start by 1 deg", _with_pose(yaw=_TURN), at_start=True),
-        "the start moved by 1 mm": _Cause(
-            "moving the start by 1 mm", _with_pose(x=_SHIFT_M, y=_SHIFT_M), at_start=True
-        ),
+        _QUARTER: _Cause("quartering the step", factor=4 / 3, rate=4),
+        "the start turned by 1 deg": _Cause("turning the start by 1 deg", moved={"yaw": _TURN}),
+        "the start moved by 1 mm": _Cause("moving the start by 1 mm", moved={"x": _SHIFT_M, "y": _SHIFT_M}),
     }
 )
 
 
-def _on_engine(engine: str) -> _Cause:
-    doing = f"running it on {ENGINES[engine].title}"
-    return _Cause(doing, lambda scenario: scenario.model_copy(update={"backend": engine}))
-
-
 def _cause(name: str) -> _Cause:
     """Return a change by its name; the names of the engines are changes, too."""
-    by_title = {engine.title: _on_engine(key) for key, engine in ENGINES.items()}
-    return _CAUSES[name] if name in _CAUSES else by_title[name]
+    engines = {engine.title: _Cause(f"running it on {engine.title}", engine=key) for key, engine in ENGINES.items()}
+    return _CAUSES[name] if name in _CAUSES else engines[name]
 
 
 def _changes(loaded: LoadedScenario) -> Iterator[tuple[str, float, bool]]:
     """Yield the names of the changes of a run, the rate in Hz of the physics with each, and whether it is allowed."""
     for name, cause in _CAUSES.items():
         is_asked = name != _QUARTER or loaded.scenario.confidence == "full"
-        if is_asked and not (cause.at_start and loaded.is_fixed):
+        if is_asked and not (cause.moved and loaded.is_fixed):
             rate = cause.rate * loaded.scenario.physics.rate
             yield name, rate, rate <= MAX_PHYSICS_RATE_HZ
 

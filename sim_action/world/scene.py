@@ -165,7 +165,8 @@ class Scene:
         if at is not None:
             if not {"roll", "pitch", "yaw"} & pose.model_fields_set:
                 roll, pitch, yaw = rpy_from_quaternion(at.orientation_xyzw)
-                pose = pose.model_copy(update={"roll": roll, "pitch": pitch, "yaw": yaw})
+                # A yaw that is not stated is 0, but for a repetition with another start.
+                pose = pose.model_copy(update={"roll": roll, "pitch": pitch, "yaw": yaw + pose.yaw})
             # A file without its floor may have the base of a keyframe below the ground.
             height = at.position_xyz[2] if at.position_xyz[2] > 0 else None
             return pose if pose.z is not None else pose.model_copy(update={"z": height})

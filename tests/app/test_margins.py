@@ -17,12 +17,17 @@ from hypothesis import strategies as st
 import sim_action
 from sim_action.cli.main import call
 from sim_action.core.errors import Location, UsageError
+from sim_action.core.field_types import Placement
+from sim_action.core.records import replace
 from sim_action.results.factor_margins import Margin
 from sim_action.results.results_json import Results
-from sim_action.runner.margin_search import Factor, Search, Trial
+from sim_action.runner.margin_search import FACTORS, Factor, Search, Trial
+from sim_action.runner.mutation.mutant import Original
+from sim_action.scenario.loading import load_scenario
 from tests.integration.engines import on_every_engine
 from tests.outcomes import outcome
 from tests.soak import soaked
+from tests.traces import trace
 
 G = 9.81
 BOX = "{{name: box, box: [0.2, 0.2, 0.2], mass: {mass}, friction: {friction}, pose: {{x: 2, z: 0.1}}}}"
@@ -155,9 +160,7 @@ def margins_of(folder: Path, text: str, *options: str, code: int = 0) -> list[di
 
 @pytest.mark.process
 @on_every_engine
-@pytest.mark.parametrize(
-    "case", soaked(PLANTED, ["friction at which a force moves a box", "strength that a motor needs"])
-)
+@pytest.mark.parametrize("case", soaked(PLANTED, SHORT))
 def test_planted_thresholds_are_found(tmp_path: Path, engine: str, case: str) -> None:
     pytest.importorskip(engine)
     if "MJCF" in case and engine == "pybullet":
@@ -317,6 +320,19 @@ def test_bad_options(
     path.write_text(f"name: one\n{PUSHED}{DRIVEN}")
     assert call(["margins", str(path), "--allow-outside", "--output-dir", str(tmp_path / "r"), "-q", *options]) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("pose", "nominal"), [({}, 1.5), ({"yaw": 0.3}, 0.3)])
+def test_the_start_varies_from_the_heading_of_a_keyframe(
+    tmp_path: Path, pose: dict[str, float], nominal: float
+) -> None:
+    path = tmp_path / "one.sim.yml"
+    path.write_text(f"name: one\n{PUSHED}")
+    loaded = load_scenario(path)
+    robot = loaded.scenario.robot.model_copy(update={"keyframe": "stands", "pose": Placement(**pose)})
+    scenario = loaded.scenario.model_copy(update={"robot": robot})
+    original = Original(replace(loaded, scenario=scenario), outcome("one.sim.yml"), trace([0.0], yaw=[1.5]))
+    assert [factor.nominal for factor in FACTORS["start"](original)] == [0, 0, pytest.approx(nominal)]
 
 
 def both_sides(factor: Factor, passes: Callable[[float], bool], asked: float | None, most: int) -> list[Margin]:

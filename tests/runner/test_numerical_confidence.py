@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +14,20 @@ from hypothesis import strategies as st
 import sim_action
 from sim_action.cli.main import call
 from sim_action.core.errors import InvalidScenario, Location
+from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.core.records import replace
 from sim_action.core.units import rate_divides
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results
+from sim_action.robot.model.robot_model import Keyframe
 from sim_action.runner.numerical_confidence import divergence, with_confidence, with_repetitions
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.variations.gate import Gate, PlannedGate
 from sim_action.state.trace import COLUMNS, Trace
 from sim_action.state.verdict import Signal, Verdict
+from sim_action.world import Physics, World
+from sim_action.world.scene import Scene
 from tests.integration.engines import on_every_engine
 from tests.outcomes import like, outcome
 
@@ -64,6 +69,16 @@ def test_the_repetitions_have_one_change_each(tmp_path: Path) -> None:
     assert (pose.x, pose.yaw) == pytest.approx((0.0, 0.0174533), rel=1e-5)
     pose = moved.scenario.robot.pose
     assert (pose.x**2 + pose.y**2) ** 0.5 == pytest.approx(1e-3)
+
+
+def test_a_start_that_a_keyframe_states_is_turned_from_there(tmp_path: Path) -> None:
+    _, _, turned, _ = with_repetitions(scenario(tmp_path))
+    assert turned.model is not None
+    stands = Keyframe({}, Pose((0, 0, 1), quaternion_from_rpy(0.2, 0, 1.5)))
+    robot = turned.scenario.robot.model_copy(update={"keyframe": "stands"})
+    model = replace(turned.model, keyframes={"stands": stands})
+    place = Scene(robot, model, World(), Physics(), turned.source.workspace).placement
+    assert (place.roll, place.yaw, place.z) == pytest.approx((0.2, 1.5 + math.radians(1), 1))
 
 
 def test_a_named_engine_and_a_quarter_of_the_step_are_repetitions(tmp_path: Path) -> None:
