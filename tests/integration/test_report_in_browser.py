@@ -187,8 +187,13 @@ def test_repetitions(tmp_path: Path) -> None:
         Repetition(cause=name, status="passed", ending="passed", replay=kept(drive(distance=distance), tmp_path, name))
         for name, distance in (("half", 0.5), ("moved", 1.5))
     )
-    write_html(results(alone, burger.model_copy(update={"repetitions": again})), report_options(tmp_path))
-    look("repetitions are thin lines in views and bands in plots", tmp_path / "report.html")
+    scene = drive().scene
+    links = tuple(link.model_copy(update={"shapes": ()}) for link in scene.links)
+    shapeless = drive().model_copy(update={"scene": scene.model_copy(update={"links": links})})
+    bare = alone.model_copy(update={"name": "bare", "replay": kept(shapeless, tmp_path, "bare")})
+    write_html(results(alone, bare, burger.model_copy(update={"repetitions": again})), report_options(tmp_path))
+    checks = ["repetitions are thin lines in views and bands in plots", "a robot without shapes has a path"]
+    assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
 
 
 @pytest.mark.soak

@@ -222,7 +222,10 @@ class View3D implements View {
   private sizeAt(run: Run, time: number, robot: Group): Box3 {
     this.pose(run.at(time));
     robot.updateMatrixWorld(true);
-    return new Box3().setFromObject(robot);
+    const box = new Box3().setFromObject(robot);
+    if (!box.isEmpty()) return box;
+    // A robot without shapes is where its links are.
+    return box.setFromPoints(this.links.map((link) => link.position)).expandByScalar(0.05);
   }
 
   /** Returns the bounding box of the robot over the whole run. */

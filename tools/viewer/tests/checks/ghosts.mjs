@@ -127,6 +127,8 @@ export const GHOSTS = {
       seen.slice(0, 2).forEach((pictures, i) => pictures.forEach((one, j) => assert.notEqual(one, seen[2 + i][j])));
     },
   },
+  // Numbers that are no numbers would be errors of the console.
+  "a robot without shapes has a path": { hash: "#scenario=bare", look: ready },
   "the ghost of an address is drawn, by keys": {
     hash: "#scenario=burger%20moves&against=base+run",
     look: async (page) => {
