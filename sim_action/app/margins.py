@@ -64,8 +64,8 @@ def find_margins(request: MarginsRequest, interruption: Interruption) -> tuple[M
 
 
 def _keys(request: MarginsRequest) -> RunKeys:
-    outputs = [path for path in (request.reports.folder, request.reports.junit) if path is not None]
-    return RunKeys(request.plan.suite.files, RunOptions(request.plan.permissions, replays=False), outputs)
+    options = RunOptions(request.plan.permissions, replays=False)
+    return RunKeys(request.plan.suite.files, options, request.reports.outputs)
 
 
 class _Call:

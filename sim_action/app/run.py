@@ -121,11 +121,7 @@ def refuse_invalid(refused: Sequence[Refused]) -> None:
 
 def _keys(request: RunRequest) -> RunKeys:
     options = RunOptions(request.plan.permissions, request.repeat, request.recordings, _has_replays(request))
-    return RunKeys(request.plan.suite.files, options, _outputs(request))
-
-
-def _outputs(request: RunRequest) -> list[Path]:
-    return [path for path in (request.reports.folder, request.reports.junit) if path is not None]
+    return RunKeys(request.plan.suite.files, options, request.reports.outputs)
 
 
 Schedule = Callable[[Runs, Listener, Interruption], Scheduler]
@@ -148,7 +144,7 @@ def _schedule(request: RunRequest, found: RunPlan, keys: RunKeys) -> Iterator[Sc
         return
     from sim_action.runner.cluster.dask_executor import opened_cluster  # a usual run does without it
 
-    with opened_cluster(address, every, request.plan.permissions, _outputs(request)) as cluster:
+    with opened_cluster(address, every, request.plan.permissions, request.reports.outputs) as cluster:
         yield cluster.scheduler
 
 

@@ -83,6 +83,11 @@ class ReportRequest:
     silenced: frozenset[str]  # the names of reports that are switched off
     against: str | None = None  # the results of an earlier run, as typed; None: `report.html` compares with nothing
 
+    @property
+    def outputs(self) -> list[Path]:
+        """The folder and the file that are written."""
+        return [path for path in (self.folder, self.junit) if path is not None]
+
 
 def workspace_of(environment: Mapping[str, str], here: Path) -> Path:
     """Return the folder to which paths in reports are relative: that of the CI service, else the current folder.
