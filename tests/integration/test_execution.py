@@ -19,7 +19,7 @@ from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.isolation.linux_child import LinuxChild
 from sim_action.runner.isolation.portable_child import PortableChild
 from sim_action.scenario.loading import load_scenario
-from tests.patience import wait_until
+from tests.integration.marked_processes import wait_for
 from tests.pool import execute
 from tests.soak import soaked
 
@@ -105,19 +105,6 @@ on_both = pytest.mark.parametrize("run", WAYS, indirect=True, ids=NAMES)  # also
 @pytest.fixture(params=soaked(WAYS, short=WAYS[:1]), ids=NAMES)
 def run(request: pytest.FixtureRequest) -> Run:
     return Run(request.param)
-
-
-def processes_of(marker: Path) -> list[int]:
-    """Processes whose environment or working directory points below a test's own folder."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit() and int(entry.name) != os.getpid():
-            try:
-                if str(marker) in str((entry / "cwd").readlink()):
-                    found.append(int(entry.name))
-            except OSError:
-                continue
-    return found
 
 
 WITHOUT_VERDICT: Mapping[str, tuple[str, str, str]] = {
@@ -318,16 +305,16 @@ def test_a_script_error_tells_when_it_was_and_how_it_came_there(
 @on_both
 def test_processes_that_a_script_leaves_behind_are_ended(tmp_path: Path, run: Run) -> None:
     body = (
-        "import os, subprocess, sys, pathlib\n"
+        "import os, subprocess, pathlib\n"
         "here = pathlib.Path(__file__).parent\n"
         "if not (here / 'left').exists():\n"
         "    (here / 'left').touch()\n"
-        "    subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'], cwd=here)\n"
+        "    subprocess.Popen(['sleep', '600'], env={**os.environ, 'ROS_MARK': str(here)})\n"
         "return Twist.planar(0.5)"
     )
     (outcome,) = run([script(tmp_path, "forker", body)], tmp_path)
     assert outcome.status == "passed"
-    wait_until(lambda: processes_of(tmp_path) == [])
+    wait_for(0, tmp_path)
 
 
 @pytest.mark.pybullet
@@ -342,7 +329,6 @@ def test_what_the_engine_says_becomes_diagnostics(tmp_path: Path, run: Run, capf
     assert capfd.readouterr() == ("", "")
 
 
-@on_both
 def test_a_robot_that_begins_inside_something_is_told_on_the_line_to_change_and_spoils_no_other(
     tmp_path: Path, run: Run
 ) -> None:

@@ -16,7 +16,8 @@ import junitparser
 from sim_action.engines import installed
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
-from tests.patience import PATIENCE, wait_until
+from tests.integration.marked_processes import processes_of, wait_for
+from tests.patience import PATIENCE
 
 ROOT: Final = Path(__file__).parents[2]
 
@@ -108,7 +109,7 @@ def start(folder: Path, *options: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-m", "sim_action", "run", ".", "--jobs", "2", *options],
         cwd=folder,
-        env={**environment, "PYTHONPATH": str(ROOT), "ROS_KILLERS": str(folder)},
+        env={**environment, "PYTHONPATH": str(ROOT), "ROS_MARK": str(folder)},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -122,20 +123,6 @@ def outcomes(folder: Path) -> dict[str, Outcome]:
     run.communicate(timeout=PATIENCE)
     results = Results.read(folder / "sim-results/results.json")
     return {outcome.name: outcome for outcome in results.outcomes}
-
-
-def processes_of(folder: Path) -> list[int]:
-    """Processes that were born of a call in this folder."""
-    numbers = (int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdigit())
-    return [number for number in numbers if is_of(number, folder)]
-
-
-def is_of(process: int, folder: Path) -> bool:
-    try:
-        variables = Path(f"/proc/{process}/environ").read_bytes().split(b"\0")
-    except OSError:
-        return False
-    return f"ROS_KILLERS={folder}".encode() in variables
 
 
 def test_ten_killers_cost_ten_scenarios_and_nothing_else(tmp_path: Path) -> None:
@@ -252,7 +239,7 @@ def test_a_call_that_is_killed_outright_leaves_no_process(tmp_path: Path) -> Non
     script(tmp_path, "hider", "subprocess.Popen(['sleep', '600'], start_new_session=True)\ntime.sleep(600)")
     run = start(tmp_path)
     # The call, the supervisor, the scenario, and what it hides.
-    wait_until(lambda: len(processes_of(tmp_path)) == 4)
+    wait_for(4, tmp_path)
     run.kill()
     run.communicate(timeout=PATIENCE)
-    wait_until(lambda: not processes_of(tmp_path))
+    wait_for(0, tmp_path)
