@@ -6,20 +6,43 @@ The functions need no ROS. Fields that are left out keep the defaults of the mes
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
 from sim_action.core.lazy_numpy import NDArray
-from sim_action.ros.robot_topics import PlacedFrame, diagonal, pinhole_of, seconds_and_nanoseconds
+from sim_action.ros.robot_topics import PlacedFrame, Schedule, diagonal, pinhole_of, seconds_and_nanoseconds
 from sim_action.sensors.camera import Camera
-from sim_action.state.observation import JointState
+from sim_action.state.observation import JointState, Observation
 from sim_action.state.readings import ImuReading, LidarScan
 
 Message = dict[str, Any]  # a message: field -> number, text, message, list of messages, or array of numbers
 
+Messages = Callable[[int, Observation], Message | None]
+"""Tick and observation -> the message of a topic; None if nothing is due. Ticks must be given in order, each once."""
+
 OPTICAL: Final = Pose(orientation_xyzw=(-0.5, 0.5, -0.5, 0.5))
 """The optical frame of a camera in the frame of its sensor: x to the right, y down, z ahead (REP 103)."""
+
+
+def when_due(schedule: Schedule, made: Callable[[Observation], Message]) -> Messages:
+    """Return the messages of a topic that is published by a schedule."""
+    return lambda tick, seen: made(seen) if schedule.is_due(tick) else None
+
+
+def each_reading(name: str, made: Callable[[Any], Message]) -> Messages:
+    """Return the messages of a topic that has each reading of a sensor once."""
+    last: float | None = None
+
+    def message(_: int, seen: Observation) -> Message | None:
+        nonlocal last
+        reading = seen.sensors[name]
+        if reading.time == last:
+            return None
+        last = reading.time
+        return made(reading)
+
+    return message
 
 
 def stamp(time: float) -> Message:

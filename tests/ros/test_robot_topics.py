@@ -17,26 +17,14 @@ WHEELS = Fitting("wheels", "odometry", "base_link", 20.0)
 EYE = Fitting("eye", "camera", "head", 10.0)
 
 
-def test_without_sensors_a_robot_is_commanded_and_tells_where_it_and_its_joints_are() -> None:
+def test_usual_topics_are_those_of_the_kinds_of_sensors() -> None:
     assert topics_of([], {}) == {"cmd_vel": "/cmd_vel", "joint_states": "/joint_states", "odom": "/odom"}
-
-
-def test_a_sensor_that_is_the_only_one_of_its_kind_has_the_usual_topic() -> None:
-    assert topics_of([LIDAR], {})["lidar"] == "/scan"
-    assert topics_of([EYE], {})["eye"] == "/eye/image_raw"
-
-
-def test_several_of_a_kind_have_their_names_before_it() -> None:
-    topics = topics_of([LIDAR, REAR], {})
-
-    assert (topics["lidar"], topics["rear lidar"]) == ("/lidar/scan", "/rear_lidar/scan")
-
-
-def test_odometry_that_a_sensor_tells_is_in_place_of_the_truth() -> None:
-    topics = topics_of([WHEELS], {})
-
-    assert topics["wheels"] == "/odom"
-    assert "odom" not in topics
+    assert (topics_of([LIDAR], {})["lidar"], topics_of([EYE], {})["eye"]) == ("/scan", "/eye/image_raw")
+    several = topics_of([LIDAR, REAR], {})
+    assert (several["lidar"], several["rear lidar"]) == ("/lidar/scan", "/rear_lidar/scan")
+    # Odometry of a sensor is in place of the truth.
+    measured = topics_of([WHEELS], {})
+    assert (measured["wheels"], "odom" in measured) == ("/odom", False)
 
 
 def test_stated_topics_are_absolute() -> None:

@@ -25,13 +25,16 @@ from sim_action.ros import robot_topics
 from sim_action.ros.messages import (
     OPTICAL,
     Message,
+    Messages,
     camera_info_message,
+    each_reading,
     image_message,
     imu_message,
     joint_states_message,
     odometry_message,
     scan_message,
     transforms_message,
+    when_due,
 )
 from sim_action.ros.robot_topics import (
     COMMANDS,
@@ -121,14 +124,11 @@ def _mounted(sensors: tuple[Fitting, ...], frames: Mapping[str, str]) -> Iterato
 
 @dataclass(frozen=True, slots=True)
 class Publisher:
-    """A topic that the robot publishes; `type`: such as "nav_msgs/msg/Odometry".
-
-    `message`: tick and observation -> the message; None if nothing is due. Ticks must be given in order, each once.
-    """
+    """A topic that the robot publishes; `type`: such as "nav_msgs/msg/Odometry"."""
 
     topic: str
     type: str
-    message: Callable[[int, Observation], Message | None]
+    message: Messages
     qos: Qos = USUAL
 
 
@@ -260,14 +260,14 @@ def _states(
         def joint_states(seen: Observation) -> Message:
             return joint_states_message(seen.time, {name: seen.joints[name] for name in names})
 
-        yield Publisher(topics[JOINTS], "sensor_msgs/msg/JointState", _when_due(schedule, joint_states))
+        yield Publisher(topics[JOINTS], "sensor_msgs/msg/JointState", when_due(schedule, joint_states))
     if ODOMETRY in topics:
 
         def truth(seen: Observation) -> Message:
             twist = in_frame_of(seen.pose, seen.twist)
             return odometry_message(seen.time, (frames.odom, frames.base), seen.pose, twist)
 
-        yield Publisher(topics[ODOMETRY], "nav_msgs/msg/Odometry", _when_due(schedule, truth))
+        yield Publisher(topics[ODOMETRY], "nav_msgs/msg/Odometry", when_due(schedule, truth))
     links = () if described else frames.links.fixed
     fixed = [*links, *frames.mounted]
     yield Publisher(
@@ -281,24 +281,17 @@ def _states(
         yield Publisher(description, "std_msgs/msg/String", _once({"data": text}), LATCHED)
 
 
-_Messages = Callable[[int, Observation], Message | None]
-
-
-def _once(message: Message) -> _Messages:
+def _once(message: Message) -> Messages:
     return lambda tick, _: message if tick == 0 else None
 
 
-def _when_due(schedule: Schedule, made: Callable[[Observation], Message]) -> _Messages:
-    return lambda tick, seen: made(seen) if schedule.is_due(tick) else None
-
-
-def _transforms(scene: Scene, frames: RobotFrames, schedule: Schedule, *, links: bool) -> _Messages:
+def _transforms(scene: Scene, frames: RobotFrames, schedule: Schedule, *, links: bool) -> Messages:
     """Return the messages of /tf: odom to base at each state or reading of odometry, and links at each state."""
     odometry = next((sensor.name for sensor in scene.sensors if sensor.kind == "odometry"), None)
     measured = None
     if odometry is not None:
         frame = frames.odom, frames.base
-        measured = _readings(odometry, lambda each: transforms_message(each.time, [(*frame, each.pose)]))
+        measured = each_reading(odometry, lambda each: transforms_message(each.time, [(*frame, each.pose)]))
 
     def message(tick: int, seen: Observation) -> Message | None:
         found: list[Message] = []
@@ -319,21 +312,6 @@ def _placed(time: float, frames: Iterable[PlacedFrame]) -> list[Message]:
     return found
 
 
-def _readings(name: str, made: Callable[[Any], Message]) -> _Messages:
-    """Return a function that makes a message of each reading of a sensor once."""
-    last: float | None = None
-
-    def message(_: int, seen: Observation) -> Message | None:
-        nonlocal last
-        reading = seen.sensors[name]
-        if reading.time == last:
-            return None
-        last = reading.time
-        return made(reading)
-
-    return message
-
-
 def _beside_images(topic: str) -> tuple[str, str, str]:
     space = topic.rpartition("/")[0]
     return f"{space}/camera_info", f"{space}/depth/image_raw", f"{space}/depth/camera_info"
@@ -343,7 +321,7 @@ def _sensors(scene: Scene, topics: Mapping[str, str], frames: RobotFrames) -> It
     for sensor in (sensor for sensor in scene.sensors if sensor.name in topics):
         all_topics = (topics[sensor.name], *_beside_images(topics[sensor.name]))
         for topic, (kind, made) in zip(all_topics, _messages_of(sensor, frames), strict=False):
-            yield Publisher(topic, kind, _readings(sensor.name, made))
+            yield Publisher(topic, kind, each_reading(sensor.name, made))
 
 
 def _messages_of(sensor: Fitting, frames: RobotFrames) -> Sequence[tuple[str, Callable[[Any], Message]]]:

@@ -105,26 +105,21 @@ def test_topics_that_every_robot_has_are_not_stated(tmp_path: Path, topic: str) 
 
 
 @pytest.mark.parametrize(
-    ("stated", "topic"),
+    ("stated", "key", "topic", "camera"),
     [
-        ({"lidar": "/eye/camera_info"}, "/eye/camera_info"),
-        ({"lidar": "/front/depth/image_raw", "eye": "/front/image"}, "/front/depth/image_raw"),
+        ({"lidar": "/eye/camera_info"}, "lidar", "/eye/camera_info", "eye"),
+        ({"lidar": "/front/depth/image_raw", "eye": "/front/image"}, "lidar", "/front/depth/image_raw", "eye"),
+        ({"right": "/left/other"}, "right", "/left/camera_info", "left"),
     ],
 )
-def test_topics_beside_the_image_of_a_camera_are_taken(tmp_path: Path, stated: dict[str, str], topic: str) -> None:
-    ((path, message),) = topic_problems(scene(tmp_path, more=SENSORS), stated)
+def test_topics_beside_the_image_of_a_camera_are_taken(
+    tmp_path: Path, stated: dict[str, str], key: str, topic: str, camera: str
+) -> None:
+    one = "  - {{camera: {{width: 4, height: 2}}, name: {}, rate: 10 Hz}}\n"
+    there = scene(tmp_path, more=SENSORS if camera == "eye" else f"sensors:\n{one.format('left')}{one.format('right')}")
 
-    assert path == ("lidar",)
-    assert message == f"'{topic}' is already a topic of the camera 'eye'"
-
-
-def test_two_cameras_do_not_share_a_namespace(tmp_path: Path) -> None:
-    camera = "{{camera: {{width: 4, height: 2}}, name: {}, rate: 10 Hz}}"
-    there = scene(tmp_path, more=f"sensors: [{camera.format('left')}, {camera.format('right')}]\n")
-
-    ((path, message),) = topic_problems(there, {"right": "/left/other"})
-    assert path == ("right",)
-    assert message == "'/left/camera_info' is already a topic of the camera 'left'"
+    ((path, message),) = topic_problems(there, stated)
+    assert (path, message) == ((key,), f"'{topic}' is already a topic of the camera '{camera}'")
 
 
 @pytest.mark.parametrize(
@@ -179,12 +174,16 @@ def test_each_reading_is_published_once_with_its_own_time(tmp_path: Path) -> Non
     assert scan.message(21, seen) is None
 
 
-def test_joint_states_are_those_of_all_joints_that_move(tmp_path: Path) -> None:
+def test_joint_states_are_those_of_all_joints_that_move_and_descriptions_come_once(tmp_path: Path) -> None:
     there = scene(tmp_path)
     seen = resting(there, joints={"wheel_left_joint": 1.0, "wheel_right_joint": 2.0})
     message = first_message(channels(there, {}, RATE), "/joint_states", seen)
 
     assert message["name"] == ["wheel_left_joint", "wheel_right_joint"]
+    found = channels(there, {}, RATE)
+    assert "<robot" in first_message(found, "/robot_description", seen)["data"]
+    for topic in ("/robot_description", "/tf_static"):
+        assert publisher(found, topic).message(1, seen) is None
     assert message["position"].tolist() == [1.0, 2.0]
 
 
@@ -198,40 +197,22 @@ def test_a_robot_state_publisher_keeps_the_frames_of_links(tmp_path: Path) -> No
     assert "/robot_description" not in {each.topic for each in found.publishers}
 
 
-def test_descriptions_and_static_frames_are_published_once(tmp_path: Path) -> None:
-    there = scene(tmp_path)
-    found, seen = channels(there, {}, RATE), resting(there)
-
-    assert "<robot" in first_message(found, "/robot_description", seen)["data"]
-    for topic in ("/robot_description", "/tf_static"):
-        assert publisher(found, topic).message(1, seen) is None
-
-
-def test_sensors_without_a_pose_measure_in_the_frame_of_their_link(tmp_path: Path) -> None:
+def test_a_sensor_measures_in_the_frame_of_its_link_or_in_a_frame_of_its_own(tmp_path: Path) -> None:
     frames = RobotFrames.of(scene(tmp_path, more=SENSORS))
+    own = ("base_footprint", "eye_optical_frame", geometry.compose(Pose((0.1, 0.0, 0.0)), OPTICAL))
+    assert frames.mounted == (own,)
+    names = {"lidar": "base_scan", "wheels": "base_footprint", "eye": "eye_optical_frame"}
+    assert {name: frames.sensors[name] for name in names} == names
 
-    assert frames.sensors["lidar"] == "base_scan"
-    assert frames.sensors["wheels"] == "base_footprint"
-    assert frames.sensors["eye"] == "eye_optical_frame"
-    assert frames.mounted == (
-        ("base_footprint", "eye_optical_frame", geometry.compose(Pose((0.1, 0.0, 0.0)), OPTICAL)),
-    )
-
-
-def test_a_sensor_with_a_pose_has_a_frame_of_its_own(tmp_path: Path) -> None:
     more = "sensors: [{lidar: {}, name: front lidar, link: base_scan, pose: {z: 0.2 m}}]\n"
     frames = RobotFrames.of(scene(tmp_path, more=more))
-
     assert frames.sensors["front lidar"] == "front_lidar_frame"
     assert frames.mounted == (("base_scan", "front_lidar_frame", Pose((0.0, 0.0, 0.2))),)
 
-
-def test_names_of_links_are_not_used_twice(tmp_path: Path) -> None:
+    # Names of links are not used twice.
     (tmp_path / "r.urdf").write_text(ROBOT, encoding="utf-8")
     frames = RobotFrames.of(scene(tmp_path, "r.urdf", "sensors: [{camera: {}, name: eye}]\n"))
-
-    assert (frames.odom, frames.base) == ("odom_", "odom")
-    assert frames.sensors["eye"] == "eye_optical_frame_"
+    assert (frames.odom, frames.base, frames.sensors["eye"]) == ("odom_", "odom", "eye_optical_frame_")
 
 
 def test_every_link_has_one_parent(tmp_path: Path) -> None:

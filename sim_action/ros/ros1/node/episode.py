@@ -153,22 +153,19 @@ class Bridge:
         for device in self._devices:
             device.publish_if_due(tick, seconds, seen)
         topics.publish_models(current.model_states)
-        if current.link_states:
-            topics.publish_links(current.link_states)
+        # A node may have subscribed after the links were read.
+        if links := states_in(seen).links_of_models(self._robot):
+            topics.publish_links(links)
         topics.publish_time(seconds)
 
     def _note(self, seconds: float, seen: Observation) -> None:
         states, current = states_in(seen), self._session.current
-        bodies = {f"{name}::link": state for name, state in states.bodies.items()}
-        links = {f"{self._robot}::{name}": state for name, state in states.links.items()}
         current.time = seconds
         current.model_states = {
             **states.bodies,
             self._robot: (self._frame.pose(seen.pose), self._frame.twist(seen.pose, seen.twist)),
         }
         current.base = seen.pose, seen.twist
-        # A node may have subscribed after the links were read.
-        current.link_states = {**bodies, **links} if links else {}
         current.joints = dict(seen.joints)
 
     def _stand_still(self, seconds: float) -> None:

@@ -45,6 +45,12 @@ class WorldStates:
     links: Mapping[str, tuple[Pose, Twist]]
     bodies: Mapping[str, tuple[Pose, Twist]]
 
+    def links_of_models(self, robot: str) -> dict[str, tuple[Pose, Twist]]:
+        """Return the states by `model::link`, as Gazebo names links; nothing if links were not read."""
+        bodies = {f"{name}::link": state for name, state in self.bodies.items()}
+        links = {f"{robot}::{name}": state for name, state in self.links.items()}
+        return {**bodies, **links} if links else {}
+
     def columns(self) -> Mapping[str, ArrayLike]:
         """See Reading.columns: no trace keeps it."""
         return {}

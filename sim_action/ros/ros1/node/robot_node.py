@@ -9,27 +9,33 @@ from typing import TYPE_CHECKING, Any, Final
 
 import rospy
 from geometry_msgs.msg import Twist as TwistMessage
+from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image, Imu, JointState, LaserScan
 from std_msgs.msg import Bool
+from tf2_msgs.msg import TFMessage
 
 from sim_action.commands.controller_answers import twist_problem
 from sim_action.core import geometry
 from sim_action.core.errors import ScriptError
 from sim_action.robot.model.robot_model import RobotModel
-from sim_action.ros.messages import Message, image_message, imu_message, joint_states_message, scan_message
+from sim_action.ros.messages import (
+    Message,
+    Messages,
+    each_reading,
+    image_message,
+    imu_message,
+    joint_states_message,
+    odometry_message,
+    scan_message,
+    transforms_message,
+    when_due,
+)
 from sim_action.ros.robot_topics import COMMANDS, JOINTS, ODOMETRY, Schedule, in_frame_of, topics_of
 from sim_action.ros.ros1.lockstep import Lockstep
 from sim_action.ros.ros1.master import Master
 from sim_action.ros.ros1.node.internal_parts import states_in, states_sensor
 from sim_action.ros.ros1.node.message_classes import twist_of
-from sim_action.ros.ros1.node.topics import (
-    GazeboTopics,
-    OdometryPublisher,
-    Publisher,
-    Subscription,
-    Traffic,
-    WallClockWatch,
-)
+from sim_action.ros.ros1.node.topics import GazeboTopics, Publisher, Subscription, Traffic, WallClockWatch
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
 from sim_action.state.readings import OdometryReading
@@ -46,14 +52,16 @@ _TWIST: Final = "geometry_msgs/Twist"
 # The rate of topics without a sensor, as Gazebo's plugins usually have it.
 _STATES_RATE_HZ: Final = 30.0
 _ODOMETRY_FRAME: Final = "odom"
+_TRANSFORMS: Final = "/tf"
 
-_MESSAGES: Final[Mapping[str, tuple[type[Any], Callable[[Any, Fitting], Message]]]] = {
-    "lidar": (LaserScan, lambda each, sensor: scan_message(each.time, sensor.link, each, 1 / sensor.rate)),
-    "imu": (Imu, lambda each, sensor: imu_message(each.time, sensor.link, each, (0.0, 0.0))),
-    "camera": (Image, lambda each, sensor: image_message(each.time, sensor.link, each.rgb)),
-    "contact": (Bool, lambda each, _: {"data": each.touching}),
+_MESSAGES: Final[Mapping[str, tuple[type[Any], Callable[[Fitting, tuple[str, str], Any], Message]]]] = {
+    "lidar": (LaserScan, lambda sensor, _, each: scan_message(each.time, sensor.link, each, 1 / sensor.rate)),
+    "imu": (Imu, lambda sensor, _, each: imu_message(each.time, sensor.link, each, (0.0, 0.0))),
+    "odometry": (Odometry, lambda _, frames, each: odometry_message(each.time, frames, each.pose, each.twist)),
+    "camera": (Image, lambda sensor, _, each: image_message(each.time, sensor.link, each.rgb)),
+    "contact": (Bool, lambda _sensor, _frames, each: {"data": each.touching}),
 }
-"""Kind of a sensor -> message type and conversion."""
+"""Kind of a sensor -> message type and conversion of a reading; the frames are those of odometry."""
 
 
 class RobotNode:
@@ -77,7 +85,8 @@ class RobotNode:
         self._traffic = traffic = Traffic()
         self.transcript = Transcript()
         self._states = GazeboTopics(traffic)
-        self._others = open_publishers(scene.model, scene.sensors, topics, rate, traffic)
+        rows = published(scene.model, scene.sensors, topics, rate)
+        self._others = [(Publisher(topic, kind, traffic), messages) for topic, kind, messages in rows]
         self._subscription = Subscription(topics[COMMANDS], TwistMessage, twist_of, traffic)
         self._wall_clock = WallClockWatch(self._traffic, self._lockstep)
         self._has_begun = False
@@ -131,13 +140,12 @@ class RobotNode:
     def _publish(self, seen: Observation) -> None:
         """Publish a moment, the clock last."""
         name, states = self._model.name, states_in(seen)
-        for publish in self._others:
-            publish(round(seen.time * self._rate), seen)
+        for publisher, messages in self._others:
+            if (message := messages(round(seen.time * self._rate), seen)) is not None:
+                publisher.send(message)
         self._states.publish_models({**states.bodies, name: (seen.pose, seen.twist)})
-        if states.links:
-            bodies = {f"{body}::link": state for body, state in states.bodies.items()}
-            links = {f"{name}::{link}": state for link, state in states.links.items()}
-            self._states.publish_links({**bodies, **links})
+        if links := states.links_of_models(name):
+            self._states.publish_links(links)
         self._states.publish_time(seen.time)
 
     def _why_not_driven(self) -> tuple[str, ...]:
@@ -153,69 +161,29 @@ class RobotNode:
         return (f"no node drove the robot: no message arrived on {topic}{hint}{advice}",)
 
 
-Publish = Callable[[int, Observation], None]  # function that publishes what is new at a tick, if a node subscribes
-
-
-def open_publishers(
-    model: RobotModel, sensors: Sequence[Fitting], topics: Mapping[str, str], rate: float, traffic: Traffic
-) -> list[Publish]:
-    """Return the publishers of a robot; `topics`: key -> topic; `rate`: ticks per second."""
-    schedule = Schedule.of(_STATES_RATE_HZ, rate)
-    publishers = [_joint_states(Publisher(topics[JOINTS], JointState, traffic), model, schedule)]
-    if ODOMETRY in topics:
-        publishers.append(_truth(OdometryPublisher(topics[ODOMETRY], (_ODOMETRY_FRAME, model.root), traffic), schedule))
-    return [*publishers, *_sensors(sensors, topics, model.root, traffic)]
-
-
-def _sensors(sensors: Sequence[Fitting], topics: Mapping[str, str], base: str, traffic: Traffic) -> Iterator[Publish]:
-    is_first = True
-    for sensor in sensors:
-        if sensor.kind == "odometry":
-            frames = (_ODOMETRY_FRAME, base)
-            odometry = OdometryPublisher(topics[sensor.name], frames, traffic, publishes_tf=is_first)
-            is_first = False
-            yield _once(sensor.name, partial(_send_odometry, odometry))
-        elif sensor.kind in _MESSAGES:
-            kind, made = _MESSAGES[sensor.kind]
-            yield _once(sensor.name, partial(_send, Publisher(topics[sensor.name], kind, traffic), made, sensor))
-
-
-def _joint_states(publisher: Publisher, model: RobotModel, schedule: Schedule) -> Publish:
+def published(
+    model: RobotModel, sensors: Sequence[Fitting], topics: Mapping[str, str], rate: float
+) -> Iterator[tuple[str, type[Any], Messages]]:
+    """Yield topic, type and messages of all that a robot publishes; `topics`: by key; `rate`: ticks per second."""
+    schedule, frames = Schedule.of(_STATES_RATE_HZ, rate), (_ODOMETRY_FRAME, model.root)
     names = [joint.name for joint in model.moving_joints]
 
-    def publish(tick: int, seen: Observation) -> None:
-        if names and schedule.is_due(tick) and publisher.has_subscribers:
-            publisher.send(joint_states_message(seen.time, {name: seen.joints[name] for name in names}))
+    def joint_states(seen: Observation) -> Message:
+        return joint_states_message(seen.time, {name: seen.joints[name] for name in names})
 
-    return publish
+    def truth(seen: Observation) -> Message:
+        return odometry_message(seen.time, frames, seen.pose, in_frame_of(seen.pose, seen.twist))
 
+    def frame(seen: Observation | OdometryReading) -> Message:
+        return transforms_message(seen.time, [(*frames, seen.pose)])
 
-def _truth(odometry: OdometryPublisher, schedule: Schedule) -> Publish:
-    def publish(tick: int, seen: Observation) -> None:
-        if schedule.is_due(tick):
-            odometry.send(seen.time, seen.pose, in_frame_of(seen.pose, seen.twist))
-
-    return publish
-
-
-def _once(name: str, send: Callable[[Any], None]) -> Publish:
-    """Return a function that sends each reading of a sensor once."""
-    last: float | None = None
-
-    def publish(_: int, seen: Observation) -> None:
-        nonlocal last
-        reading = seen.sensors[name]
-        if reading.time != last:
-            last = reading.time
-            send(reading)
-
-    return publish
-
-
-def _send_odometry(odometry: OdometryPublisher, reading: OdometryReading) -> None:
-    odometry.send(reading.time, reading.pose, reading.twist)
-
-
-def _send(publisher: Publisher, made: Callable[[Any, Fitting], Message], sensor: Fitting, reading: Any) -> None:
-    if publisher.has_subscribers:
-        publisher.send(made(reading, sensor))
+    yield topics[JOINTS], JointState, when_due(schedule, joint_states) if names else lambda _tick, _seen: None
+    if ODOMETRY in topics:
+        yield topics[ODOMETRY], Odometry, when_due(schedule, truth)
+        yield _TRANSFORMS, TFMessage, when_due(schedule, frame)
+    first = next((sensor for sensor in sensors if sensor.kind == "odometry"), None)
+    for sensor in (sensor for sensor in sensors if sensor.kind in _MESSAGES):
+        kind, made = _MESSAGES[sensor.kind]
+        yield topics[sensor.name], kind, each_reading(sensor.name, partial(made, sensor, frames))
+        if sensor is first:
+            yield _TRANSFORMS, TFMessage, each_reading(sensor.name, frame)

@@ -257,8 +257,7 @@ class CurrentState:
     """The current state. Only the loop changes it, while all nodes wait. Poses and twists are in the world frame.
 
     `time`, `began`: s of sim time now, and at the start of the episode. `started`: s of wall time at the start of the
-    clock; None: not yet. `model_states`: without the ground. `link_states`: by `model::link`; empty if no node
-    subscribes to them.
+    clock; None: not yet. `model_states`: without the ground.
     """
 
     world_models: WorldModels
@@ -266,7 +265,6 @@ class CurrentState:
     began: float = 0.0
     started: float | None = None
     model_states: States = field(default_factory=dict)
-    link_states: States = field(default_factory=dict)
     model: RobotModel | None = None
     base: tuple[Pose, Twist] = (Pose(), Twist())
     joints: dict[str, JointState] = field(default_factory=dict)

@@ -63,20 +63,12 @@ def read(is_wanted: Callable[[float], bool], times: list[float], *, keeps_first:
     return told
 
 
-def test_a_sensor_that_is_heard_tells_all_from_the_first_moment() -> None:
+def test_a_sensor_is_read_only_while_it_is_heard() -> None:
     assert read(lambda _: True, [0.0, 1.0, 2.0]) == [0.0, 1.0, 1.0]
-
-
-def test_a_sensor_that_nobody_hears_is_not_read() -> None:
     assert read(lambda _: False, [0.0, 1.0, 2.0]) == [None, None, None]
-
-
-def test_what_was_not_heard_is_not_told_later() -> None:
-    """The reading at 4 s would be about 3 s of silence."""
+    # The reading at 4 s would be about 3 s of silence.
     assert read(lambda now: now < 2 or now >= 4, [0, 1, 2, 3, 4, 5, 6]) == [0, 1, None, None, None, 1, 1]
-
-
-def test_a_reading_that_does_not_depend_on_the_one_before_is_kept_after_a_pause() -> None:
+    # A reading that does not depend on the one before is kept after a pause.
     assert read(lambda now: now in (0, 2), [0, 1, 2, 3], keeps_first=True) == [0, None, 2, None]
 
 
