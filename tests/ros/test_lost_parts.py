@@ -10,7 +10,7 @@ import pytest
 from sim_action.ros.lost_parts import LeftOutProgram, lost_parts
 from sim_action.ros.ros1.command_source.launched_nodes import REPLACED_CONTROLLERS
 from sim_action.ros.ros1.command_source.launched_nodes import lost_controller as lost_in_ros1
-from sim_action.ros.ros2.launch.gazebo_programs import lost_controller as lost_in_ros2
+from sim_action.ros.ros2.launch.launched_nodes import lost_controller as lost_in_ros2
 
 CREATE = "ros_gz_sim/create"
 SPAWN = "gazebo_ros/spawn_model"
