@@ -43,17 +43,22 @@ _ALLOW_LOSSES: Final = click.option(
     help="Warn about parts of the launch that are not simulated.  [default: they are an error]",
 )
 
+
+def _workspace(shown: str) -> Callable[[Command], Command]:
+    """Return the option of a workspace; `shown`: its help."""
+    folder = click.Path(exists=True, file_okay=False)
+    variable = "SIM_ACTION_WORKSPACE"
+    return click.option("--workspace", envvar=variable, default=".", metavar="FOLDER", type=folder, help=shown)
+
+
+def _sim_time_limit(shown: str) -> Callable[[Command], Command]:
+    return click.option("--sim-time-limit", type=_POSITIVE, metavar="S", help=shown)
+
+
 _OPTIONS: Final = (
     click.argument("package"),
     click.argument("file"),
-    click.option(
-        "--workspace",
-        envvar="SIM_ACTION_WORKSPACE",
-        default=".",
-        metavar="FOLDER",
-        type=click.Path(exists=True, file_okay=False),
-        help="Catkin workspace. Its packages are searched in src and need no build.  [default: the current folder]",
-    ),
+    _workspace("Catkin workspace. Its packages are searched in src and need no build.  [default: the current folder]"),
     _BACKEND,
     _SEED,
     click.option(
@@ -75,10 +80,8 @@ _OPTIONS: Final = (
 
 def _ros_options(sim_time_limit: str, arguments: str) -> Callable[[Command], Command]:
     """Add the options of both commands; `sim_time_limit`: help of that option; `arguments`: how they are shown."""
-    limit = click.option("--sim-time-limit", type=_POSITIVE, metavar="S", help=sim_time_limit)
-    return options.with_options(
-        *_OPTIONS[:2], click.argument("arguments", nargs=-1, metavar=arguments), *_OPTIONS[2:], limit
-    )
+    words = click.argument("arguments", nargs=-1, metavar=arguments)
+    return options.with_options(*_OPTIONS[:2], words, *_OPTIONS[2:], _sim_time_limit(sim_time_limit))
 
 
 @click.command()
@@ -114,19 +117,10 @@ def roslaunch(**flags: Any) -> ExitCode:
 @click.argument("package")
 @click.argument("file")
 @click.argument("arguments", nargs=-1, metavar="[ARG:=VALUE]...")
-@click.option(
-    "--workspace",
-    envvar="SIM_ACTION_WORKSPACE",
-    default=".",
-    metavar="FOLDER",
-    type=click.Path(exists=True, file_okay=False),
-    help="Workspace of ROS 2, or its install folder.  [default: the current folder]",
-)
+@_workspace("Workspace of ROS 2, or its install folder.  [default: the current folder]")
 @_BACKEND
 @_SEED
-@click.option(
-    "--sim-time-limit", type=_POSITIVE, metavar="S", help="End the simulation after this sim time in s.  [default: 60]"
-)
+@_sim_time_limit("End the simulation after this sim time in s.  [default: 60]")
 @_ALLOW_LOSSES
 @options.strict_option
 @options.report_flags

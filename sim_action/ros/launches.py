@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Generic, Literal, TypeVar
@@ -38,17 +37,11 @@ class EventFile(Generic[_Event]):
         if not (data := self._file.read()):
             return []
         *lines, self._unread = (self._unread + data).split(b"\n")
-        return [self._kind.model_validate(_with_tuples(json.loads(line))) for line in lines]
+        return [self._kind.model_validate_json(line) for line in lines]
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
-
-
-def _with_tuples(value: Any) -> Any:
-    if isinstance(value, list):
-        return tuple(map(_with_tuples, value))
-    return {key: _with_tuples(part) for key, part in value.items()} if isinstance(value, dict) else value
 
 
 class ListedNode(FrozenModel):

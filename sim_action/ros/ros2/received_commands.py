@@ -94,11 +94,8 @@ class Subscription:
             )
         is_reliable = all(end.reliability == "reliable" for end in publishers)
         qos = self.qos if is_reliable else replace(self.qos, reliability="best_effort")
-        return replace(self, qos=qos) if not types else self._with_type(types[0], qos)
-
-    def _with_type(self, kind: str, qos: Qos) -> Subscription:
-        others = tuple(other for other in self.types if other != kind)
-        return replace(self, type=kind, alternatives=others, qos=qos)
+        kind = types[0] if types else self.type
+        return replace(self, type=kind, alternatives=tuple(each for each in self.types if each != kind), qos=qos)
 
 
 def unsent(graph: Graph, subscriptions: Sequence[Subscription]) -> Iterator[str]:

@@ -13,7 +13,7 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from functools import partial
 from os import path
@@ -27,7 +27,6 @@ from sim_action.commands import ClosedLoop
 from sim_action.commands.line_protocol import StderrTail
 from sim_action.core.errors import ScriptError, SourceProblem, UsageError
 from sim_action.core.field_types import FrozenModel
-from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.ros import node_start
 from sim_action.ros.launches import EventFile
@@ -38,7 +37,7 @@ from sim_action.ros.ros1.catkin_packages import find_launch_file, workspace_of
 from sim_action.ros.ros1.command_source.file_problems import Packages, why_no_ros
 from sim_action.ros.ros1.installation import Ros, find_ros
 from sim_action.ros.ros1.launch.launch_process import Launch, free_port
-from sim_action.ros.ros1.launch.overlay import Overlay, build_overlay, scratch_parent
+from sim_action.ros.ros1.launch.overlay import build_overlay, scratch_parent
 from sim_action.ros.ros1.verdicts.launch_output import (
     Death,
     callback_errors,
@@ -75,34 +74,21 @@ REPLACED_CONTROLLERS: Final[Mapping[str, str]] = {
 _NOT_FOUND: Final = "ResourceNotFound"  # the exception of roslaunch for a missing package
 
 
-@dataclass(frozen=True, slots=True)
-class LaunchSpec:
-    """The input of a launch; `file`: from the overlay and a scratch folder to the file; `port`: of the master."""
-
-    ros: Ros
-    workspace: Path
-    file: Callable[[Overlay, Path], Path]
-    arguments: Sequence[str]
-    port: int
-    description: str
-    allows_losses: bool = False
-    seed: int = 0
-
-
 class LaunchedNodes:
-    """All nodes of a scenario, without the simulation."""
+    """All nodes of a scenario, without the simulation; `port`: of their master."""
 
-    def __init__(self, asked: LaunchSpec) -> None:
-        """Launch the nodes, and return at once. Raises UsageError."""
-        self._workspace, self._allows_losses = asked.workspace, asked.allows_losses
+    def __init__(self, spec: RosNodes, scene: Scene, ros: Ros, port: int) -> None:
+        """Launch the nodes, and return at once. Raises UsageError, SourceProblem."""
+        self._spec, self.ros, self.port = spec, ros, port
+        self._workspace = workspace_of(spec.workspace, scene.workspace)
         with ExitStack() as undo:
             self.folder = Path(path.realpath(tempfile.mkdtemp(prefix="sim-action-", dir=scratch_parent())))
             undo.callback(shutil.rmtree, self.folder, ignore_errors=True)
             self._logs = self.folder / "log"
-            self.overlay = build_overlay(self.folder / "overlay", asked.ros, asked.workspace, os.environ)
+            self.overlay = build_overlay(self.folder / "overlay", ros, self._workspace, os.environ)
             self._events = EventFile(self.folder / "events", Event)
             undo.callback(self._events.close)
-            self._launch = self._start(asked)
+            self._launch = self._start(scene)
             undo.callback(self._launch.close)
             self._closing = undo.pop_all()
         self._words = StderrTail(self._launch.output_stream, _STANDARD_OUTPUT, _MAX_KEPT_BYTES)
@@ -112,26 +98,43 @@ class LaunchedNodes:
         self.notes: list[str] = []
         self.losses: list[str] = []
 
-    def _start(self, asked: LaunchSpec) -> Launch:
+    def _start(self, scene: Scene) -> Launch:
         task: dict[str, Any] = {
             "events": str(self.folder / "events"),
-            "file": str(asked.file(self.overlay, self.folder)),
-            "arguments": list(asked.arguments),
-            "port": asked.port,
+            "file": str(self._file()),
+            "arguments": list(self._spec.launch[2:] if self._spec.launch else ()),
+            "port": self.port,
             "left_out": _LEFT_OUT,
-            "defaults": {"/robot_description": asked.description} if asked.description else {},
+            "defaults": {"/robot_description": scene.model.urdf} if scene.model.urdf else {},
             "params": {"/use_sim_time": True},
         }
         (self.folder / "task.json").write_text(json.dumps(task), encoding="utf-8")
-        words = [str(asked.ros.python), "-c", _LAUNCHER.read_text(encoding="utf-8"), str(self.folder / "task.json")]
+        words = [str(self.ros.python), "-c", _LAUNCHER.read_text(encoding="utf-8"), str(self.folder / "task.json")]
         call = self.folder / "call"
         call.mkdir()
-        more = {
-            "ROS_LOG_DIR": str(self._logs),
-            "ROS_MASTER_URI": f"http://localhost:{asked.port}",
-            **node_start.variables(asked.seed),
-        }
+        more = {**self._of_master(), **node_start.variables(scene.seed)}
         return Launch.start(words, self.overlay, call, more, captures_output=True)
+
+    def _file(self) -> Path:
+        """Return the launch file in the overlay, or write one for the listed nodes. Raises SourceProblem."""
+        launch, own = self._spec.launch, self.folder / "nodes.launch"
+        if launch is None:
+            own.write_text(launch_text(self._spec.nodes or ()), encoding="utf-8")
+            return own
+        package = Packages.around(self._workspace).folder(launch[0])
+        found = find_launch_file(package, launch[1]) if package else None
+        if package is None or found is None:
+            raise SourceProblem(f"'{'/'.join(launch[:2])}' does not exist any more", KEY)
+        return Path(self.overlay.variables["ROS_PACKAGE_PATH"]) / launch[0] / found.relative_to(package)
+
+    def _of_master(self) -> dict[str, str]:
+        return {"ROS_MASTER_URI": f"http://localhost:{self.port}", "ROS_LOG_DIR": str(self._logs)}
+
+    @property
+    def variables(self) -> dict[str, str]:
+        """The environment variables that make a process a node of this launch."""
+        names = ("ROS_HOSTNAME", "ROS_HOME", "ROS_PACKAGE_PATH", "ROS_ROOT")
+        return {**{name: self.overlay.variables[name] for name in names}, **self._of_master()}
 
     def await_start(self) -> None:
         """Wait until all nodes are started. Raises ScriptError."""
@@ -202,7 +205,7 @@ class LaunchedNodes:
             if event.left_out:
                 left = ", ".join(dict.fromkeys(event.left_out))
                 self.notes.append(f"not launched, because sim-action is the simulator: {left}")
-            if event.losses and not self._allows_losses:
+            if event.losses and not self._spec.allow_losses:
                 raise SourceProblem(f"{'; '.join(event.losses)}; to run without it, set allow_losses: true", KEY)
             self.losses += event.losses
 
@@ -292,29 +295,17 @@ def _after_mention(text: str, program: str) -> str:
     return text[start:] if start >= 0 else text
 
 
-def _variables(nodes: LaunchedNodes, port: int) -> Mapping[str, str]:
-    """Return the environment variables that make a process a node of this launch."""
-    wanted = ("ROS_HOSTNAME", "ROS_HOME", "ROS_PACKAGE_PATH", "ROS_ROOT")
-    master = {"ROS_MASTER_URI": f"http://localhost:{port}", "ROS_LOG_DIR": str(nodes.folder / "log")}
-    return {**{name: nodes.overlay.variables[name] for name in wanted}, **master}
-
-
 def open_nodes(spec: RosNodes, rate: float, scene: Scene) -> ClosedLoop:
     """Launch nodes, and return their controller; `rate`: ticks per second. Raises SourceProblem, ScriptError."""
     if why := why_no_ros():
         raise SourceProblem(why, KEY)
-    ros, port = find_ros(), free_port()
-    workspace = workspace_of(spec.workspace, scene.workspace)
-    arguments = spec.launch[2:] if spec.launch else ()
-    file = _file_of(spec, workspace)
-    launching = LaunchSpec(ros, workspace, file, arguments, port, scene.model.urdf, spec.allow_losses, scene.seed)
     try:
-        nodes = LaunchedNodes(launching)
+        nodes = LaunchedNodes(spec, scene, find_ros(), free_port())
     except UsageError as error:
         # Such as messages that genpy cannot generate.
         raise SourceProblem(str(error), KEY) from None
     try:
-        node = _joined(nodes, launching, spec, rate, scene)
+        node = _joined(nodes, spec, rate, scene)
     except BaseException:
         nodes.close()
         raise
@@ -330,26 +321,10 @@ def open_nodes(spec: RosNodes, rate: float, scene: Scene) -> ClosedLoop:
     )
 
 
-def _file_of(spec: RosNodes, workspace: Path) -> Callable[[Overlay, Path], Path]:
-    """Return a function that finds or writes the launch file, once there is an overlay."""
-
-    def named(overlay: Overlay, folder: Path) -> Path:
-        if spec.launch is None:
-            (folder / "nodes.launch").write_text(launch_text(spec.nodes or ()), encoding="utf-8")
-            return folder / "nodes.launch"
-        package = Packages.around(workspace).folder(spec.launch[0])
-        found = find_launch_file(package, spec.launch[1]) if package else None
-        if package is None or found is None:
-            raise SourceProblem(f"'{'/'.join(spec.launch[:2])}' does not exist any more", KEY)
-        return Path(overlay.variables["ROS_PACKAGE_PATH"]) / spec.launch[0] / found.relative_to(package)
-
-    return named
-
-
-def _joined(nodes: LaunchedNodes, launch: LaunchSpec, spec: RosNodes, rate: float, scene: Scene) -> RobotNode:
+def _joined(nodes: LaunchedNodes, spec: RosNodes, rate: float, scene: Scene) -> RobotNode:
     """Make the simulation one more node. Raises ScriptError."""
-    os.environ.update(_variables(nodes, launch.port))
-    ros = launch.ros
+    os.environ.update(nodes.variables)
+    ros = nodes.ros
     # At the end: the other packages of the distribution are for another Python.
     sys.path += [str(ros.modules), str(nodes.folder / "overlay/modules")]
     try:

@@ -145,17 +145,8 @@ def build_overlay(folder: Path, ros: Ros, workspace: Path, environment: Mapping[
         # A launch file may call it without its package: command="xacro ...".
         if package == "xacro":
             (programs / name).symlink_to(share / package / name)
-    python_path = os.pathsep.join(
-        (
-            str(modules),
-            *(
-                str(path / "src")
-                for path in users.values()
-                if (path / "setup.py").is_file() and (path / "src").is_dir()
-            ),
-            *_paths("PYTHONPATH"),
-        )
-    )
+    sources = (path / "src" for path in users.values() if (path / "setup.py").is_file())
+    python_path = os.pathsep.join((str(modules), *map(str, filter(Path.is_dir, sources)), *_paths("PYTHONPATH")))
     variables = _variables(folder, ros, workspace, packages)
     return Overlay({**environment, **variables}, python_path, packages)
 
@@ -212,14 +203,14 @@ def generate_messages(packages: Mapping[str, Path], known: Mapping[str, Path], m
         (modules / name).mkdir()
         (modules / name / "__init__.py").write_text(_INIT)
     includes = {name: [str(folder / "msg")] for name, folder in known.items() if (folder / "msg").is_dir()}
-    definitions_folder = str(modules.with_name("definitions"))
-    task = json.dumps(
-        {"packages": written, "modules": str(modules), "includes": includes, "definitions": definitions_folder}
-    )
-    command = [str(ros.python), "-c", _GENERATE_MESSAGES]
-    # It reads the task from standard input.
+    folders = {"modules": str(modules), "definitions": str(modules.with_name("definitions"))}
     made = subprocess.run(  # noqa: S603 - the distribution's Python and a program of ours
-        command, input=task, capture_output=True, text=True, check=False, cwd="/"
+        [str(ros.python), "-c", _GENERATE_MESSAGES],
+        input=json.dumps({"packages": written, "includes": includes, **folders}),
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd="/",
     )
     if made.returncode:
         said = (made.stderr.strip() or made.stdout.strip()).splitlines()[-1:]

@@ -97,19 +97,21 @@ def nodes_not_launched(text: str) -> tuple[NotLaunched, ...]:
 
 def missing_package(text: str) -> str | None:
     """Return the package that a launch file needs and roslaunch did not find."""
-    found = _NO_PACKAGE.search(text)
-    return found[1] if found else None
+    return _first(_NO_PACKAGE, text)
 
 
 def refusal(text: str) -> str | None:
     """Return the reason why roslaunch refused a launch file."""
-    return next((found[1].strip() for pattern in _REFUSED if (found := pattern.search(text))), None)
+    return _first(_REFUSED[0], text) or _first(_REFUSED[1], text)
 
 
 def xacro_error(text: str) -> str | None:
     """Return the error message of our xacro program."""
-    found = _XACRO.search(text)
-    return found[1] if found else None
+    return _first(_XACRO, text)
+
+
+def _first(pattern: re.Pattern[str], text: str) -> str | None:
+    return found[1].strip() if (found := pattern.search(text)) else None
 
 
 def last_exception(text: str, program: str) -> str | None:
