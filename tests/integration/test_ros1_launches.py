@@ -95,6 +95,7 @@ def test_a_model_is_spawned_from_a_file_where_and_as_it_is_asked_for(tmp_path: P
     [
         (["prts", "a.test"], "there is no package 'prts'"),
         (["parts", "b.test"], "the package has no file 'b.test'; did you mean 'a.test'?"),
+        (["parts", "a.test"], "has no <test>"),
     ],
 )
 def test_what_is_not_there_is_reported_with_the_nearest(tmp_path: Path, words: list[str], cause: str) -> None:
@@ -102,13 +103,6 @@ def test_what_is_not_there_is_reported_with_the_nearest(tmp_path: Path, words: l
     code, [outcome], _ = called(tmp_path, "rostest", *words)
     assert code == 2
     assert cause in outcome.failures[0].message
-
-
-def test_a_file_without_a_test_says_so(tmp_path: Path) -> None:
-    package(tmp_path, "parts", {"a.test": "<launch/>"})
-    code, [outcome], _ = called(tmp_path, "rostest", "parts", "a.test")
-    assert code == 2
-    assert "has no <test>" in outcome.failures[0].message
 
 
 LOSING_WORLD = """\

@@ -12,49 +12,6 @@ from tests.soak import soaked
 pytestmark = needs_ros2
 RULE = "not-reproducible"
 
-FAILING = """\
-import rclpy
-from rclpy.node import Node
-
-
-class Failing(Node):
-    def __init__(self):
-        super().__init__("failing")
-        self.create_timer(0.5, self.on_timer)
-
-    def on_timer(self):
-        raise ValueError("no plan")
-
-
-rclpy.init()
-rclpy.spin(Failing())
-"""
-
-
-@pytest.mark.soak
-def test_a_node_that_raises_or_ends_is_named(tmp_path: Path) -> None:
-    endings = {"dies": "os._exit(3)", "killed": "os.kill(os.getpid(), 9)", "leaves": "os._exit(0)"}
-    (tmp_path / "failing.py").write_text(FAILING)
-    for name, ending in endings.items():
-        text = FAILING.replace('raise ValueError("no plan")', ending)
-        (tmp_path / f"{name}.py").write_text(f"import os\n{text}")
-    scenario(tmp_path, "raises", "{nodes: [./failing.py]}")
-    scenario(tmp_path, "dies", "{nodes: [./dies.py]}")
-    scenario(tmp_path, "killed", "{nodes: [./killed.py]}")
-    scenario(tmp_path, "leaves", "{nodes: [{file: ./leaves.py, required: true}]}")
-    found = outcomes(tmp_path, ".")
-    told = {
-        name: (outcome["failures"][0]["message"], (outcome["failures"][0]["location"] or {}).get("line"))
-        for name, outcome in found.items()
-    }
-    assert told == {
-        "raises": ("at 0.5 s of sim time, the node 'failing' ended with exit code 1: ValueError: no plan", 11),
-        "dies": ("at 0.5 s of sim time, the node 'dies' ended with exit code 3", 4),
-        "killed": ("at 0.5 s of sim time, the node 'killed' ended with SIGKILL", 4),
-        "leaves": ("at 0.5 s of sim time, the node 'leaves' finished during the run, and it is required", 4),
-    }
-
-
 WALL_TIME = """\
 import rclpy
 from geometry_msgs.msg import Twist
@@ -67,10 +24,8 @@ publisher = node.create_publisher(Twist, "cmd_vel", 10)
 node.create_timer(0.001, lambda: publisher.publish(Twist()), clock=Clock(clock_type=ClockType.STEADY_TIME))
 rclpy.spin(node)
 """
-THREADS = MOVER.replace(
-    "rclpy.spin(Mover())", "executor = MultiThreadedExecutor(3)\nexecutor.add_node(Mover())\nexecutor.spin()"
-)
-THREADS = THREADS.replace("import Node", "import Node\nfrom rclpy.executors import MultiThreadedExecutor")
+THREADS = MOVER.replace("spin(Mover())", "spin(Mover(), executor=MultiThreadedExecutor(3))")
+THREADS = THREADS.replace("import ExternalShutdownException", "import ExternalShutdownException, MultiThreadedExecutor")
 BUSY = WALL_TIME.replace("rclpy.spin(node)", "while True:\n    rclpy.spin_once(node, timeout_sec=0)")
 DEAF = MOVER.replace("rclpy.init()", "rclpy.init(args=[])")
 

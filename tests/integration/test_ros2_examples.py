@@ -24,13 +24,13 @@ TICK_S: Final = 1 / 120
 
 
 def beginnings(folder: Path, pace: str = "lockstep") -> None:
-    """Write the loops of the examples into a repository: only their first second."""
+    """Write the loops of the examples into a repository: only their beginnings."""
     (folder / ".git").mkdir()
     shutil.copytree(EXAMPLES / "src", folder / "src")
     for name in LOOPS:
         found: dict[str, Any] = yaml.safe_load((EXAMPLES / f"simulation/{name}.sim.yml").read_text())
         found["commands"]["ros2"]["pace"] = pace
-        ends = {"name": name, "expect": [{"travel": {"at_least": 0.1}}], "duration": 1, "time_limit": 1}
+        ends = {"name": name, "expect": [{"travel": {"at_least": 0.02}}], "duration": 0.6, "time_limit": 0.6}
         (folder / f"{name}.sim.yml").write_text(yaml.safe_dump(found | ends, sort_keys=False))
 
 

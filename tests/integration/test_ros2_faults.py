@@ -99,6 +99,7 @@ def test_each_outcome_names_the_cause(tmp_path: Path) -> None:
     faulty(tmp_path, "text", kind="String")
     faulty(tmp_path, "two", nodes="[./two_node.py, {file: ./two_node.py, name: other}]")
     faulty(tmp_path, "kills", timer=KILLS)
+    faulty(tmp_path, "leaves", timer="sys.exit(0)", nodes="[{file: ./leaves_node.py, required: true}]")
     found = {name: told(outcome) for name, outcome in outcomes(tmp_path, ".", "-j", "2").items()}
 
     message, line = found.pop("lacks")
@@ -123,6 +124,7 @@ def test_each_outcome_names_the_cause(tmp_path: Path) -> None:
         "crashes": (f"{at} 'crashes_node' ended with SIGSEGV: Segmentation fault", IN_TIMER),
         "kills": ("at 0.1 s of sim time, the bridge to ROS 2, a process of sim-action, ended with SIGKILL", None),
         "fatal": (f"{at} 'fatal_node' ended with exit code 3 after it logged the error: no power", None),
+        "leaves": (f"{at} 'leaves_node' finished during the run, and it is required", None),
     }
     assert left_over(tmp_path) == []
 

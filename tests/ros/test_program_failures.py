@@ -110,23 +110,26 @@ def test_the_reason_and_the_line(tmp_path: Path, output: str, said: str, line: i
     assert (found.location.line if found.location else None) == line
 
 
-def test_the_last_of_several_tracebacks_counts(tmp_path: Path) -> None:
-    first = 'Traceback (most recent call last):\n  File "/a.py", line 1, in f\nKeyError: 1\n'
-    then = "\nDuring handling of the above exception, another exception occurred:\n\n"
-    assert ending_of(f"{first}{then}{first.replace('KeyError: 1', 'ValueError')}", tmp_path) == Ending(": ValueError")
+FIRST = 'Traceback (most recent call last):\n  File "/a.py", line 1, in f\n'
+THEN = "KeyError: 1\n\nDuring handling of the above exception, another exception occurred:\n\n"
+NO_LIBRARY = "/ws/node: error while loading shared libraries: librclcpp.so: cannot open it\n"
 
 
-def test_a_lack_of_memory_names_the_limit(tmp_path: Path) -> None:
-    output = 'Traceback (most recent call last):\n  File "/a.py", line 1, in f\nMemoryError\n'
-    assert ending_of(output, tmp_path).said.startswith(": MemoryError; memory_limit is")
-    output = (
-        "/ws/node: error while loading shared libraries: librclcpp.so: cannot open shared object file: No such file\n"
-    )
-    assert ending_of(output, tmp_path).said.startswith(": there is no librclcpp.so; build it again")
-
-
-def test_a_text_that_is_no_traceback_takes_no_time(tmp_path: Path) -> None:
-    assert ending_of("Traceback (most recent call last):\n" + "  a\n" * 20_000, tmp_path) == Ending()
+@pytest.mark.parametrize(
+    ("output", "said"),
+    [
+        (f"{FIRST}{THEN}{FIRST}ValueError\n", ": ValueError"),
+        (f"{FIRST}MemoryError\n", ": MemoryError; memory_limit is"),
+        (NO_LIBRARY, ": there is no librclcpp.so; build it again"),
+        # A text that is no traceback takes no time.
+        ("Traceback (most recent call last):\n" + "  a\n" * 20_000, ""),
+    ],
+    ids=["the last of several", "a lack of memory", "a library", "no traceback"],
+)
+def test_the_reason_has_a_remedy_where_there_is_one(tmp_path: Path, output: str, said: str) -> None:
+    found = ending_of(output, tmp_path).said
+    assert found.startswith(said)
+    assert bool(found) == bool(said)
 
 
 def test_a_traceback_after_a_prompt_is_read_and_frozen_modules_are_no_place(tmp_path: Path) -> None:

@@ -23,13 +23,10 @@ def written(folder: Path, more: str = "") -> str:
     return str(folder / "r.urdf.xacro")
 
 
-def test_it_prints_the_urdf_with_arguments(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_it_prints_the_urdf_with_arguments_or_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--inorder", written(tmp_path), "mass:=3", "unknown:=1", "__name:=x"]
     assert main(words) == 0
     assert '<link name="3kg"/>' in capsys.readouterr().out
-
-
-def test_it_writes_where_it_is_told_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["-o", str(tmp_path / "r.urdf"), written(tmp_path)]) == 0
     assert '<link name="1kg"/>' in (tmp_path / "r.urdf").read_text()
     assert capsys.readouterr().out == ""

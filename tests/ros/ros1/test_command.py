@@ -18,25 +18,13 @@ HERE = Location("a.launch")
 WALL = Loss(message="the wall is left out", location=Location("a.world", 3))
 
 
-def test_what_nobody_has_asked_for_is_not_typed_again() -> None:
+def test_what_is_asked_for_is_typed_again() -> None:
     asked = LaunchRequest("rostest", "driver", "mover.test", ("speed:=1",))
     assert asked.words == ("sim-action", "rostest", "driver", "mover.test", "speed:=1")
     asked = LaunchRequest("launchtest", "driver", "a.py", backend="mujoco", allows_losses=True)
     assert asked.words == ("sim-action", "launchtest", "--backend", "mujoco", "--allow-losses", "driver", "a.py")
-
-
-def test_all_that_makes_the_run_what_it_is_is_typed_again() -> None:
-    asked = LaunchRequest(
-        "roslaunch",
-        "driver",
-        "mover.launch",
-        workspace=Path("catkin_ws"),
-        backend="mujoco",
-        seed=2**60 + 1,
-        sim_time_limit=12.5,
-        real_time_factor=1e7,
-        wall_limit=60.0,
-    )
+    limits = (2**60 + 1, 12.5, 1e7, 60.0)
+    asked = LaunchRequest("roslaunch", "driver", "mover.launch", (), Path("catkin_ws"), "mujoco", *limits)
     options = "--workspace catkin_ws --backend mujoco --seed 1152921504606846977 --sim-time-limit 12.5"
     more = f"{options} --rtf 10000000 --wall-limit 60"
     assert " ".join(asked.words) == f"sim-action roslaunch {more} driver mover.launch"
@@ -61,17 +49,12 @@ def test_each_start_has_a_folder_of_its_own_in_the_order_of_starts(tmp_path: Pat
     assert made[-1].name == "11"
 
 
-def test_what_is_told_is_read_again(tmp_path: Path) -> None:
-    told = launch_request.SimulationResult(
-        end="time limit", sim_time=30.0, travelled=0.0, messages={"/clock published": 3000}
-    )
-    told.write(tmp_path)
-
-    assert launch_request.SimulationResult.read(tmp_path) == told
-
-
-def test_what_cannot_be_understood_is_nothing(tmp_path: Path) -> None:
+def test_a_result_is_read_again_and_one_that_cannot_be_understood_is_nothing(tmp_path: Path) -> None:
     assert launch_request.SimulationResult.read(tmp_path) is None
+    messages = {"/clock published": 3000}
+    told = launch_request.SimulationResult(end="time limit", sim_time=30.0, travelled=0.0, messages=messages)
+    told.write(tmp_path)
+    assert launch_request.SimulationResult.read(tmp_path) == told
     (tmp_path / launch_request.RUN_FILE).write_text('{"end": "tired"}')
     assert launch_request.SimulationResult.read(tmp_path) is None
 

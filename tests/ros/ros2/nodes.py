@@ -49,63 +49,12 @@ def missing_launch() -> str:
 needs_launch = pytest.mark.skipif(bool(missing_launch()), reason=missing_launch())
 needs_ros2 = pytest.mark.skipif(bool(missing_ros()), reason=missing_ros())
 
-MOVER: Final = """\
-import rclpy
-from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry
-from rclpy.node import Node
+_EXAMPLES: Final = ROOT / "examples/ros2"
+MOVER: Final = (_EXAMPLES / "first_steps/mover.py").read_text(encoding="utf-8")
+"""Drives 1.5 m, in a loop closed by odometry."""
 
-
-class Mover(Node):
-    def __init__(self):
-        super().__init__("mover")
-        self.x = 0.0
-        self.publisher = self.create_publisher(Twist, "cmd_vel", 10)
-        self.create_subscription(Odometry, "odom", self.on_odometry, 10)
-        self.create_timer(0.1, self.on_timer)
-
-    def on_odometry(self, message):
-        self.x = message.pose.pose.position.x
-
-    def on_timer(self):
-        twist = Twist()
-        twist.linear.x = max(0.0, min(1.0, 2.0 * (1.0 - self.x)))
-        self.publisher.publish(twist)
-
-
-rclpy.init()
-rclpy.spin(Mover())
-"""
-"""Drives 1 m, in a loop closed by odometry."""
-
-SMOOTHER: Final = """\
-import rclpy
-from geometry_msgs.msg import Twist
-from rclpy.node import Node
-
-
-class Smoother(Node):
-    def __init__(self):
-        super().__init__("smoother")
-        self.speed = self.target = 0.0
-        self.publisher = self.create_publisher(Twist, "cmd_vel", 10)
-        self.create_subscription(Twist, "cmd_raw", self.on_command, 10)
-        self.create_timer(0.02, self.on_timer)
-
-    def on_command(self, message):
-        self.target = message.linear.x
-
-    def on_timer(self):
-        self.speed += 0.2 * (self.target - self.speed)
-        twist = Twist()
-        twist.linear.x = self.speed
-        self.publisher.publish(twist)
-
-
-rclpy.init()
-rclpy.spin(Smoother())
-"""
-"""Follows the commands of another node slowly; at some ticks, the timers of both are due."""
+SMOOTHER: Final = (_EXAMPLES / "src/my_robot/my_robot/smoother.py").read_text(encoding="utf-8")
+"""Follows the commands of another node on /cmd_vel_raw slowly; at some ticks, the timers of both are due."""
 
 
 def scenario(folder: Path, name: str, ros2: str, more: str = "", seconds: float = 2.0) -> None:

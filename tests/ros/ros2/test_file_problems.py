@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -240,19 +241,20 @@ def test_notes_say_what_is_not_checked(without_ros: None) -> None:
     )
 
 
+@pytest.fixture
+def looked_for_again() -> Iterator[None]:
+    module._installation.cache_clear()
+    yield
+    module._installation.cache_clear()
+
+
+@pytest.mark.usefixtures("looked_for_again")
 def test_other_systems_have_no_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
-    module._installation.cache_clear()
     monkeypatch.setattr(sys, "platform", "darwin")
-    try:
-        assert (why_no_ros() or "").startswith("nodes of ROS 2 run on Linux only")
-    finally:
-        module._installation.cache_clear()
+    assert (why_no_ros() or "").startswith("nodes of ROS 2 run on Linux only")
 
 
+@pytest.mark.usefixtures("looked_for_again")
 def test_a_ros_that_cannot_be_used_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
-    module._installation.cache_clear()
     monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")
-    try:
-        assert (why_no_ros() or "").startswith("RMW_IMPLEMENTATION is rmw_zenoh_cpp")
-    finally:
-        module._installation.cache_clear()
+    assert (why_no_ros() or "").startswith("RMW_IMPLEMENTATION is rmw_zenoh_cpp")

@@ -18,28 +18,19 @@ def notes(publishers: dict[str, str], subscriptions: dict[str, str]) -> list[str
     return list(order_notes(Graph((), {}, ends(publishers), ends(subscriptions))))
 
 
-def test_a_chain_has_an_order() -> None:
-    assert notes({"/plan": "planner", "/cmd_vel": "smoother"}, {"/odom": "planner", "/plan": "smoother"}) == []
-
-
-def test_nodes_that_hear_the_same_and_do_not_meet_have_one() -> None:
-    assert notes({"/a": "one", "/b": "two"}, {"/scan": "one two", "/a": "three", "/b": "four"}) == []
-
-
-def test_what_two_nodes_send_about_the_same_message_may_meet_in_another() -> None:
+def test_what_nodes_send_about_one_message_may_meet_in_another_node() -> None:
     (found,) = notes({"/a": "left", "/b": "right"}, {"/scan": "left right", "/a": "mixer", "/b": "mixer"})
     assert found == (
         "the order of messages in the node '/mixer' is not fixed: '/left' and '/right' hear /scan at the same time, "
         "and what they send meets there; --repeat shows whether the order matters"
     )
-
-
-def test_a_node_may_hear_a_message_and_what_another_one_sends_about_it() -> None:
     (found,) = notes({"/plan": "planner"}, {"/odom": "planner smoother", "/plan": "smoother"})
     assert "'/planner' and '/smoother' hear /odom" in found
 
 
-def test_topics_of_every_node_do_not_count() -> None:
+def test_chains_nodes_that_do_not_meet_and_topics_of_every_node_have_an_order() -> None:
+    assert notes({"/plan": "planner", "/cmd_vel": "smoother"}, {"/odom": "planner", "/plan": "smoother"}) == []
+    assert notes({"/a": "one", "/b": "two"}, {"/scan": "one two", "/a": "three", "/b": "four"}) == []
     both = {"/parameter_events": "one two", "/rosout": "one two"}
     assert notes(both, both) == []
 

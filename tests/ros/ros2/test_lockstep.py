@@ -110,18 +110,19 @@ def nodes_of(labels: dict[int, str]) -> UnorderedNodes:
     return nodes
 
 
-def test_a_node_that_wakes_by_itself_is_named_once() -> None:
+@pytest.mark.parametrize(
+    ("woken", "gap", "counts"),
+    [
+        ([thread(7, tid=7), thread(8, "dds.ev.0"), thread(9, tid=9)], 5.0, [0, 0, 1, 0, 0]),
+        ([thread(7)], 2.0, [0, 0, 0, 1, 0]),
+    ],
+    ids=["the main thread", "another thread"],
+)
+def test_a_node_that_wakes_by_itself_is_named_once(woken: list[WatchedThread], gap: float, counts: list[int]) -> None:
     nodes = nodes_of({7: "talker", 8: "listener"})
-    woken = [thread(7, tid=7), thread(8, "dds.ev.0"), thread(9, tid=9)]
-    told = [list(nodes.notice_wakes(woken, 5.0 * number)) for number in range(5)]
-    assert [len(reasons) for reasons in told] == [0, 0, 1, 0, 0]
-    assert told[2][0].startswith("the node 'talker' ran although nothing was sent to it")
-
-
-def test_a_thread_of_a_node_that_wakes_by_itself_is_named() -> None:
-    nodes = nodes_of({7: "talker"})
-    told = [list(nodes.notice_wakes([thread(7)], 2.0 * number)) for number in range(5)]
-    assert [len(reasons) for reasons in told] == [0, 0, 0, 1, 0]
+    told = [list(nodes.notice_wakes(woken, gap * number)) for number in range(5)]
+    assert [len(reasons) for reasons in told] == counts
+    assert told[counts.index(1)][0].startswith("the node 'talker' ran although nothing was sent to it")
 
 
 def test_the_thread_that_flushes_logs_is_not_the_node() -> None:

@@ -81,26 +81,20 @@ def test_a_folder_with_an_install_folder_is_a_workspace(tmp_path: Path) -> None:
 
 
 def test_executables_are_installed_files_and_entry_points(tmp_path: Path) -> None:
-    prefix, *_ = isolated(tmp_path, "built")
+    here = ros(tmp_path / "ros")
+    of_ros = program(tmp_path / "ros/lib/geometry_msgs/talker")
+    prefix, *_ = isolated(tmp_path / "ws", "built")
     talker = program(prefix / "lib/built/sub/talker")
     written(prefix / "lib/built/__pycache__/x.pyc", "")
-    folder = source(
-        tmp_path, files={"setup.py": SETUP.replace("entry", "scripts=['bin/run.py'], entry"), "bin/run.py": ""}
-    )
-    packages = Packages.around(tmp_path, None)
+    setup_text = SETUP.replace("entry", "scripts=['bin/run.py'], entry")
+    folder = source(tmp_path / "ws", files={"setup.py": setup_text, "bin/run.py": ""})
+    packages = Packages.around(tmp_path / "ws", here)
 
     assert packages.executables("built") == {"talker": talker}
     assert packages.executables("my_robot") == {"mover": None, "run.py": folder / "bin/run.py"}
+    assert packages.executables("geometry_msgs") == {"talker": of_ros}
     assert packages.executables("absent") == {}
-
-
-def test_packages_of_ros_have_executables(tmp_path: Path) -> None:
-    here = ros(tmp_path / "ros")
-    talker = program(tmp_path / "ros/lib/geometry_msgs/talker")
-    packages = Packages.around(tmp_path / "ws", here)
-
-    assert packages.executables("geometry_msgs") == {"talker": talker}
-    assert packages.names >= {"geometry_msgs", "rclpy"}
+    assert Packages.around(tmp_path / "other", here).names >= {"geometry_msgs", "rclpy"}
 
 
 def test_the_environment_has_workspaces_before_ros(tmp_path: Path) -> None:
@@ -117,14 +111,10 @@ def test_the_environment_has_workspaces_before_ros(tmp_path: Path) -> None:
     assert variables["PYTHONPATH"].split(":")[:1] == [str(folder)]
     assert (overlay / "share/my_robot").resolve() == folder
     assert (overlay / "share/ament_index/resource_index/packages/my_robot").is_file()
-
-
-def test_without_packages_in_source_there_is_no_overlay(tmp_path: Path) -> None:
-    here = ros(tmp_path / "ros")
-    (tmp_path / "scratch").mkdir()
-
-    assert Packages.around(tmp_path / "ws", here).set_up(tmp_path / "scratch") == here.variables
-    assert list((tmp_path / "scratch").iterdir()) == []
+    # Without packages in source, there is no overlay.
+    (tmp_path / "empty").mkdir()
+    assert Packages.around(tmp_path / "no_ws", here).set_up(tmp_path / "empty") == here.variables
+    assert list((tmp_path / "empty").iterdir()) == []
 
 
 @pytest.mark.process
@@ -166,9 +156,6 @@ def test_the_command_of_a_program_is_that_of_its_kind(tmp_path: Path) -> None:
     assert command_of(tmp_path / "x.py", here.python) == [str(here.python), str(tmp_path / "x.py")]
     with pytest.raises(PathError, match="'p/absent' does not exist any more"):
         packages.command("p", "absent", tmp_path)
-
-
-def test_a_program_that_cannot_be_read_is_not_python(tmp_path: Path) -> None:
     assert not is_python(tmp_path / "absent")
     assert is_python(program(tmp_path / "a", "#!/usr/bin/env python3\n"))
 
@@ -253,26 +240,15 @@ def test_scripts_and_the_folder_of_modules_are_read(tmp_path: Path) -> None:
     assert (found.scripts, found.modules) == ((tmp_path / "scripts/mover.py",), tmp_path / "lib")
 
 
-@pytest.mark.parametrize(
-    ("stated", "file", "build_type"),
-    [
-        ("ament_cmake", "setup.py", "ament_cmake"),
-        (None, "setup.py", "ament_python"),
-        (None, "CMakeLists.txt", "ament_cmake"),
-    ],
-)
-def test_the_build_type_is_stated_or_that_of_the_build_files(
-    stated: str | None, file: str, build_type: str, tmp_path: Path
-) -> None:
-    manifest(tmp_path, "p", stated)
-    written(tmp_path / file, "")
-
-    assert read_package("p", tmp_path).build_type == build_type
-
-
-def test_a_broken_manifest_has_no_build_type(tmp_path: Path) -> None:
+def test_the_build_type_is_stated_or_that_of_the_build_files(tmp_path: Path) -> None:
+    found = {}
+    for stated, file in (("ament_cmake", "setup.py"), (None, "setup.py"), (None, "CMakeLists.txt")):
+        folder = tmp_path / f"{stated} {file}"
+        manifest(folder, "p", stated)
+        written(folder / file, "")
+        found[folder.name] = read_package("p", folder).build_type
     written(tmp_path / "package.xml", "<package")
-
+    assert list(found.values()) == ["ament_cmake", "ament_python", "ament_cmake"], found
     assert read_package("p", tmp_path).build_type == "unknown"
 
 

@@ -14,57 +14,49 @@ from sim_action.ros.ros2.installation import Ros2, find_ros
 from sim_action.ros.ros2.preparation import needed_by, prepare, problems, sources_in
 from sim_action.scenario.child_environment import code_environment
 from tests.ros.ros2.nodes import needs_ros2, variables
+from tests.ros_workspace import written
 from tests.soak import soaked
 
-PACKAGE: Final = """\
-<package format="3"><name>{name}</name><version>0.0.1</version><description>d</description>
-<maintainer email="dev@example.com">x</maintainer><license>MIT</license>
-<buildtool_depend>ament_cmake</buildtool_depend><buildtool_depend>rosidl_default_generators</buildtool_depend>
-{needs}<exec_depend>rosidl_default_runtime</exec_depend><member_of_group>rosidl_interface_packages</member_of_group>
-<export><build_type>ament_cmake</build_type></export></package>
-"""
 CMAKE: Final = """\
 cmake_minimum_required(VERSION 3.8)
 project({name})
 find_package(ament_cmake REQUIRED)
-find_package(rosidl_default_generators REQUIRED)
 {packages}
+"""
+LIBRARY: Final = "add_library({name} {name}.cpp)\n"
+MESSAGES: Final = """\
+find_package(rosidl_default_generators REQUIRED)
 rosidl_generate_interfaces(${{PROJECT_NAME}} "msg/Speed.msg" DEPENDENCIES {needs})
 ament_package()
 """
-
-LIBRARY: Final = """\
-project({name})
-{packages}
-add_library({name} {name}.cpp)
+OF_MESSAGES: Final = """\
+<version>0.0.1</version><description>d</description><maintainer email="dev@example.com">x</maintainer>
+<license>MIT</license><buildtool_depend>ament_cmake</buildtool_depend>
+<buildtool_depend>rosidl_default_generators</buildtool_depend><exec_depend>rosidl_default_runtime</exec_depend>
+<member_of_group>rosidl_interface_packages</member_of_group>
 """
 
 
-def package(workspace: Path, name: str, *needs: str, build_type: str = "ament_cmake") -> Path:
-    """Write a package with a library in C++, or in Python."""
-    folder = workspace / name
-    folder.mkdir(parents=True)
+def package(folder: Path, name: str, *needs: str, build_type: str = "ament_cmake", message: str | None = None) -> Path:
+    """Write a package in Python, or with a library in C++, or with a message."""
     depends = "".join(f"<depend>{need}</depend>" for need in needs)
-    kind = f"<export><build_type>{build_type}</build_type></export>"
-    (folder / "package.xml").write_text(f"<package><name>{name}</name>{depends}{kind}</package>")
+    more = (
+        f"{OF_MESSAGES if message is not None else ''}{depends}<export><build_type>{build_type}</build_type></export>"
+    )
+    written(folder / "package.xml", f'<package format="3"><name>{name}</name>{more}</package>')
     if build_type == "ament_python":
-        (folder / f"{name}.py").write_text("".join(f"import {need}\n" for need in needs))
-    else:
-        packages = "\n".join(f"find_package({need} REQUIRED)" for need in needs)
-        (folder / "CMakeLists.txt").write_text(LIBRARY.format(name=name, packages=packages))
+        written(folder / f"{name}.py", "".join(f"import {need}\n" for need in needs))
+        return folder
+    text = CMAKE + (LIBRARY if message is None else MESSAGES)
+    packages = "\n".join(f"find_package({need} REQUIRED)" for need in needs)
+    written(folder / "CMakeLists.txt", text.format(name=name, packages=packages, needs=" ".join(needs)))
+    if message is not None:
+        written(folder / "msg/Speed.msg", message)
     return folder
 
 
 def interfaces(workspace: Path, name: str, message: str, *needs: str, folder: str = "") -> Path:
-    package = workspace / "src" / (folder or name)
-    (package / "msg").mkdir(parents=True)
-    (package / "package.xml").write_text(
-        PACKAGE.format(name=name, needs="".join(f"<depend>{need}</depend>\n" for need in needs))
-    )
-    packages = "\n".join(f"find_package({need} REQUIRED)" for need in needs)
-    (package / "CMakeLists.txt").write_text(CMAKE.format(name=name, packages=packages, needs=" ".join(needs)))
-    (package / "msg/Speed.msg").write_text(message)
-    return package
+    return package(workspace / "src" / (folder or name), name, *needs, message=message)
 
 
 @pytest.fixture
@@ -196,11 +188,11 @@ def test_what_has_changed_is_built_in_order_and_sees_no_secret(tmp_path: Path, w
 def test_libraries_that_packages_in_python_need_are_built(tmp_path: Path, wheels: Ros2) -> None:
     interfaces(tmp_path, "a", "bool good\n")
     (tmp_path / "my.repos").write_text("repositories: {others/tf: {type: git, url: 'https://example.com/tf'}}\n")
-    package(tmp_path / "others/tf", "tf", "a")
-    package(tmp_path / "src", "tf_py", "tf")
-    package(tmp_path / "src", "unused", "a")
-    package(tmp_path / "src", "driver", "rclcpp")
-    package(tmp_path / "src", "nodes", "tf_py", "driver", build_type="ament_python")
+    package(tmp_path / "others/tf/tf", "tf", "a")
+    package(tmp_path / "src/tf_py", "tf_py", "tf")
+    package(tmp_path / "src/unused", "unused", "a")
+    package(tmp_path / "src/driver", "driver", "rclcpp")
+    package(tmp_path / "src/nodes", "nodes", "tf_py", "driver", build_type="ament_python")
     seen = {**os.environ, "BUILT": os.devnull}
 
     assert sorted(prepare(tmp_path, wheels, tmp_path / "cache", seen)) == [
@@ -229,9 +221,9 @@ def test_libraries_that_packages_in_python_need_are_built(tmp_path: Path, wheels
 def test_scenarios_need_what_their_programs_import(commands: str, names: set[str], tmp_path: Path) -> None:
     (tmp_path / ".git").mkdir()
     interfaces(tmp_path, "a", "bool good\n")
-    package(tmp_path / "src", "tf")
-    package(tmp_path / "src", "unused")
-    package(tmp_path / "src", "nodes", "tf", "rclpy", build_type="ament_python")
+    package(tmp_path / "src/tf", "tf")
+    package(tmp_path / "src/unused", "unused")
+    package(tmp_path / "src/nodes", "nodes", "tf", "rclpy", build_type="ament_python")
     (tmp_path / "own.py").write_text("from a.msg import Speed\n")
     scenario = tmp_path / "s.sim.yml"
     scenario.write_text(f"name: s\ncommands: {{{commands}}}\n")

@@ -21,13 +21,10 @@ Initiating shutdown!
 LEFT = "REQUIRED process [mover-1] has died!\nprocess has finished cleanly\n"
 
 
-def test_deaths_are_found_with_how_they_came() -> None:
+def test_ends_of_nodes_and_of_required_ones_are_found_with_how_they_came() -> None:
     assert list(launch_output.deaths(launch_output.cleaned_output(DIED))) == [Death("mover", -9, "/ws/mover.py")]
     assert str(Death("mover", -9)) == "the node 'mover' ended with SIGKILL"
     assert str(Death("mover", 3)) == "the node 'mover' ended with exit code 3"
-
-
-def test_required_nodes_that_leave_are_found_however_they_leave() -> None:
     assert list(launch_output.required_deaths(REQUIRED)) == [Death("base/arm", 3, "/ws/arm.py")]
     assert list(launch_output.required_deaths(LEFT)) == [Death("mover", 0)]
     assert list(launch_output.deaths("[spawn-3] process has finished cleanly")) == []
