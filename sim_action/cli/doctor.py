@@ -28,7 +28,8 @@ from sim_action.core.registry import PackageProblem
 from sim_action.core.version import PACKAGE_FOLDER, __version__
 from sim_action.core.wording import counted, log_line, system_reason
 from sim_action.engines import ENGINES, installed, named_version
-from sim_action.runner.isolation.child_process import child_type_here, most_children, scratch_folder
+from sim_action.runner.isolation.child_process import most_children, scratch_folder
+from sim_action.runner.process_pool import child_type_here
 from sim_action.scenario.model import MEMORY
 from sim_action.scenario.written import Scenario
 from sim_action.sensors import SENSORS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
@@ -28,7 +29,7 @@ from sim_action.runner.child_outcome import (
     outcome_of,
     refusal_of,
 )
-from sim_action.runner.isolation.child_process import ChildProcess, Starter, cause_of, child_type_here, most_children
+from sim_action.runner.isolation.child_process import ChildProcess, Starter, cause_of, most_children
 from sim_action.runner.process_output import muted
 from sim_action.runner.run_keys import RunKeys
 from sim_action.runner.runs import Runs, Scheduler
@@ -50,6 +51,17 @@ class PoolOptions:
     keys: RunKeys | None = None  # gives the keys of runs; None: they have none
     child_type: type[ChildProcess] | None = None  # how child processes are started; None: as this system allows
     shares: bool = True  # several runs without user code may use one child process, where the system allows it
+
+
+def child_type_here() -> type[ChildProcess]:
+    """Return the type of child processes for this system; no other code chooses."""
+    if sys.platform == "linux":
+        from sim_action.runner.isolation.linux_child import LinuxChild  # needs modules of Linux
+
+        return LinuxChild
+    from sim_action.runner.isolation.portable_child import PortableChild  # only other systems need it
+
+    return PortableChild
 
 
 def _warmed_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool) -> bool:

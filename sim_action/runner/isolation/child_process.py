@@ -147,17 +147,6 @@ class Starter:
         """End the processes that wait for a next job."""
 
 
-def child_type_here() -> type[ChildProcess]:
-    """Return the type of child processes for this system; no other code chooses."""
-    if sys.platform == "linux":
-        from sim_action.runner.isolation.linux_child import LinuxChild  # it imports this module
-
-        return LinuxChild
-    from sim_action.runner.isolation.portable_child import PortableChild  # it imports this module
-
-    return PortableChild
-
-
 _PROBE_BYTES: Final = 4096
 # The message of `child_main` that user code calls `os._exit`.
 _EXIT_CALL: Final = re.compile(rb"exit (?P<line>[0-9]{1,9}) (?P<file>.+)")
