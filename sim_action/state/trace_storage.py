@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -217,5 +218,8 @@ def _whole(record: _Record, start: str) -> _Record:
 
 def save_arrays(arrays: Mapping[str, Any], path: Path) -> None:
     """Write a .npz file, completely or not at all. Raise OSError."""
+    # For each array a zip file goes back in what it has written; in memory that calls no system.
+    content = BytesIO()
+    np.savez(content, **arrays)
     with whole_file(path) as file:
-        np.savez(file, **arrays)
+        file.write(content.getbuffer())

@@ -13,6 +13,7 @@ import sys
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import mujoco
@@ -309,9 +310,7 @@ class MuJoCoEngine(SimulatedRobot, Engine):
         if any(body.path for body in self._scene.world.objects):
             yield from (actor.keep_touches for actor in self.actors.values())
         if channels.contacts and (channels.ground or self._scene.world.names):
-            yield self._record_all_contacts if channels.ground else self._record_contacts
-            if self._path_contacts is not None:
-                yield self._record_path_contacts
+            yield partial(self._record_contacts, ground=channels.ground)
         if self._self_collision is not None and channels.self_contacts:
             states, names = self._states, self._joint_names
             yield self._self_collision.recorder(self._rate, names, lambda: states.place(states.last())[1])
@@ -322,14 +321,9 @@ class MuJoCoEngine(SimulatedRobot, Engine):
     def _record_bodies(self, _: int) -> None:
         self._body_poses.append(self._objects_qpos.tobytes())
 
-    def _record_contacts(self, step: int) -> None:
-        if self._contacts.may_matter(self._sliding.touching):
-            self._touches += self._contacts.of_step(step / self._rate, ground=False)
-
-    def _record_all_contacts(self, step: int) -> None:
-        self._touches += self._contacts.of_step(step / self._rate, ground=True)
-
-    def _record_path_contacts(self, step: int) -> None:
+    def _record_contacts(self, step: int, *, ground: bool) -> None:
+        if ground or self._contacts.may_matter(self._sliding.touching):
+            self._touches += self._contacts.of_step(step / self._rate, ground=ground)
         if self._path_contacts is not None:
             self._touches += self._path_contacts.at(step)
 
@@ -353,10 +347,11 @@ class MuJoCoEngine(SimulatedRobot, Engine):
         for step, wanted in enumerate(targets, start=first_step + 1):
             if wanted is not None:
                 self.apply(wanted)
-                if wanted.actors:
-                    self._pass_on(wanted.actors)
-                self._is_disturbed = self._events is not None or self._presses()
-                disturbed, is_engaged = self._is_disturbed, False
+                is_engaged = False
+                # Targets of joints, which most steps of a ramp give, change nothing else.
+                if wanted.base is not None or wanted.wrenches is not None or wanted.actors:
+                    self._apply_others(wanted.actors or {})
+                    disturbed = self._is_disturbed
             if warned[_BAD_ACCELERATION] or warned[_BAD_VELOCITY]:
                 # The simulation has diverged: the rest of the trace is NaN.
                 self._give_up(range(step, first_step + len(targets) + 1))
@@ -395,12 +390,11 @@ class MuJoCoEngine(SimulatedRobot, Engine):
         for robot in self._robots:
             robot.settle()
 
-    def _pass_on(self, targets: Mapping[str, JointTargets]) -> None:
+    def _apply_others(self, targets: Mapping[str, JointTargets]) -> None:
+        """Pass targets to the other robots, by name, and look which forces act from now on."""
         for name, own in targets.items():
             self.actors[name].apply(own)
-
-    def _presses(self) -> bool:
-        return self.has_forces or (bool(self.actors) and any(actor.has_forces for actor in self.actors.values()))
+        self._is_disturbed = self._events is not None or any(robot.has_forces for robot in self._robots)
 
     def _engage(self) -> tuple[Sequence[tuple[int, float]], Callable[[memoryview[float]], None] | None]:
         """Let the targets of all robots act, as `Motors.engage` does."""

@@ -230,7 +230,7 @@ class Motors:
         target, damping = self._target, self._damping
         turning = [(row, damping * target[number]) for row, number in self._turned]
         # Adding 0 would change the sign of zeros.
-        self._turning = turning if self._held or any(dict(turning).values()) else []
+        self._turning = turning if self._held or any(bias for _, bias in turning) else []
 
     def _aim(self) -> None:
         """Find (row, bias) of velocity motors, and (row, index in qpos, goal, speed ahead, limit, joint) of servos."""

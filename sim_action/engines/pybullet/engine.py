@@ -129,8 +129,8 @@ class PyBulletEngine(LoadedRobot, Engine):
         for step, wanted in enumerate(targets, start=first_step + 1):
             if wanted is not None:
                 self.apply(wanted)
-                if wanted.actors:
-                    self._pass_on(wanted.actors)
+                for name, own in (wanted.actors or {}).items():
+                    self.actors[name].apply(own)
                 has_forces = self.has_forces()
             if has_forces:
                 self.apply_forces(step)
@@ -149,10 +149,6 @@ class PyBulletEngine(LoadedRobot, Engine):
         if self._events is not None:
             self._events.follow(world)
             self._recorders.follow(world)
-
-    def _pass_on(self, targets: Mapping[str, JointTargets]) -> None:
-        for name, own in targets.items():
-            self.actors[name].apply(own)
 
     def _settle_actors(self) -> None:
         for actor in self.actors.values():

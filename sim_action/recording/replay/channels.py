@@ -7,10 +7,11 @@ are halved first.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from sim_action.core import geometry
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.replay.columns import MAX_DELTA, FloatArray, TextColumn, fine_scale
@@ -119,7 +120,7 @@ def _of_base(frames: Trace, time: FloatArray, told: CommandedValues) -> Iterator
     linear = in_base_frame(frames.base_orientation_xyzw, frames.base_linear_xyz)
     angular = in_base_frame(frames.base_orientation_xyzw, frames.base_angular_xyz)
     for kind, vectors, usual in (("linear", linear, "xy"), ("angular", angular, "z")):
-        for axis, values in zip("xyz", vectors.T, strict=True):
+        for axis, values in zip("xyz", vectors, strict=True):
             name, unit = f"{kind} {axis}", _TWIST_UNITS[kind]
             aim = Curve("base", name, unit, time, told.at(name, time), commanded=True)
             measured = Curve("base", name, unit, time, values)
@@ -129,11 +130,13 @@ def _of_base(frames: Trace, time: FloatArray, told: CommandedValues) -> Iterator
                     yield aim
 
 
-def in_base_frame(orientation_xyzw: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Return vectors (T, 3) of the world frame in the frame of the base."""
-    axis, scalar = -orientation_xyzw[:, :3], orientation_xyzw[:, 3:]
-    twice = 2 * np.cross(axis, vectors)
-    return np.asarray(vectors + scalar * twice + np.cross(axis, twice), dtype=np.float64)
+def in_base_frame(orientation_xyzw: FloatArray, vectors: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the x, y and z, (T,) each, of vectors (T, 3) of the world frame in the frame of the base."""
+    x, y, z, w = orientation_xyzw.T
+    turned_back: Any = (-x, -y, -z, w)
+    columns: Any = tuple(vectors.T)
+    turned: Any = geometry.rotate(turned_back, columns)
+    return tuple(turned)
 
 
 def _of_joints(
