@@ -35,10 +35,10 @@ def sim_action(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str
 
 
 OF_NODES = [path for path in EXAMPLES if re.search(r"^  ros[12]:", path.read_text(encoding="utf-8"), re.MULTILINE)]
-# What stands for a part that has a form of its own on each engine; another test has assertions on each one.
+# What stands for a part that has a form of its own on each engine.
 PARTS = {"commands", "drives", "robots", "sensors", "worlds"}
-# Tests of their own run them.
-ELSEWHERE = {"quadrotor", "quadruped"}
+# Tests of their own run them; test_signals.py those of assertions.
+ELSEWHERE = {"assertions", "quadrotor", "quadruped"}
 # It takes PyBullet as long as thirty others.
 SLOW = "belt_and_arm.sim.yml"
 
@@ -104,7 +104,8 @@ def in_failing_form(text: str) -> tuple[str, int]:
 FAILS_WITH = "# fails with: "
 
 
-@pytest.mark.parametrize("engine", installed())
+# On the first engine, test_signals.py runs them.
+@pytest.mark.parametrize("engine", soaked(installed(), short=installed()[-1:]))
 def test_every_assertion_can_fail_on_every_engine(engine: str, tmp_path: Path) -> None:
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     expected = {}

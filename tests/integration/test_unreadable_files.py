@@ -6,6 +6,7 @@ import builtins
 import errno
 import io
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,7 +15,6 @@ import pytest
 from sim_action.cli.main import call
 from sim_action.results.results_json import Results
 from tests.mesh_files import dae, obj, stl
-from tests.soak import soaked
 
 GOOD: Final = """\
 name: good
@@ -125,10 +125,10 @@ READ_BY_CHILD: Final = ("csv log", "golden", "mjcf", "mjcf include", "mjcf mesh"
 
 
 class Failing:
-    """Makes opening or reading a file fail, in this process and in forks of it."""
+    """Makes opening or reading files of these names fail, in this process and in forks of it."""
 
-    def __init__(self, name: str, patch: pytest.MonkeyPatch, *, on_read: bool, only_below: bool) -> None:
-        self.name, self.on_read, self.only_below = name, on_read, only_below
+    def __init__(self, names: frozenset[str], patch: pytest.MonkeyPatch, *, on_read: bool, only_below: bool) -> None:
+        self.names, self.on_read, self.only_below = names, on_read, only_below
         self.process = os.getpid()
         self.open, self.fdopen, self.plain = os.open, os.fdopen, builtins.open
         self.chosen: set[int] = set()
@@ -139,7 +139,7 @@ class Failing:
 
     def _fails(self, path: Any) -> bool:
         here = not self.only_below or os.getpid() != self.process
-        return here and isinstance(path, (str, Path)) and Path(path).name == self.name
+        return here and isinstance(path, (str, Path)) and Path(path).name in self.names
 
     def _open(self, path: Any, *rest: Any, **named: Any) -> int:
         if self._fails(path) and not self.on_read:
@@ -168,38 +168,35 @@ class Unreadable(io.BufferedReader):
     read = read1 = readinto = readline = readlines = peek = _fail
 
 
-EVERYWHERE: Final = [(name, False, False) for name in CASES]
-IN_CHILD: Final = [(name, True, True) for name in READ_BY_CHILD]
-
-
 @pytest.mark.process
 @pytest.mark.parametrize(
-    ("name", "on_read", "only_below"),
-    soaked(
-        [
-            *EVERYWHERE,
-            *IN_CHILD,
-            *((name, True, False) for name in CASES),
-            *((name, False, True) for name in READ_BY_CHILD),
-        ],
-        short=[*EVERYWHERE, *IN_CHILD],
-    ),
+    ("cases", "only_below"), [([*CASES], False), (READ_BY_CHILD, True)], ids=["everywhere", "in children"]
 )
-def test_a_file_that_cannot_be_read_is_named_with_the_reason(
-    name: str, on_read: bool, only_below: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("on_read", [False, True], ids=["opened", "read"])
+def test_files_that_cannot_be_read_are_named_with_the_reason(
+    cases: Sequence[str], on_read: bool, only_below: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    case, files = CASES[name]
-    for file, text in ({"a.sim.yml": GOOD, "s.sim.yml": scenario()} | files).items():
-        (tmp_path / file).write_bytes(text if isinstance(text, bytes) else text.encode())
+    named = {name: f"{number}-{CASES[name][0]}" for number, name in enumerate(cases)}
+    (tmp_path / "a.sim.yml").write_text(GOOD)
+    for name, bad in named.items():
+        usual, files = CASES[name]
+        (tmp_path / name).mkdir()
+        for file, text in ({"s.sim.yml": scenario()} | files).items():
+            data = text if isinstance(text, bytes) else text.replace(usual, bad).encode()
+            (tmp_path / name / file.replace(usual, bad)).write_bytes(data)
     monkeypatch.chdir(tmp_path)
     with pytest.MonkeyPatch.context() as patch:
-        Failing(case, patch, on_read=on_read, only_below=only_below)
-        code = call(["run", ".", "-q", "--jobs", "1"])
-    good, bad = Results.read(tmp_path / "sim-results" / "results.json").outcomes
-    assert good.status == "passed"
-    (failure,) = bad.failures
-    assert (code, bad.status) in ((2, "error"), (1, "error"))
-    assert failure.kind != "internal"
-    shown = f"{failure.location}: {failure.message}"
-    assert case in shown
-    assert "Input/output error" in shown
+        Failing(frozenset(named.values()), patch, on_read=on_read, only_below=only_below)
+        assert call(["run", ".", "-q", "--jobs", "1", "--no-report"]) in (1, 2)
+    outcomes = {
+        Path(each.file).parent.name: each for each in Results.read(tmp_path / "sim-results/results.json").outcomes
+    }
+    assert outcomes.pop("").status == "passed"
+    assert outcomes.keys() == named.keys()
+    for name, outcome in outcomes.items():
+        (failure,) = outcome.failures
+        assert outcome.status == "error"
+        assert failure.kind != "internal"
+        shown = f"{failure.location}: {failure.message}"
+        assert named[name] in shown
+        assert "Input/output error" in shown
