@@ -17,8 +17,7 @@ from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.registry import Table
 from sim_action.core.workspace import Workspace
-from sim_action.core.yaml_document import KeyPath
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import KeyPath, SpecProblems
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import Channels

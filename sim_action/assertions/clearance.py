@@ -18,7 +18,7 @@ from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import FirstFew, did_you_mean, quoted
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.joint_selection import links_with_shapes
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
@@ -101,7 +101,7 @@ class Clearance(Assertion):
 
     @override
     def meaning(self, scene: Scene) -> str:
-        from sim_action.assertions.temporal_logic.formula import quoted  # its name stands for another function here
+        from sim_action.assertions.temporal_logic import quoted  # its name stands for another function here
 
         bodies = self.to or scene.world.names
         quantities = [f"{quoted(f'clearance of {self.chosen} to {bodies}')}.x"]

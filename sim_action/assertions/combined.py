@@ -12,13 +12,13 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion, Reference, shortened_title
 from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.temporal_logic import quoted
 from sim_action.assertions.temporal_logic.combination import AtOnceMonitor, Combination, NegationMonitor
-from sim_action.assertions.temporal_logic.formula import And, Not, Or, quoted
+from sim_action.assertions.temporal_logic.formula import And, Not, Or
 from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace
-from sim_action.core.yaml_document import KeyPath
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import KeyPath, SpecProblems
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import Channels

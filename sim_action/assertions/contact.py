@@ -21,7 +21,7 @@ from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import STEP_EPSILON
 from sim_action.core.wording import did_you_mean
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.joint_selection import links_with_shapes, matches_name
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import Trace

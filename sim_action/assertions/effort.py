@@ -17,7 +17,7 @@ from sim_action.core import units
 from sim_action.core.field_types import JointEffort, NonNegativeJoules
 from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.joint_selection import (
     as_written,
     choice_problems,

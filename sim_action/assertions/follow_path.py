@@ -26,7 +26,7 @@ from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.workspace import PathError, Workspace
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Circle, Mark, Polyline, Signal, Verdict

@@ -18,7 +18,7 @@ from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.joint_selection import link_name_problems, links_named
 from sim_action.robot.model.kinematics import link_motion
 from sim_action.robot.model.robot_model import RobotModel

@@ -25,7 +25,7 @@ from sim_action.core.field_types import JointEffort, JointPosition, JointQuantit
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.joint_selection import (
     as_written,
     bare_angle,

@@ -17,7 +17,7 @@ from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.joint_selection import link_name_problems, links_named
 from sim_action.robot.model.kinematics import centre_of_mass, link_poses
 from sim_action.robot.model.robot_model import RobotModel

@@ -28,7 +28,7 @@ from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import shown
 from sim_action.core.workspace import PathError
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.joint_selection import as_written, bare_angle, chosen, tolerance_problems
 from sim_action.robot.model.robot_model import Joint
 from sim_action.state.golden_trajectory import (

@@ -19,7 +19,7 @@ from sim_action.assertions.monitors.contacts import (
 )
 from sim_action.core.records import dataclass
 from sim_action.core.wording import FirstFew, did_you_mean
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.robot_model import has_limb
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.timeline import is_late

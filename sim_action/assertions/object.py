@@ -23,7 +23,7 @@ from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.kinematics import LinkMotion, link_motion, link_of_frame, why_no_frame
 from sim_action.robot.model.robot_model import WORLD
 from sim_action.state.observation import Observation

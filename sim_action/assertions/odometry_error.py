@@ -17,7 +17,7 @@ from sim_action.core.field_types import PositiveMetres, PositiveRadians, Positiv
 from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import did_you_mean
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.state.golden_trajectory import wrapped
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace, yaw_angles

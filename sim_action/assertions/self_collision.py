@@ -14,7 +14,7 @@ from sim_action.assertions.monitors.contacts import FirstTouchMonitor
 from sim_action.core import units
 from sim_action.core.records import dataclass
 from sim_action.core.wording import FirstFew, did_you_mean
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.joint_selection import matches_name
 from sim_action.robot.model.robot_model import NO_PAIRS, touchable_pairs
 from sim_action.state.observation import Observation, SelfContact

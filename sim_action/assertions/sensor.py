@@ -12,14 +12,14 @@ from typing_extensions import override
 from sim_action.assertions import NO_READING, Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import Goal, Invariant, bounds_formula, check_bounds
-from sim_action.assertions.temporal_logic.formula import quoted
+from sim_action.assertions.temporal_logic import quoted
 from sim_action.core import units
 from sim_action.core.field_types import SensorQuantity
 from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.joint_selection import as_written
 from sim_action.sensors import sensor_named
 from sim_action.state.observation import Observation

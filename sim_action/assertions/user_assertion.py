@@ -21,8 +21,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.user_scripts import ANYTHING, ScriptProblem, read_script, run_file, script_error, script_errors_at
 from sim_action.core.wording import did_you_mean, escaped_line, shown, with_article
 from sim_action.core.workspace import PathError, Workspace
-from sim_action.core.yaml_document import plain_data
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems, plain_data
 from sim_action.robot.model.kinematics import LinkMotions
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.observation import Observation

@@ -87,8 +87,8 @@ def margins(
 
         requests = FactorRequest.parsed(factors, at_least)
         suite = options.discovered(paths, flags, outside=allow_outside)
-        allowed = options.code_permissions(flags, {path.parent: None for path in suite.files})
-        permissions = replace(allowed, outside=allow_outside, packages=options.named_packages(packages))
+        folders = {path.parent: None for path in suite.files}
+        permissions = options.code_permissions(flags, folders, outside=allow_outside, packages=packages)
         reports = options.report_request(flags)
         request = MarginsRequest(
             PlanRequest(suite, permissions, shard, backend, seed),

@@ -125,10 +125,13 @@ code_flags: Final = with_options(
 """The options of every command that may run code of the repository."""
 
 
-def code_permissions(flags: dict[str, Any], folders: Iterable[Path] = ()) -> Permissions:
+def code_permissions(
+    flags: dict[str, Any], folders: Iterable[Path] = (), *, outside: bool = False, packages: Iterable[str] = ()
+) -> Permissions:
     """Return the permissions that the options of `code_flags` give, and remove these options from `flags`.
 
-    `folders`: the folders of the files that may run code, besides the current folder. Raises UsageError.
+    `folders`: the folders of the files that may run code, besides the current folder; `outside`, `packages`: the values
+    of ALLOW_OUTSIDE and PACKAGES, if the command has them. Raises UsageError.
     """
     from sim_action.core.permissions import Permissions, checked_names, scripts_refused
 
@@ -139,7 +142,7 @@ def code_permissions(flags: dict[str, Any], folders: Iterable[Path] = ()) -> Per
             hint = "" if near is None else f"did you mean '{near}'? Otherwise "
             warn(f"--pass-env {name}: this variable is not set; {hint}set it, on GitHub with 'env:' of the step")
     refused = scripts_refused(flags.pop("allow_scripts"), os.environ, (Path.cwd(), *folders))
-    return Permissions(scripts_refused=refused, pass_env=names)
+    return Permissions(outside, scripts_refused=refused, pass_env=names, packages=named_packages(packages))
 
 
 def typed(*names: str) -> list[str]:
@@ -379,7 +382,6 @@ def asked_model(model: str, flags: dict[str, Any]) -> tuple[Robot, Workspace]:
     from sim_action.core.workspace import Workspace
     from sim_action.robot.model.robot_spec import Robot
 
-    packages = named_packages(flags["packages"])
     # As typed: the result shows them as keys of a scenario.
     mapped = _pairs("--package", flags["packages"], "NAME=FOLDER")
     robot = Robot(model=model, packages=mapped)
@@ -388,12 +390,10 @@ def asked_model(model: str, flags: dict[str, Any]) -> tuple[Robot, Workspace]:
             raise UsageError(escaped_line(f"--arg needs a xacro file, and {shown(model)} is not one; remove it"))
         robot = Robot(model=model, args=arguments, packages=mapped)
     robot = robot.model_copy(update={"srdf": flags.get("srdf")})
-    permissions = code_permissions(flags)
+    permissions = code_permissions(flags, outside=flags["allow_outside"], packages=flags["packages"])
     if robot.is_xacro:
         permissions.require_scripts(f"{shown(model)} is xacro, which runs code")
-    outside = flags["allow_outside"]
-    place = Path("a scenario")
-    return robot, Workspace.around(place, allow_outside=outside, pass_env=permissions.pass_env, packages=packages)
+    return robot, Workspace.around(Path("a scenario"), permissions)
 
 
 def _pairs(option: str, texts: Iterable[str], form: str) -> dict[str, Any]:

@@ -10,7 +10,6 @@ import click
 
 from sim_action.cli import options
 from sim_action.core.errors import ExitCode
-from sim_action.core.records import replace
 
 
 @click.command()
@@ -77,8 +76,8 @@ def prove(
 
         seconds = None if budget is None else _seconds(budget)
         suite = options.discovered(paths, outside=allow_outside)
-        allowed = options.code_permissions(flags, {path.parent: None for path in suite.files})
-        permissions = replace(allowed, outside=allow_outside, packages=options.named_packages(packages))
+        folders = {path.parent: None for path in suite.files}
+        permissions = options.code_permissions(flags, folders, outside=allow_outside, packages=packages)
         written = {"report": report, "summary": summary, "annotations": annotations}
         silenced = frozenset(name for name, is_on in written.items() if not is_on)
         request = ProveRequest(

@@ -191,14 +191,9 @@ def run(
             raise UsageError("--cluster cannot be combined with --watch")
         recordings = wanted_formats(record)
         suite = options.discovered(paths, flags, outside=allow_outside)
-        allowed = options.code_permissions(flags, {path.parent: None for path in suite.files})
-        permissions = replace(
-            allowed,
-            outside=allow_outside,
-            updates_golden=update_golden,
-            forces_golden=force,
-            packages=options.named_packages(packages),
-        )
+        folders = {path.parent: None for path in suite.files}
+        allowed = options.code_permissions(flags, folders, outside=allow_outside, packages=packages)
+        permissions = replace(allowed, updates_golden=update_golden, forces_golden=force)
         plan = PlanRequest(suite, permissions, shard, backend, seed, unexercised, strict, confidence)
         if plan_gate is not None:
             return _planned(plan, plan_gate, flags["output_dir"], jobs or usable_cores())

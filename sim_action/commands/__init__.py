@@ -14,8 +14,7 @@ from sim_action.core.records import dataclass, field, replace
 from sim_action.core.registry import Table
 from sim_action.core.units import rate_divides
 from sim_action.core.workspace import Workspace
-from sim_action.core.yaml_document import KeyPath
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import KeyPath, SpecProblems
 from sim_action.state.command import Answer, JointTargets
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Transcript
@@ -158,6 +157,11 @@ class CommandSource(Transmission):
     def begins(self) -> tuple[KeyPath, float]:
         """The sim time in s of its first command, as far as known before the run, and the key that states it."""
         return (), 0.0
+
+    @property
+    def stated_path(self) -> tuple[tuple[float, float], ...]:
+        """The points (x, y) in m, world frame, that it leads the base through; empty if it states none."""
+        return ()
 
     @property
     def unchecked(self) -> tuple[str, ...]:

@@ -29,7 +29,7 @@ from sim_action.core.field_types import NamesFile, PositiveSeconds
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.workspace import PathError, Workspace
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.kinematics import why_no_link
 from sim_action.state.command import WORLD_FRAME, Answer, Command, JointTargets, LinkWrench
 from sim_action.state.observation import Contact, Observation

@@ -25,7 +25,7 @@ from sim_action.core.field_types import (
 from sim_action.core.records import dataclass
 from sim_action.core.wording import FirstFew, quoted
 from sim_action.core.workspace import Workspace
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.joint_selection import joints_set_by, selects, setting_problems
 from sim_action.robot.model.kinematics import beyond_limits, too_fast, too_strong
 from sim_action.robot.model.robot_model import Joint, Reading, RobotModel

@@ -38,7 +38,7 @@ from sim_action.core.lazy_numpy import NDArray
 from sim_action.core.units import UnitError
 from sim_action.core.wording import counted, did_you_mean, escaped_line, shown
 from sim_action.core.workspace import PathError, Workspace
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.networks.network_check import checked_network
 from sim_action.networks.onnx_network import (
     INSTALL_HINT,

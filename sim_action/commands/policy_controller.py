@@ -26,7 +26,7 @@ from sim_action.core.field_types import FrozenModel
 from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import counted
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.networks.onnx_network import FLOATS, NetworkProblem, Session, Tensor
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation

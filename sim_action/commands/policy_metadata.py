@@ -19,7 +19,7 @@ from sim_action.commands.policy_controller import PolicyAction
 from sim_action.commands.policy_terms import Layout, Term, values_of
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import shown
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.networks.onnx_network import NetworkProblem
 
 _TERMS: Final[Mapping[str, str]] = {

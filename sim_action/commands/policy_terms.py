@@ -13,7 +13,7 @@ from sim_action.core.geometry import Vector3, conjugate, rotate, rpy_from_quater
 from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import FirstFew, counted, did_you_mean, shown
-from sim_action.core.yaml_errors import SpecProblem, SpecProblems
+from sim_action.core.yaml_document import SpecProblem, SpecProblems
 from sim_action.networks.onnx_network import FLOATS, Tensor
 from sim_action.robot.model.joint_selection import chosen, matches_name, name_problem
 from sim_action.robot.model.robot_model import Joint, RobotModel

@@ -26,7 +26,7 @@ from sim_action.core.field_types import (
 )
 from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.inverse_kinematics import Chain, Values
 from sim_action.robot.model.kinematics import link_poses, robot_box, why_no_link
 from sim_action.state.command import JointTargets

@@ -29,7 +29,7 @@ from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import replace
 from sim_action.core.wording import did_you_mean, escaped_line
 from sim_action.core.workspace import PathError, Workspace
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.kinematics import beyond_limits
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import Answer, Command, JointTargets

@@ -27,8 +27,7 @@ from sim_action.core.user_scripts import (
 )
 from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace
-from sim_action.core.yaml_document import plain_data
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems, plain_data
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
 from sim_action.world.scene import Scene

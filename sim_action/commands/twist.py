@@ -16,7 +16,7 @@ from sim_action.core.field_types import FrozenModel, MetresPerSecond, PositiveSe
 from sim_action.core.geometry import Twist
 from sim_action.core.units import display
 from sim_action.core.workspace import Workspace
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.state.command import Command
 from sim_action.state.timeline import TimeMark
 from sim_action.world import MAX_PHYSICS_RATE_HZ

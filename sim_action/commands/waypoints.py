@@ -28,7 +28,7 @@ from sim_action.core.field_types import (
 from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass
 from sim_action.core.workspace import Workspace
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.kinematics import Mobility
 from sim_action.state.observation import Observation
 from sim_action.state.timeline import TimeMark, waypoint_mark
@@ -93,6 +93,11 @@ class WaypointCommands(CommandSource):
                     f"{units.display(self.tolerance, 'm')}; set {faster}a larger tolerance"
                 ),
             )
+
+    @property
+    @override
+    def stated_path(self) -> tuple[Point, ...]:
+        return tuple((point.x, point.y) for point in self.waypoints)
 
     @override
     def robot_claims(self, scene: Scene, setting: Setting) -> Findings:

@@ -13,8 +13,7 @@ from sim_action.commands import Controller, LinkCommands, OpenLoop
 from sim_action.commands.twist import missed_by_ticks
 from sim_action.core.field_types import Coordinate, FrozenModel, Name, NonNegativeSeconds, PositiveSeconds
 from sim_action.core.units import first_step
-from sim_action.core.yaml_document import KeyPath
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import KeyPath, SpecProblems
 from sim_action.robot.model.kinematics import why_no_frame
 from sim_action.state.command import WORLD_FRAME, LinkWrench
 from sim_action.state.timeline import TimeMark

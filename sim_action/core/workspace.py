@@ -9,6 +9,7 @@ from pathlib import Path, PurePath
 from typing import Final
 
 from sim_action.core.errors import UsageError
+from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass
 from sim_action.core.wording import nearest
 
@@ -48,17 +49,18 @@ def current_folder() -> Path:
 
 
 _MAX_NAMES_READ: Final = 10_000
+_NO_PERMISSIONS: Final = Permissions()
 
 
-def similar_name(path: Path) -> str:
+def similar_name(path: Path, suffixes: tuple[str, ...] = ("",)) -> str:
     """Return the hint "; did you mean ..." with a similar name in the folder of a missing file, in any letter case."""
     try:
         with os.scandir(path.parent) as entries:
             names = {entry.name.lower(): entry.name for entry in islice(entries, _MAX_NAMES_READ)}
     except (OSError, ValueError):  # too long, or a NUL in it
         return ""
-    near = nearest(path.name.lower(), sorted(names))
-    return "" if near is None else f"; did you mean '{names[near]}'?"
+    near = nearest(path.name.lower(), sorted(name for name in names if name.endswith(suffixes)))
+    return "" if near is None or names[near] == path.name else f"; did you mean '{names[near]}'?"
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,29 +79,28 @@ class Workspace:
     forces_golden: bool = False  # True if they are written from a run that did not pass, too
 
     @classmethod
-    def around(
-        cls,
-        scenario_file: Path,
-        *,
-        allow_outside: bool = False,
-        updates_golden: bool = False,
-        forces_golden: bool = False,
-        pass_env: tuple[str, ...] = (),
-        packages: tuple[tuple[str, str], ...] = (),
-    ) -> Workspace:
+    def around(cls, scenario_file: Path, permissions: Permissions = _NO_PERMISSIONS) -> Workspace:
         """Return the workspace of a scenario: its repository, else the current, else its folder. Raise PathError."""
         named = Path(os.path.abspath(scenario_file)).parent  # noqa: PTH100 - links are not followed
         here = Path.cwd()
         repository = next((folder for folder in (named, *named.parents) if (folder / ".git").exists()), None)
         place = repository or (here if named.is_relative_to(here) else named)
         root, file = place.resolve(), scenario_file.resolve()
-        if not allow_outside:
+        if not permissions.outside:
             left: Path | None = root
             if file.is_relative_to(root):
                 left = next(_left_folders(place, root, here), None) if root != place else None
             if left is not None:
                 raise PathError(f"is a link to {file}, outside the workspace {left}; {OUTSIDE_REMEDY}")
-        return cls(file.parent, root, allow_outside, updates_golden, pass_env, packages, forces_golden)
+        return cls(
+            file.parent,
+            root,
+            permissions.outside,
+            permissions.updates_golden,
+            permissions.pass_env,
+            permissions.packages,
+            permissions.forces_golden,
+        )
 
     def file(self, path: str) -> Path:
         """Return the absolute path of a file that a scenario names. Raise PathError."""

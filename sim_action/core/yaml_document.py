@@ -1,5 +1,9 @@
 """Strict YAML: the core schema of YAML 1.2, no tags, no duplicate keys, bounded size, a place for every value.
 
+Problems in a document are collected with their places. Dotted keys, such as `world.objects.wall.pose.x`, lead to its
+values: a step into a list is the name of an entry or its index from 0, and a key or name that contains dots counts as a
+whole.
+
 PyYAML follows YAML 1.1, in which `on` is true, `1:30` is 90 and the last of two equal keys wins; its scanner and parser
 are used here, its interpretation is not.
 """
@@ -8,14 +12,14 @@ from __future__ import annotations
 
 import re
 from collections import ChainMap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import yaml
 
 from sim_action.core.errors import InvalidScenario, Location, Problem
 from sim_action.core.records import dataclass, field
-from sim_action.core.wording import escaped_line
+from sim_action.core.wording import did_you_mean, escaped_line, shown
 
 MAX_BYTES: Final = 1_000_000
 MAX_DEPTH: Final = 40
@@ -23,6 +27,8 @@ MAX_VALUES: Final = 20_000
 MAX_DIGITS: Final = 400
 _Mark = Any  # PyYAML's two parsers have a class each, with line and column from 0.
 KeyPath = tuple[str | int, ...]  # the keys and list indices that lead to a value
+SpecProblem = tuple[KeyPath, str]  # the keys that lead to a problem in a scenario, and its message
+SpecProblems = Iterator[SpecProblem]
 _INT: Final = re.compile(r"[-+]?[0-9]+")
 _OCTAL_OR_HEX: Final = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
 _LINE_END: Final = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
@@ -99,8 +105,8 @@ class Document:
 
     def problem(self, path: KeyPath, message: str) -> Problem:
         """Return a problem at `path`: its file, line and column, and a message that starts with the keys."""
-        dotted = ".".join(str(step) for step in self._as_written(path))
-        return Problem(self.location(path), escaped_line(f"{dotted}: {message}" if dotted else message))
+        keys = dotted(self._as_written(path))
+        return Problem(self.location(path), escaped_line(f"{keys}: {message}" if keys else message))
 
     def problem_at_key(self, key: str, message: str) -> Problem:
         """Return a problem at the first place where a key stands; at the beginning if it stands nowhere."""
@@ -109,6 +115,54 @@ class Document:
     def path_of_key(self, key: str) -> KeyPath:
         """Return the path of the first key of this name; an empty path if there is none."""
         return next((path for path in self.marks if path and path[-1] == key), ())
+
+    def merged(self, over: Document) -> Document:
+        """Return this map of keys with another one: maps merge, lists and scalars replace, null removes a key."""
+        replaced: set[KeyPath] = set()
+        data = _merged(self.data, over.data, (), replaced)
+        kept = {
+            path: place
+            for path, place in self.marks.items()
+            if replaced.isdisjoint(path[:size] for size in range(len(path) + 1))
+        }
+        return Document(over.file, data, {**kept, **over.marks})
+
+    def entries(self, key: str) -> list[Document]:
+        """Return the entries of a list below a top-level key, each as a document."""
+        assert isinstance(self.data, dict)
+        entries: tuple[object, ...] = self.data[key]
+        marks: list[dict[KeyPath, Location]] = [{} for _ in entries]
+        for path, place in self.marks.items():
+            if len(path) > 1 and path[0] == key:
+                assert isinstance(path[1], int)
+                marks[path[1]][path[2:]] = place
+        return [Document(self.file, entry, marks[index]) for index, entry in enumerate(entries)]
+
+    def without(self, *keys: str) -> Document:
+        """Return the map without some of its top-level keys."""
+        assert isinstance(self.data, dict)
+        return Document(
+            self.file,
+            {key: value for key, value in self.data.items() if key not in keys},
+            {path: place for path, place in self.marks.items() if path[:1] not in {(key,) for key in keys}},
+        )
+
+
+def _merged(base: object, over: object, path: KeyPath, replaced: set[KeyPath]) -> object:
+    """Return merged data; `replaced` gets the paths whose values are not of `base` any more."""
+    if not isinstance(base, dict) or not isinstance(over, dict):
+        replaced.add(path)
+        return over
+    values = dict(base)
+    for key, value in over.items():
+        if key not in base:
+            values[key] = value
+        elif value is None:
+            replaced.add((*path, key))
+            del values[key]
+        else:
+            values[key] = _merged(base[key], value, (*path, key), replaced)
+    return values
 
 
 def read_document(file: str, text: str) -> Document:
@@ -270,3 +324,111 @@ def plain_data(value: object) -> Any:
     if isinstance(value, dict):
         return {key: plain_data(inner) for key, inner in value.items()}
     return [plain_data(inner) for inner in value] if isinstance(value, tuple) else value
+
+
+class ProblemList:
+    """A list of problems in one document; each problem is kept once."""
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._problems: dict[tuple[KeyPath, str], Problem] = {}
+
+    def __bool__(self) -> bool:
+        return bool(self._problems)
+
+    def note(self, path: KeyPath, message: str) -> None:
+        """Add a problem at the keys `path`."""
+        self._problems.setdefault((path, message), self._document.problem(path, message))
+
+    def note_all(self, path: KeyPath, problems: SpecProblems) -> None:
+        """Add problems of the part of the document at `path`."""
+        for below, message in problems:
+            self.note((*path, *below), message)
+
+    def note_elsewhere(self, problem: Problem) -> None:
+        """Add a problem in another file."""
+        self._problems.setdefault(((problem.location.file,), str(problem)), problem)
+
+    def has_below(self, path: KeyPath) -> bool:
+        """Return True if there is a problem at a place below `path`."""
+        return any(len(noted) > len(path) and noted[: len(path)] == path for noted, _ in self._problems)
+
+    def error(self) -> InvalidScenario:
+        """Return all problems as one error, those of the document first, in the order of its lines."""
+        return InvalidScenario(sorted(self._problems.values(), key=self._place))
+
+    def _place(self, problem: Problem) -> tuple[bool, int, int]:
+        where = problem.location
+        return where.file != self._document.file, where.line or 0, where.column or 0
+
+
+# Text that needs no quotes in a YAML list.
+
+
+class NoSuchKey(Exception):
+    """A dotted key that leads nowhere."""
+
+
+def resolved(data: object, written: str) -> KeyPath:
+    """Return the path of keys and indices of a dotted key. Its last steps need not exist yet. Raises NoSuchKey."""
+    steps = written.split(".")
+    if not all(steps):
+        raise NoSuchKey("a key is a path of keys with dots, such as robot.pose.yaw")
+    path: KeyPath = ()
+    while steps:
+        if isinstance(data, dict):
+            taken = next((size for size in range(len(steps), 1, -1) if ".".join(steps[:size]) in data), 1)
+            step: str | int = ".".join(steps[:taken])
+            data, steps = data.get(step), steps[taken:]
+        elif isinstance(data, tuple):
+            step, taken = _entry(data, steps, path)
+            data, steps = data[step], steps[taken:]
+        elif data is None:
+            step, steps = steps[0], steps[1:]
+        else:
+            raise NoSuchKey(f"{dotted(path)} is {shown(data)}, and has no key '{steps[0]}'")
+        path = (*path, step)
+    return path
+
+
+def placed(data: object, path: KeyPath, value: object) -> tuple[object, list[KeyPath]]:
+    """Return a copy of the data with a value at `path`, and the paths that are new in it."""
+    new, made = _placed(data, path, value)
+    return new, [path[:size] for size in range(len(path) - made, len(path) + 1)]
+
+
+def _placed(data: object, path: KeyPath, value: object) -> tuple[object, int]:
+    """Return a copy of the data with the value, and the number of new steps above it."""
+    if not path:
+        return value, 0
+    step = path[0]
+    if isinstance(data, tuple):
+        assert isinstance(step, int)
+        entry, made = _placed(data[step], path[1:], value)
+        return (*data[:step], entry, *data[step + 1 :]), made
+    values = data if isinstance(data, dict) else {}
+    entry, made = _placed(values.get(step), path[1:], value)
+    return {**values, step: entry}, made if step in values or len(path) == 1 else len(path) - 1
+
+
+def _entry(entries: tuple[object, ...], steps: Sequence[str], path: KeyPath) -> tuple[int, int]:
+    """Return the index of a list entry and the number of steps that form its name."""
+    names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
+    for size in range(len(steps), 0, -1):
+        if (name := ".".join(steps[:size])) in names:
+            return names.index(name), size
+    return _index(names, steps[0], path), 1
+
+
+def _index(names: Sequence[object], step: str, path: KeyPath) -> int:
+    if step.isdecimal() and step.isascii() and int(step) < len(names):
+        return int(step)
+    known = [name for name in names if isinstance(name, str)]
+    numbers = f"one of its {len(names)} entries by number, from 0" if names else "it is empty"
+    hint = did_you_mean(step, known) if known else ""
+    raise NoSuchKey(f"{dotted(path)} is a list without '{step}'{hint}; {numbers}")
+
+
+def dotted(path: KeyPath) -> str:
+    """Return a path as a dotted key."""
+    return ".".join(map(str, path))

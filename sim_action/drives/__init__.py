@@ -15,7 +15,7 @@ from sim_action.core.field_types import FrozenModel, PositiveMetres, PositiveNew
 from sim_action.core.geometry import Twist
 from sim_action.core.records import replace
 from sim_action.core.registry import Table
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.drives.plugins import (
     Kind,
     NoDrive,

@@ -24,7 +24,7 @@ from sim_action.core.field_types import (
 )
 from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass, field
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.drives import (
     NOT_PLANAR,
     Drive,

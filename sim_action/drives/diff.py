@@ -14,7 +14,7 @@ from typing_extensions import override
 from sim_action.core.field_types import PositiveMetres, PositiveMetresPerSecondSquared
 from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass, replace
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.drives import (
     MIN_LENGTH_M,
     NOT_PLANAR,

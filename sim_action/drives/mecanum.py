@@ -16,7 +16,7 @@ from sim_action.core.field_types import PositiveMetresPerSecondSquared, Positive
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.drives import (
     Drive,
     DriveMotion,

@@ -18,7 +18,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.records import dataclass
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.kinematics import SameModel, link_poses, shape_box, shape_points
 from sim_action.robot.model.robot_model import Joint, Link, RobotModel, Shape
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Final, TextIO
 
+from sim_action.core import statistics
 from sim_action.core.records import dataclass
-from sim_action.core.statistics import binomial, order_statistics
-from sim_action.core.statistics.sequential import Expected, SequentialTest
+from sim_action.core.statistics import Expected, SequentialTest
 from sim_action.core.units import is_bare
 from sim_action.core.wording import counted
 from sim_action.reports.console import Console, shows_colours
@@ -134,9 +134,9 @@ def _chances(gate: Gate, runs: int, names: Sequence[str]) -> ChanceTable:
 
 
 def _of_rate(claim: Passes, runs: int, rates: Sequence[float]) -> tuple[tuple[str, ...], ...]:
-    found = [binomial.chances(rate, runs, claim.at_least, claim.confidence) for rate in rates]
-    passing = binomial.passes_needed(runs, claim.at_least, claim.confidence)
-    failing = binomial.passes_refuting(runs, claim.at_least, claim.confidence)
+    found = [statistics.chances(rate, runs, claim.at_least, claim.confidence) for rate in rates]
+    passing = statistics.passes_needed(runs, claim.at_least, claim.confidence)
+    failing = statistics.passes_refuting(runs, claim.at_least, claim.confidence)
     return (
         (f"passes{'' if passing is None else f' ({passing} or more)'}", *(chance(each.passed) for each in found)),
         ("inconclusive", *(chance(each.inconclusive) for each in found)),
@@ -167,9 +167,9 @@ def _remark(claim: Quantile, runs: int) -> str:
 def values_beyond(claim: Quantile, runs: int) -> int | None:
     """Return the number of values that may lie beyond the bound of a quantile; None: so few runs cannot show it."""
     if claim.claim == "at_least":
-        rank = order_statistics.lower_rank(runs, claim.q, claim.confidence)
+        rank = statistics.lower_rank(runs, claim.q, claim.confidence)
         return None if rank is None else rank - 1
-    rank = order_statistics.upper_rank(runs, claim.q, claim.confidence)
+    rank = statistics.upper_rank(runs, claim.q, claim.confidence)
     return None if rank is None else runs - rank
 
 
@@ -212,13 +212,13 @@ def plan_lines(gate: PlannedGate, wish: float, duration: Duration, *, is_refused
 
 def _rate_plan(claim: Passes, runs: int, wish: float, duration: Duration) -> Iterator[str]:
     enough = [_runs_for_power(claim, wish, power) for power in _POWERS]
-    numbers = {binomial.runs_needed(claim.at_least, claim.confidence, failures) for failures in range(_ROWS)}
+    numbers = {statistics.runs_needed(claim.at_least, claim.confidence, failures) for failures in range(_ROWS)}
     numbers = {number for number in (*numbers, runs, *filter(None, enough)) if number <= MAX_RUNS_OF_GATE}
     rates = sorted({*true_rates(claim), wish})
     rows = [("runs", "may fail", *percents_apart(*rates), *_heading(duration))]
     for number in sorted(numbers):
-        passing = binomial.passes_needed(number, claim.at_least, claim.confidence)
-        chances = [binomial.chances(rate, number, claim.at_least, claim.confidence).passed for rate in rates]
+        passing = statistics.passes_needed(number, claim.at_least, claim.confidence)
+        chances = [statistics.chances(rate, number, claim.at_least, claim.confidence).passed for rate in rates]
         failing = "-" if passing is None else str(number - passing)
         rows.append((_marked(number, runs), failing, *map(chance, chances), *_cell(duration(number))))
     yield ""
@@ -234,7 +234,7 @@ def _rate_plan(claim: Passes, runs: int, wish: float, duration: Duration) -> Ite
 
 
 def _runs_for_power(claim: Passes, wish: float, power: float) -> int | None:
-    return binomial.runs_for_power(wish, claim.at_least, claim.confidence, power) if wish > claim.at_least else None
+    return statistics.runs_for_power(wish, claim.at_least, claim.confidence, power) if wish > claim.at_least else None
 
 
 def _advice(wish: float, power: float, number: int | None, duration: Duration) -> str:
@@ -277,7 +277,7 @@ def _most_for_power(claim: StopEarly, wish: float, power: float) -> int | None:
         if found.undecided < _NEGLIGIBLE or high == MAX_RUNS_OF_GATE:
             return None
         low, high = high, min(2 * high, MAX_RUNS_OF_GATE)
-    return binomial.first(low + 1, high, lambda runs: _exact(claim, runs, wish).accepted >= power)
+    return statistics.first(low + 1, high, lambda runs: _exact(claim, runs, wish).accepted >= power)
 
 
 def _exact(claim: StopEarly, most: int, rate: float) -> Expected:
@@ -286,7 +286,7 @@ def _exact(claim: StopEarly, most: int, rate: float) -> Expected:
 
 def _quantile_plan(claim: Quantile, runs: int, duration: Duration) -> Iterator[str]:
     share = 1.0 - claim.q if claim.claim == "at_least" else claim.q
-    numbers = {binomial.runs_needed(share, claim.confidence, beyond) for beyond in range(_ROWS)} | {runs}
+    numbers = {statistics.runs_needed(share, claim.confidence, beyond) for beyond in range(_ROWS)} | {runs}
     side = "below" if claim.claim == "at_least" else "above"
     rows = [("runs", f"values {side}", *_heading(duration))]
     for number in sorted(number for number in numbers if number <= MAX_RUNS_OF_GATE):

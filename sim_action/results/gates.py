@@ -11,10 +11,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import takewhile
 from typing import Final
 
+from sim_action.core import statistics
 from sim_action.core.records import dataclass
-from sim_action.core.statistics import binomial, order_statistics
-from sim_action.core.statistics.order_statistics import QuantileBounds
-from sim_action.core.statistics.sequential import Decision, SequentialTest, SequentialVerdict
+from sim_action.core.statistics import Decision, QuantileBounds, SequentialTest, SequentialVerdict
 from sim_action.core.units import display, is_bare, with_si_unit
 from sim_action.core.wording import counted
 from sim_action.results.outcome import ExpectationOutcome, Failure, GateStatistics, Outcome, Status, status_of
@@ -200,8 +199,8 @@ class _Counts:
     def bounds(self, confidence: float) -> tuple[float, float]:
         """Return the lower and the upper bound of the rate."""
         return (
-            binomial.lower_bound(self.passed, self.runs, confidence),
-            binomial.upper_bound(self.passed + self.without_verdict, self.runs, confidence),
+            statistics.lower_bound(self.passed, self.runs, confidence),
+            statistics.upper_bound(self.passed + self.without_verdict, self.runs, confidence),
         )
 
     def __str__(self) -> str:
@@ -212,15 +211,15 @@ def _rate(claim: Passes, counts: _Counts) -> Condition:
     lower, upper = counts.bounds(claim.confidence)
     sure = f"with {percent(claim.confidence)} confidence"
     name = f"at least {percent(claim.at_least)} of the runs pass"
-    if binomial.proves(counts.passed, counts.runs, claim.at_least, claim.confidence):
+    if statistics.proves(counts.passed, counts.runs, claim.at_least, claim.confidence):
         least, _ = percents_apart(lower, claim.at_least)
         return name, _share(counts, claim, f"{counts}; {sure} at least {least} do", lower, passed=True)
-    if binomial.refutes(counts.passed + counts.without_verdict, counts.runs, claim.at_least, claim.confidence):
+    if statistics.refutes(counts.passed + counts.without_verdict, counts.runs, claim.at_least, claim.confidence):
         most, limit = percents_apart(upper, claim.at_least)
         return name, _share(counts, claim, f"{counts}; {sure} at most {most} do, less than {limit}", upper)
     least, most, limit = percents_apart(lower, upper, claim.at_least)
     message = f"{counts}; {sure} at least {least} and at most {most} do: too few runs to tell"
-    needed = binomial.passes_needed(counts.runs, claim.at_least, claim.confidence)
+    needed = statistics.passes_needed(counts.runs, claim.at_least, claim.confidence)
     if needed is not None:
         message = f"{message}; {needed} of {counts.runs} would show {limit}"
     return name, _share(counts, claim, message, lower, inconclusive=True)
@@ -274,7 +273,7 @@ def _quantile(claim: Quantile, runs: Sequence[Outcome]) -> Condition:
     word = "at least" if claim.at_most is None else "at most"
     stated = f"{claim.bound} {unit}".rstrip() if is_bare(claim.bound) else claim.bound
     name = f"{percent(claim.q)} quantile of {claim.of} {word} {stated}"
-    bounds = order_statistics.quantile_bounds(known, claim.q, claim.confidence, len(found) - len(known))
+    bounds = statistics.quantile_bounds(known, claim.q, claim.confidence, len(found) - len(known))
     proving, refuting = bounds.lower, bounds.upper
     sign = 1.0
     if claim.claim == "at_most":

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Final, Literal
 
 from sim_action.core.records import dataclass, replace
-from sim_action.core.statistics.binomial import Interval, holm, mcnemar, paired_bootstrap, rate_change
+from sim_action.core.statistics import Interval, holm, mcnemar, paired_bootstrap, rate_change
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.weaker_checks import Pair, WeakerCheck, has_same_limit, paired_expectations, weaker_checks
 

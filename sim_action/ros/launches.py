@@ -14,7 +14,7 @@ from sim_action.commands import CommandSource, Controller
 from sim_action.core.field_types import FrozenModel, NamesFile, PositiveSeconds
 from sim_action.core.records import dataclass
 from sim_action.core.workspace import PathError, Workspace
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.documents.package_search import PACKAGE_FILE
 from sim_action.world.scene import Scene
 

@@ -15,7 +15,7 @@ from typing import Final, Self
 from sim_action.core import geometry
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.kinematics import joint_motion
 from sim_action.robot.model.robot_model import Joint, RobotModel
 from sim_action.world.scene import Fitting

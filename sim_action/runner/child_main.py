@@ -22,7 +22,6 @@ from pydantic_core import PydanticSerializationError, to_json
 from sim_action.core import errors
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, field, replace
-from sim_action.core.user_scripts import SharedModules
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.engines import ENGINES
@@ -33,10 +32,9 @@ from sim_action.runner.observed_inputs import ObservedInputs, hear_early, observ
 from sim_action.runner.process_output import dump_stack_before, is_open, redirect_output
 from sim_action.scenario.loading import build_scene, checked
 from sim_action.scenario.model import LoadedScenario, Scenario
-from sim_action.scenario.mutation import Mutation
+from sim_action.scenario.mutation import UNTOUCHED, Mutation, Seams
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.recorder import RunRecorder
-from sim_action.simulation.seams import UNTOUCHED, Seams
 from sim_action.state.reproducibility import motion_figures
 from sim_action.state.timeline import TimeMark
 from sim_action.state.trace_storage import save_trace
@@ -164,7 +162,11 @@ class _Progress:
 
 def _outcome(job: Job, progress: _Progress, kept: _Kept) -> Outcome:
     """Return the outcome; `kept` receives the rest."""
-    shared = SharedModules(row.package for row in ENGINES.values()) if job.loaded.scenario.python_files else None
+    shared: SharedModules | None = None
+    if job.loaded.scenario.python_files:
+        from sim_action.core.user_scripts import SharedModules  # a usual run does without it
+
+        shared = SharedModules(row.package for row in ENGINES.values())
     try:
         return _judged(job, job.loaded.scenario, _stored_run(job, progress, kept))
     except errors.InvalidScenario as error:

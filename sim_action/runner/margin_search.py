@@ -16,7 +16,7 @@ from sim_action.core.errors import ExitCode, InvalidScenario, UsageError
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import did_you_mean, shown
-from sim_action.core.yaml_document import KeyPath
+from sim_action.core.yaml_document import KeyPath, NoSuchKey, placed, resolved
 from sim_action.results.factor_margins import Margin
 from sim_action.results.outcome import Outcome
 from sim_action.runner.mutation.mutant import Original
@@ -24,7 +24,6 @@ from sim_action.runner.mutation.planning import busy_joints, noise_of, read_sens
 from sim_action.scenario.loading import Libraries, checked
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.mutation import Mutation
-from sim_action.scenario.variations.dotted_keys import NoSuchKey, placed, resolved
 from sim_action.sensors import MountedSensor
 from sim_action.simulation.mutations import BIASES
 from sim_action.state.readings import biased_columns

@@ -102,9 +102,7 @@ def _names(loaded: LoadedScenario) -> Iterator[str]:
 
 
 def with_repetitions(loaded: LoadedScenario) -> tuple[LoadedScenario, ...]:
-    """Return a run, and its repetitions if its confidence is asked for. Raise InvalidScenario."""
-    if loaded.scenario.confidence is None:
-        return (loaded,)
+    """Return a run whose confidence is asked for, and its repetitions. Raise InvalidScenario."""
     if loaded.source.gate is not None:
         message = "a gate already judges many runs; remove 'confidence' or 'gate'"
         raise InvalidScenario([loaded.document.problem(("confidence",), message)])

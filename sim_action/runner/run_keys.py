@@ -98,7 +98,7 @@ class RunKeys:
         self._builds: dict[str, str | None] = {}
         # Variations name the same files.
         self._contents: dict[tuple[Path, frozenset[Path]], list[tuple[str, str]] | None] = {}
-        roots = _roots(files, outside=options.permissions.outside)
+        roots = _roots(files, options.permissions)
         self._listings = {} if options.permissions.updates_golden else {root: GitListing(root) for root in roots}
 
     def close(self) -> None:
@@ -228,13 +228,13 @@ def _real(path: Path) -> Path | None:
         return None
 
 
-def _roots(files: Iterable[Path], *, outside: bool) -> list[Path]:
+def _roots(files: Iterable[Path], permissions: Permissions) -> list[Path]:
     """Return the workspaces of scenario files."""
     by_folder = {path.absolute().parent: path for path in files}
     roots: dict[Path, None] = {}
     for path in by_folder.values():
         try:
-            roots[Workspace.around(path, allow_outside=outside).root] = None
+            roots[Workspace.around(path, permissions).root] = None
         except (PathError, OSError, RuntimeError):
             continue
     return list(roots)

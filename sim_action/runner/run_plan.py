@@ -12,13 +12,11 @@ from sim_action.core.wording import counted
 from sim_action.core.yaml_document import KeyPath
 from sim_action.engines import ENGINES, chosen, installed
 from sim_action.results.results_json import Shard
-from sim_action.runner.numerical_confidence import with_repetitions
 from sim_action.scenario.loading import Libraries, load_all, scenarios_of, shared
 from sim_action.scenario.model import ConfidenceKind, LoadedScenario, Unexercised
 from sim_action.scenario.selection import Suite, Unmatched
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.variations.gate import PlannedGate
-from sim_action.scenario.variations.seeds import overriding_seed
 
 
 def engine_runs(loaded: LoadedScenario, backend: str | None) -> tuple[LoadedScenario, ...]:
@@ -204,6 +202,10 @@ class _Planner:
             return scenario
         try:
             runs = engine_runs(self._overridden(scenario), self._request.backend)
+            if all(run.scenario.confidence is None for run in runs):
+                return runs
+            from sim_action.runner.numerical_confidence import with_repetitions  # a usual run does without it
+
             return tuple(repeated for run in runs for repeated in with_repetitions(run))
         except InvalidScenario as error:
             return scenario.source.refused(error)
@@ -216,7 +218,7 @@ class _Planner:
         """Return the scenario with the options of the call that override its keys."""
         request = self._request
         changed: dict[str, object] = {}
-        if (seed := overriding_seed(loaded.source, request.seed)) is not None:
+        if (seed := loaded.source.overriding_seed(request.seed)) is not None:
             changed["seed"] = seed
         if request.unexercised is not None and loaded.scenario.unexercised is None:
             changed["unexercised"] = request.unexercised

@@ -11,7 +11,7 @@ from pathlib import Path
 from sim_action.core.errors import ExitCode
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass, field
-from sim_action.core.statistics.sequential import SeenResults, SequentialTest
+from sim_action.core.statistics import SeenResults, SequentialTest
 from sim_action.results.artifacts import RunFiles, file_stems
 from sim_action.results.events import Event, Finished, Listener, RunEnded, Started
 from sim_action.results.gates import result_of, sequential_test

@@ -12,7 +12,7 @@ from typing import Final, Self
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass
-from sim_action.scenario.world_checks import DEPTH
+from sim_action.scenario.stage import DEPTH
 from sim_action.state.observation import Clash
 from sim_action.world import GROUND, Body, World, placed
 from sim_action.world.parts import BoxPart, CylinderPart, Part, SpherePart, lowest

@@ -18,8 +18,7 @@ from sim_action.core.field_types import FrozenModel, Name, NonNegativeSeconds, P
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import display
 from sim_action.core.wording import did_you_mean
-from sim_action.core.yaml_document import Document, KeyPath
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import Document, KeyPath, SpecProblems
 from sim_action.scenario.faults import Fault
 from sim_action.state.timeline import NOT_YET, TimeMark, late_problems, waits
 from sim_action.world import Body, Disturbance, Patch

@@ -1,8 +1,4 @@
-"""Documents that extend others: maps merge, lists and scalars replace, null removes a key.
-
-Each value keeps its place in the file that it comes from, so that an error points there. File names in a base are
-rewritten as seen from the folder of the scenario.
-"""
+"""The file names in a base of another folder, rewritten as seen from the folder of the document that extends it."""
 
 from __future__ import annotations
 
@@ -16,10 +12,9 @@ from pydantic import BaseModel
 
 from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
-from sim_action.core.errors import Location
 from sim_action.core.field_types import NamesFile
 from sim_action.core.records import replace
-from sim_action.core.yaml_document import Document, KeyPath
+from sim_action.core.yaml_document import Document
 from sim_action.drives import DRIVES
 from sim_action.robot.built_in import BUILT_IN
 from sim_action.robot.model.robot_spec import Robot
@@ -93,9 +88,7 @@ def _ways_in(annotation: Any, metadata: Iterable[Any], if_there: bool, to: Patte
 
 
 def seen_from(folder: Path, document: Document, own: Path) -> Document:
-    """Return a document of folder `own` with its file names as seen from `folder`."""
-    if folder == own:
-        return document
+    """Return a document of the folder `own` with its file names as seen from another one, `folder`."""
 
     def moved(name: str) -> str:
         return Path(os.path.relpath(own / name, folder)).as_posix()
@@ -185,53 +178,3 @@ def _changed(data: object, pattern: tuple[str, ...], change: Callable[[str], obj
     if isinstance(data, tuple) and step == _ANY:
         return tuple(_changed(value, tuple(rest), change) for value in data)
     return data
-
-
-def merged(base: Document, over: Document) -> Document:
-    """Merge two maps of keys; `over` takes precedence."""
-    replaced: set[KeyPath] = set()
-    data = _merged(base.data, over.data, (), replaced)
-    kept = {path: place for path, place in base.marks.items() if replaced.isdisjoint(_leading_to(path))}
-    return Document(over.file, data, {**kept, **over.marks})
-
-
-def entries_of(document: Document, key: str) -> list[Document]:
-    """Return the entries of a list below a top-level key, each as a document."""
-    assert isinstance(document.data, dict)
-    entries: tuple[object, ...] = document.data[key]
-    marks: list[dict[KeyPath, Location]] = [{} for _ in entries]
-    for path, place in document.marks.items():
-        if len(path) > 1 and path[0] == key:
-            assert isinstance(path[1], int)
-            marks[path[1]][path[2:]] = place
-    return [Document(document.file, entry, marks[index]) for index, entry in enumerate(entries)]
-
-
-def without(document: Document, *keys: str) -> Document:
-    """Return the document without some of its top-level keys."""
-    assert isinstance(document.data, dict)
-    return Document(
-        document.file,
-        {key: value for key, value in document.data.items() if key not in keys},
-        {path: place for path, place in document.marks.items() if path[:1] not in {(key,) for key in keys}},
-    )
-
-
-def _merged(base: object, over: object, path: KeyPath, replaced: set[KeyPath]) -> object:
-    if not isinstance(base, dict) or not isinstance(over, dict):
-        replaced.add(path)
-        return over
-    values = dict(base)
-    for key, value in over.items():
-        if key not in base:
-            values[key] = value
-        elif value is None:
-            replaced.add((*path, key))
-            del values[key]
-        else:
-            values[key] = _merged(base[key], value, (*path, key), replaced)
-    return values
-
-
-def _leading_to(path: KeyPath) -> Iterable[KeyPath]:
-    return (path[:size] for size in range(len(path) + 1))

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from sim_action.core import field_types, units
 from sim_action.core.geometry import Twist
 from sim_action.core.wording import did_you_mean
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.drives import Drive, recognise
 from sim_action.state.readings import ReadingColumn
 from sim_action.state.timeline import TimeMark, late_problems

@@ -18,12 +18,11 @@ from sim_action.core.field_types import is_title
 from sim_action.core.files import read_at_most, similar_path
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import replace
-from sim_action.core.wording import escaped_line, nearest, shown
-from sim_action.core.workspace import PathError, Workspace, path_problem
+from sim_action.core.wording import escaped_line, shown
+from sim_action.core.workspace import PathError, Workspace, path_problem, similar_name
 from sim_action.core.yaml_document import MAX_BYTES, Document, location_after, read_document
-from sim_action.scenario.extends import entries_of, merged, seen_from, without
-from sim_action.scenario.source import Refused, Source
-from sim_action.scenario.variations.expansion import MAX_RUNS, expanded
+from sim_action.scenario.source import MAX_RUNS, Refused, Source
+from sim_action.scenario.variations.gate import GATE
 
 MAX_BASES: Final = 10  # the largest number of files that extend each other
 MAX_SCENARIOS: Final = 1_000  # the largest number of scenarios in a file
@@ -66,7 +65,7 @@ def _all_varied(sources: Iterable[Source | Refused], seed: int | None) -> Iterat
             yield source
             continue
         try:
-            runs = expanded(source, seed, left)
+            runs = _runs_of(source, seed, left)
             _refuse_twins(source, runs, taken)
         except InvalidScenario as error:
             yield source.refused(error)
@@ -74,6 +73,15 @@ def _all_varied(sources: Iterable[Source | Refused], seed: int | None) -> Iterat
             left -= len(runs)
             taken |= {run.name for run in runs}
             yield from runs
+
+
+def _runs_of(source: Source, seed: int | None, left: int) -> tuple[Source, ...]:
+    """Return the variations of a scenario, or itself if it has none. Raises InvalidScenario."""
+    if not isinstance(source.document.data, dict) or source.document.data.keys().isdisjoint(("variations", GATE)):
+        return (source,)
+    from sim_action.scenario.variations.expansion import expanded  # most scenarios have no variations
+
+    return expanded(source, seed, left)
 
 
 def _refuse_twins(source: Source, runs: Iterable[Source], taken: AbstractSet[str]) -> None:
@@ -98,14 +106,7 @@ def read_only_scenario(path: Path, permissions: Permissions) -> Source:
 def workspace_around(path: Path, permissions: Permissions) -> Workspace:
     """Return the workspace of a scenario file, which need not exist. Raises InvalidScenario."""
     try:
-        return Workspace.around(
-            path,
-            allow_outside=permissions.outside,
-            updates_golden=permissions.updates_golden,
-            forces_golden=permissions.forces_golden,
-            pass_env=permissions.pass_env,
-            packages=permissions.packages,
-        )
+        return Workspace.around(path, permissions)
     except (PathError, OSError, RuntimeError) as error:
         raise InvalidScenario([Problem(Location(file_name(path)), escaped_line(path_problem(error)))]) from None
 
@@ -115,13 +116,13 @@ def _several(path: Path, workspace: Workspace, document: Document) -> Iterator[S
     entries = _keys(document)["scenarios"]
     if not isinstance(entries, tuple) or not entries:
         raise InvalidScenario([document.problem(("scenarios",), f"expected a list of maps, found {shown(entries)}")])
-    shared = without(document, "scenarios")
+    shared = document.without("scenarios")
     if len(entries) > MAX_SCENARIOS or len(entries) * shared.size > _MAX_WRITTEN_OUT:
         message = f"more than {MAX_SCENARIOS} scenarios, or too many shared keys; split the file"
         raise InvalidScenario([document.problem(("scenarios",), message)])
     taken: set[str] = set()
-    for number, entry in enumerate(entries_of(document, "scenarios"), start=1):
-        whole = merged(shared, entry) if isinstance(entry.data, dict) else entry
+    for number, entry in enumerate(document.entries("scenarios"), start=1):
+        whole = shared.merged(entry) if isinstance(entry.data, dict) else entry
         name = _name(whole) or f"{_called(path)} ({number})"
         unique = next(free for n in count(1) if (free := name if n == 1 else f"{name} ({n})") not in taken)
         taken.add(unique)
@@ -158,7 +159,7 @@ def _name(document: Document) -> str | None:
 def _whole(document: Document, workspace: Workspace, chain: tuple[Path, ...]) -> Document:
     if "extends" not in _keys(document):
         return document
-    return merged(_base(document, workspace, chain), without(document, "extends"))
+    return _base(document, workspace, chain).merged(document.without("extends"))
 
 
 def _base(document: Document, workspace: Workspace, chain: tuple[Path, ...]) -> Document:
@@ -173,6 +174,10 @@ def _base(document: Document, workspace: Workspace, chain: tuple[Path, ...]) -> 
     if "scenarios" in _keys(base):
         message = f"{base.file} holds several scenarios; extend a file with one scenario"
         raise InvalidScenario([document.problem(("extends",), message)])
+    if path.parent == workspace.directory:
+        return base
+    from sim_action.scenario.extends import seen_from  # most scenarios extend no file of another folder
+
     return seen_from(workspace.directory, base, path.parent)
 
 
@@ -183,23 +188,14 @@ def _found(reference: object, workspace: Workspace, chain: tuple[Path, ...]) -> 
     try:
         path = workspace.file(reference)
     except PathError as error:
-        raise PathError(f"{error}{_near(workspace.directory / reference)}") from None
+        near = similar_name(workspace.directory / reference, (".yml", ".yaml"))
+        raise PathError(f"{error}{near}") from None
     if path in chain:
         circle = " -> ".join(step.name for step in (*chain[chain.index(path) :], path))
         raise PathError(f"the files extend each other in a circle: {circle}")
     if len(chain) > MAX_BASES:
         raise PathError(f"more than {MAX_BASES} files extend each other")
     return path
-
-
-def _near(path: Path) -> str:
-    """Return a hint at a file with a similar name."""
-    try:
-        names = [file.name for file in path.parent.iterdir() if file.suffix in (".yml", ".yaml")]
-    except (OSError, ValueError):
-        return ""
-    near = nearest(path.name, names)
-    return "" if near in (None, path.name) else f"; did you mean '{near}'?"
 
 
 def _read(path: Path, name: str | None = None, named_at: Location | None = None) -> Document:

@@ -16,19 +16,18 @@ from sim_action.core import errors
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import counted
-from sim_action.core.yaml_document import KeyPath
-from sim_action.core.yaml_errors import ProblemList, SpecProblem, SpecProblems
+from sim_action.core.yaml_document import KeyPath, ProblemList, SpecProblem, SpecProblems
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.reading.loading import ModelLibrary, check_text, load_model, package_problems, srdf_problems
 from sim_action.scenario import checks as scenario_checks
-from sim_action.scenario import world_checks
-from sim_action.scenario.claims import audit_combination, audit_robot, audit_scenario
+from sim_action.scenario import stage
+from sim_action.scenario.checks import audit_combination, audit_robot, audit_scenario
 from sim_action.scenario.faults import fault_problems
 from sim_action.scenario.files import read_only_scenario
 from sim_action.scenario.model import DrivenActor, DrivenRobot, LoadedScenario, Scenario
-from sim_action.scenario.part_reader import OwnPaths, PartReader, Unfolded, unfolded
+from sim_action.scenario.part_reader import OwnPaths, PartReader, Unfolded, unfolded, with_roles
 from sim_action.scenario.source import Refused, Source
-from sim_action.scenario.world_file import WorldLibrary, filled, with_robot_of_world
+from sim_action.scenario.stage import WorldLibrary, filled, with_robot_of_world
 from sim_action.state.timeline import is_late
 from sim_action.world.claims import AuditWarning, ClaimFinding, allowed_rules, unknown_rules
 from sim_action.world.scene import EGO, Fitting, Scene, WorldPlaces
@@ -64,11 +63,7 @@ def checked(
     `evaluate` allows models that run code: xacro, and MJCF, which native code reads. Such models are otherwise only
     read in the scenario's own process. Raises InvalidScenario with all problems.
     """
-    document, problems = source.document, tuple[errors.Problem, ...]()
-    if isinstance(document.data, dict) and "ego" in document.data:
-        from sim_action.scenario.roles import with_roles  # few scenarios turn the roles round
-
-        document, problems = with_roles(document)
+    document, problems = with_roles(source.document)
     commands = unfolded(document)
     commands = replace(commands, problems=(*problems, *commands.problems)) if problems else commands
     document = commands.document
@@ -272,12 +267,12 @@ class _Loader:
         surroundings = read_surroundings(scenario.world, self._workspace, self._libraries.shapes, self.parts)
         self.parts = surroundings.parts
         self._problems.note_all((), iter(surroundings.problems))
-        self._problems.note_all((), world_checks.motion_problems(scenario, self.parts))
+        self._problems.note_all((), stage.motion_problems(scenario, self.parts))
         if scenario.world.objects:
             from sim_action.scenario.body_overlaps import clashes  # a usual run does without it
 
             clashing = clashes(scenario.world)
-            found = world_checks.Clashes.of(scenario.world, clashing, self.places.bodies, self._allowed)
+            found = stage.Clashes.of(scenario.world, clashing, self.places.bodies, self._allowed)
             self._problems.note_all((), found.problems())
             for problem in found.problems_of_file():
                 self._problems.note_elsewhere(problem)
@@ -374,7 +369,7 @@ class _Loader:
             states = actor.drive is not None or self._problems.has_below((*path, "drive"))
             self._check_robot(scene.actors[actor.name], scenario.as_seen_by(actor), paths, path, states_drive=states)
         self._problems.note_all((), scenario_checks.recorded_link_problems(scenario, scene.model))
-        self._problems.note_all((), world_checks.disturbance_problems(scene, scenario.time_limit))
+        self._problems.note_all((), stage.disturbance_problems(scene, scenario.time_limit))
         drive, limit = scenario.robot.drive, scenario.time_limit
         self._problems.note_all((), fault_problems(scenario.faults, scene, drive, scenario.sensors, limit))
         if scenario.events and not self._problems.has_below(("events",)):

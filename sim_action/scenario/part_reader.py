@@ -1,4 +1,4 @@
-"""Read the parts whose class depends on a key: drive, commands, sensors, expectations."""
+"""Read the parts whose class depends on a key: drive, commands, sensors, expectations; before, turn roles round."""
 
 from __future__ import annotations
 
@@ -18,18 +18,17 @@ from sim_action.core.records import dataclass, field, replace
 from sim_action.core.registry import PackageProblem, Table
 from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.workspace import Workspace
-from sim_action.core.yaml_document import Document, KeyPath
-from sim_action.core.yaml_errors import ProblemList, SpecProblems
+from sim_action.core.yaml_document import Document, KeyPath, ProblemList, SpecProblems, placed
 from sim_action.drives import DRIVES, Drive
 from sim_action.robot.built_in import STANDARD_SENSORS
 from sim_action.scenario.model import Expectation, ExpectationOptions
-from sim_action.scenario.variations.dotted_keys import placed
 from sim_action.sensors import SENSORS, MountedSensor, Mounting
 from sim_action.world.claims import allowed_rules
 
 if TYPE_CHECKING:
     from sim_action.assertions.combined import Combined
     from sim_action.scenario.events import Condition, Event
+
 
 Model = TypeVar("Model", bound=BaseModel)
 Options = TypeVar("Options", bound=BaseModel)
@@ -506,3 +505,43 @@ class _Entry:
 
     def _items(self) -> Iterator[tuple[str, Any]]:
         yield from self.data.items() if isinstance(self.data, dict) else ()
+
+
+_EGO: Final = "ego"
+_BESIDE: Final = ("commands", "sensors")  # the keys that stand beside `robot` in a scenario, and inside an actor
+
+
+def with_roles(document: Document) -> tuple[Document, tuple[Problem, ...]]:
+    """Return a document in which the robot that `ego` names is under test, with the problems of that key.
+
+    The former robot takes its place and its name. So two files share a world with the roles turned round: the second
+    one `extends` the first, and expects from its own robot.
+    """
+    data = document.data
+    if not isinstance(data, dict) or _EGO not in data:
+        return document, ()
+    actors, name = actors_of(data), data[_EGO]
+    known = [actor["name"] for actor in actors or () if isinstance(actor, dict) and isinstance(actor.get("name"), str)]
+    if not isinstance(name, str) or not isinstance(former := data.get("robot"), dict):
+        return document, ()  # the reader of keys reports it
+    if name not in known:
+        hint = did_you_mean(name, known) if known else "; the world has no 'actors'"
+        return document, (document.problem((_EGO,), f"there is no robot '{name}' in world.actors{hint}"),)
+    index = next(number for number, actor in enumerate(actors) if isinstance(actor, dict) and actor.get("name") == name)
+    chosen, at = actors[index], ("world", "actors", index)
+    beside = {key: data[key] for key in _BESIDE if key in data}
+    if isinstance(former.get("sensors"), str):
+        # Standard sensors; others stand beside the robot.
+        beside.setdefault("sensors", former["sensors"])
+    there = {"name": name, **{key: value for key, value in former.items() if key != "sensors"}, **beside}
+    robot = {key: value for key, value in chosen.items() if key not in ("name", *_BESIDE)}
+    if isinstance(chosen.get("sensors"), str):
+        robot["sensors"] = chosen["sensors"]
+    turned = {key: value for key, value in data.items() if key not in _BESIDE}
+    turned |= {key: chosen[key] for key in _BESIDE if key in chosen and key not in robot}
+    world = {**data["world"], "actors": (*actors[:index], there, *actors[index + 1 :])}
+    moved: dict[KeyPath, KeyPath] = {("robot",): at, at: ("robot",), (*at, "name"): (_EGO,)}
+    for key in _BESIDE:
+        moved |= {(key,): (*at, key), (*at, key): (key,)}
+    turned |= {"robot": robot, "world": world}
+    return replace(document, data=turned, moved={**document.moved, **moved}), ()

@@ -1,10 +1,15 @@
-"""The text of one scenario or variation, valid or refused, before it is a `Scenario`."""
+"""The text of one scenario or variation, valid or refused, before it is a `Scenario`; and the random seed of its run.
+
+A typed seed, such as that of `--seed`, overrides `seed:` of the scenario. It does not override a seed that variations
+list, or draw. Each sample has a seed of its own, which is derived from that of its scenario.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable
 from pathlib import Path
+from random import Random
 from typing import Annotated, Final
 
 from pydantic import Field, JsonValue
@@ -12,11 +17,14 @@ from pydantic import Field, JsonValue
 from sim_action.core.errors import InternalError, InvalidScenario, Location, Problem
 from sim_action.core.records import dataclass, replace
 from sim_action.core.workspace import Workspace
-from sim_action.core.yaml_document import Document
+from sim_action.core.yaml_document import Document, placed
 from sim_action.scenario.variations.gate import PlannedGate
-from sim_action.scenario.variations.values import SEED
 
+MAX_RUNS: Final = 10_000  # the largest number of runs of all scenarios of a file
 MAX_KEYS: Final = 20  # the largest number of varied keys
+SEED: Final = "seed"  # the key of the random seed
+MAX_SEED: Final = 2**63 - 1
+DRAWN_SEED_BITS: Final = 53  # many programs round larger numbers when they read JSON
 _LONGEST_VALUES: Final = 100
 
 
@@ -71,6 +79,26 @@ class Source:
         """The part of a variation's name that its group lacks, safe for file names; or empty."""
         values = self.name.removeprefix(self.group) if self.group is not None else ""
         return re.sub(r"[^A-Za-z0-9._=,+-]+", "-", values).strip("-")[:_LONGEST_VALUES]
+
+    @property
+    def stated_seed(self) -> int | None:
+        """The seed in its document, by default 0; None: it is invalid, and refused later with the scenario."""
+        seed = self.document.data.get(SEED, 0) if isinstance(self.document.data, dict) else 0
+        return seed if isinstance(seed, int) and not isinstance(seed, bool) and 0 <= seed <= MAX_SEED else None
+
+    def sampled(self, sample: int, typed: int | None) -> Source:
+        """Return the run with the seed of its sample, which follows from the seed of its scenario and this number."""
+        stated = self.stated_seed
+        if stated is None:
+            return self
+        seed = stated if typed is None or varies_seed(self.variation) else typed
+        own = Random(f"sample {sample} of seed {seed}").getrandbits(DRAWN_SEED_BITS)
+        data, _ = placed(self.document.data, (SEED,), own)
+        return replace(self, document=replace(self.document, data=data), scenario_seed=seed)
+
+    def overriding_seed(self, typed: int | None) -> int | None:
+        """Return the typed seed if it overrides that of the run, which is complete otherwise."""
+        return None if self.scenario_seed is not None or varies_seed(self.variation) else typed
 
     def is_of_draws(self, refused: Refused) -> bool:
         """Return True if all problems concern randomly drawn values."""

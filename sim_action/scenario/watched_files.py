@@ -169,8 +169,7 @@ def watched_files(scenario_file: Path, permissions: Permissions = _PERMISSIONS) 
     """Return the scenario file and all files that it depends on, up to a limit; links are followed."""
     first = scenario_file.absolute()
     try:
-        outside, packages = permissions.outside, permissions.packages
-        workspace = Workspace.around(scenario_file, allow_outside=outside, packages=packages)
+        workspace = Workspace.around(scenario_file, permissions)
     except (PathError, OSError, RuntimeError):
         return frozenset({first})
     return frozenset(_Reader(workspace, Packages(workspace, _mapped(_document(first)))).closure(first))

@@ -15,16 +15,25 @@ import yaml
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.combined import Combined
-from sim_action.core.errors import InvalidScenario, Location, Problem, UsageError
+from sim_action.core.errors import InvalidScenario, Location, UsageError
 from sim_action.core.field_types import FrozenModel, is_title
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import replace
-from sim_action.core.wording import escaped_line, shown
-from sim_action.core.yaml_document import MAX_DEPTH, Document, KeyPath, is_plain_text, plain_data, read_document
+from sim_action.core.wording import shown
+from sim_action.core.yaml_document import (
+    MAX_DEPTH,
+    Document,
+    KeyPath,
+    NoSuchKey,
+    is_plain_text,
+    placed,
+    plain_data,
+    read_document,
+    resolved,
+)
 from sim_action.drives import Drive
 from sim_action.scenario.files import numbered_runs, workspace_around
 from sim_action.scenario.source import Refused, Source
-from sim_action.scenario.variations.dotted_keys import NoSuchKey, placed, resolved
 from sim_action.scenario.variations.gate import GATE
 from sim_action.sensors import Sensor
 
@@ -233,5 +242,4 @@ def _key(key: object, label: str, path: KeyPath) -> str:
 
 
 def _refused(message: str, label: str, path: KeyPath) -> InvalidScenario:
-    dotted = ".".join(map(str, path))
-    return InvalidScenario([Problem(Location(label), escaped_line(f"{dotted}: {message}" if dotted else message))])
+    return InvalidScenario([Document(label, None, {path: Location(label)}).problem(path, message)])

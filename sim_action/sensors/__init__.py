@@ -19,7 +19,7 @@ from sim_action.core.geometry import Pose
 from sim_action.core.lazy_numpy import Generator
 from sim_action.core.records import dataclass, field
 from sim_action.core.registry import Table
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.state.observation import Observation
 from sim_action.state.readings import EngineQueries, Reading, ReadingColumn, WheelMotion, columns_of, know_columns
 from sim_action.state.trace_records import FRAME_RATE

@@ -13,7 +13,7 @@ from sim_action.core.field_types import NonNegativeMetres, PositiveMetres, Posit
 from sim_action.core.geometry import compose, rotate
 from sim_action.core.lazy_numpy import Generator, NDArray, np
 from sim_action.core.units import display
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.sensors import Measure, Mount, Sensor, Sight
 from sim_action.state.readings import LidarScan
 from sim_action.world.scene import Scene

@@ -20,11 +20,10 @@ from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, field, replace
 from sim_action.drives import DriveMotion
 from sim_action.scenario.model import Scenario
+from sim_action.scenario.mutation import UNTOUCHED, Seams
 from sim_action.sensors import MountedSensor
 from sim_action.simulation.run_audit import CommandLog
-from sim_action.simulation.seams import UNTOUCHED, Seams
 from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, commands_of, without_joints
-from sim_action.state.joint_motion import JointMotion
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Transcript
 from sim_action.state.timeline import TimeMark
@@ -35,6 +34,7 @@ from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.scenario.events import Event
+    from sim_action.state.joint_motion import JointMotion
 
 Look = Callable[[int], Observation]  # returns the observation of the present step; called only if a controller needs it
 Told = Callable[[float, Command], None]  # receives every command, with the sim time in s

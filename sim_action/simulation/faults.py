@@ -16,8 +16,8 @@ from sim_action.drives import DriveMotion
 from sim_action.drives.wheels import held_joints
 from sim_action.engines.engine import UNLIMITED_EFFORT
 from sim_action.scenario.faults import Fault
+from sim_action.scenario.mutation import Seams
 from sim_action.sensors import Measure, Sight
-from sim_action.simulation.seams import Seams
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
 from sim_action.state.readings import shifted

@@ -21,13 +21,13 @@ from sim_action.engines.engine import Engine
 from sim_action.engines.observers import presences
 from sim_action.robot.model.findings import announced, unannounced
 from sim_action.scenario.model import Expectation, Scenario
+from sim_action.scenario.mutation import UNTOUCHED, Seams
 from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
 from sim_action.simulation.controllers import Controls, padded
 from sim_action.simulation.guards import NO_BODIES, Guard, Tunnelling, Watchdog
 from sim_action.simulation.panel import End, Panel
 from sim_action.simulation.recorder import RunRecorder, moving_bodies
 from sim_action.simulation.run_audit import Beginning, Motion, RunFacts, audit_run, unreached_events
-from sim_action.simulation.seams import UNTOUCHED, Seams
 from sim_action.simulation.sensors import Sensing
 from sim_action.simulation.start_checks import (
     Spawns,

@@ -17,10 +17,9 @@ from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.drives import DriveMotion
 from sim_action.robot.model.robot_model import RobotModel
-from sim_action.scenario.mutation import Mutation
+from sim_action.scenario.mutation import Mutation, Seams
 from sim_action.sensors import Measure, Sight
 from sim_action.simulation.faults import frozen
-from sim_action.simulation.seams import Seams
 from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, commands_of, without_joints
 from sim_action.state.joint_motion import JointMotion
 from sim_action.state.readings import biased_columns, shifted

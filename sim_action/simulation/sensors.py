@@ -10,8 +10,8 @@ from sim_action.core.wording import shown
 from sim_action.drives import recognise
 from sim_action.engines.engine import RobotQueries
 from sim_action.scenario.model import Scenario
+from sim_action.scenario.mutation import UNTOUCHED, Seams
 from sim_action.sensors import Measure, Mount, MountedSensor, ReadingLog, Sensor, Sight
-from sim_action.simulation.seams import UNTOUCHED, Seams
 from sim_action.state.observation import ByName, Observation
 from sim_action.state.readings import Reading, WheelMotion
 from sim_action.state.timeline import TimeMark

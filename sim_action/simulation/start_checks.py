@@ -17,14 +17,14 @@ from sim_action.core import geometry, units
 from sim_action.core.errors import BadStart, Problem, RunError
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass, replace
-from sim_action.core.yaml_errors import SpecProblem, SpecProblems
+from sim_action.core.yaml_document import SpecProblem, SpecProblems
 from sim_action.drives import Drive, DriveMotion, recognise
 from sim_action.drives.undercarriage import ignored_statements
 from sim_action.drives.wheels import axis_in_base, opposed_note
 from sim_action.engines.engine import Engine
 from sim_action.robot.model.robot_model import unwatched_note
 from sim_action.scenario.model import Scenario
-from sim_action.scenario.world_checks import DEPTH, Clashes, paths_of
+from sim_action.scenario.stage import DEPTH, Clashes, paths_of
 from sim_action.state.observation import Clash, Overlap
 from sim_action.world import GROUND, placed
 from sim_action.world.parts import GridPart, height_at

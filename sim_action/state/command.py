@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sim_action.core.geometry import ZERO, Twist, Vector3
 from sim_action.core.records import dataclass, field
-from sim_action.state.joint_motion import JointMotion
+
+if TYPE_CHECKING:
+    from sim_action.state.joint_motion import JointMotion
 
 WORLD_FRAME: Final = "world"
 

@@ -13,8 +13,7 @@ from typing import Final
 from sim_action.core.records import dataclass
 from sim_action.core.units import TIME_EPSILON_S, display
 from sim_action.core.wording import counted
-from sim_action.core.yaml_document import KeyPath
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import KeyPath, SpecProblems
 
 MAX_TIME_MARKS: Final = 200  # the number of marks that the results of a run keep, the first ones
 NOT_YET: Final = math.inf  # the time of what waits for an event that has not happened

@@ -5,7 +5,7 @@ this scenario, and is shown in every report. Each finding carries the name of it
 lists rules whose findings are accepted; that of an expectation accepts only findings on it.
 
 Assertions and command sources yield the findings about themselves, from `Setting` and from `JudgedRun`. They are
-collected in `scenario/claims.py`, and after a run in `simulation/run_audit.py`, with the rules about whole scenarios.
+collected in `scenario/checks.py`, and after a run in `simulation/run_audit.py`, with the rules about whole scenarios.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ from sim_action.core.errors import Location
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import did_you_mean
-from sim_action.core.yaml_document import Document, KeyPath
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import Document, KeyPath, SpecProblems
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from sim_action.world import GRAVITY, Physics, World

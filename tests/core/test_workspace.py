@@ -57,7 +57,7 @@ def repository(tmp_path: Path) -> Path:
 
 
 def around(repository: Path, *, allow_outside: bool = False) -> Workspace:
-    return Workspace.around(repository / "scenarios/a.sim.yml", allow_outside=allow_outside)
+    return Workspace.around(repository / "scenarios/a.sim.yml", Permissions(outside=allow_outside))
 
 
 def test_the_root_is_the_repository(repository: Path) -> None:
@@ -213,7 +213,7 @@ class TestLinksToOtherRepositories:
         reason = f"is a link to {other}/.*, outside the workspace {repository}; allow it with --allow-outside"
         with pytest.raises(PathError, match=reason):
             Workspace.around(path)
-        assert Workspace.around(path, allow_outside=True).root == other
+        assert Workspace.around(path, Permissions(outside=True)).root == other
 
     def test_a_link_to_a_folder_that_holds_repositories_is_refused(self, repository: Path, other: Path) -> None:
         (repository / "linked").symlink_to(other.parent)

@@ -9,7 +9,7 @@ from typing import Any, Final
 import pytest
 
 from sim_action.scenario.body_overlaps import clashes
-from sim_action.scenario.world_checks import DEPTH
+from sim_action.scenario.stage import DEPTH
 from sim_action.world import Body, World
 from tests.integration.engines import at, on_every_engine, running, scene_of
 from tests.robot.bad_models import GOOD

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from sim_action.core.errors import ExitCode, Location
 from sim_action.core.records import replace
-from sim_action.core.statistics.binomial import chances
+from sim_action.core.statistics import chances
 from sim_action.results.gates import RELATIVE_FIGURES, judged_gate, over_variations
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Status
 from sim_action.scenario.variations.gate import Gate, PlannedGate

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose, Vector3, quaternion_from_rpy, rotate
 from sim_action.scenario.body_overlaps import clashes, depth, inner_solids
-from sim_action.scenario.world_checks import Clashes
+from sim_action.scenario.stage import Clashes
 from sim_action.world import Body, World
 from sim_action.world.parts import BoxPart, CylinderPart, HullPart, Part, SpherePart
 from tests.scenarios import told

@@ -19,7 +19,7 @@ from sim_action.app import catalogue
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.assertions.monitors import Monitor
 from sim_action.core.errors import Problem
-from sim_action.scenario.claims import audit_robot, audit_scenario
+from sim_action.scenario.checks import audit_robot, audit_scenario
 from sim_action.scenario.loading import build_scene
 from sim_action.state.observation import Observation
 from sim_action.world.claims import RULES, Ceiling

@@ -15,7 +15,7 @@ from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
 from sim_action.core.yaml_document import Document, KeyPath, read_document
 from sim_action.robot.model.robot_spec import Robot
-from sim_action.scenario.extends import entries_of, file_keys, merged, seen_from, without
+from sim_action.scenario.extends import file_keys, seen_from
 
 
 def moved(folder: Path, data: dict[str, Any]) -> object:
@@ -94,11 +94,6 @@ def test_what_is_no_name_stays_what_it_is(data: dict[str, Any], tmp_path: Path) 
     assert moved(tmp_path, data) == data
 
 
-def test_nothing_changes_in_the_same_folder(tmp_path: Path) -> None:
-    document = Document("s.yml", {"robot": {"model": "r.urdf"}})
-    assert seen_from(tmp_path, document, tmp_path) is document
-
-
 def test_each_key_whose_description_speaks_of_a_path_or_a_folder_is_known() -> None:
     """A new key that names files is told of here: annotate it with NamesFile."""
     keys = (*file_keys(), *file_keys(if_there=True))
@@ -127,7 +122,7 @@ MAPS = st.recursive(
 
 
 def over(text: str) -> Document:
-    return merged(read_document("base.yml", BASE), read_document("over.yml", text))
+    return read_document("base.yml", BASE).merged(read_document("over.yml", text))
 
 
 def place(document: Document, *path: str | int) -> str:
@@ -167,10 +162,10 @@ def test_null_takes_a_key_out_and_is_itself_where_there_is_none() -> None:
 
 @given(st.dictionaries(KEYS, MAPS), st.dictionaries(KEYS, MAPS))
 def test_the_file_above_has_the_last_word(below: dict[str, Any], above: dict[str, Any]) -> None:
-    both = merged(Document("b", below), Document("a", above)).data
-    assert merged(Document("x", both), Document("a", above)).data == both
-    assert merged(Document("b", {}), Document("a", above)).data == above
-    assert merged(Document("b", below), Document("a", {})).data == below
+    both = Document("b", below).merged(Document("a", above)).data
+    assert Document("x", both).merged(Document("a", above)).data == both
+    assert Document("b", {}).merged(Document("a", above)).data == above
+    assert Document("b", below).merged(Document("a", {})).data == below
     for path, value in leaves(above):
         assert at(both, path) == value
 
@@ -189,7 +184,7 @@ def at(data: Any, path: KeyPath) -> Any:
 
 def test_an_entry_is_a_document_with_the_places_of_its_own() -> None:
     text = "a: 1\nlist:\n  - {b: 2}\n  - c: [3]\n"
-    first, second = entries_of(read_document("base.yml", text), "list")
+    first, second = read_document("base.yml", text).entries("list")
     assert (first.data, second.data) == ({"b": 2}, {"c": (3,)})
     assert place(first, "b") == "base.yml:3:6"
     assert (place(second), place(second, "c", 0), place(second, "a")) == (
@@ -200,7 +195,7 @@ def test_an_entry_is_a_document_with_the_places_of_its_own() -> None:
 
 
 def test_keys_that_are_left_out_are_gone() -> None:
-    document = without(read_document("base.yml", BASE), "expect", "absent")
+    document = read_document("base.yml", BASE).without("expect", "absent")
     assert isinstance(document.data, dict)
     assert set(document.data) == {"robot", "time_limit"}
     assert place(document, "expect", 0) == "base.yml:1:1"

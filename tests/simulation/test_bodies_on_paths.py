@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.scenario.world_checks import DEPTH
+from sim_action.scenario.stage import DEPTH
 from sim_action.simulation.bodies_on_paths import MAX_SQUEEZE_M, MIN_WEIGHTS, Crossings, Pinning
 from sim_action.state.observation import Contact
 from sim_action.state.trace import Trace

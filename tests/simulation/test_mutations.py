@@ -11,10 +11,9 @@ from sim_action.commands import ClosedLoop, OpenLoop
 from sim_action.core.geometry import Twist
 from sim_action.core.records import replace
 from sim_action.drives import recognise
-from sim_action.scenario.mutation import Mutation, SensorFault
+from sim_action.scenario.mutation import UNTOUCHED, Mutation, SensorFault
 from sim_action.sensors import Sight
 from sim_action.simulation.mutations import MutantSeams, heavier, partners, without_motor
-from sim_action.simulation.seams import UNTOUCHED
 from sim_action.state.command import Answer, JointTargets, LinkWrench
 from sim_action.state.readings import ImuReading
 from sim_action.world.scene import Fitting

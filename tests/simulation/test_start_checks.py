@@ -17,7 +17,7 @@ from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.engines.engine import Engine
 from sim_action.robot.model.robot_model import Joint, JointType, Link, RobotModel
 from sim_action.robot.model.robot_spec import Robot
-from sim_action.scenario.world_checks import DEPTH
+from sim_action.scenario.stage import DEPTH
 from sim_action.simulation import start_checks
 from sim_action.state.observation import Clash, Overlap
 from sim_action.world import GROUND, Body, Heightfield, Physics, World

@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple, Self
 from typing_extensions import override
 
 from sim_action.assertions.monitors import Monitor, State, Truth
-from sim_action.assertions.temporal_logic.formula import quoted
+from sim_action.assertions.temporal_logic import quoted
 from sim_action.core import units
 from sim_action.core.lazy_numpy import FloatArray, NDArray, np
 from sim_action.core.records import dataclass, replace

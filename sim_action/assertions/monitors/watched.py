@@ -15,12 +15,12 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import AdaptedMonitor, Monitor, State, Truth
+from sim_action.assertions.temporal_logic import quoted
 from sim_action.assertions.temporal_logic.becoming import Rest
-from sim_action.assertions.temporal_logic.formula import quoted
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.kinematics import link_of_frame, motion_in, why_no_frame, why_no_link
 from sim_action.robot.model.robot_model import WORLD, rigid_bodies
 from sim_action.state.observation import Observation

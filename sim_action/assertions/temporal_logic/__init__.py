@@ -8,3 +8,13 @@ The robustness of a formula at a step is its distance to the opposite truth valu
 Maler 2010). Windows are cut at the last step. An empty window has robustness +inf for `always`, -inf for `eventually`
 and `until`.
 """
+
+import re
+from typing import Final
+
+_PLAIN_NAME: Final = re.compile(r"[^\W\d]\w*")
+
+
+def quoted(name: str) -> str:
+    """Return a name as a formula writes it: in quotes, unless it is a plain word."""
+    return name if _PLAIN_NAME.fullmatch(name) else "'" + name.replace("'", "''") + "'"

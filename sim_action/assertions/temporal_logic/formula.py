@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator
 from typing import Final, Literal, TypeAlias
 
+from sim_action.assertions.temporal_logic import quoted
 from sim_action.core.records import dataclass, field
 
 
@@ -30,7 +31,6 @@ class Number:
 Source = Literal["robot", "frame", "sensor", "pair"]
 """The kind of a signal: of the base or a joint, of a link or an object, of a sensor, or between links and objects."""
 
-_PLAIN_NAME: Final = re.compile(r"[^\W\d]\w*")
 _RAW_JOINT: Final = re.compile(r"[^()<>'\"\s]([^()<>'\"]*[^()<>'\"\s])?")
 
 
@@ -54,11 +54,6 @@ class Signal:
             owner, *part = self.names
             return ".".join((quoted(owner), self.name, *part))
         return f"{self.name}({', '.join(map(quoted, self.names))})" if self.names else self.name
-
-
-def quoted(name: str) -> str:
-    """Return a name as a formula writes it: in quotes, unless it is a plain word."""
-    return name if _PLAIN_NAME.fullmatch(name) else "'" + name.replace("'", "''") + "'"
 
 
 @dataclass(frozen=True, slots=True)

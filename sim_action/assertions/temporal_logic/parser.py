@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import Final, Literal, NoReturn, cast, get_args
 
 from sim_action.assertions.sensor import why_not_picked
+from sim_action.assertions.temporal_logic import quoted
 from sim_action.assertions.temporal_logic.formula import (
     ALL_TIME,
     Absolute,
@@ -35,7 +36,6 @@ from sim_action.assertions.temporal_logic.formula import (
     Sum,
     Term,
     Until,
-    quoted,
     signals,
 )
 from sim_action.assertions.temporal_logic.formula_signals import (

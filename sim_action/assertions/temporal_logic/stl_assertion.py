@@ -32,7 +32,7 @@ from sim_action.assertions.temporal_logic.formula_signals import (
 )
 from sim_action.assertions.temporal_logic.parser import parse, place
 from sim_action.core.wording import shown
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.state.observation import Observation
 from sim_action.state.trace_records import Channels
 from sim_action.world.claims import Findings, JudgedRun, Setting

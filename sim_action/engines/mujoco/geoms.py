@@ -24,7 +24,6 @@ import numpy as np
 
 from sim_action.core.geometry import Pose, Quaternion
 from sim_action.core.lazy_numpy import FloatArray
-from sim_action.meshes.collision_hulls import read_unshrunk_points
 from sim_action.robot.model.robot_model import ENGINE_MARGIN_M, Surface
 from sim_action.world import GROUND, Body, World
 from sim_action.world.ground import ground_tiles
@@ -305,6 +304,8 @@ _FLAT: Final = 1e-6  # relative extent below which Qhull finds no volume
 
 def read_unshrunk_hulls(text: bytes) -> list[FloatArray]:
     """Return the points (P, 3) in m of each hull of a clean mesh, at the size of the mesh."""
+    from sim_action.meshes.collision_hulls import read_unshrunk_points  # most worlds have no meshes
+
     return [thickened(points) for points in read_unshrunk_points(text, ENGINE_MARGIN_M)]
 
 

@@ -34,7 +34,6 @@ from sim_action.engines.mujoco.geoms import (
 )
 from sim_action.robot.documents.urdf_elements import child_of
 from sim_action.robot.model.robot_model import WORLD, Joint, Mimic, RobotModel, Surface, ball_orientation
-from sim_action.robot.reading.mjcf.mujoco_spec import engine_spec
 from sim_action.world import Disturbance, placed
 from sim_action.world.parts import symmetric, turned_tensor
 from sim_action.world.scene import EGO, MAX_RAISED_M, Scene
@@ -486,6 +485,8 @@ def _number(element: Element | None, name: str) -> float:
 
 def add_native_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Collider]:
     """Add the links, joints and actuators of an MJCF model; return the colliders."""
+    from sim_action.robot.reading.mjcf.mujoco_spec import engine_spec  # a robot in URDF does without it
+
     assert model.mjcf is not None
     robot = engine_spec(model.mjcf)
     # Otherwise MuJoCo warns of each option that the model states in another way.

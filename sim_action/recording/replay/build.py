@@ -13,7 +13,6 @@ import numpy as np
 from pydantic import BaseModel
 
 from sim_action.assertions.monitors import FORCE_WINDOW_S
-from sim_action.commands.waypoints import WaypointCommands
 from sim_action.core import geometry
 from sim_action.core.errors import InvalidPart
 from sim_action.core.geometry import ZERO, Vector3
@@ -161,12 +160,8 @@ def commanded_path(
     """Return the commanded path of the base from `start`, with `twists` in its frame at `time` (T,); or empty."""
     if twists is None or len(time) < 2:
         return ()
-    waypoints = [
-        point for source in scenario.commands if isinstance(source, WaypointCommands) for point in source.waypoints
-    ]
-    if waypoints:
-        x, y, _ = start.pose.position_xyz
-        points = np.array([(x, y), *((point.x, point.y) for point in waypoints)])
+    if route := [place for source in scenario.commands for place in source.stated_path]:
+        points = np.array([start.pose.position_xyz[:2], *route])
     else:
         points = _led(start, twists, time)
     # The first call of np.unique would take 10 ms: it imports masked arrays.

@@ -12,7 +12,6 @@ from sim_action.core.wording import counted
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import first_message
 from sim_action.reports.html.document import Html, element, joined, status_mark
-from sim_action.reports.html.gate_article import has_plot
 from sim_action.reports.scenario_groups import ScenarioGroup, worst_first
 from sim_action.results.artifacts import namesake_number
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Outcome
@@ -92,8 +91,11 @@ _Planned = tuple[EntryKind, Outcome | None, ScenarioGroup]
 def _planned_entries(group: ScenarioGroup, kept: set[int]) -> Iterator[_Planned]:
     if group.gate is not None:
         yield "gate", group.gate, group
-    elif has_plot(group.outcomes):
-        yield "variations", None, group
+    elif len(group.outcomes) > 1:
+        from sim_action.reports.html.gate_article import has_plot  # most scenarios have one run
+
+        if has_plot(group.outcomes):
+            yield "variations", None, group
     for run in group.worst_first():
         if id(run) in kept:
             yield "sample" if run.is_sample else "scenario", run, group

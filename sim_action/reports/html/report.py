@@ -17,7 +17,6 @@ from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import counts_text, run_headline, shard_text, speed_text
 from sim_action.reports.html.document import Html, Page, element, encoded, joined, packed_article
-from sim_action.reports.html.gate_article import GroupPlace, gate_article, sweep, variations_article
 from sim_action.reports.html.ghosts import Ghost, GhostSources
 from sim_action.reports.html.navigation import PageEntry, PagePlan, planned_page, scenario_list
 from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json, replay_id, stored_replay
@@ -133,6 +132,15 @@ def _group_articles(
     plan: PagePlan, options: ReportOptions, blocks: ReplayBlocks, articles: dict[str, bytes], ghosts: GhostSources
 ) -> dict[str, str]:
     """Add the articles of gates and variations to `articles`. Return the packed data of their plots by element id."""
+    if all(entry.group is None for entry in plan.entries):
+        return {}
+    from sim_action.reports.html.gate_article import (  # most scenarios have one run
+        GroupPlace,
+        gate_article,
+        sweep,
+        variations_article,
+    )
+
     replayed = frozenset(entry.identity for entry in plan.entries if replay_id(entry.identity) in blocks.blocks)
     plots = {}
     for entry in plan.entries:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 from sim_action.core import units
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.wording import FirstFew, did_you_mean
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.robot_model import Joint, Reading, RobotModel
 
 if TYPE_CHECKING:

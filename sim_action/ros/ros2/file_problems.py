@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 from sim_action.core.errors import UsageError
 from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace, similar_name
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.documents.package_search import PACKAGE_FILE
 from sim_action.ros.launches import argument_problem
 from sim_action.ros.ros2.installation import Ros2, find_ros

@@ -15,8 +15,7 @@ from sim_action.commands import CommandSource, Controller
 from sim_action.core.field_types import FrozenModel, NamesFile, PositiveHertz
 from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace
-from sim_action.core.yaml_document import plain_data
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems, plain_data
 from sim_action.robot.model.joint_selection import joints_set_by
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.ros.launches import ListedNode, Nodes, unchecked_notes

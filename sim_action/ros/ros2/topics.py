@@ -16,7 +16,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass
 from sim_action.core.wording import FirstFew, free_name
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.drives import Drive, recognise
 from sim_action.recording.export.ros2_markers import urdf_of
 from sim_action.robot.model.joint_selection import setting_problems

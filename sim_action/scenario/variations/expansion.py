@@ -22,10 +22,8 @@ from sim_action.core.errors import InvalidScenario, Location, Problem
 from sim_action.core.field_types import is_plain_name
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import shown
-from sim_action.core.yaml_document import Document, KeyPath, plain_data
-from sim_action.scenario.extends import without
-from sim_action.scenario.source import MAX_KEYS, Source, Varied
-from sim_action.scenario.variations.dotted_keys import NoSuchKey, placed, resolved
+from sim_action.core.yaml_document import Document, KeyPath, NoSuchKey, placed, plain_data, resolved
+from sim_action.scenario.source import MAX_KEYS, MAX_RUNS, SEED, Source, Varied
 from sim_action.scenario.variations.draws import Sobol
 from sim_action.scenario.variations.gate import (
     GATE,
@@ -36,8 +34,7 @@ from sim_action.scenario.variations.gate import (
     runs_without_draws,
     stated_gate,
 )
-from sim_action.scenario.variations.seeds import sampled, seed_of_draws
-from sim_action.scenario.variations.values import SEED, CsvFiles, ValueList, ValuesError, value_list
+from sim_action.scenario.variations.values import CsvFiles, ValueList, ValuesError, value_list
 
 _LONGEST_TEXT: Final = 40
 _MIN_DIGITS: Final = 3
@@ -103,7 +100,6 @@ def _written(value: object) -> str | None:
     return text if fits and not _NOT_IN_TEXTS.search(text) else None
 
 
-MAX_RUNS: Final = 10_000  # the largest number of runs of all scenarios of a file
 _MAX_WRITTEN_OUT: Final = 5_000_000  # number of values; shared values count for each variation, as each is checked
 
 # Keys that cannot vary, and the reason if it needs one.
@@ -138,21 +134,20 @@ class _Key:
 
 
 def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[Source, ...]:
-    """Return a source for each variation in the order of their values, or the scenario itself if it has none.
+    """Return a source for each variation in the order of their values.
 
-    Raises InvalidScenario. `source`: of the scenario; `seed`: for random draws; None takes the scenario's own; `most`:
-    the largest number of variations.
+    Raises InvalidScenario. `source`: of a scenario with `variations` or a gate; `seed`: for random draws; None takes
+    the scenario's own; `most`: the largest number of variations.
     """
     data = source.document.data
+    assert isinstance(data, dict)
     gate = stated_gate(source.document)
-    if not isinstance(data, dict) or (gate is None and "variations" not in data):
-        return (source,)
     refuse_misspelt(source.document)
-    base = without(source.document, "variations", GATE)
+    base = source.document.without("variations", GATE)
     keys: list[_Key] = []
     if "variations" in data:
         runs = None if gate is None else gate.gate.runs
-        keys += _numbered(_keys(source, base, seed_of_draws(base, seed), runs))
+        keys += _numbered(_keys(source, base, source.stated_seed or 0 if seed is None else seed, runs))
     if gate is not None and not any(key.values.drawn for key in keys):
         keys.append(_samples(source.document, gate))
     # Indices into the values of each key; drawn keys share one index.
@@ -179,7 +174,7 @@ def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[So
     found: Iterable[Source] = (_varied(source, base, keys, each, shared) for each in indices)
     if drawn and not any(key.written == SEED for key in drawn):
         sample = drawn[0].written
-        found = (sampled(run, each[sample], seed) for run, each in zip(found, indices, strict=True))
+        found = (run.sampled(each[sample], seed) for run, each in zip(found, indices, strict=True))
     if gate is not None:
         listed = [key for key in keys if not key.values.drawn]
         names = [_named(source, listed, each) for each in indices]

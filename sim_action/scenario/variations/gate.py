@@ -10,12 +10,11 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import BeforeValidator, Field, ValidationError, WrapValidator, model_validator
 
-from sim_action.core import units
+from sim_action.core import statistics, units
 from sim_action.core.errors import InvalidScenario, Location, Problem
 from sim_action.core.field_types import FrozenModel, Quantity, spec_errors
 from sim_action.core.records import dataclass
-from sim_action.core.statistics import binomial, order_statistics
-from sim_action.core.statistics.sequential import SequentialTest
+from sim_action.core.statistics import SequentialTest
 from sim_action.core.wording import counted, did_you_mean, nearest, shown
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.world.claims import LOW_GATE, allowed_rules
@@ -354,7 +353,7 @@ def refuse_unfit(document: Document, stated: GateOfScenario, runs: int) -> None:
 
 def _unattainable(gate: Gate, runs: int) -> Iterator[tuple[KeyPath, str]]:
     if (passes := gate.passes) is not None:
-        needed = binomial.runs_needed(passes.at_least, passes.confidence)
+        needed = statistics.runs_needed(passes.at_least, passes.confidence)
         if runs < needed:
             yield ("passes",), _too_few(runs, needed, f"a rate of {percent(passes.at_least)}", passes.confidence)
     if (test := gate.stop_early) is not None:
@@ -363,7 +362,7 @@ def _unattainable(gate: Gate, runs: int) -> Iterator[tuple[KeyPath, str]]:
             rates = f"{percent(test.accept)} against {percent(test.reject)}"
             yield ("stop_early",), _too_few(runs, needed, rates, test.confidence)
     for index, each in enumerate(gate.quantile):
-        needed = order_statistics.runs_needed_for_quantile(each.q, each.confidence, each.claim)
+        needed = statistics.runs_needed_for_quantile(each.q, each.confidence, each.claim)
         if runs < needed:
             what = f"a bound for the {percent(each.q)} quantile"
             yield ("quantile", index), _too_few(runs, needed, what, each.confidence)

@@ -18,13 +18,11 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import counted, did_you_mean, shown
 from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.core.yaml_document import KeyPath, plain_value
+from sim_action.scenario.source import DRAWN_SEED_BITS, SEED
 from sim_action.scenario.variations import draws
 
-SEED: Final = "seed"  # the key of the random seed
-MAX_SEED: Final = 2**63 - 1
 MAX_CSV_BYTES: Final = 25_000_000
 MAX_ROWS: Final = 10_000  # the largest number of rows that are samples; it is that of the runs of a file
-DRAWN_SEED_BITS: Final = 53  # many programs round larger numbers when they read JSON
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from sim_action.core.records import dataclass, field
 from sim_action.core.workspace import Workspace
-from sim_action.core.yaml_errors import SpecProblem
+from sim_action.core.yaml_document import SpecProblem
 from sim_action.world import Body, Shape, World
 from sim_action.world.parts import Part, moved
 from sim_action.world.shapes import ShapeError

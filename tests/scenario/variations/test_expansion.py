@@ -21,8 +21,8 @@ from sim_action.results.outcome import Outcome
 from sim_action.scenario.files import read_file
 from sim_action.scenario.loading import load_all
 from sim_action.scenario.model import LoadedScenario
-from sim_action.scenario.source import Refused, Source
-from sim_action.scenario.variations.expansion import MAX_RUNS, expanded
+from sim_action.scenario.source import MAX_RUNS, Refused, Source
+from sim_action.scenario.variations.expansion import expanded
 from tests.scenarios import LEAST
 
 WALL = "world: {objects: [{name: wall, box: [0.1, 2, 0.5], pose: {x: 3}}]}\n"
@@ -47,11 +47,6 @@ def problems(text: str) -> list[str]:
 def loaded(folder: Path, text: str) -> list[LoadedScenario | Refused]:
     (folder / "s.sim.yml").write_text(LEAST + text)
     return load_all(read_file(folder / "s.sim.yml", Permissions()), Permissions())
-
-
-def test_a_scenario_without_variations_is_itself() -> None:
-    (only,) = varied("")
-    assert (only.name, only.group, only.variation) == ("push", None, ())
 
 
 def test_lists_are_multiplied_in_the_order_of_the_file() -> None:

@@ -18,7 +18,7 @@ from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.ros.launches import argument_problem
 from sim_action.ros.ros1.catkin_packages import find_launch_file, packages_in, packages_of, workspace_of
 from sim_action.ros.ros1.installation import Ros, find_ros

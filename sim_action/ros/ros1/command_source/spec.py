@@ -12,8 +12,7 @@ from typing_extensions import override
 from sim_action.commands import CommandSource, Controller
 from sim_action.core.field_types import PositiveHertz
 from sim_action.core.workspace import Workspace
-from sim_action.core.yaml_document import plain_data
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems, plain_data
 from sim_action.ros.launches import ListedNode, Nodes, StartTime, unchecked_notes
 from sim_action.ros.robot_topics import topic_problems, topics_of
 from sim_action.world.scene import Scene

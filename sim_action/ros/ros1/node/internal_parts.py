@@ -15,7 +15,7 @@ from typing_extensions import override
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.records import dataclass, replace
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_document import SpecProblems
 from sim_action.drives import Drive, is_level
 from sim_action.drives.mecanum import NOT_LEVEL
 from sim_action.drives.plugins import NoDrive, Stated

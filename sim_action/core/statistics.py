@@ -1,25 +1,29 @@
-"""Exact statements about a pass rate: tails of the binomial distribution, bounds of the rate, and numbers of runs.
+"""The statistics of gates and of paired comparisons: pure functions of counts and numbers.
 
-The bounds are those of Clopper and Pearson (Biometrika 26, 1934), each on one side and with the whole confidence: in at
-most a share of 1 - confidence of all gates does the lower bound lie above the true rate, or the upper bound below it.
-`proves` and `refutes` decide by the tails; the bounds are the rates at which these two change.
+First exact statements about a pass rate: tails of the binomial distribution, bounds of the rate, and numbers of runs;
+then the comparison of pairs, bounds of a quantile, and the sequential test of two rates.
 
-All functions raise ValueError for a count, rate or confidence outside its range. A confidence is at least 50 %: below
-it, the same runs could prove and refute a rate.
+The bounds of a rate are those of Clopper and Pearson (Biometrika 26, 1934), each on one side and with the whole
+confidence: in at most a share of 1 - confidence of all gates does the lower bound lie above the true rate, or the upper
+bound below it. `proves` and `refutes` decide by the tails; the bounds are the rates at which these two change.
+
+All functions raise ValueError for a count, rate, share or confidence outside its range. A confidence is at least 50 %:
+below it, the same runs could prove and refute a rate.
 """
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from random import Random
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Literal
 
 from sim_action.core.records import dataclass
 
 if TYPE_CHECKING:
     from statistics import NormalDist
+
 
 MAX_RUNS: Final = 10_000  # the largest number of runs that `runs_for_power` considers
 _NEGLIGIBLE: Final = 1e-20  # the share of a sum below which its falling terms are left out
@@ -329,3 +333,187 @@ def _normal() -> NormalDist:
     from statistics import NormalDist
 
     return NormalDist()
+
+
+Claim = Literal["at_least", "at_most"]
+"""The direction of a claim about a quantile: its lower bound proves "at_least", its upper bound "at_most"."""
+
+
+@dataclass(frozen=True, slots=True)
+class QuantileBounds:
+    """The lower and the upper bound of a quantile, each with the whole confidence; None: it has none.
+
+    They assume nothing about the distribution (order statistics: Thompson 1936; David 1981). X_(1) <= ... <= X_(n) are
+    the sorted values of n independent runs, and x is a q-quantile: at most a share q of the distribution lies below x,
+    and at least a share q at or below it.
+
+    - X_(r) <= x holds if at least r values are at or below x. Their number is binomial with a probability of at least
+      q. So the probability of X_(r) <= x is at least that of r or more successes with the probability q.
+    - x <= X_(r) holds if fewer than r values are below x. Their number is binomial with a probability of at most q. So
+      the probability of x <= X_(r) is at least that of fewer than r successes with the probability q.
+
+    Both are equalities if the distribution is continuous at x. Ties and atoms make the bounds more careful, never
+    wrong.
+    """
+
+    lower: float | None
+    upper: float | None
+
+
+def lower_rank(n: int, q: float, confidence: float) -> int | None:
+    """Return the largest r, from 1, with X_(r) <= q-quantile at the confidence; None if n values have none."""
+    # The mirrored values have the quantile 1 - q, and the mirrored rank.
+    mirrored = upper_rank(n, 1.0 - q, confidence)
+    return None if mirrored is None else n + 1 - mirrored
+
+
+def upper_rank(n: int, q: float, confidence: float) -> int | None:
+    """Return the least r, from 1, with q-quantile <= X_(r) at the confidence; None if n values have none."""
+    _check_quantile(q)
+    # The least r for which r or more values below the quantile are no likelier than 1 - confidence.
+    return passes_needed(n, q, confidence)
+
+
+def quantile_bounds(values: Iterable[float], q: float, confidence: float, missing: int = 0) -> QuantileBounds:
+    """Return both bounds of the q-quantile of the distribution that the values were drawn from.
+
+    Args:
+        values: one number of each run, in any order; none is NaN.
+        q: the share of the distribution below the quantile, 0.05 for the 5 % quantile.
+        confidence: the confidence of each bound.
+        missing: the number of further runs without a value. They count against each bound: as the least values of all
+            for the lower one, and as the greatest for the upper one.
+    """
+    ordered = sorted(values)
+    n = len(ordered) + missing
+    low, high = lower_rank(n, q, confidence), upper_rank(n, q, confidence)
+    return QuantileBounds(
+        lower=None if low is None or low <= missing else ordered[low - missing - 1],
+        upper=None if high is None or high > len(ordered) else ordered[high - 1],
+    )
+
+
+def runs_needed_for_quantile(q: float, confidence: float, claim: Claim) -> int:
+    """Return the least number of runs at which the bound of the q-quantile exists: it is then the worst run."""
+    _check_quantile(q)
+    return runs_needed(1.0 - q if claim == "at_least" else q, confidence)
+
+
+def _check_quantile(q: float) -> None:
+    if not 0.0 < q < 1.0:
+        raise ValueError(f"a quantile lies between 0 and 1, and is neither: {q}")
+
+
+_NEARLY_WHOLE: Final = 1e-9  # a boundary so close to a whole number of passes is that number
+SequentialVerdict = Literal["accepted", "rejected"]
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """The verdict of a test and the number of results up to it; None: they decide nothing."""
+
+    verdict: SequentialVerdict | None
+    runs: int
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """The probabilities of the verdicts for a robot of a true rate, and its mean number of runs."""
+
+    accepted: float
+    rejected: float
+    undecided: float
+    mean_runs: float
+
+
+@dataclass(frozen=True, slots=True)
+class SequentialTest:
+    """The truncated sequential probability ratio test of two pass rates, of at most so many runs. Raises ValueError.
+
+    It looks at results in their order and stops at the first verdict (Wald, Annals of Mathematical Statistics 16,
+    1945). It decides between two stated rates, `accept` against `reject`, and says nothing about rates between them.
+    Both error rates are 1 - confidence: Wald's boundaries keep their sum within 2 (1 - confidence), and each within
+    (1 - confidence) / confidence. Stopping at the last run adds no error, because the verdict is then open. `exact` has
+    the exact figures.
+    """
+
+    reject: float
+    accept: float
+    confidence: float
+    most: int
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.reject < self.accept < 1.0:
+            raise ValueError(f"the rates {self.reject} and {self.accept} must grow and lie between 0 and 1")
+        if not 0.5 < self.confidence < 1.0:
+            raise ValueError(f"a confidence lies above 0.5 and below 1: {self.confidence}")
+        if self.most < 1:
+            raise ValueError(f"a test needs at least one run, not {self.most}")
+
+    def boundaries(self, runs: int) -> tuple[int | None, int | None]:
+        """Return the most passes that reject after so many runs, and the least that accept; None: none can."""
+        # The logarithm of the likelihood ratio grows by `gain` with a pass and falls by `loss` with another result.
+        gain = math.log(self.accept / self.reject)
+        loss = math.log((1.0 - self.reject) / (1.0 - self.accept))
+        limit = math.log(self.confidence / (1.0 - self.confidence))
+        greatest = math.floor((runs * loss - limit) / (gain + loss) + _NEARLY_WHOLE)
+        least = math.ceil((runs * loss + limit) / (gain + loss) - _NEARLY_WHOLE)
+        return (None if greatest < 0 else greatest), (None if least > runs else least)
+
+    def decision(self, results: Iterable[bool | None]) -> Decision:
+        """Look at results in their order up to the first verdict, or to the last run.
+
+        None is a run without a verdict: it counts as not passed for `accept`, and as passed against `reject`.
+        """
+        seen = SeenResults(self)
+        for result in results:
+            seen.add(result)
+            if seen.verdict is not None or seen.runs == self.most:
+                break
+        return Decision(seen.verdict, seen.runs)
+
+    def exact(self, true_rate: float) -> Expected:
+        """Return the exact probabilities of the verdicts, over runs and passes. Raise ValueError for a bad rate."""
+        if not 0.0 <= true_rate <= 1.0:
+            raise ValueError(f"a rate lies between 0 and 1: {true_rate}")
+        accepted = rejected = mean_runs = 0.0
+        # passes -> probability that the test is still open with so many
+        open_with = {0: 1.0}
+        for runs in range(1, self.most + 1):
+            mean_runs += math.fsum(open_with.values())
+            after: dict[int, float] = {}
+            # The passes ascend.
+            for passes, probability in open_with.items():
+                after[passes] = after.get(passes, 0.0) + probability * (1.0 - true_rate)
+                after[passes + 1] = probability * true_rate
+            greatest, least = self.boundaries(runs)
+            if least is not None:
+                accepted += math.fsum(after.pop(passes) for passes in list(after) if passes >= least)
+            if greatest is not None:
+                rejected += math.fsum(after.pop(passes) for passes in list(after) if passes <= greatest)
+            open_with = after
+        return Expected(accepted, rejected, math.fsum(open_with.values()), mean_runs)
+
+
+class SeenResults:
+    """The results that a test has seen, one after the other.
+
+    `runs`: their number; `verdict`: the verdict of the test, after which it looks at nothing; None: it is open.
+    """
+
+    def __init__(self, test: SequentialTest) -> None:
+        self.runs = 0
+        self.verdict: SequentialVerdict | None = None
+        self._test = test
+        self._passes = self._not_failed = 0
+
+    def add(self, result: bool | None) -> None:
+        """Look at the next result; see `SequentialTest.decision`."""
+        self.runs += 1
+        self._passes += result is True
+        self._not_failed += result is not False
+        greatest, least = self._test.boundaries(self.runs)
+        if least is not None and self._passes >= least:
+            self.verdict = "accepted"
+        elif greatest is not None and self._not_failed <= greatest:
+            self.verdict = "rejected"

@@ -1,1 +1,0 @@
-"""The statistics of gates and of paired comparisons: pure functions of counts and numbers."""
