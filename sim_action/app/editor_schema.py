@@ -8,7 +8,7 @@ all alternatives.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from sim_action.core.field_types import END_OF_TEXT, pattern_at_least
@@ -31,13 +31,8 @@ class EditorSchemas:
     def document(self, head: Schema, root: Schema) -> Schema:
         """Return a whole schema: a root in the form of pydantic, converted, with the definitions that it needs."""
         converted = self._converted(root)
-        used: dict[str, Schema] = {}
-        waiting = [converted]
-        while waiting:
-            for name in set(_references(waiting.pop())) - used.keys():
-                used[name] = self._converted(self._definitions[name])
-                waiting.append(used[name])
-        return {"$schema": DIALECT, **head, **converted, "definitions": {name: used[name] for name in sorted(used)}}
+        used = reachable(converted, lambda name: self._converted(self._definitions[name]))
+        return {"$schema": DIALECT, **head, **converted, "definitions": used}
 
     def define(self, name: str, schema: Schema) -> Schema:
         """Add a definition; return the reference to it. Raise ValueError if the name has another meaning."""
@@ -155,6 +150,17 @@ class EditorSchemas:
 
 
 _ORDER: Final = ("string", "boolean", "array", "integer", "number", "object")
+
+
+def reachable(root: Schema, definition: Callable[[str], Schema]) -> dict[str, Schema]:
+    """Return the definitions that a schema refers to, directly or by others, by name and sorted."""
+    used: dict[str, Schema] = {}
+    waiting = [root]
+    while waiting:
+        for name in set(_references(waiting.pop())) - used.keys():
+            used[name] = definition(name)
+            waiting.append(used[name])
+    return dict(sorted(used.items()))
 
 
 def chosen_by_key(kinds: Mapping[str, Schema], shared: Mapping[str, Schema]) -> Schema:

@@ -11,6 +11,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from inspect import signature
 from numbers import Integral
 from pathlib import Path
 from typing import Final, TypeVar, get_args
@@ -37,28 +38,8 @@ from sim_action.scenario.selection import Selection, Suite, find_suite
 from sim_action.scenario.source import Refused
 from sim_action.scenario.written import Scenario
 
-_ARGUMENTS: Final = {
-    "--allow-outside": "allow_outside",
-    "--allow-scripts": "allow_scripts",
-    "--at-least": "at_least",
-    "--backend": "backend",
-    "--cluster": "cluster",
-    "--confidence": "confidence",
-    "--exclude": "exclude",
-    "--exclude-tag": "exclude_tags",
-    "--fail-fast": "fail_fast",
-    "--factor": "factors",
-    "--jobs": "jobs",
-    "--only": "only",
-    "--output-dir": "output_dir",
-    "--package": "packages",
-    "--pass-env": "pass_env",
-    "--record": "record",
-    "--repeat": "repeat",
-    "--seed": "seed",
-    "--tag": "tags",
-}
-"""Options of `run`, and what `sim_action.run` calls them."""
+_PLURALS: Final = {"--exclude-tag": "exclude_tags", "--factor": "factors", "--package": "packages", "--tag": "tags"}
+"""Options that are repeated -> the argument that takes all of their values; others have one name but for dashes."""
 
 _OPTION: Final = re.compile(r"(?<![\w-])--[a-z]+(?:-[a-z]+)*(?![\w-])")
 
@@ -78,7 +59,13 @@ def naming_arguments() -> Iterator[None]:
 
 
 def _renamed(message: str) -> str:
-    return _OPTION.sub(lambda option: _ARGUMENTS.get(option[0], option[0]), message)
+    arguments = {*signature(run).parameters, *signature(margins).parameters}
+
+    def named(option: re.Match[str]) -> str:
+        name = _PLURALS.get(option[0], option[0][2:].replace("-", "_"))
+        return name if name in arguments else option[0]
+
+    return _OPTION.sub(named, message)
 
 
 OneScenario = str | os.PathLike[str] | Scenario

@@ -25,7 +25,7 @@ from sim_action.reports.writing import open_reports
 from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.events import RunEnded
 from sim_action.results.outcome import Outcome
-from sim_action.results.output_folder import JUNIT_FILE, is_foreign, is_proof, remove_regular
+from sim_action.results.output_folder import JUNIT_FILE, is_proof, refuse_foreign_file, remove_regular
 from sim_action.results.proof import MutantStatus, Proof
 from sim_action.runner.child_outcome import interrupted
 from sim_action.runner.mutation import judgement, planning
@@ -76,7 +76,10 @@ def prove_scenarios(request: ProveRequest, interruption: Interruption) -> ExitCo
     """Prove all scenarios, write the findings, even if interrupted, and return the exit code. Raise UsageError."""
     planning.refuse_unknown(request.only)
     if request.json is not None:
-        _refuse_foreign(request.json)
+        if not request.json.parent.is_dir():
+            place = f"there is no folder {request.json.parent}"
+            raise UsageError(escaped_line(f"--json {request.json} cannot be written: {place}"))
+        refuse_foreign_file("--json", request.json, is_proof, "is no proof")
     with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as folder:
         call = _Call(request, Path(folder), interruption)
         with _opened(request.reports) as options:
@@ -344,15 +347,3 @@ def _with_candidates(
 
 def _below(outcome: Outcome, folder: str) -> Outcome:
     return outcome.model_copy(update={"replay": outcome.replay and f"{folder}/{outcome.replay}"})
-
-
-def _refuse_foreign(path: Path) -> None:
-    """Raise UsageError if the file exists and `prove` did not write it, or if its folder does not exist."""
-    if not path.parent.is_dir():
-        raise UsageError(escaped_line(f"--json {path} cannot be written: there is no folder {path.parent}"))
-    try:
-        foreign = is_foreign(path, is_proof)
-    except (OSError, ValueError) as error:
-        raise UsageError(escaped_line(f"--json {path} cannot be written: {system_reason(error)}")) from None
-    if foreign:
-        raise UsageError(escaped_line(f"--json {path} exists and is no proof; name another file, or remove it"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -12,7 +12,7 @@ from pydantic import BaseModel, PydanticUserError
 from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 
 from sim_action.app.catalogue import package_parts
-from sim_action.app.editor_schema import EditorSchemas, Schema, chosen_by_key
+from sim_action.app.editor_schema import EditorSchemas, Schema, chosen_by_key, reachable
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.assertions.combined import Combined
 from sim_action.commands import COMMANDS, CommandSource
@@ -97,7 +97,8 @@ def base_schema(added: Added = MappingProxyType({})) -> Schema:
 def plain_schema() -> Schema:
     """The schema of one scenario as pydantic writes it, in draft 2020-12."""
     scenario, definitions = _models()
-    return {"$schema": GenerateJsonSchema.schema_dialect, **scenario, "$defs": _reachable(definitions, scenario)}
+    used = reachable(scenario, definitions.__getitem__)
+    return {"$schema": GenerateJsonSchema.schema_dialect, **scenario, "$defs": used}
 
 
 def _head(kind: str, title: str, description: str) -> Schema:
@@ -335,28 +336,6 @@ def _needs_nothing(model: type[BaseModel]) -> bool:
 
 def _ref(model: type[BaseModel]) -> Schema:
     return {"$ref": f"#/$defs/{_name(model)}"}
-
-
-def _reachable(definitions: Schema, root: Schema) -> Schema:
-    """The definitions that are referred to; the common bases of families are not."""
-    used: set[str] = set()
-    waiting = [root]
-    while waiting:
-        for name in set(_referred(waiting.pop())) - used:
-            used.add(name)
-            waiting.append(definitions[name])
-    return {name: definitions[name] for name in sorted(used)}
-
-
-def _referred(part: Any) -> Iterator[str]:
-    if isinstance(part, dict):
-        if "$ref" in part:
-            yield part["$ref"].rpartition("/")[2]
-        for value in part.values():
-            yield from _referred(value)
-    elif isinstance(part, list):
-        for value in part:
-            yield from _referred(value)
 
 
 SCHEMAS: Final[Mapping[str, Callable[[], Schema]]] = {

@@ -9,29 +9,22 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from sim_action.core.errors import UsageError
-from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean, escaped_line
 from sim_action.reports.links import fragment
 from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.results_json import RESULTS_FILE, Results
 
 
-@dataclass(frozen=True, slots=True)
-class ViewRequest:
-    """The options of `view`; `place`: a report, results or their folder; `time`: sim time in s."""
+def address(place: Path, only: str | None = None, time: float | None = None) -> str:
+    """Return the URL of the report. Raises UsageError if the report or the scenario does not exist.
 
-    place: Path
-    only: str | None = None
-    time: float | None = None
-
-
-def address(request: ViewRequest) -> str:
-    """Return the URL of the report. Raises UsageError if the report or the scenario does not exist."""
-    report = _report(request.place)
-    if request.only is None and request.time is None:
+    `place`: a report, results or their folder; `only`: the name of a scenario; `time`: a sim time in s.
+    """
+    report = _report(place)
+    if only is None and time is None:
         return report.as_uri()
-    name = _scenario(report.with_name(RESULTS_FILE), request.only)
-    return f"{report.as_uri()}{fragment(name, request.time)}"
+    name = _scenario(report.with_name(RESULTS_FILE), only)
+    return f"{report.as_uri()}{fragment(name, time)}"
 
 
 def opened(shown: str, environment: Mapping[str, str]) -> bool:
@@ -82,9 +75,9 @@ def _has_display(environment: Mapping[str, str]) -> bool:
     return any(environment.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"))
 
 
-def view_report(request: ViewRequest, *, print_only: bool) -> None:
-    """Open a report and print its URL: some systems drop the part behind `#` when they open it."""
-    shown = address(request)
+def view_report(place: Path, only: str | None, time: float | None, *, print_only: bool) -> None:
+    """Open a report and print its URL, see `address`: some systems drop the part behind `#` when they open it."""
+    shown = address(place, only, time)
     if not print_only and not opened(shown, os.environ):
         sys.stderr.write("sim-action: no browser can be opened here; open this address yourself\n")
     sys.stdout.write(f"{shown}\n")

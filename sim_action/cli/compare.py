@@ -15,12 +15,11 @@ from sim_action.cli.options import Bounded, output_dir, refuse_typed, switch, te
 from sim_action.core.discovery import compared_name
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.files import whole_file
-from sim_action.core.records import dataclass, field
-from sim_action.core.wording import escaped_line, system_reason, warn
+from sim_action.core.wording import escaped_line, warn
 from sim_action.reports.comparison import comparison_markdown, print_comparison
 from sim_action.reports.github.step_outputs import append_outputs
 from sim_action.results.comparison import Comparison, Thresholds, compare_outcomes
-from sim_action.results.output_folder import is_comparison, is_foreign
+from sim_action.results.output_folder import is_comparison, refuse_foreign_file
 from sim_action.results.shard_results import read_run
 
 
@@ -77,64 +76,55 @@ def compare(
     """
     if new is not None:
         refuse_typed("NEW", "output_dir")
-    thresholds = Thresholds(margin, slower)
-    return compare_results(CompareRequest(old, new or output_dir, thresholds, strict, markdown, summary, allow_removed))
+    return compare_results(
+        old,
+        new or output_dir,
+        Thresholds(margin, slower),
+        strict=strict,
+        markdown=markdown,
+        summary=summary,
+        allow_removed=allow_removed,
+    )
 
 
 STANDARD_OUTPUT: Final = "-"
 
 
-@dataclass(frozen=True, slots=True)
-class CompareRequest:
-    """The options of `compare`."""
+def compare_results(
+    old: str,
+    new: str,
+    thresholds: Thresholds = Thresholds(),  # noqa: B008 - immutable
+    *,
+    strict: bool = False,
+    markdown: str | None = None,
+    summary: bool = True,
+    allow_removed: bool = False,
+) -> ExitCode:
+    """Report the changes and return the exit code. Raises UsageError.
 
-    old: str  # old, new: files, folders or globs of results, as typed
-    new: str
-    thresholds: Thresholds = field(default_factory=Thresholds)
-    strict: bool = False  # treat warnings as failures
-    # file for the Markdown; "-" prints it instead of the text for terminals; None writes none
-    markdown: str | None = None
-    summary: bool = True  # add the comparison to the job summary on GitHub
-    allow_removed: bool = False  # accept a new run that has no scenario of the old run
-
-
-def compare_results(request: CompareRequest) -> ExitCode:
-    """Report the changes and return the exit code. Raises UsageError."""
-    if request.markdown not in (None, STANDARD_OUTPUT):
-        _refuse_foreign(Path(request.markdown))
-    old, new = read_run(request.old), read_run(request.new)
-    if compared_name(request.old) == compared_name(request.new):
-        warn(f"{request.old} is compared with itself, which shows no change; name the results of another run")
+    `old`, `new`: files, folders or globs of results, as typed; `markdown`: the file for Markdown; "-" prints it instead
+    of the text for terminals; None writes none. The others are the options of `compare`.
+    """
+    file = None if markdown in (None, STANDARD_OUTPUT) else Path(markdown)
+    if file is not None:
+        refuse_foreign_file("--markdown", file, is_comparison, "is not a comparison")
+    before, after = read_run(old), read_run(new)
+    if compared_name(old) == compared_name(new):
+        warn(f"{old} is compared with itself, which shows no change; name the results of another run")
     comparison = compare_outcomes(
-        old.outcomes,
-        new.outcomes,
-        request.thresholds,
-        allow_removed=request.allow_removed,
-        gates=(old.gates, new.gates),
+        before.outcomes, after.outcomes, thresholds, allow_removed=allow_removed, gates=(before.gates, after.gates)
     )
-    if request.markdown not in (None, STANDARD_OUTPUT):
-        _write(Path(request.markdown), comparison)
-    _write_for_github(comparison, request, os.environ)
+    if file is not None:
+        _write(file, comparison)
+    _write_for_github(comparison, os.environ, summary=summary)
     # A closed output does not change the result.
     with suppress(BrokenPipeError):
-        if request.markdown == STANDARD_OUTPUT:
+        if markdown == STANDARD_OUTPUT:
             sys.stdout.write(comparison_markdown(comparison))
             sys.stdout.flush()
         else:
             print_comparison(comparison, os.environ)
-    return comparison.exit_code(strict=request.strict)
-
-
-def _refuse_foreign(path: Path) -> None:
-    """Raise UsageError if the file exists and `compare` did not write it."""
-    try:
-        foreign = is_foreign(path, is_comparison)
-    except (OSError, ValueError) as error:
-        raise UsageError(escaped_line(f"--markdown {path} cannot be written: {system_reason(error)}")) from None
-    if foreign:
-        raise UsageError(
-            escaped_line(f"--markdown {path} exists and is not a comparison; name another file, or remove it")
-        )
+    return comparison.exit_code(strict=strict)
 
 
 def _write(path: Path, comparison: Comparison) -> None:
@@ -145,14 +135,14 @@ def _write(path: Path, comparison: Comparison) -> None:
         raise UsageError(escaped_line(f"--markdown {path} cannot be written: {error.strerror}")) from None
 
 
-def _write_for_github(comparison: Comparison, request: CompareRequest, environment: Mapping[str, str]) -> None:
+def _write_for_github(comparison: Comparison, environment: Mapping[str, str], *, summary: bool) -> None:
     """Append to the outputs and the job summary of a GitHub step, if there are any."""
     counts = {"newly-failing": str(comparison.failures), "warnings": str(comparison.warnings)}
-    summary = environment.get("GITHUB_STEP_SUMMARY") if request.summary else None
+    path = environment.get("GITHUB_STEP_SUMMARY") if summary else None
     try:
         append_outputs(counts, environment)
-        if summary:
-            with Path(summary).open("ab") as file:
+        if path:
+            with Path(path).open("ab") as file:
                 file.write(_encoded(comparison) + b"\n")
     except OSError as error:
         raise UsageError(f"the job summary or the outputs cannot be written: {error.strerror}") from None

@@ -46,35 +46,27 @@ def doctor() -> ExitCode:
     marks = {"good": "ok", "missing": "-", "bad": "!"}
     colours = {"good": "green", "missing": None, "bad": "red"}
     states: list[str] = []
-    for finding in (*findings(), _ros(), _ros2()):
+    for finding in (*findings(), _ros(1), _ros(2)):
         mark = click.style(f"{marks[finding.state]:<3}", fg=colours[finding.state])
         click.echo(f"{mark}{finding.name:<16} {log_line(finding.text)}")
         states.append(finding.state)
     return ExitCode.of_command(has_failed="bad" in states)
 
 
-def _ros() -> Finding:
+def _ros(version: int) -> Finding:
+    name = f"ROS {version}"
     if sys.platform != "linux":
-        return Finding("missing", "ROS 1", "its nodes run on Linux only")
-    from sim_action.ros.ros1.installation import find_ros
+        return Finding("missing", name, "its nodes run on Linux only")
+    from sim_action.ros.ros1 import installation as ros1
+    from sim_action.ros.ros2 import installation as ros2
 
     try:
-        ros = find_ros()
+        if version == 2:
+            return Finding("good", name, str(ros2.find_ros()))
+        ros = ros1.find_ros()
     except UsageError as error:
-        return Finding("missing", "ROS 1", str(error))
-    return Finding("good", "ROS 1", f"in {ros.prefix}, for {ros.python}")
-
-
-def _ros2() -> Finding:
-    if sys.platform != "linux":
-        return Finding("missing", "ROS 2", "its nodes run on Linux only")
-    from sim_action.ros.ros2.installation import find_ros
-
-    try:
-        ros = find_ros()
-    except UsageError as error:
-        return Finding("missing", "ROS 2", str(error))
-    return Finding("good", "ROS 2", str(ros))
+        return Finding("missing", name, str(error))
+    return Finding("good", name, f"in {ros.prefix}, for {ros.python}")
 
 
 State = Literal["good", "missing", "bad"]

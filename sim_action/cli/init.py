@@ -37,143 +37,32 @@ def init(folder: str, robot: str, force: bool) -> None:
 
 
 _ROBOT: Final = "turtlebot3_burger"
-
-_DRIVE: Final = """\
-# yaml-language-server: $schema=scenario.schema.json
-# A simulation test of a robot. Run it in the folder above this one: sim-action run simulation
-name: robot drives straight
-
-robot:
-  model: turtlebot3_burger      # a built-in model (sim-action models), or the path of your .urdf, relative to this file
-
-world:                          # flat ground, and a wall that the robot must not touch
-  objects:
-    - {name: wall, box: [0.1, 2.0, 0.5], pose: {x: 3.0}}
-
-commands:                       # what drives the robot (sim-action commands lists more)
-  rate: 10 Hz
-  twist:
-    - {linear: 0.5, for: 4 s}
-    - {linear: 0.2, angular: 30 deg/s}   # a curve; not reached here, as the run ends at 1.5 m
-
-expect:                         # expectations (sim-action assertions lists what they can be)
-  - travel: {at_least: 1.5 m}   # a goal: it must come true once; the run ends when all goals are met
-    before: 5 s                 # deadline of this goal
-  - no_collision                # an invariant: it must always hold; the run ends when it is broken
-  - max_speed: {linear: 0.6 m/s}
-
-time_limit: 20 s                # sim time at which the scenario fails if a goal is not met
-"""
-
-_ARM: Final = """\
-# yaml-language-server: $schema=scenario.schema.json
-# A simulation test of an arm. Run it in the folder above this one: sim-action run simulation
-name: arm moves to a pose
-
-robot:
-  model: ur5e_gripper           # a built-in model (sim-action models), or the path of your .urdf, relative to this file
-  joints: {shoulder_lift_joint: -90 deg}   # where joints begin; all others begin at 0
-
-world:                          # flat ground, and a box below the gripper that the arm must not touch
-  objects:
-    - {name: box, box: [0.2, 0.2, 0.2], pose: {x: 0.5, y: 0.1}}
-
-commands:                       # what moves the arm (sim-action commands lists more)
-  joints:
-    - {at: 1.5 s, position: {elbow_joint: 90 deg, wrist_1_joint: -90 deg, wrist_2_joint: -90 deg}}
-    - {at: 2 s, position: {left_finger_joint: 40 mm}}   # 0 is open, 42.5 mm is closed; the other finger follows
-  interpolation: minimum_jerk   # each motion starts and ends at rest
-
-expect:                         # expectations (sim-action assertions lists what they can be)
-  - joint: {name: elbow_joint, near: 90 deg, tolerance: 1 deg}   # a goal: it must come true once
-    before: 2 s                 # deadline of this goal
-  - joint: {name: right_finger_joint, near: 40 mm, tolerance: 1 mm}
-  - no_collision                # an invariant: it must always hold; the run ends when it is broken
-  - effort: {joints: ["shoulder_*", elbow_joint], at_most: 60 N m}
-
-time_limit: 5 s                 # sim time at which the scenario fails if a goal is not met
-"""
-
-_LEGS: Final = """\
-# yaml-language-server: $schema=scenario.schema.json
-# A simulation test of a robot with legs. Run it in the folder above this one: sim-action run simulation
-name: robot is pushed, keeps standing, and crouches
-
-robot:
-  model: quadruped              # a built-in model (sim-action models), or the path of your .urdf, relative to this file
-  joints: {"*_thigh": 40 deg, "*_knee": -90 deg}   # where joints begin; all others begin at 0
-
-world:                          # flat ground, and a force on the trunk
-  disturbances:
-    - {at: 0.5 s, for: 0.5 s, force: [0, 20 N, 0]}
-
-commands:                       # what moves the legs (sim-action commands lists more)
-  rate: 40 Hz
-  joints:
-    - {at: 2 s, position: {"*_thigh": 40 deg, "*_knee": -90 deg}}    # it stands
-    - {at: 3 s, position: {"*_thigh": 50 deg, "*_knee": -116 deg}}   # and crouches
-  interpolation: minimum_jerk   # each motion starts and ends at rest
-
-expect:                         # expectations (sim-action assertions lists what they can be)
-  - final_pose: {x: 0, y: 0, z: 22.5 cm, tolerance: 1 cm}   # judged at the end
-  - upright: {max_tilt: 5 deg}  # an invariant: it must always hold; the run ends when it is broken
-  - feet_on_ground: {links: ["*_foot"]}
-    before: 2 s                 # while it stands
-  - stay_within: {x: [-5 cm, 5 cm], y: [-5 cm, 5 cm]}
-
-time_limit: 4 s                 # sim time at which the run ends
-"""
-
-# The tag that moves to the newest release of this major version.
-_MOVING_TAG: Final = f"v{__version__.partition('.')[0]}"
-
-_WORKFLOW: Final = f"""\
-name: simulation
-on: [push, pull_request]
-permissions:
-  contents: read
-jobs:
-  simulation:
-    runs-on: ubuntu-latest
-    steps:
-      - uses: actions/checkout@3d3c42e5aac5ba805825da76410c181273ba90b1 # v7.0.1
-      - uses: sim-action/sim-action@{_MOVING_TAG}
-        id: simulation
-        with:
-          scenario: simulation
-          strict: true
-      # Keep the report: the files of a job are lost when it ends.
-      - uses: actions/upload-artifact@043fb46d1a93c77aae656e7c1c64a875d1fc6a0a # v7.0.1
-        if: ${{{{ !cancelled() && steps.simulation.outputs.output-directory != '' }}}}
-        with: {{name: sim-results, path: "${{{{ steps.simulation.outputs.output-directory }}}}"}}
-"""
-
-
-def _scenario(robot: str) -> tuple[str, str]:
-    """Return the name and the text of the scenario of a built-in robot. Raises UsageError for any other name."""
-    if robot not in BUILT_IN:
-        raise UsageError(
-            f"--robot: unknown robot '{robot}'{did_you_mean(robot, BUILT_IN)}; for a model of your own, {_OWN}"
-        )
-    if robot == "ur5e_gripper":
-        return "move_to_pose", _ARM
-    if robot == "quadruped":
-        return "keep_standing", _LEGS
-    # The comment stays where it is.
-    return "drive_straight", _DRIVE.replace(f"{_ROBOT:23}", f"{robot:23}")
-
+_TEMPLATES: Final = Path(__file__).with_name("scaffold")
+_OTHERS: Final = {"ur5e_gripper": "move_to_pose", "quadruped": "keep_standing"}
+"""Built-in robot -> its template; all others drive straight."""
 
 _OWN: Final = "leave out --robot and set robot.model in the scenario"
 
 
 def files(schema: str, robot: str = _ROBOT) -> dict[str, str]:
-    """Path below the folder -> text of each file that `init` writes."""
-    name, text = _scenario(robot)
+    """Path below the folder -> text of each file that `init` writes. Raises UsageError for an unknown robot."""
+    if robot not in BUILT_IN:
+        raise UsageError(
+            f"--robot: unknown robot '{robot}'{did_you_mean(robot, BUILT_IN)}; for a model of your own, {_OWN}"
+        )
+    name = _OTHERS.get(robot, "drive_straight")
+    # The comment behind the name of the robot stays where it is; the tag moves to the newest release of this version.
+    scenario = _template(name).replace(f"{_ROBOT:23}", f"{robot:23}")
+    workflow = _template("workflow").replace("@VERSION", f"@v{__version__.partition('.')[0]}")
     return {
-        f"simulation/{name}.sim.yml": text,
+        f"simulation/{name}.sim.yml": scenario,
         "simulation/scenario.schema.json": schema,
-        ".github/workflows/simulation.yml": _WORKFLOW,
+        ".github/workflows/simulation.yml": workflow,
     }
+
+
+def _template(name: str) -> str:
+    return (_TEMPLATES / f"{name}.template").read_text(encoding="utf-8")
 
 
 def write_scaffold(folder: Path, schema: str, *, force: bool, robot: str = _ROBOT) -> list[Path]:

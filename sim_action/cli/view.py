@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from sim_action.app.view import ViewRequest, view_report
+from sim_action.app.view import view_report
 from sim_action.cli.options import PORT, Bounded, flag, live_port, output_dir, refuse_typed
 from sim_action.core.errors import ExitCode
 
@@ -51,5 +51,5 @@ def view(
 
         refuse_typed("--live", "only", "time")
         return serve_live(place, served, print_only=print_only)
-    view_report(ViewRequest(place, only, time), print_only=print_only)
+    view_report(place, only, time, print_only=print_only)
     return ExitCode.PASSED

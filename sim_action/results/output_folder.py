@@ -89,6 +89,16 @@ def is_foreign(path: Path, is_ours: Callable[[bytes], bool]) -> bool:
     return bool(start) and not is_ours(start)
 
 
+def refuse_foreign_file(option: str, path: Path, is_ours: Callable[[bytes], bool], what: str) -> None:
+    """Raise UsageError if the file of an option exists and is not ours; `what`: that it is not, in words."""
+    try:
+        foreign = is_foreign(path, is_ours)
+    except (OSError, ValueError) as error:
+        raise UsageError(escaped_line(f"{option} {path} cannot be written: {system_reason(error)}")) from None
+    if foreign:
+        raise UsageError(escaped_line(f"{option} {path} exists and {what}; name another file, or remove it"))
+
+
 def refuse_foreign_files(folder: Path) -> None:
     """Raise UsageError if a call with this output folder would overwrite a file of the user."""
     earlier = manifest(folder)

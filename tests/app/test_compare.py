@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.cli.compare import CompareRequest, compare_results
+from sim_action.cli.compare import compare_results
 from sim_action.core.errors import ExitCode, UsageError
 from tests.outcomes import as_former_version, outcome, results, stored, unjudged
 
@@ -24,21 +24,21 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_files_and_folders_are_the_same(capsys: pytest.CaptureFixture[str]) -> None:
-    assert compare_results(CompareRequest("old", "new")) is ExitCode.FAILED
+    assert compare_results("old", "new") is ExitCode.FAILED
     first = capsys.readouterr().out
-    assert compare_results(CompareRequest("old/results.json", "new/results.json")) is ExitCode.FAILED
+    assert compare_results("old/results.json", "new/results.json") is ExitCode.FAILED
     assert capsys.readouterr().out == first
     assert first.splitlines()[-1] == "1 newly fails, 1 still passes"
 
 
 def test_nothing_newly_fails_the_other_way_round() -> None:
-    assert compare_results(CompareRequest("new", "old", strict=True)) is ExitCode.PASSED
+    assert compare_results("new", "old", strict=True) is ExitCode.PASSED
 
 
 def test_results_of_the_former_version_are_compared() -> None:
     as_former_version(Path("old/results.json"))
-    assert compare_results(CompareRequest("old", "new")) is ExitCode.FAILED
-    assert compare_results(CompareRequest("new", "old", strict=True)) is ExitCode.PASSED
+    assert compare_results("old", "new") is ExitCode.FAILED
+    assert compare_results("new", "old", strict=True) is ExitCode.PASSED
 
 
 @pytest.mark.parametrize("version", [1, 2, 3, 4])
@@ -48,30 +48,30 @@ def test_a_pass_of_any_version_newly_fails_where_nothing_is_checked_now(
     if version < 4:
         as_former_version(Path("old/results.json"), version=version)
     stored(Path("unread"), results(outcome("a.sim.yml"), unjudged("b.sim.yml")))
-    assert compare_results(CompareRequest("old", "unread")) is ExitCode.FAILED
+    assert compare_results("old", "unread") is ExitCode.FAILED
     found = capsys.readouterr().out
     assert "newly fails  b  b.sim.yml  travel: never checked: sensor 'lidar' had no reading\n" in found
-    assert compare_results(CompareRequest("unread", "old", strict=True)) is ExitCode.PASSED
+    assert compare_results("unread", "old", strict=True) is ExitCode.PASSED
     assert "fixed  b  b.sim.yml  not exercised before: travel: never checked" in capsys.readouterr().out
 
 
 def test_what_failed_is_not_fixed_by_checking_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     stored(Path("unread"), results(outcome("a.sim.yml"), unjudged("b.sim.yml")))
-    compare_results(CompareRequest("new", "unread"))
+    compare_results("new", "unread")
     assert "fails differently  b  b.sim.yml  was: failed; travel: never checked" in capsys.readouterr().out
-    compare_results(CompareRequest("unread", "unread"))
+    compare_results("unread", "unread")
     assert "still fails  b  b.sim.yml  travel: never checked" in capsys.readouterr().out
 
 
 def test_shards_are_one_run() -> None:
     for index, name in ((1, "a.sim.yml"), (2, "b.sim.yml")):
         stored(Path("shards", str(index)), results(outcome(name), shard=(index, 2, 2)))
-    assert compare_results(CompareRequest("old", "shards", strict=True)) is ExitCode.PASSED
+    assert compare_results("old", "shards", strict=True) is ExitCode.PASSED
 
 
 def test_a_shard_that_is_lost_fails(capsys: pytest.CaptureFixture[str]) -> None:
     stored(Path("shards/1"), results(outcome("a.sim.yml"), shard=(1, 2, 2)))
-    assert compare_results(CompareRequest("old", "shards")) is ExitCode.FAILED
+    assert compare_results("old", "shards") is ExitCode.FAILED
     assert "shard 2 of 2" in capsys.readouterr().out
 
 
@@ -88,33 +88,33 @@ def test_what_cannot_be_compared(old: str, new: str, complaint: str) -> None:
     Path("empty").mkdir()
     Path("text").write_text("{}")
     with pytest.raises(UsageError) as error:
-        compare_results(CompareRequest(old, new))
+        compare_results(old, new)
     assert complaint in str(error.value)
     assert error.value.exit_code is ExitCode.INVALID
 
 
 def test_markdown_goes_to_a_file_beside_what_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    compare_results(CompareRequest("old", "new", markdown="comment.md"))
+    compare_results("old", "new", markdown="comment.md")
     assert Path("comment.md").read_text(encoding="utf-8").startswith("## ❌ 1 scenario newly fails\n")
     assert "##" not in capsys.readouterr().out
 
 
 def test_markdown_takes_the_place_of_what_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert compare_results(CompareRequest("old", "new", markdown="-")) is ExitCode.FAILED
+    assert compare_results("old", "new", markdown="-") is ExitCode.FAILED
     assert capsys.readouterr().out.startswith("## ❌ 1 scenario newly fails\n")
     assert not Path("-").exists()
 
 
 def test_a_place_that_cannot_be_written_to_is_told() -> None:
     with pytest.raises(UsageError, match=r"--markdown no/such\.md cannot be written: No such file or directory"):
-        compare_results(CompareRequest("old", "new", markdown="no/such.md"))
+        compare_results("old", "new", markdown="no/such.md")
 
 
 def test_github_gets_a_summary_and_outputs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", "summary.md")
     monkeypatch.setenv("GITHUB_OUTPUT", "output")
     Path("summary.md").write_text("before\n")
-    compare_results(CompareRequest("old", "new"))
+    compare_results("old", "new")
     assert Path("summary.md").read_text(encoding="utf-8").startswith("before\n## ❌ 1 scenario newly fails\n")
     lines = Path("output").read_text().splitlines()
     assert [lines[0].partition("<<")[0], lines[1]] == ["newly-failing", "1"]
@@ -123,7 +123,7 @@ def test_github_gets_a_summary_and_outputs(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_no_summary_where_none_is_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", "summary.md")
-    compare_results(CompareRequest("old", "new", summary=False))
+    compare_results("old", "new", summary=False)
     assert not Path("summary.md").exists()
 
 
@@ -133,8 +133,8 @@ def test_a_scenario_that_checks_less_is_a_warning(capsys: pytest.CaptureFixture[
     more = (travel, travel.model_copy(update={"name": "stay upright", "assertion": "upright"}))
     stored(Path("strict"), results(strict.model_copy(update={"expectations": more})))
     stored(Path("weak"), results(weak))
-    assert compare_results(CompareRequest("strict", "weak", markdown="comment.md")) is ExitCode.PASSED
+    assert compare_results("strict", "weak", markdown="comment.md") is ExitCode.PASSED
     assert "no longer checked  a  a.sim.yml  stay upright: removed from the scenario" in capsys.readouterr().out
     assert "| no longer checked |" in Path("comment.md").read_text(encoding="utf-8")
-    assert compare_results(CompareRequest("strict", "weak", strict=True)) is ExitCode.FAILED
-    assert compare_results(CompareRequest("weak", "strict", strict=True)) is ExitCode.PASSED
+    assert compare_results("strict", "weak", strict=True) is ExitCode.FAILED
+    assert compare_results("weak", "strict", strict=True) is ExitCode.PASSED

@@ -9,7 +9,7 @@ from urllib.parse import parse_qs, unquote, urlsplit
 
 import pytest
 
-from sim_action.app.view import ViewRequest, address, opened
+from sim_action.app.view import address, opened
 from sim_action.cli.main import call
 from sim_action.core.errors import UsageError
 from tests.outcomes import as_former_version, outcome, results, stored
@@ -28,46 +28,46 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("place", ["sim-results", "sim-results/report.html", "sim-results/results.json"])
 def test_a_report_is_found_by_itself_and_by_what_lies_beside_it(place: str, folder: Path) -> None:
-    assert address(ViewRequest(Path(place))) == (folder / "report.html").as_uri()
+    assert address(Path(place)) == (folder / "report.html").as_uri()
 
 
 def test_a_moment_of_a_scenario_stands_behind_it(folder: Path) -> None:
-    found = urlsplit(address(ViewRequest(folder, "a b & c", 4.504)))
+    found = urlsplit(address(folder, "a b & c", 4.504))
     assert unquote(found.path) == str(folder / "report.html")
     assert parse_qs(found.fragment) == {"scenario": ["a b & c"], "t": ["4.5"]}
 
 
 def test_names_are_read_from_results_of_the_former_version(folder: Path) -> None:
     as_former_version(folder / "results.json")
-    assert address(ViewRequest(folder, "d")).endswith("report.html#scenario=d")
+    assert address(folder, "d").endswith("report.html#scenario=d")
     with pytest.raises(UsageError, match="no scenario 'dd'"):
-        address(ViewRequest(folder, "dd"))
+        address(folder, "dd")
 
 
 def test_a_name_that_is_not_in_it_is_told_with_the_nearest(folder: Path) -> None:
     with pytest.raises(UsageError, match="the report has no scenario 'dd'; did you mean 'd'"):
-        address(ViewRequest(folder, "dd"))
+        address(folder, "dd")
 
 
 def test_a_report_alone_is_asked_for_any_name(folder: Path) -> None:
     (folder / "results.json").unlink()
-    assert address(ViewRequest(folder, "dd")).endswith("report.html#scenario=dd")
+    assert address(folder, "dd").endswith("report.html#scenario=dd")
 
 
 @pytest.mark.parametrize("there", [2, 1, 0])
 def test_a_time_is_of_one_scenario(there: int, folder: Path) -> None:
     results(*[outcome("a.sim.yml"), outcome("b.sim.yml")][:there]).write(folder)
     if there == 1:
-        assert address(ViewRequest(folder, time=2.0)).endswith("#scenario=a&t=2")
+        assert address(folder, time=2.0).endswith("#scenario=a&t=2")
         return
     with pytest.raises(UsageError, match="--time needs --only to select a scenario"):
-        address(ViewRequest(folder, time=2.0))
+        address(folder, time=2.0)
 
 
 @pytest.mark.parametrize("place", ["nowhere", "sim-results/traces", "x" * 300, "a\0b"])
 def test_a_report_that_is_not_there_is_told_with_what_writes_it(place: str) -> None:
     with pytest.raises(UsageError, match=r"no report found at .*; `sim-action run` writes one"):
-        address(ViewRequest(Path(place)))
+        address(Path(place))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there always is a display")

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from sim_action.cli.compare import CompareRequest, compare_results
+from sim_action.cli.compare import compare_results
 from sim_action.core.errors import ExitCode
 from sim_action.core.records import replace
 from sim_action.results.comparison import Change, Comparison, Thresholds, compare_outcomes
@@ -381,15 +381,14 @@ def test_results_of_shards_are_joined_first(tmp_path: Path, capsys: pytest.Captu
             there = tmp_path / folder / str(index)
             there.mkdir(parents=True)
             part.model_copy(update={"gates": (planned(100),)}).write(there)
-    request = CompareRequest(str(tmp_path / "old"), str(tmp_path / "new"))
+    old, new = str(tmp_path / "old"), str(tmp_path / "new")
     told = "the pass rate fell by 15 points (from 95 % to 80 % of 100 runs; 95 % interval 7.3 to 22.1; p < 0.0001)"
-    assert compare_results(request) is ExitCode.FAILED
+    assert compare_results(old, new) is ExitCode.FAILED
     assert capsys.readouterr().out.splitlines() == [
         f"✗ pass rate fell  push  {FILE}  {told}",
         "1 pass rate fell, 1 still passes",
     ]
-    same = CompareRequest(str(tmp_path / "old"), str(tmp_path / "old"))
-    assert compare_results(same) is ExitCode.PASSED
+    assert compare_results(old, old) is ExitCode.PASSED
     assert capsys.readouterr().out == "1 still passes\n"
 
 
@@ -398,6 +397,5 @@ def test_the_stated_gates_of_results_files_are_compared(tmp_path: Path, capsys: 
         (tmp_path / folder).mkdir()
         found = results(*verdicts(passing(100)))
         found.model_copy(update={"gates": (planned(100, at_least=at_least),)}).write(tmp_path / folder)
-    request = CompareRequest(str(tmp_path / "old"), str(tmp_path / "new"), strict=True)
-    assert compare_results(request) is ExitCode.FAILED
+    assert compare_results(str(tmp_path / "old"), str(tmp_path / "new"), strict=True) is ExitCode.FAILED
     assert "passes: at least 80 %, was at least 90 %" in capsys.readouterr().out
