@@ -18,7 +18,7 @@ from sim_action.core.records import dataclass, field
 if TYPE_CHECKING:
     from sim_action.engines.engine import Engine
 
-Feature = Literal["damped joints", "skid drive"]
+Feature = Literal["MJCF", "damped joints", "skid drive"]
 """A feature of the robot for which an engine may import a module that other runs do not need."""
 
 
@@ -60,6 +60,7 @@ ENGINES: Final[dict[str, EngineRow]] = {
         distribution="mujoco-core",
         install_hint="pip install mujoco-core",
         environment=("MUJOCO_*",),
+        feature_modules={"MJCF": "robot.reading.mjcf.mjcf_reader"},
     ),
 }
 """The engines by name. `auto` selects the first one that is installed."""

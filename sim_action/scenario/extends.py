@@ -18,7 +18,7 @@ from sim_action.core.yaml_document import Document
 from sim_action.drives import DRIVES
 from sim_action.robot.built_in import BUILT_IN
 from sim_action.robot.model.robot_spec import Robot
-from sim_action.scenario.variations.draws import Choice, CsvColumn
+from sim_action.scenario.variations import Choice, CsvColumn
 from sim_action.sensors import SENSORS
 from sim_action.world import World
 

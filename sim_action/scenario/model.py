@@ -38,7 +38,7 @@ from sim_action.scenario.child_environment import MAX_SET, problem_of
 from sim_action.scenario.faults import Fault
 from sim_action.scenario.mutation import Mutation
 from sim_action.scenario.source import MAX_SEED, Source
-from sim_action.scenario.variations.draws import Choice, CsvColumn, Integers, LogUniform, Normal, Sobol, Uniform
+from sim_action.scenario.variations import Choice, CsvColumn, Integers, LogUniform, Normal, Sobol, Uniform
 from sim_action.scenario.variations.gate import Gate
 from sim_action.sensors import MountedSensor
 from sim_action.state.timeline import TimeMark

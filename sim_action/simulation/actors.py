@@ -20,9 +20,10 @@ from sim_action.engines.engine import Engine, RobotQueries
 from sim_action.robot.model.kinematics import link_motion
 from sim_action.scenario.model import DrivenActor, Scenario
 from sim_action.simulation.controllers import Controls
-from sim_action.simulation.guards import Guard, Tunnelling, Watchdog
+from sim_action.simulation.guards import Guard, Watchdog
 from sim_action.simulation.sensors import Sensing
 from sim_action.simulation.start_checks import about_drive, drive_of
+from sim_action.simulation.tunnelling import Tunnelling
 from sim_action.state.command import JointTargets
 from sim_action.state.timeline import TimeMark
 from sim_action.state.trace import Trace

@@ -24,7 +24,7 @@ from sim_action.scenario.model import Expectation, Scenario
 from sim_action.scenario.mutation import UNTOUCHED, Seams
 from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
 from sim_action.simulation.controllers import Controls, padded
-from sim_action.simulation.guards import NO_BODIES, Guard, Tunnelling, Watchdog
+from sim_action.simulation.guards import NO_BODIES, Guard, Watchdog
 from sim_action.simulation.panel import End, Panel
 from sim_action.simulation.recorder import RunRecorder, moving_bodies
 from sim_action.simulation.run_audit import Beginning, Motion, RunFacts, audit_run, unreached_events
@@ -525,6 +525,8 @@ class _Loop:
         """Yield the guards of a run that starts with this observation and these poses of bodies."""
         scene, objects = self._scene, self._scene.world.objects
         if objects or self._actors:
+            from sim_action.simulation.tunnelling import Tunnelling  # an empty world does without it
+
             tunnelling = Tunnelling(scene, start, placed, solid_terrain=self._backend.solid_terrain)
             yield tunnelling
             if self._actors:

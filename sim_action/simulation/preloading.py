@@ -24,6 +24,9 @@ def needed_modules(scenarios: Iterable[LoadedScenario]) -> set[str]:
     """Return the names of the modules that some of these scenarios may need, but not every run."""
     found, known = set[str](), set[tuple[object, ...]]()
     for loaded in scenarios:
+        modules = ENGINES[chosen(loaded.scenario.backend)].feature_modules
+        if loaded.scenario.robot.is_mjcf and "MJCF" in modules:
+            found.add(modules["MJCF"])
         if loaded.model is None:
             continue
         found.update(_of_world(loaded))
@@ -39,6 +42,8 @@ def needed_modules(scenarios: Iterable[LoadedScenario]) -> set[str]:
 
 def _of_world(loaded: LoadedScenario) -> Iterator[str]:
     world = loaded.scenario.world
+    if world.objects:
+        yield "simulation.tunnelling"
     if any(body.path for body in world.objects):
         yield "simulation.bodies_on_paths"
     if loaded.scenario.faults:

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from sim_action.core.errors import BadStart, MissedContact, RunError, SimulationUnstable
 from sim_action.core.geometry import quaternion_from_rpy, rotate
 from sim_action.core.lazy_numpy import FloatArray
-from sim_action.simulation.guards import Tunnelling
 from sim_action.simulation.loop import SimulationRun
+from sim_action.simulation.tunnelling import Tunnelling
 from sim_action.world import World
 from tests.integration.engines import at, on_every_engine, running, scene_of
 from tests.simulated import simulated

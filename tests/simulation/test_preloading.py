@@ -40,7 +40,14 @@ def test_a_robot_that_nothing_drives_may_keep_its_energy(tmp_path: Path) -> None
 
 
 def test_a_body_on_a_path_may_touch_and_pin_the_robot(tmp_path: Path) -> None:
-    assert needed(tmp_path, DRIVEN + ON_PATH) == {"simulation.bodies_on_paths"}
+    assert needed(tmp_path, DRIVEN + ON_PATH) == {"simulation.bodies_on_paths", "simulation.tunnelling"}
+
+
+def test_a_model_in_mjcf_is_read_by_each_run(tmp_path: Path) -> None:
+    body = '<body><freejoint/><geom type="sphere" size="0.1" mass="1"/></body>'
+    (tmp_path / "robot.xml").write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    text = DRIVEN.replace("turtlebot3_burger", "robot.xml").replace(COMMANDS, "").replace(EXPECTED, UPRIGHT)
+    assert needed(tmp_path, text + "backend: mujoco\n") == {"robot.reading.mjcf.mjcf_reader"}
 
 
 @pytest.mark.parametrize(

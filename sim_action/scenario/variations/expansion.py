@@ -24,7 +24,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import shown
 from sim_action.core.yaml_document import Document, KeyPath, NoSuchKey, placed, plain_data, resolved
 from sim_action.scenario.source import MAX_KEYS, MAX_RUNS, SEED, Source, Varied
-from sim_action.scenario.variations.draws import Sobol
+from sim_action.scenario.variations import Sobol
 from sim_action.scenario.variations.gate import (
     GATE,
     SAMPLE,

@@ -19,7 +19,18 @@ from sim_action.core.wording import counted, did_you_mean, shown
 from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.core.yaml_document import KeyPath, plain_value
 from sim_action.scenario.source import DRAWN_SEED_BITS, SEED
-from sim_action.scenario.variations import draws
+from sim_action.scenario.variations import (
+    DRAWS,
+    OPTIONS,
+    Choice,
+    CsvColumn,
+    Distribution,
+    Draw,
+    DrawError,
+    Integers,
+    Sobol,
+    Uniform,
+)
 
 MAX_CSV_BYTES: Final = 25_000_000
 MAX_ROWS: Final = 10_000  # the largest number of rows that are samples; it is that of the runs of a file
@@ -171,46 +182,46 @@ def value_list(
         _refuse_twins(stated)
         return ValueList(stated, places=tuple((index,) for index in range(len(stated))))
     draw = _draw(stated)
-    if isinstance(draw, draws.CsvColumn):
+    if isinstance(draw, CsvColumn):
         return _of_csv(key, draw, runs, files)
     generator, count = _generator(key, seed), _count(draw, runs)
     if key == SEED:
         return _seeds(draw, count, generator)
-    if isinstance(draw, draws.Choice):
+    if isinstance(draw, Choice):
         _refuse_twins(draw.choice, ("choice",), "; use 'weights' instead")
         indices = tuple(draw.indices(generator.random() for _ in range(count)))
         places = tuple(("choice", index) for index in indices)
         return ValueList(tuple(draw.choice[each] for each in indices), True, choices=draw.choice, places=places)
-    assert isinstance(draw, draws.Distribution)
-    if isinstance(draw, draws.Sobol):
+    assert isinstance(draw, Distribution)
+    if isinstance(draw, Sobol):
         _refuse_uneven(draw, count)
         numbers = scrambled_points(dimension, count, generator.getrandbits(BITS))
     else:
         numbers = (generator.random() for _ in range(count))
-    return ValueList(tuple(draw.drawn(numbers)), True, draw.advice, rounded=not isinstance(draw, draws.Integers))
+    return ValueList(tuple(draw.drawn(numbers)), True, draw.advice, rounded=not isinstance(draw, Integers))
 
 
-def _draw(stated: object) -> draws.Draw:
+def _draw(stated: object) -> Draw:
     """Return the draw that a key states. Raises ValuesError."""
     if not isinstance(stated, dict):
         raise ValuesError(f"{_EXPECTED}, found {shown(stated)}")
-    ways = [way for way in draws.DRAWS if way in stated]
+    ways = [way for way in DRAWS if way in stated]
     if len(ways) > 1:
         raise ValuesError(f"'{ways[0]}' and '{ways[1]}' cannot be combined; keep one of them")
     if not ways:
-        others = [name for name in stated if name not in draws.OPTIONS]
-        hint = did_you_mean(others[0] if others else "", draws.DRAWS)
+        others = [name for name in stated if name not in OPTIONS]
+        hint = did_you_mean(others[0] if others else "", DRAWS)
         raise ValuesError(f"{_EXPECTED}{hint}")
-    model = draws.DRAWS[ways[0]]
+    model = DRAWS[ways[0]]
     try:
         return model.model_validate(stated)
     except ValidationError as error:
         path, message = next(spec_errors(model, stated, error))
         cause = error.errors(include_url=False)[0].get("ctx", {}).get("error")
-        raise ValuesError(message, (cause.key,) if isinstance(cause, draws.DrawError) else path) from None
+        raise ValuesError(message, (cause.key,) if isinstance(cause, DrawError) else path) from None
 
 
-def _count(draw: draws.Draw, runs: int | None) -> int:
+def _count(draw: Draw, runs: int | None) -> int:
     """Return the number of samples. Raises ValuesError."""
     _refuse_other_runs(draw, runs)
     count = draw.samples or runs
@@ -219,13 +230,13 @@ def _count(draw: draws.Draw, runs: int | None) -> int:
     return count
 
 
-def _refuse_other_runs(draw: draws.Draw, runs: int | None) -> None:
+def _refuse_other_runs(draw: Draw, runs: int | None) -> None:
     if runs is not None and draw.samples not in (None, runs):
         message = f"{counted(draw.samples or 0, 'sample')}, but the gate has {counted(runs, 'run')}"
         raise ValuesError(f"{message}; remove 'samples', or make both equal", ("samples",))
 
 
-def _refuse_uneven(draw: draws.Sobol, count: int) -> None:
+def _refuse_uneven(draw: Sobol, count: int) -> None:
     if count & (count - 1):
         above = 1 << count.bit_length()
         near = f"{above // 2:,} or {above:,}" if above <= MAX_ROWS else f"{above // 2:,}, the greatest one"
@@ -234,7 +245,7 @@ def _refuse_uneven(draw: draws.Sobol, count: int) -> None:
         raise ValuesError(f"{message}, such as {near}; found {count:,}", ("samples",) if draw.samples else ())
 
 
-def _of_csv(key: str, draw: draws.CsvColumn, runs: int | None, files: CsvFiles | None) -> ValueList:
+def _of_csv(key: str, draw: CsvColumn, runs: int | None, files: CsvFiles | None) -> ValueList:
     """Return the values of a column. Raises ValuesError."""
     if key == SEED:
         raise ValuesError(_NO_SEEDS, (draw.key,))
@@ -269,11 +280,11 @@ _NO_SEEDS: Final = (
 )
 
 
-def _seeds(draw: draws.Draw, count: int, generator: Random) -> ValueList:
+def _seeds(draw: Draw, count: int, generator: Random) -> ValueList:
     """Return different whole numbers; more samples keep the first ones. Raises ValuesError."""
-    if not isinstance(draw, draws.Integers | draws.Uniform):
+    if not isinstance(draw, Integers | Uniform):
         raise ValuesError(_NO_SEEDS, (draw.key,))
-    low, high, unit = (*draw.integers, "") if isinstance(draw, draws.Integers) else draw.numbers
+    low, high, unit = (*draw.integers, "") if isinstance(draw, Integers) else draw.numbers
     if unit or low < 0 or high > 2**DRAWN_SEED_BITS or low % 1 or high % 1:
         raise ValuesError(f"the bounds of seeds must be whole numbers from 0 to {2**DRAWN_SEED_BITS}", (draw.key,))
     size = int(high - low) + 1

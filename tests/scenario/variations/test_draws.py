@@ -14,7 +14,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sim_action.scenario.variations import draws
+from sim_action.scenario import variations as draws
 
 COUNT = 4000
 SHARES = st.floats(0, 1, exclude_max=True)
