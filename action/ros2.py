@@ -89,8 +89,8 @@ def messages(locks_folder: Path, variables: Mapping[str, str]) -> int:
     SETUP_PYTHON is an interpreter with pip: it installs the generators into the environment of ROS 2.
     """
     # The other subcommands run before sim-action's dependencies are installed.
-    from sim_action.core.discovery import discover
     from sim_action.core.permissions import scripts_refused
+    from sim_action.core.workspace import discover
     from sim_action.ros.ros2.preparation import needed_by
 
     os.chdir(variables["INPUT_WORKING_DIRECTORY"].strip())

@@ -26,7 +26,7 @@ GATED: Final = {
     "commands/logs/damaged_logs.py": "as commands/logs/rosbag.py",
     "commands/logs/rosbag.py": "Workspace.file_or_folder, and Workspace.file for each file in the folder",
     "networks/onnx_network.py": "Workspace.file, also for its files with weights",
-    "core/discovery.py": "only in folders of the workspace, and no link",
+    "core/workspace.py": "only in folders of the workspace, and no link",
     "core/user_scripts.py": "Workspace.file",
     "meshes/__init__.py": "Packages.file, or Workspace.file for meshes of the world",
     "meshes/collada.py": "beside a mesh that was let through: only a name without folders, and no link",
@@ -51,9 +51,9 @@ OWN: Final = frozenset(
         "app/catalogue.py",
         "app/library_results.py",
         "networks/network_check.py",  # its own size in /proc
+        "cli/init.py",  # its templates
         "cli/pyproject.py",  # only if it lies in the workspace, with links resolved
         "robot/documents/part_table.py",
-        "core/content_cache.py",
         "core/files.py",
         "core/git_tree.py",
         "core/permissions.py",

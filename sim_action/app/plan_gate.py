@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from sim_action.core.discovery import compared_name
 from sim_action.core.errors import UsageError
 from sim_action.core.units import SHARE, parse
 from sim_action.core.wording import escaped_line, log_line, shown
+from sim_action.core.workspace import compared_name
 from sim_action.reports.gate_chances import Duration, plan_lines
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import RESULTS_FILE, Results

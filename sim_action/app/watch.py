@@ -10,11 +10,11 @@ from typing import Final
 
 from sim_action.app.live import live_beside
 from sim_action.app.run import RunRequest, run_scenarios
-from sim_action.core.discovery import compared_name, discover, file_name, unique
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import note
+from sim_action.core.workspace import compared_name, discover, file_name, unique
 from sim_action.reports.comparison import print_comparison, rows
 from sim_action.results.comparison import Thresholds, compare_outcomes
 from sim_action.results.outcome import Outcome

@@ -12,10 +12,10 @@ from typing import Final
 import click
 
 from sim_action.cli.options import Bounded, output_dir, refuse_typed, switch, text_option
-from sim_action.core.discovery import compared_name
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.files import whole_file
 from sim_action.core.wording import escaped_line, warn
+from sim_action.core.workspace import compared_name
 from sim_action.reports.comparison import comparison_markdown, print_comparison
 from sim_action.reports.github.step_outputs import append_outputs
 from sim_action.results.comparison import Comparison, Thresholds, compare_outcomes

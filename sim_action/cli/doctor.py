@@ -19,8 +19,8 @@ from sim_action.app.library import run
 from sim_action.assertions import ASSERTIONS
 from sim_action.assertions.distance import Travel
 from sim_action.commands import COMMANDS
-from sim_action.core.content_cache import cache_folder
 from sim_action.core.errors import ExitCode, SimActionError, UsageError
+from sim_action.core.files import cache_folder
 from sim_action.core.process import usable_cores
 from sim_action.core.provenance import platform_name
 from sim_action.core.records import dataclass

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from sim_action.cli.options import PATHS, Bounded, discovered, selection_flags, text_option
-from sim_action.core.discovery import compared_name, file_name
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line, note
+from sim_action.core.workspace import compared_name, file_name
 from sim_action.results.results_json import Results, balanced
 from sim_action.scenario.selection import numbered
 

@@ -18,13 +18,13 @@ from sim_action.cli.options import (
     text_option,
     typed,
 )
-from sim_action.core.discovery import compared_name
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.permissions import Permissions
 from sim_action.core.provenance import platform_name
 from sim_action.core.records import dataclass, replace
 from sim_action.core.version import __version__
 from sim_action.core.wording import escaped_line, note, shortened
+from sim_action.core.workspace import compared_name
 from sim_action.reports import ReportRequest
 from sim_action.reports.writing import open_reports, write_reports
 from sim_action.results.artifacts import RUN_FILE_FOLDERS, StoredFile, stored_files_of, trace_paths, with_copied_files

@@ -222,7 +222,7 @@ def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None, *, out
     `taken_selection`; None selects everything. `outside`: True if links out of the workspace are followed. A
     path without scenarios is reported on standard error.
     """
-    from sim_action.core.discovery import file_name, misnamed
+    from sim_action.core.workspace import file_name, misnamed
     from sim_action.scenario.selection import Selection, find_suite
 
     selection = Selection() if flags is None else taken_selection(flags)

@@ -13,11 +13,10 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.cli import SUBCOMMANDS
-from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location, UsageError
 from sim_action.core.files import read_at_most
 from sim_action.core.wording import escaped_line
-from sim_action.core.workspace import Workspace, is_of_git
+from sim_action.core.workspace import Workspace, file_name, is_of_git
 from sim_action.core.yaml_document import Document, KeyPath
 
 if TYPE_CHECKING:

@@ -157,8 +157,8 @@ def ros2(**flags: Any) -> ExitCode:
     """
     from pathlib import Path
 
-    from sim_action.core.content_cache import cache_folder
-    from sim_action.core.discovery import discover
+    from sim_action.core.files import cache_folder
+    from sim_action.core.workspace import discover
     from sim_action.ros.ros2.installation import find_ros
     from sim_action.ros.ros2.preparation import needed_by, prepare
     from sim_action.scenario.child_environment import code_environment

@@ -16,8 +16,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
-from sim_action.core.content_cache import Entry
-from sim_action.core.files import read_at_most
+from sim_action.core.files import Entry, read_at_most
 from sim_action.core.geometry import Vector3
 from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.wording import shown

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from typing import Any, Final, Literal
 
-from sim_action.core.content_cache import Entry
+from sim_action.core.files import Entry
 from sim_action.core.geometry import Box, Vector3
 from sim_action.core.lazy_numpy import NDArray, np
 from sim_action.core.records import dataclass

@@ -13,8 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final, Self
 
-from sim_action.core.content_cache import cache_folder
-from sim_action.core.files import open_regular, whole_file
+from sim_action.core.files import cache_folder, open_regular, whole_file
 from sim_action.core.git_tree import GitError, is_tracked, repositories_around
 from sim_action.core.records import dataclass
 

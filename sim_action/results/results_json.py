@@ -16,12 +16,12 @@ from typing import Annotated, Any, Final, Literal, NoReturn, Self, TypeVar
 from pydantic import AwareDatetime, Field, ValidationError, model_validator
 from pydantic_core import PydanticSerializationError
 
-from sim_action.core.discovery import paths_of, unique
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import read_at_most, whole_file
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
+from sim_action.core.workspace import paths_of, unique
 from sim_action.results.outcome import WORST_FIRST, NotNegative, Outcome, Status
 from sim_action.scenario.selection import ranges_text
 from sim_action.scenario.variations.gate import PlannedGate

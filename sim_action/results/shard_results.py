@@ -11,10 +11,10 @@ from itertools import groupby, zip_longest
 from pathlib import Path, PurePosixPath
 from typing import NoReturn
 
-from sim_action.core.discovery import compared_name
 from sim_action.core.errors import UsageError
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
+from sim_action.core.workspace import compared_name
 from sim_action.results.gates import over_variations
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import RESULTS_FILE, ResultsFile, Shard, find_all, read_all, shards_text

@@ -14,10 +14,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final, Self
 
-from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location
 from sim_action.core.files import whole_file
 from sim_action.core.records import dataclass, field, replace
+from sim_action.core.workspace import file_name
 from sim_action.scenario.model import LoadedScenario
 
 FORKED: Final = b"forked "  # the message of a supervisor that a preloaded interpreter has forked, with its number

@@ -17,7 +17,7 @@ from typing import Any, Final
 
 from pydantic_core import PydanticSerializationError, to_json
 
-from sim_action.core.content_cache import cache_folder
+from sim_action.core.files import cache_folder
 from sim_action.runner.job import Job
 
 MAX_INPUTS: Final = 2_000

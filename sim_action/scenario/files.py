@@ -12,14 +12,13 @@ from itertools import count
 from pathlib import Path
 from typing import Final
 
-from sim_action.core.discovery import SUFFIXES, file_name, name_beside
 from sim_action.core.errors import InternalError, InvalidScenario, Location, MissingScenario, Problem
 from sim_action.core.field_types import is_title
 from sim_action.core.files import read_at_most, similar_path
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import replace
 from sim_action.core.wording import escaped_line, shown
-from sim_action.core.workspace import PathError, Workspace, path_problem, similar_name
+from sim_action.core.workspace import SUFFIXES, PathError, Workspace, file_name, name_beside, path_problem, similar_name
 from sim_action.core.yaml_document import MAX_BYTES, Document, location_after, read_document
 from sim_action.scenario.source import MAX_RUNS, Refused, Source
 from sim_action.scenario.variations.gate import GATE

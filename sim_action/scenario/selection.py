@@ -11,11 +11,11 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from sim_action.core.discovery import compared_name, discover, file_name, unique
 from sim_action.core.errors import Location, Problem, UsageError
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import counted, did_you_mean, escaped_line
+from sim_action.core.workspace import compared_name, discover, file_name, unique
 from sim_action.engines import ENGINES
 from sim_action.scenario.files import read_file
 from sim_action.scenario.source import Refused, Source

@@ -16,12 +16,19 @@ from numpy.typing import NDArray
 
 from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.core import geometry
-from sim_action.core.convex import hull_distance
 from sim_action.core.geometry import Pose
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, replace
 from sim_action.robot.model.kinematics import Frames, frames_of, link_frames
-from sim_action.simulation.convex_pieces import Obstacle, Piece, link_pieces, part_pieces, part_soups, turned
+from sim_action.simulation.convex_pieces import (
+    Obstacle,
+    Piece,
+    hull_distance,
+    link_pieces,
+    part_pieces,
+    part_soups,
+    turned,
+)
 from sim_action.simulation.fast_motion import FIXED, Block, Miss, Parts
 from sim_action.state.trace_records import ALWAYS
 from sim_action.world import MAX_SPEED, placed

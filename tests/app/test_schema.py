@@ -17,8 +17,8 @@ import yaml
 
 from sim_action.app.schema import SCHEMAS, base_schema, results_schema, scenario_schema, schema_text
 from sim_action.cli.init import files
-from sim_action.core.discovery import SUFFIXES
 from sim_action.core.errors import InvalidScenario, Location
+from sim_action.core.workspace import SUFFIXES
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 from sim_action.scenario.loading import load_scenario

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.cli.matrix import FileOfScenarios, Unit, known_durations, matrix_text
-from sim_action.core.discovery import compared_name
 from sim_action.core.errors import UsageError
+from sim_action.core.workspace import compared_name
 from sim_action.scenario.selection import split
 from tests.outcomes import outcome, results
 

@@ -10,9 +10,9 @@ from typing import get_args
 import pytest
 from packaging.requirements import Requirement
 
-from sim_action.core.discovery import file_name
 from sim_action.core.errors import InvalidScenario, UsageError
 from sim_action.core.permissions import Permissions
+from sim_action.core.workspace import file_name
 from sim_action.engines import ENGINES, chosen, installed
 from sim_action.runner.run_plan import PlanRequest, RunPlan, engine_runs, plan_runs, source_of
 from sim_action.scenario.loading import load_scenario

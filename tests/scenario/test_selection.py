@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.discovery import file_name
 from sim_action.core.errors import InvalidScenario, Location, Problem, UsageError
 from sim_action.core.permissions import Permissions
-from sim_action.core.workspace import Workspace
+from sim_action.core.workspace import Workspace, file_name
 from sim_action.core.yaml_document import Document
 from sim_action.scenario.selection import (
     Scenarios,

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from sim_action.core.content_cache import Entry, cache_folder
+from sim_action.core.files import Entry, cache_folder
 from sim_action.meshes import MeshError, mesh_bytes, parsed_mesh
 from sim_action.meshes.collada import Colour, colour_of, stated_colour
 from sim_action.meshes.collision_hulls import read_hull_points

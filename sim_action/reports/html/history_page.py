@@ -7,11 +7,11 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
-from sim_action.core.discovery import compared_name
 from sim_action.core.errors import UsageError
 from sim_action.core.files import whole_file
 from sim_action.core.records import dataclass
 from sim_action.core.wording import counted, escaped_line
+from sim_action.core.workspace import compared_name
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import quantity
 from sim_action.reports.html.document import (

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
-from sim_action.core.content_cache import cache_folder
+from sim_action.core.files import cache_folder
 from sim_action.core.geometry import ZERO, Box, Vector3
 from sim_action.core.records import dataclass
 from sim_action.robot.audit.joints import is_free_base

@@ -14,10 +14,10 @@ from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 from xml.parsers import expat
 
-from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location, ModelError
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass, field, replace
+from sim_action.core.workspace import file_name
 from sim_action.robot.model.findings import Finding, finding, refuse_errors
 
 MAX_BYTES: Final = 20_000_000  # the largest size of a model, all its files together

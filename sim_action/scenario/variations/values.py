@@ -10,13 +10,12 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from sim_action.core.discovery import name_beside
 from sim_action.core.errors import Location
 from sim_action.core.field_types import spec_errors
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
 from sim_action.core.wording import counted, did_you_mean, shown
-from sim_action.core.workspace import PathError, Workspace, similar_name
+from sim_action.core.workspace import PathError, Workspace, name_beside, similar_name
 from sim_action.core.yaml_document import KeyPath, plain_value
 from sim_action.scenario.source import DRAWN_SEED_BITS, SEED
 from sim_action.scenario.variations import (

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from sim_action.core.convex import hull_distance
+from sim_action.simulation.convex_pieces import hull_distance
 
 
 def box(size: tuple[float, float, float], at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> NDArray[np.float64]:
