@@ -268,7 +268,7 @@ def test_lists_are_printed(tmp_path: Path) -> None:
 
 
 ENGINES = {"pybullet", "numpy"}
-OF_RUNS = {"sim_action.simulation.loop", "sim_action.state.trace_storage", "sim_action.world.parts"}
+OF_RUNS = {"sim_action.simulation.loop", "sim_action.state.trace_storage", "sim_action.world.distance_lines"}
 UNUSED = {"numpy.ma", "statistics", "rich", "sim_action.recording.replay", "sim_action.reports.html"}
 # The package of MuJoCo imports some.
 OF_MAIL = {"email", "importlib.metadata", "socket"} if "pybullet" in installed() else set()
