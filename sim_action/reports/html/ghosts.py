@@ -16,7 +16,7 @@ import numpy as np
 
 from sim_action.core import units
 from sim_action.core.lazy_numpy import FloatArray
-from sim_action.core.records import dataclass, field, replace
+from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import shortened
 from sim_action.recording.replay.columns import Column, TextColumn, poses_at
 from sim_action.recording.replay.replay_data import Frames, GoldenData, Replay, ReplayReader
@@ -79,28 +79,6 @@ def motion_of(replay: Replay, ours: Replay) -> Replay:
     )
 
 
-@dataclass(slots=True)
-class WaitingGhosts:
-    """Packed ghosts that get the room which the replays of the page leave."""
-
-    waiting: list[tuple[str, PackedReplay]] = field(default_factory=list)
-    size: int = 0
-
-    def add(self, identity: str, replay: Replay, ours: Replay) -> None:
-        """Keep a ghost of `ours` for later, unless the ghosts before it already fill a page."""
-        if self.size < MAX_REPLAY_BYTES:
-            packed = PackedReplay.of(motion_of(replay, ours))
-            self.waiting.append((identity, packed))
-            self.size += len(packed.block)
-
-    def settle(self, blocks: ReplayBlocks) -> None:
-        """Add the ghosts that fit to the page."""
-        for identity, packed in self.waiting:
-            blocks.put(identity, packed)
-        self.waiting.clear()
-        self.size = 0
-
-
 def engine_pairs(outcomes: Sequence[Outcome]) -> Iterator[tuple[Outcome, Outcome]]:
     """Yield the pairs of runs of one scenario in two engines; each run is named after its engine."""
     known: dict[tuple[str, int | None, str], list[Outcome]] = {}
@@ -135,7 +113,9 @@ class GhostSources:
         for one, other in engine_pairs(outcomes):
             self._others |= {id(one): other, id(other): one}
         self._readers = {kind: ReplayReader() for kind in ("base", "engine", "repetition")}
-        self._waiting = WaitingGhosts()
+        # element id -> packed ghost: they get the room that the replays of the page leave
+        self._waiting: dict[str, PackedReplay] = {}
+        self._waiting_bytes = 0
         self.changes = {} if base is None else dict(base.changes)
         """`id()` of an outcome -> what changed since the base run; complete after `since` of all outcomes."""
         self.found: dict[str, list[Ghost]] = {}
@@ -169,7 +149,10 @@ class GhostSources:
 
     def settle(self, blocks: ReplayBlocks) -> None:
         """Add the ghosts found so far to the page, as far as they fit."""
-        self._waiting.settle(blocks)
+        for block, packed in self._waiting.items():
+            blocks.put(block, packed)
+        self._waiting.clear()
+        self._waiting_bytes = 0
 
     def _find_base(self, identity: str, outcome: Outcome, replay: Replay) -> str:
         base = self._base
@@ -188,8 +171,7 @@ class GhostSources:
         if not is_same:
             block = f"ghost-{identity}"
             found = ghost(BASE_RUN, block, replay, theirs, is_shown=old.status != outcome.status)
-            self._keep(identity, found)
-            self._waiting.add(block, theirs, replay)
+            self._add(identity, found, theirs, replay)
             if (part := found.parting) is not None and not part.is_end:
                 command = commands_until(replay, theirs, part.time)
         if id(outcome) in self.changes:
@@ -201,8 +183,7 @@ class GhostSources:
             block, theirs = f"golden-{identity}-{number}", golden_replay(replay, golden)
             label = GOLDEN if number == 1 else f"{GOLDEN} {number}"
             tolerance = Tolerance(max(POSITION_M, golden.position or 0.0), max(ANGLE_RAD, golden.yaw or 0.0))
-            self._keep(identity, ghost(label, block, replay, theirs, tolerance))
-            self._waiting.add(block, theirs, replay)
+            self._add(identity, ghost(label, block, replay, theirs, tolerance), theirs, replay)
 
     def _find_engine(self, identity: str, outcome: Outcome, replay: Replay) -> None:
         other = self._others.get(id(outcome))
@@ -226,11 +207,17 @@ class GhostSources:
                 block = f"repetition-{identity}" if number == 1 else f"repetition-{identity}-{number}"
                 is_shown = label == REPETITION
                 repeated = ghost(label, block, replay, theirs, is_shown=is_shown)
-                self._keep(identity, replace(repeated, is_repetition=not is_shown))
-                self._waiting.add(block, theirs, replay)
+                self._add(identity, replace(repeated, is_repetition=not is_shown), theirs, replay)
 
     def _keep(self, identity: str, found: Ghost) -> None:
         self.found.setdefault(identity, []).append(found)
+
+    def _add(self, identity: str, found: Ghost, theirs: Replay, ours: Replay) -> None:
+        """Keep a ghost, and its replay for later, unless the ghosts before it already fill a page."""
+        self._keep(identity, found)
+        if self._waiting_bytes < MAX_REPLAY_BYTES:
+            packed = self._waiting[found.block] = PackedReplay.of(motion_of(theirs, ours))
+            self._waiting_bytes += len(packed.block)
 
 
 _QUATERNION_SCALE = 1e-5
