@@ -136,7 +136,9 @@ class ScenarioMargins(FrozenModel):
         places = {each.name: each.location for each in outcome.expectations}
         ordered = sorted(self.margins, key=lambda margin: (margin.is_kept, margin.share))
         expectations = tuple(margin.expected(places.get(margin.expectation, place)) for margin in ordered)
-        changed = outcome.model_copy(update={"expectations": expectations, "measurements": self._tornado()})
+        # The wall time of the call is that of many runs, so the sim time of one would give a wrong speed.
+        values = {"expectations": expectations, "measurements": self._tornado(), "sim_time": None}
+        changed = outcome.model_copy(update=values)
         return changed.model_copy(update={"status": changed.judged_status()})
 
     def _tornado(self) -> tuple[Measurement, ...]:

@@ -21,7 +21,7 @@ from sim_action.results.factor_margins import Margin
 from sim_action.results.outcome import Outcome
 from sim_action.runner.mutation.mutant import Original
 from sim_action.runner.mutation.planning import busy_joints, noise_of, read_sensors
-from sim_action.scenario.loading import Libraries, checked
+from sim_action.scenario.loading import Libraries, build_scene, checked
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.mutation import Mutation
 from sim_action.sensors import MountedSensor
@@ -109,8 +109,10 @@ def _payload(original: Original) -> Iterator[Factor]:
     model = original.loaded.model
     # Only the child knows the masses of a robot of xacro and MJCF.
     most = 2 * model.mass if model is not None and model.mass else _MOST_PAYLOAD_KG
+    # Messages then name the link of an arm.
+    link = {"link": build_scene(original.loaded).load_link} if model is not None and original.is_fixed else {}
     path = ("world", "disturbances")
-    yield Factor("payload", "kg", 0.0, 0.0, most, lambda kg: _added(original, path, {"at": 0, "payload": kg}))
+    yield Factor("payload", "kg", 0.0, 0.0, most, lambda kg: _added(original, path, {"at": 0, "payload": kg, **link}))
 
 
 def _mass(original: Original) -> Iterator[Factor]:

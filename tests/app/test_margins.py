@@ -191,6 +191,7 @@ def test_a_demand_that_is_missed_fails_alike_with_one_and_two_jobs(
     assert several[0] == several[1]
     told = capsys.readouterr().out
     assert "friction down: fails already at 0.3" in told
+    assert "x real time" not in told  # of the nominal run in the time of all
     assert "below 0.5; 50 % below 0.5 was asked: object stay_within of box" in told
     junit = (tmp_path / "j.xml").read_text()
     assert '"measured: friction down"' in junit
@@ -320,6 +321,15 @@ def test_bad_options(
     path.write_text(f"name: one\n{PUSHED}{DRIVEN}")
     assert call(["margins", str(path), "--allow-outside", "--output-dir", str(tmp_path / "r"), "-q", *options]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_the_payload_of_an_arm_names_its_link(tmp_path: Path) -> None:
+    path = tmp_path / "one.sim.yml"
+    path.write_text(f"name: one\n{ARM}")
+    (tmp_path / "arm.urdf").write_text(URDF)
+    [factor] = FACTORS["payload"](Original(load_scenario(path), outcome("one.sim.yml"), trace([0.0])))
+    [(_, [load])] = factor.edits(2.0)
+    assert load == {"at": 0, "payload": 2.0, "link": "l"}
 
 
 @pytest.mark.parametrize(("pose", "nominal"), [({}, 1.5), ({"yaw": 0.3}, 0.3)])
