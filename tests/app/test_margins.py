@@ -328,8 +328,8 @@ def test_the_payload_of_an_arm_names_its_link(tmp_path: Path) -> None:
     path.write_text(f"name: one\n{ARM}")
     (tmp_path / "arm.urdf").write_text(URDF)
     [factor] = FACTORS["payload"](Original(load_scenario(path), outcome("one.sim.yml"), trace([0.0])))
-    [(_, [load])] = factor.edits(2.0)
-    assert load == {"at": 0, "payload": 2.0, "link": "l"}
+    load = {"at": 0, "payload": 2.0, "link": "l"}
+    assert list(factor.edits(2.0)) == [(("world", "disturbances"), (load,))]
 
 
 @pytest.mark.parametrize(("pose", "nominal"), [({}, 1.5), ({"yaw": 0.3}, 0.3)])
