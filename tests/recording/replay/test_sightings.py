@@ -138,12 +138,12 @@ def test_lidars_that_saw_nothing_of_a_body_are_named_with_their_share() -> None:
     assert [(one.sensor, one.every) for one in found.blind] == [("blind", 1), ("thinned", 2)]
 
 
-def test_noisy_returns_count_within_their_noise() -> None:
-    scans = [logs.scan(number / 10, [2.9 - number / 10 - 0.05, math.inf]) for number in range(21)]
-    for noise, expected in ((0.0, 0), (0.02, 1)):
-        lidar = logs.log(Lidar(rays=2, noise=noise), "front", scans, pose=Pose())
-        (found,) = seen(BUMP, where(), lidar)
-        assert len(found.seen) == expected
+@pytest.mark.parametrize(("noise", "count"), [(0.0, 0), (0.02, 1)])
+def test_noisy_returns_count_within_their_noise(noise: float, count: int) -> None:
+    scans = [logs.scan(number / 10, [2.0 - 0.05, math.inf]) for number in range(21)]
+    lidar = logs.log(Lidar(rays=2, noise=noise), "front", scans, pose=Pose())
+    (sighting,) = seen(standing(0.9, "wall"), where(), lidar)
+    assert len(sighting.seen) == count
 
 
 def test_a_body_is_found_late_in_a_long_run() -> None:

@@ -515,7 +515,7 @@ class _Collector:
         if element.tag == "attach":
             # A model without a name gets one from its file.
             inside += sizes.get(element.get("model", ""), max(sizes.values(), default=0))
-        if inside >= MAX_ELEMENTS:
+        if inside > MAX_ELEMENTS:
             found = f"<{element.tag}> makes {inside:,} elements"
             most = f"at most {MAX_ELEMENTS:,} are allowed"
             if element.tag not in ("replicate", "attach"):

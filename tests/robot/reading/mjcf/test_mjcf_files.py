@@ -259,6 +259,11 @@ def test_counts_multiply(tmp_path: Path) -> None:
     nested = "<replicate count='40'>" * 3 + "\n<site/>" + "</replicate>" * 3
     found = refused(tmp_path, f"<mujoco>\n{BODY.format(nested)}</mujoco>")
     assert found == "./robot.xml:2: <replicate> makes 65,640 elements; at most 50,000 are allowed: reduce the counts"
+    # In <mujoco>: the world, the body, its joint and shape, the replication and 49,995 sites.
+    sites = "<replicate count='{}'><site/></replicate>"
+    assert collected(tmp_path, f"<mujoco>{BODY.format(sites.format(49_995))}</mujoco>").left_out == {}
+    found = refused(tmp_path, f"<mujoco>{BODY.format(sites.format(49_996))}</mujoco>")
+    assert "<mujoco> makes 50,001 elements; at most 50,000 are allowed" in found
 
 
 @pytest.mark.parametrize(
