@@ -364,7 +364,7 @@ def of_actors(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
 
 def _ground_truth(trace: Trace) -> OdometryTrack:
     turned = trace.base_orientation_xyzw
-    twists = [in_base_frame(turned, vectors) for vectors in (trace.base_linear_xyz, trace.base_angular_xyz)]
+    twists = (*in_base_frame(turned, trace.base_linear_xyz), *in_base_frame(turned, trace.base_angular_xyz))
     return OdometryTrack(trace.time, np.column_stack((trace.base_position_xyz, turned)), np.column_stack(twists))
 
 
