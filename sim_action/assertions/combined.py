@@ -16,6 +16,7 @@ from sim_action.assertions.temporal_logic import quoted
 from sim_action.assertions.temporal_logic.combination import AtOnceMonitor, Combination, NegationMonitor
 from sim_action.assertions.temporal_logic.formula import And, Not, Or
 from sim_action.assertions.temporal_logic.windows import Window
+from sim_action.core.records import delegated
 from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import KeyPath, SpecProblems
@@ -265,10 +266,7 @@ class AtOnce(Several):
     is_goal: ClassVar[bool] = True
     has_truth: ClassVar[bool] = True
 
-    @property
-    @override
-    def channels(self) -> Channels:
-        return self.truth_channels
+    channels: ClassVar[Channels] = delegated("truth_channels")
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield the problems of all parts, and parts that have no truth at a moment."""
@@ -345,10 +343,7 @@ class Negation(Combined):
         """See Assertion.is_goal. The negation of a goal is an invariant, and the other way round."""
         return not self.part.is_goal
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return self.part.has_truth
+    has_truth: ClassVar[bool] = delegated("part.has_truth")
 
     @property
     @override

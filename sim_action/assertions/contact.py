@@ -18,7 +18,7 @@ from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import units
 from sim_action.core.field_types import FrozenModel, PositiveNewtons, PositiveNewtonSeconds, PositiveSeconds
 from sim_action.core.lazy_numpy import FloatArray, NDArray, np
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import dataclass, delegated, replace
 from sim_action.core.units import STEP_EPSILON
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_document import SpecProblems
@@ -150,10 +150,7 @@ class Touch(Assertion):
         watches = frozenset() if self.watch is None else frozenset({self.watch})
         return Channels(contacts=True, clearances=watches, ground=self.body == GROUND)
 
-    @property
-    @override
-    def hold_time(self) -> float | None:
-        return self.span
+    hold_time: ClassVar[float | None] = delegated("span")
 
     @property
     def is_goal(self) -> bool:
@@ -365,13 +362,12 @@ class TouchMonitor(Monitor):
         touching = Signal(f"touching {body}", "contacts", *contact, lower=1.0 if spec.is_goal else None)
         asked: list[Signal] = []
         if spec.span is not None:
-            strong = (moments, self._is_strong(force)) if spec.has_least else self._touching_at(touches, trace)
+            strong = self._touching(touches) if len(touches) else (trace.time, trace.time < 0)
+            if spec.has_least:
+                strong = (moments, self._is_strong(force))
             asked = [Signal(f"time touching {body}", "s", strong[0], self.stretch.lasting(*strong), lower=spec.span)]
         asked += [*pressing, touching] if spec.has_least or spec.has_most else [touching, *pressing]
         return (*asked, *self._nearness(trace))
-
-    def _touching_at(self, touches: FloatArray, trace: Trace) -> tuple[FloatArray, NDArray[np.bool_]]:
-        return self._touching(touches) if len(touches) else (trace.time, trace.time < 0)
 
     def _nearness(self, trace: Trace) -> Iterator[Signal]:
         time, distance = (None, None) if self.spec.watch is None else contacts.least_so_far(trace, self.spec.watch)

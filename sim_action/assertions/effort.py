@@ -221,10 +221,7 @@ class Energy(Assertion):
         of = f" of {', '.join(self.joints)}" if self.joints else ""
         return shortened_title(f"{self.key}{of} at most {units.display(self.at_most, 'J')}")
 
-    @property
-    @override
-    def step_memory_s(self) -> float:
-        return float("inf")
+    step_memory_s: ClassVar[float] = math.inf
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield unknown joints."""

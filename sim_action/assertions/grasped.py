@@ -15,7 +15,7 @@ from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import geometry, units
 from sim_action.core.field_types import PositiveMetresPerSecond, PositiveNewtons, PositiveSeconds
 from sim_action.core.lazy_numpy import FloatArray, NDArray, np
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import dataclass, delegated, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_document import SpecProblems
@@ -71,10 +71,7 @@ class Grasped(Assertion):
     is_goal: ClassVar[bool] = True
     has_truth: ClassVar[bool] = True
 
-    @property
-    @override
-    def hold_time(self) -> float | None:
-        return self.span
+    hold_time: ClassVar[float | None] = delegated("span")
 
     @property
     @override
@@ -170,10 +167,7 @@ class GraspMonitor(Monitor):
     steps: Judged = Judged()  # the steps at which contacts and poses are known
     end: float = 0.0  # sim time of the last step, in s
 
-    @property
-    @override
-    def state(self) -> State:
-        return self.stretch.state
+    state: ClassVar[State] = delegated("stretch.state")
 
     def begin(self, trace: Trace) -> Self:
         """See Monitor.begin. The window reaches back to before the time window of the expectation."""

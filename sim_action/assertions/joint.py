@@ -23,7 +23,7 @@ from sim_action.assertions.monitors.bounds import (
 from sim_action.core import units
 from sim_action.core.field_types import JointEffort, JointPosition, JointQuantity, JointVelocity
 from sim_action.core.lazy_numpy import FloatArray
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import dataclass, delegated, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.joint_selection import (
@@ -195,10 +195,7 @@ class NearMonitor(Monitor):
     nearest: ClosestApproach
     joint: str
 
-    @property
-    @override
-    def state(self) -> State:
-        return self.nearest.state
+    state: ClassVar[State] = delegated("nearest.state")
 
     @override
     def observe(self, trace: Trace) -> Self:

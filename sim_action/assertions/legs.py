@@ -15,7 +15,7 @@ from sim_action.core import geometry, units
 from sim_action.core.field_types import Metres
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.lazy_numpy import FloatArray, NDArray, np
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import dataclass, delegated, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.joint_selection import link_name_problems, links_named
@@ -376,10 +376,7 @@ class SupportMonitor(Monitor):
     standing: tuple[str, ...] = ()  # the feet on the ground at the step of the fold
     steps: Judged = Judged()  # the steps at which contacts are known
 
-    @property
-    @override
-    def state(self) -> State:
-        return self.fold.state
+    state: ClassVar[State] = delegated("fold.state")
 
     @override
     def observe(self, trace: Trace) -> Self:

@@ -53,10 +53,7 @@ class NoCollision(Assertion):
         tuple[str, ...], Field(description="objects that may be touched, and links of the robot that may touch")
     ] = ()
 
-    @property
-    @override
-    def channels(self) -> Channels:
-        return Channels(contacts=True)
+    channels: ClassVar[Channels] = Channels(contacts=True)
 
     has_truth: ClassVar[bool] = True
 

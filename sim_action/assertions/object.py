@@ -20,7 +20,7 @@ from sim_action.core import geometry, units
 from sim_action.core.field_types import NonNegativeMetres, PositiveMetres, Without
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.lazy_numpy import FloatArray, np
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import dataclass, delegated, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_document import SpecProblems
@@ -150,34 +150,16 @@ class ObjectAssertion(Assertion):
     def channels(self) -> Channels:
         return Channels(objects=frozenset({self.name}))
 
-    @property
-    @override
-    def is_goal(self) -> bool:
-        return self.part.is_goal
-
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return self.part.has_truth
-
-    @property
-    @override
-    def hold_time(self) -> float | None:
-        return self.part.hold_time
-
-    @property
-    @override
-    def states_span(self) -> bool:
-        return self.part.states_span
+    is_goal: ClassVar[bool] = delegated("part.is_goal")
+    has_truth: ClassVar[bool] = delegated("part.has_truth")
+    hold_time: ClassVar[float | None] = delegated("part.hold_time")
+    states_span: ClassVar[bool] = delegated("part.states_span")
 
     @override
     def lasting(self, span: float) -> Self:
         return self.model_copy(update={self.part.key: self.part.lasting(span)})
 
-    @property
-    @override
-    def horizon(self) -> float:
-        return self.part.horizon
+    horizon: ClassVar[float] = delegated("part.horizon")
 
     @property
     @override

@@ -17,7 +17,7 @@ from sim_action.core import geometry, units
 from sim_action.core.field_types import FrozenModel, Metres, PositiveMetres, PositiveRadians, Radians
 from sim_action.core.geometry import Pose, Quaternion, Vector3
 from sim_action.core.lazy_numpy import FloatArray, np
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import dataclass, delegated, replace
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Mark, Signal, Verdict, goal, line
@@ -207,10 +207,7 @@ class ReachMonitor(Monitor):
     angle: TargetAngle | None  # the required heading or orientation; None for any
     found: str = ""  # the orientation at the best step as text; empty if none is required
 
-    @property
-    @override
-    def state(self) -> State:
-        return self.nearest.state
+    state: ClassVar[State] = delegated("nearest.state")
 
     @override
     def observe(self, trace: Trace) -> Self:

@@ -64,10 +64,7 @@ class SelfCollision(Assertion):
             raise ValueError(f"{_PAIRS}{remedy}")
         return data
 
-    @property
-    @override
-    def channels(self) -> Channels:
-        return Channels(self_contacts=True)
+    channels: ClassVar[Channels] = Channels(self_contacts=True)
 
     has_truth: ClassVar[bool] = True
 

@@ -16,7 +16,7 @@ from sim_action.assertions.temporal_logic import quoted
 from sim_action.core import units
 from sim_action.core.field_types import SensorQuantity
 from sim_action.core.lazy_numpy import FloatArray, np
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import dataclass, delegated, replace
 from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_document import SpecProblems
@@ -75,10 +75,7 @@ class SensorReading(Assertion):
     def _magnitude(self, written: float | str | None) -> float | None:
         return None if written is None else units.parse(written, *_DIMENSIONS)
 
-    @property
-    @override
-    def is_goal(self) -> bool:
-        return self.once
+    is_goal: ClassVar[bool] = delegated("once")
 
     has_truth: ClassVar[bool] = True
 
@@ -210,15 +207,9 @@ class SensorMonitor(Monitor):
     unit: str = ""  # SI symbol; empty before the first reading
     readings: Judged = Judged()  # the readings that were judged
 
-    @property
-    @override
-    def state(self) -> State:
-        return self._fold.state
+    state: ClassVar[State] = delegated("_fold.state")
 
-    @property
-    @override
-    def is_goal(self) -> bool:
-        return self.once
+    is_goal: ClassVar[bool] = delegated("once")
 
     @property
     def _fold(self) -> Goal | Invariant:

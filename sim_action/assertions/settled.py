@@ -20,7 +20,7 @@ from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetres, PositiveMetresPerSecond, PositiveSeconds, Quantity
 from sim_action.core.lazy_numpy import FloatArray, NDArray, np
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import dataclass, delegated, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_document import SpecProblems
@@ -52,10 +52,7 @@ class AtRest(Assertion):
     ] = math.radians(1)
     span: Annotated[PositiveSeconds, Field(alias="for", description="required time at rest")] = 1.0
 
-    @property
-    @override
-    def hold_time(self) -> float | None:
-        return self.span
+    hold_time: ClassVar[float | None] = delegated("span")
 
 
 class Settled(AtRest, MotionAssertion):
@@ -137,10 +134,7 @@ class SettledMonitor(Monitor):
     end: float | None = None
     last: str = ""
 
-    @property
-    @override
-    def state(self) -> State:
-        return self.rest.state
+    state: ClassVar[State] = delegated("rest.state")
 
     @override
     def observe(self, trace: Trace) -> Self:

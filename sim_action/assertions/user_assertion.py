@@ -17,7 +17,7 @@ from sim_action.assertions.monitors import Monitor, State
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.field_types import NamesFile
 from sim_action.core.lazy_numpy import FloatArray, np
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import dataclass, delegated, replace
 from sim_action.core.user_scripts import ANYTHING, ScriptProblem, read_script, run_file, script_error, script_errors_at
 from sim_action.core.wording import did_you_mean, escaped_line, shown, with_article
 from sim_action.core.workspace import PathError, Workspace
@@ -95,10 +95,7 @@ class UserAssertion(Assertion):
         """Path of the Python file, relative to the scenario."""
         return self.path.rpartition(":")[0]
 
-    @property
-    @override
-    def python_file(self) -> str:
-        return self.file
+    python_file: ClassVar[str | None] = delegated("file")
 
     @property
     def class_name(self) -> str:
@@ -107,10 +104,7 @@ class UserAssertion(Assertion):
 
     reads_file: ClassVar[bool] = True
 
-    @property
-    def channels(self) -> Channels:
-        """See Assertion.channels. All channels, because the class may read any of them."""
-        return Channels(contacts=True)
+    channels: ClassVar[Channels] = Channels(contacts=True)  # the class may read any of them
 
     @property
     @override

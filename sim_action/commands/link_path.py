@@ -30,8 +30,8 @@ _MAX_STEP_RAD: Final = 0.05
 _SLACK_M: Final = 0.002
 _SLACK_RAD: Final = math.radians(1)
 _JUMP: Final = 0.5  # a joint that moves by more than this in rad or m on such a step has jumped to another posture
-_SHARE_ROUNDING: Final = 1e-6  # the share by which a speed may exceed its limit: rounding of models
 _AT_LIMIT: Final = 1e-4  # a joint is at its limit within this, in rad or m
+_SHARE_ROUNDING: Final = 1e-6  # the share by which a speed may exceed its limit: rounding of models
 
 
 class Leg(NamedTuple):
@@ -262,12 +262,8 @@ class Follower:
             leg.waypoint,
             f"{100 * share:.0f} % of the way to this waypoint, joint '{joint.name}' would move at "
             f"{found}, more than its velocity limit, {most}; the way takes {duration:.4g} s and needs at least "
-            f"{_rounded_up(duration * ratio)} s: lower the speed, or go another way",
+            f"{math.ceil(duration * ratio * 100) / 100:.6g} s: lower the speed, or go another way",
         )
-
-
-def _rounded_up(time: float) -> str:
-    return f"{math.ceil(time * 100) / 100:.6g}"
 
 
 def place(pose: Pose) -> str:

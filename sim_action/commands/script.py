@@ -16,6 +16,7 @@ from sim_action.commands.controller_answers import RobotDescription, Saturation,
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.field_types import NamesFile
 from sim_action.core.lazy_numpy import np
+from sim_action.core.records import delegated
 from sim_action.core.user_scripts import (
     ANYTHING,
     Script,
@@ -82,10 +83,7 @@ class ScriptCommands(CommandSource):
     def code(self) -> str:
         return f"script {self.script}"
 
-    @property
-    @override
-    def python_file(self) -> str:
-        return self.script
+    python_file: ClassVar[str | None] = delegated("script")
 
     def problems(self, workspace: Workspace) -> SpecProblems:
         """Yield a problem if the file is missing, is not Python, or has no such controller. The file is not run."""

@@ -29,9 +29,14 @@ else:
         return instance.__class__(**changes)
 
 
-__all__ = ["dataclass", "field", "replace"]
+__all__ = ["dataclass", "delegated", "field", "replace"]
 _NO_FIELDS: Final = ("ClassVar", "typing.ClassVar")
 _OF_INSTANCES: Final = ("__dict__", "__weakref__")
+
+
+def delegated(path: str) -> Any:
+    """Return a property that a part answers, such as "bounds.state" for the state of the field `bounds`."""
+    return property(attrgetter(path))
 
 
 class _Record:

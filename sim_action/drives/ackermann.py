@@ -270,7 +270,8 @@ class AckermannMotion(DriveMotion):
         for _ in range(steps):
             before = (self._speed, self._curvature)
             self._curvature = steered(self.kingpins, self._curvature, curvature, self.most_steering)
-            self._speed = self._within_limits(ramp_towards(speed, self._speed, self.most_speed))
+            ramped = ramp_towards(speed, self._speed, self.most_speed)
+            self._speed = ramped * self.speeds.share(self._wheel_speeds(ramped, self._curvature))
             planned.append(self._joint_targets())
             if before == (self._speed, self._curvature):
                 break
@@ -287,9 +288,6 @@ class AckermannMotion(DriveMotion):
             self._notes[TOO_TIGHT] = None
             return self.tightest if turn * speed > 0 else -self.tightest
         return turn / speed
-
-    def _within_limits(self, speed: float) -> float:
-        return speed * self.speeds.share(self._wheel_speeds(speed, self._curvature))
 
     def _wheel_speeds(self, speed: float, curvature: float) -> dict[str, float]:
         return {found.joint: speed * found.way(curvature) / found.gear for found in self.wheels}

@@ -111,14 +111,11 @@ def _loose_joint(model: RobotModel, found: Wheel, wheels: Sequence[Wheel]) -> st
         if joint.type == "prismatic":
             is_suspension = abs(z) > _MIN_LIFTING_Z
         else:
-            is_suspension = along_axle >= MIN_UPRIGHT_Z or _carries_both_sides(model, joint, wheels)
+            carried = sum(joint in joints_above(model, other.joint) for other in wheels)
+            is_suspension = along_axle >= MIN_UPRIGHT_Z or carried > 1  # a beam carries wheels of both sides
         if not is_suspension:
             return joint.name
     return None
-
-
-def _carries_both_sides(model: RobotModel, beam: Joint, wheels: Sequence[Wheel]) -> bool:
-    return sum(beam in joints_above(model, found.joint) for found in wheels) > 1
 
 
 def _has_limits(joint: Joint) -> bool:

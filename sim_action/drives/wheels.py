@@ -108,15 +108,11 @@ def held_joints(model: RobotModel) -> frozenset[str]:
     a wheel, or that is round about the axis, ends at most a radius above the lowest shape, and carries no moving joint.
     """
     able = [joint for joint in model.motor_joints if not (joint.mimic or joint.stiffness or joint.series)]
-    turning = [joint for joint in able if joint.type == "continuous" and _has_motor(model, joint)]
+    turning = [joint for joint in able if joint.type == "continuous" and joint.max_effort and model.mjcf is None]
     wheels = [joint.name for joint in turning if _may_roll(model, joint)]
     rolling = {*wheels, *(above.name for name in wheels for above in joints_above(model, name))}
     held = {joint.name for joint in turning} - rolling
     return frozenset(held.union(joint.name for joint in able if joint.type != "continuous"))
-
-
-def _has_motor(model: RobotModel, joint: Joint) -> bool:
-    return model.mjcf is None and bool(joint.max_effort)
 
 
 def _may_roll(model: RobotModel, joint: Joint) -> bool:

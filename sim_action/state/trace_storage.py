@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -24,7 +24,10 @@ from sim_action.state.trace_records import (
 
 # Fields that older traces lack; the last one is in none.
 _ADDED: Final = ("has_force", "depth", "normal_xyz")
+_TYPES: Final = {"link": "str", "body": "str", "other": "str", "has_force": "bool"}  # the others are 64-bit floats
 _MAX_BYTES: Final = 2_000_000_000
+_Arrays = dict[str, Any]
+_Touch = TypeVar("_Touch", Contact, SelfContact)
 _Record = TypeVar("_Record", BodyRecord, ContactRecord, ClearanceRecord)
 
 
@@ -36,8 +39,8 @@ def save_trace(trace: Trace, path: Path, marks: Sequence[TimeMark] = ()) -> None
     """Write a trace as .npz, with the marks of the timeline, if there are some, for readers of arrays."""
     columns = {name: getattr(trace, name) for name in COLUMNS}
     told = {
-        **_contact_arrays(trace),
-        **_self_contact_arrays(trace),
+        **_touch_arrays("contact", trace.contacts, Contact._fields),
+        **(_touch_arrays("self_contact", own, SelfContact._fields) if (own := trace.self_contacts) else {}),
         **_sensor_arrays(trace.sensors),
         **_clearance_arrays(trace.clearances),
         **_arrays("body", trace.bodies),
@@ -47,7 +50,7 @@ def save_trace(trace: Trace, path: Path, marks: Sequence[TimeMark] = ()) -> None
     if marks:
         told["mark_time"] = np.array([mark.time for mark in marks], dtype=np.float64)
         told["mark_words"] = np.array([mark.words for mark in marks], dtype=np.str_)
-    arrays: dict[str, Any] = {"joint_names": np.array(trace.joint_names, dtype=np.str_), **columns, **told}
+    arrays: _Arrays = {"joint_names": np.array(trace.joint_names, dtype=np.str_), **columns, **told}
     save_arrays(arrays, path)
 
 
@@ -58,15 +61,14 @@ def load_trace(path: Path) -> Trace:
             refuse_too_large(stored)
             names = tuple(stored["joint_names"].tolist())
             columns = {name: stored[name] for name in COLUMNS}
-            fields = (field for field in Contact._fields if field not in _ADDED or f"contact_{field}" in stored)
-            contacts = zip(*(stored[f"contact_{field}"].tolist() for field in fields), strict=True)
-            trace = Trace.of_columns(names, tuple(_contact(*row) for row in contacts), **columns)
+            trace = Trace.of_columns(names, _touches("contact", Contact, stored), **columns)
             sensors, clearances = _sensor_records(stored), _clearance_records(stored)
             bodies, objects = (_records(kind, BodyRecord, stored) for kind in ("body", "object"))
             _refuse_other_times(objects, trace)
             touches = _records("touching", ContactRecord, stored)
             told = replace(trace, sensors=sensors, clearances=clearances, bodies=bodies, objects=objects)
-            return replace(told, self_contacts=_self_contacts(stored), link_contacts=touches)
+            own = _touches("self_contact", SelfContact, stored) if "self_contact_time" in stored else ()
+            return replace(told, self_contacts=own, link_contacts=touches)
     except Exception as error:  # noqa: BLE001 - numpy and zipfile raise many types for damaged files
         raise TraceError(f"{path}: not a trace: {error}") from None
 
@@ -78,49 +80,29 @@ def refuse_too_large(stored: Any) -> None:
         raise ValueError(f"it holds {size // 1_000_000} MB; a trace holds at most {_MAX_BYTES // 1_000_000} MB")
 
 
-def _contact_arrays(trace: Trace) -> dict[str, Any]:
-    contacts = trace.contacts
-    return {
-        "contact_time": np.array([c.time for c in contacts], dtype=np.float64),
-        "contact_link": np.array([c.link for c in contacts], dtype=np.str_),
-        "contact_body": np.array([c.body for c in contacts], dtype=np.str_),
-        "contact_position_xyz": np.array([c.position_xyz for c in contacts], dtype=np.float64).reshape(-1, 3),
-        "contact_force": np.array([c.force for c in contacts], dtype=np.float64),
-        "contact_has_force": np.array([c.has_force for c in contacts], dtype=np.bool_),
-        "contact_depth": np.array([c.depth for c in contacts], dtype=np.float64),
-    }
+def _touch_arrays(kind: str, contacts: Sequence[Contact] | Sequence[SelfContact], fields: Iterable[str]) -> _Arrays:
+    """Return an array for each field of contacts that files have."""
+    arrays: _Arrays = {}
+    for field in fields:
+        if field != "normal_xyz":
+            column = np.array([getattr(each, field) for each in contacts], dtype=_TYPES.get(field, "float64"))
+            arrays[f"{kind}_{field}"] = column.reshape(-1, 3) if field == "position_xyz" else column
+    return arrays
 
 
-def _contact(time: float, link: str, body: str, position_xyz: list[float], *strength: Any) -> Contact:
-    x, y, z = position_xyz
-    return Contact(time, link, body, (x, y, z), *strength)
+def _touches(kind: str, made: type[_Touch], stored: Mapping[str, Any]) -> tuple[_Touch, ...]:
+    """Return the contacts from the arrays that `_touch_arrays` made."""
+    fields = (field for field in made._fields if field not in _ADDED or f"{kind}_{field}" in stored)
+    columns = {field: stored[f"{kind}_{field}"].tolist() for field in fields}
+    columns["position_xyz"] = [(x, y, z) for x, y, z in columns["position_xyz"]]
+    return tuple(made(*row) for row in zip(*columns.values(), strict=True))
 
 
-def _self_contact_arrays(trace: Trace) -> dict[str, Any]:
-    """Return the arrays of the contacts between links; nothing without any."""
-    contacts = trace.self_contacts
-    if not contacts:
-        return {}
-    arrays = {field: np.array([getattr(each, field) for each in contacts]) for field in SelfContact._fields}
-    return {f"self_contact_{field}": array for field, array in arrays.items()}
-
-
-def _self_contacts(stored: Mapping[str, Any]) -> tuple[SelfContact, ...]:
-    """Return the contacts from the arrays that `_self_contact_arrays` made."""
-    if "self_contact_time" not in stored:
-        return ()
-    columns = (stored[f"self_contact_{field}"].tolist() for field in SelfContact._fields)
-    return tuple(
-        SelfContact(time, link, other, (x, y, z), *strength)
-        for time, link, other, (x, y, z), *strength in zip(*columns, strict=True)
-    )
-
-
-def _sensor_arrays(sensors: Mapping[str, SensorRecord]) -> dict[str, Any]:
+def _sensor_arrays(sensors: Mapping[str, SensorRecord]) -> _Arrays:
     """Return the arrays of all sensors; they are numbered, because names of sensors are not valid in files."""
     if not sensors:
         return {}
-    arrays: dict[str, Any] = {
+    arrays: _Arrays = {
         "sensor_names": np.array(list(sensors), dtype=np.str_),
         "sensor_kinds": np.array([record.kind for record in sensors.values()], dtype=np.str_),
     }
@@ -142,9 +124,9 @@ def _sensor_records(stored: Mapping[str, Any]) -> dict[str, SensorRecord]:
     return records
 
 
-def _clearance_arrays(clearances: Mapping[ClearanceWatch, ClearanceRecord]) -> dict[str, Any]:
+def _clearance_arrays(clearances: Mapping[ClearanceWatch, ClearanceRecord]) -> _Arrays:
     """Return the arrays of all clearances, numbered."""
-    arrays: dict[str, Any] = {}
+    arrays: _Arrays = {}
     for index, (watch, record) in enumerate(clearances.items()):
         start = f"clearance_{index}_"
         arrays |= {f"{start}{name}": getattr(record, name) for name in record.widths}
@@ -187,9 +169,9 @@ def _refuse_other_times(objects: Mapping[str, BodyRecord], trace: Trace) -> None
 _NAMES: Final = {"body": "body_names", "object": "object_names", "touching": "touching_links"}
 
 
-def _arrays(kind: str, records: Mapping[str, BodyRecord] | Mapping[str, ContactRecord]) -> dict[str, Any]:
+def _arrays(kind: str, records: Mapping[str, BodyRecord] | Mapping[str, ContactRecord]) -> _Arrays:
     """Return the arrays of all records of a kind, numbered."""
-    arrays: dict[str, Any] = {_NAMES[kind]: np.array(list(records), dtype=np.str_)} if records else {}
+    arrays: _Arrays = {_NAMES[kind]: np.array(list(records), dtype=np.str_)} if records else {}
     for index, record in enumerate(records.values()):
         start = f"{kind}_{index}_"
         if record.names:

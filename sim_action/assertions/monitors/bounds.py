@@ -16,7 +16,7 @@ from typing_extensions import override
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.core import units
 from sim_action.core.lazy_numpy import FloatArray, np
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import dataclass, delegated, replace
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Signal, Verdict
 
@@ -90,10 +90,7 @@ class ClosestApproach:
     angle_error: float | None = None
     end: float = 0.0  # sim time of the last step, in s
 
-    @property
-    def state(self) -> State:
-        """The state of the goal."""
-        return self.goal.state
+    state: ClassVar[State] = delegated("goal.state")
 
     def observe(self, time: FloatArray, distance: FloatArray, angle_error: FloatArray | None = None) -> Self:
         """Return the fold after these steps; `distance` in `unit`, `angle_error` in rad, each (T,)."""
@@ -242,15 +239,8 @@ class BoundsMonitor(Monitor):
     def values(self, trace: Trace) -> FloatArray:
         """Return (T,) the signal at the steps of `trace`, in the unit of the bounds."""
 
-    @property
-    @override
-    def state(self) -> State:
-        return self.bounds.state
-
-    @property
-    @override
-    def is_decided(self) -> bool:
-        return self.bounds.is_decided
+    state: ClassVar[State] = delegated("bounds.state")
+    is_decided: ClassVar[bool] = delegated("bounds.is_decided")
 
     @override
     def verdict(self) -> Verdict:

@@ -19,7 +19,7 @@ from sim_action.assertions.temporal_logic import quoted
 from sim_action.assertions.temporal_logic.becoming import Rest
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.lazy_numpy import np
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import dataclass, delegated, replace
 from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.kinematics import link_of_frame, motion_in, why_no_frame, why_no_link
 from sim_action.robot.model.robot_model import WORLD, rigid_bodies
@@ -244,30 +244,11 @@ class WatchedMonitor(Monitor):
     monitor: Monitor  # the monitor of the base of the traces that it gets
     subject: str  # the beginning of messages
 
-    @property
-    @override
-    def is_momentary(self) -> bool:
-        return self.monitor.is_momentary
-
-    @property
-    @override
-    def state(self) -> State:
-        return self.monitor.state
-
-    @property
-    @override
-    def is_decided(self) -> bool:
-        return self.monitor.is_decided
-
-    @property
-    @override
-    def needed_until(self) -> float:
-        return self.monitor.needed_until
-
-    @property
-    @override
-    def unmet_premises(self) -> tuple[str, ...]:
-        return self.monitor.unmet_premises
+    is_momentary: ClassVar[bool] = delegated("monitor.is_momentary")
+    state: ClassVar[State] = delegated("monitor.state")
+    is_decided: ClassVar[bool] = delegated("monitor.is_decided")
+    needed_until: ClassVar[float] = delegated("monitor.needed_until")
+    unmet_premises: ClassVar[tuple[str, ...]] = delegated("monitor.unmet_premises")
 
     @override
     def begin(self, trace: Trace) -> Self:

@@ -9,14 +9,14 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
 from functools import cached_property
-from typing import Any, Final, Self
+from typing import Any, ClassVar, Final, Self
 
 from typing_extensions import override
 
 from sim_action.assertions.monitors import Fold, Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import Goal
 from sim_action.core.lazy_numpy import NDArray, np
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import dataclass, delegated, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Judged, Signal, Verdict, VerdictStatus
@@ -122,10 +122,7 @@ class Combination(Junction, Parts):
     every: bool = True
     steps: Judged = Judged()  # the steps so far
 
-    @property
-    @override
-    def folds(self) -> Sequence[Fold]:
-        return self.monitors
+    folds: ClassVar[Sequence[Fold]] = delegated("monitors")
 
     @override
     def observe(self, trace: Trace) -> Self:
@@ -178,10 +175,7 @@ class AtOnceMonitor(Parts):
     missing: tuple[str, ...] = ()  # the titles of the parts that were not true at the best step
     end: float = 0.0  # sim time of the last step, in s
 
-    @property
-    @override
-    def state(self) -> State:
-        return self.best.state
+    state: ClassVar[State] = delegated("best.state")
 
     @override
     def observe(self, trace: Trace) -> Self:
@@ -251,15 +245,8 @@ class NegationMonitor(Monitor):
     def is_decided(self) -> bool:
         return self.monitor.is_decided
 
-    @property
-    @override
-    def leaves(self) -> tuple[Monitor, ...]:
-        return self.monitor.leaves
-
-    @property
-    @override
-    def is_sampled(self) -> bool:
-        return self.monitor.is_sampled
+    leaves: ClassVar[tuple[Monitor, ...]] = delegated("monitor.leaves")
+    is_sampled: ClassVar[bool] = delegated("monitor.is_sampled")
 
     @cached_property
     @override

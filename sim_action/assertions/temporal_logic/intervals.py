@@ -151,14 +151,11 @@ def _is_possible(case: _Case, possible: Possible, *, strict: bool) -> bool:
         return False
     for once in case.later:
         if not once.always:
-            around = [part.cases for part in throughout if _covers(part.interval, once.interval)]
+            start, end = once.interval.start, once.interval.end
+            around = [part.cases for part in throughout if part.interval.start <= start and end <= part.interval.end]
             if not any(_is_possible(one, possible, strict=strict) for one in _all_of([once.cases, *around])):
                 return False
     return True
-
-
-def _covers(outer: Interval, inner: Interval) -> bool:
-    return outer.start <= inner.start and inner.end <= outer.end
 
 
 def _linear(term: Term) -> Row:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Final, NamedTuple, Self
+from typing import ClassVar, Final, NamedTuple, Self
 
 import numpy as np
 from typing_extensions import override
@@ -44,7 +44,7 @@ from sim_action.assertions.temporal_logic.robustness import (
 from sim_action.assertions.temporal_logic.signal_reader import SignalReader
 from sim_action.core import units
 from sim_action.core.lazy_numpy import FloatArray
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import dataclass, delegated, replace
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Judged, Verdict
@@ -363,20 +363,9 @@ class StlMonitor(Monitor):
         """See Monitor.begin. Contact forces are means over the last steps, and readings last."""
         return replace(self, reader=self.reader.begun(trace))
 
-    @property
-    @override
-    def state(self) -> State:
-        return self.part.state
-
-    @property
-    @override
-    def is_decided(self) -> bool:
-        return self.part.is_decided
-
-    @property
-    def needed_until(self) -> float:
-        """See Monitor.needed_until. The largest end of the finite intervals that are not decided yet."""
-        return self.part.needed_until
+    state: ClassVar[State] = delegated("part.state")
+    is_decided: ClassVar[bool] = delegated("part.is_decided")
+    needed_until: ClassVar[float] = delegated("part.needed_until")
 
     @override
     def observe(self, trace: Trace) -> Self:
@@ -472,10 +461,7 @@ class BooleanPart(Junction, Part):
     parts: tuple[Part, ...]
     every: bool
 
-    @property
-    @override
-    def folds(self) -> Sequence[Fold]:
-        return self.parts
+    folds: ClassVar[Sequence[Fold]] = delegated("parts")
 
     @override
     def observe(self, samples: Samples) -> Self:

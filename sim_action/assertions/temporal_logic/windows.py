@@ -6,14 +6,14 @@ The operators of a formula slide their windows over all steps, see `robustness`;
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 from typing_extensions import override
 
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.bounds import Goal
 from sim_action.core.lazy_numpy import FloatArray, NDArray, np
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import dataclass, delegated, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.timeline import waits
 from sim_action.state.trace import Trace
@@ -52,15 +52,8 @@ class Window(Monitor):
             return self.after
         return self.before if math.isfinite(self.before) else max(self.after, self.monitor.needed_until)
 
-    @property
-    @override
-    def leaves(self) -> tuple[Monitor, ...]:
-        return self.monitor.leaves
-
-    @property
-    @override
-    def unmet_premises(self) -> tuple[str, ...]:
-        return self.monitor.unmet_premises
+    leaves: ClassVar[tuple[Monitor, ...]] = delegated("monitor.leaves")
+    unmet_premises: ClassVar[tuple[str, ...]] = delegated("monitor.unmet_premises")
 
     @override
     def observe(self, trace: Trace) -> Self:
@@ -101,10 +94,7 @@ class HoldTime:
     since: float | None = None
     goal: Goal = Goal()  # the fold of the duration. Its time is the end of the longest interval.
 
-    @property
-    def state(self) -> State:
-        """The state of the goal."""
-        return self.goal.state
+    state: ClassVar[State] = delegated("goal.state")
 
     @property
     def longest(self) -> float:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from typing import Final, Self
+from typing import ClassVar, Final, Self
 
 import numpy as np
 from typing_extensions import override
 
 from sim_action.core.geometry import Vector3
-from sim_action.core.records import dataclass
+from sim_action.core.records import dataclass, delegated
 from sim_action.meshes.collision_hulls import read_hull_points
 from sim_action.meshes.convex_hull import along, face_normals, furthest, spread_directions
 from sim_action.sensors.rendering.pinhole import Components, FloatArray, Rays
@@ -116,10 +116,7 @@ class Polyhedron(Solid):
         normals = np.concatenate((np.eye(3), -np.eye(3)))
         return cls(normals, np.array([*half_xyz, *half_xyz]), math.hypot(*half_xyz))
 
-    @property
-    @override
-    def radius(self) -> float:
-        return self.reach
+    radius: ClassVar[float] = delegated("reach")
 
     @override
     def enter(self, rays: Rays) -> Entry:
