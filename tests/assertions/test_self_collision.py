@@ -82,12 +82,7 @@ SCENARIO = "name: arm\nrobot: {{model: arm.urdf, base: fixed{robot}}}\nexpect: [
             "{self_collision: {allow: ['left hand', b, c]}}",
             "allow: expected a list of pairs, such as [[left hand, ANOTHER_LINK]]",
         ),
-        (
-            "",
-            "",
-            "{self_collision: {allow: [[base, one]]}}",
-            "allow.0: base and one are not judged: they are neighbours",
-        ),
+        ("", "", "{self_collision: {allow: [[base, one]]}}", "allow.0: base and one are not judged: they are neighbou"),
         (
             '<disable_default_collisions link="base"/><disable_default_collisions link="one"/>',
             ", srdf: arm.srdf",

@@ -70,14 +70,8 @@ def test_a_line_that_comes_in_pieces_is_one_line(tmp_path: Path) -> None:
     ("program", "why"),
     [
         ("sys.exit(3)", "exited with code 3 before the end of the run"),
-        (
-            "sys.exit('no such sensor')",
-            "exited with code 1 before the end of the run; its last line on standard error: no such sen",
-        ),
-        (
-            "raise KeyError('x')",
-            "exited with code 1 before the end of the run; its last line on standard error: KeyError: 'x'",
-        ),
+        ("sys.exit('no such sensor')", "exited with code 1 before the end of the run; its last line on standard error"),
+        ("raise KeyError('x')", "exited with code 1 before the end of the run; its last line on standard error: KeyEr"),
         ("os.kill(os.getpid(), signal.SIGKILL)", "was killed by SIGKILL"),
         ("input(); os.kill(os.getpid(), signal.SIGSEGV)", "was killed by SIGSEGV"),
         ("input(); os.kill(os.getpid(), signal.SIGRTMIN + 1)", "was killed by signal "),
@@ -98,18 +92,9 @@ def test_a_program_that_misbehaves_is_told_with_the_cause(program: str, why: str
 @pytest.mark.parametrize(
     ("program", "why"),
     [
-        (
-            "time.sleep(600)",
-            "within 0.3 s of wall time (answer_within); check that it flushes its output after each line",
-        ),
-        (
-            "out = open(1, 'w')\nfor line in sys.stdin: out.write(line)",
-            "check that it flushes its output after each line",
-        ),
-        (
-            "input(); print('a', flush=True)\ntime.sleep(600)",
-            "did not answer within 0.3 s of wall time (answer_within)",
-        ),
+        ("time.sleep(600)", "within 0.3 s of wall time (answer_within); check that it flushes its output after each l"),
+        ("out = open(1, 'w')\nfor line in sys.stdin: out.write(line)", "check that it flushes its output after each l"),
+        ("input(); print('a', flush=True)\ntime.sleep(600)", "did not answer within 0.3 s of wall time (answer_within"),
         ("signal.signal(signal.SIGTERM, signal.SIG_IGN)\nwhile True: pass", "did not answer within 0.3 s"),
     ],
 )

@@ -309,18 +309,10 @@ def test_terms_have_the_scale_clip_and_history_that_the_network_states(folder: P
             {"observation": ({"term": "joints.position", "scale": 0.5, "clip": 3}, "last_action")},
             "observation.0: the network states 'clip' 1.5 after its scale, and the scenario 3.0 for 'joint_pos'",
         ),
-        (
-            WITH_A_FINGER,
-            {},
-            "states 2 numbers as 'action_scale' for 3 joints; name the joints that have a motor in 'order'",
-        ),
+        (WITH_A_FINGER, {}, "states 2 numbers as 'action_scale' for 3 joints; name the joints that have a motor in 'o"),
         ({"action_scale": "1,2,3"}, {}, "policy: a.onnx states 3 numbers as 'action_scale' for 2 joints"),
         # mjlab 1.6: motors, and a position and a velocity actuator for each joint
-        (
-            MOTORS,
-            {},
-            "action: the network states an actuator of joint 'elbow', not the gains of its training; give 'stiff",
-        ),
+        (MOTORS, {}, "action: the network states an actuator of joint 'elbow', not the gains of its training; give 's"),
         (
             {"joint_stiffness": "20.000,2.000", "joint_damping": "1.000,2.000"},
             {},

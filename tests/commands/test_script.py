@@ -97,10 +97,7 @@ def test_what_may_well_work_is_no_problem(text: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (
-            "def contrl(seen): ...",
-            "controller.py defines no function 'control' and no class 'Controller'; did you mean 'contrl'?",
-        ),
+        ("def contrl(seen): ...", "controller.py defines no function 'control' and no class 'Controller'; did you mea"),
         ("", "and no class 'Controller' (allowed: none)"),
         ("def outer():\n    def control(seen): ...", "and no class 'Controller' (allowed: outer)"),
         ("class A:\n    def control(self): ...", "and no class 'Controller' (allowed: A)"),
@@ -115,10 +112,7 @@ def test_what_may_well_work_is_no_problem(text: str, tmp_path: Path) -> None:
             f"class Controller:\n    def __init__(self, robot): ...\n{STEP}",
             ":2: class 'Controller' requires 'robot'; add it to 'with'; reset(self, robot) gets data of the robot",
         ),
-        (
-            f"class Controller:\n    def __init__(self, a=1, *, bot): ...\n{STEP}",
-            ":2: class 'Controller' requires 'bot'",
-        ),
+        (f"class Controller:\n    def __init__(self, a=1, *, bot): ...\n{STEP}", ":2: class 'Controller' requires 'bo"),
     ],
 )
 def test_what_cannot_work_is_a_problem(text: str, message: str, tmp_path: Path) -> None:
@@ -213,10 +207,7 @@ def test_motions_join_the_joint_targets_of_an_answer(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        (
-            "return 1.0",
-            "control() returned a float; allowed are a Twist, JointTargets, a JointMotion, a LinkWrench, a tuple",
-        ),
+        ("return 1.0", "control() returned a float; allowed are a Twist, JointTargets, a JointMotion, a LinkWrench, a"),
         ("return (1.0, 0.0)", "control() returned a tuple with a float; allowed are"),
         ("return [sim.Twist(), (1, 2)]", "control() returned a list with a tuple; allowed are"),
         (
@@ -224,10 +215,7 @@ def test_motions_join_the_joint_targets_of_an_answer(tmp_path: Path) -> None:
             "more than one Twist in a tuple; it may have one Twist, one JointTargets and any number of JointMotion and",
         ),
         ("return 2 * [sim.JointTargets()]", "control() returned more than one JointTargets in a tuple"),
-        (
-            "return sim.Twist(), sim.JointTargets(effort={'x': 1})",
-            "a tuple with a target for a joint that cannot be driven: ",
-        ),
+        ("return sim.Twist(), sim.JointTargets(effort={'x': 1})", "a tuple with a target for a joint that cannot be d"),
         ("return sim.Twist", "control() returned a type; allowed are"),
         ("return sim.Twist(1.0, 0.5)", "Twist.planar(linear, angular) creates one"),
         ("return sim.Twist((1.0, 0.0), (0.0, 0.0, 0.0))", "Twist.planar(linear, angular) creates one"),
@@ -243,10 +231,7 @@ def test_motions_join_the_joint_targets_of_an_answer(tmp_path: Path) -> None:
             "whose values are not numbers",
         ),
         # Python refuses to write such a number out.
-        (
-            "return sim.JointTargets(velocity={'a': None, 'b': 10**5000})",
-            "a JointTargets, whose values are not numbers",
-        ),
+        ("return sim.JointTargets(velocity={'a': None, 'b': 10**5000})", "a JointTargets, whose values are not number"),
         ("return sim.Twist((10**5000, 0, 0))", "a Twist, whose values are too large"),
         (
             "return sim.JointTargets(velocity={'wheel_left': 1})",
@@ -256,10 +241,7 @@ def test_motions_join_the_joint_targets_of_an_answer(tmp_path: Path) -> None:
         ("return sim.JointTargets(position={None: 1.0})", "the model has no moving joint 'None'"),
         ("return sim.JointTargets(max_effort={'arm': 1.0})", "the model has no moving joint 'arm'"),
         ("return sim.JointTargets(position={'scan_joint': 1.0})", "the model has no moving joint 'scan_joint'"),
-        (
-            "return sim.JointTargets(max_effort={'wheel_left_joint': -1})",
-            "a negative max_effort for joint 'wheel_left_",
-        ),
+        ("return sim.JointTargets(max_effort={'wheel_left_joint': -1})", "a negative max_effort for joint 'wheel_left"),
         (
             "return sim.JointTargets(base=sim.state.command.BasePush((1.0, 0.0), 0.0, (0.0, 0.0, 0.0), 1.0, 1.0))",
             "a push of the base, which only drives may command; use joint targets",
@@ -276,10 +258,7 @@ def test_motions_join_the_joint_targets_of_an_answer(tmp_path: Path) -> None:
             "return sim.JointMotion.through(['wheel_joint'], [0], [[1]])",
             "a JointMotion of a joint that cannot be driven: the model has no moving joint 'wheel_joint'",
         ),
-        (
-            "return sim.JointMotion(('wheel_left_joint',), ('x',))",
-            "a JointMotion that is not well-formed; JointMotion.thr",
-        ),
+        ("return sim.JointMotion(('wheel_left_joint',), ('x',))", "a JointMotion that is not well-formed; JointMotion"),
         ("return sim.JointMotion((), ())", "a JointMotion that is not well-formed"),
         (
             (
@@ -296,25 +275,13 @@ def test_motions_join_the_joint_targets_of_an_answer(tmp_path: Path) -> None:
             "return sim.LinkWrench('base_footprint', (0, 0, 1), frame='bass')",
             "there is no frame 'bass': a frame is world, base, or a link of the robot; did you mean 'base'",
         ),
-        (
-            "return sim.LinkWrench('base_footprint', (0, 0))",
-            "a LinkWrench needs vectors of 3 numbers: force_xyz, torque_xyz",
-        ),
-        (
-            "return sim.LinkWrench('base_footprint', 9.81)",
-            "a LinkWrench needs vectors of 3 numbers: force_xyz, torque_xyz",
-        ),
+        ("return sim.LinkWrench('base_footprint', (0, 0))", "a LinkWrench needs vectors of 3 numbers: force_xyz, torq"),
+        ("return sim.LinkWrench('base_footprint', 9.81)", "a LinkWrench needs vectors of 3 numbers: force_xyz, torque"),
         ("return sim.LinkWrench('base_footprint', ('a', 0, 0))", "whose values are not numbers"),
         ("return sim.LinkWrench('base_footprint', (0, 0, 1e999))", "which has a value that is not finite"),
         ("return sim.LinkWrench('base_footprint', (0, 0, 1e11))", "; at most 1e+10 N or N m is allowed"),
-        (
-            "return [sim.LinkWrench('base_footprint', (0, 0, 1))] * 1001",
-            "a list of 1,001 commands; at most 1,000 are allowed",
-        ),
-        (
-            "return sim.LinkWrench('base_footprint', (0, 0, 1), point_xyz=(0, 1e6, 0))",
-            "; its point_xyz may be at most 100000 m away",
-        ),
+        ("return [sim.LinkWrench('base_footprint', (0, 0, 1))] * 1001", "a list of 1,001 commands; at most 1,000 are"),
+        ("return sim.LinkWrench('base_footprint', (0, 0, 1), point_xyz=(0, 1e6, 0))", "; its point_xyz may be at most"),
     ],
 )
 def test_any_other_answer_is_an_error_at_the_script(body: str, message: str, tmp_path: Path) -> None:

@@ -104,10 +104,7 @@ HEAD = "# sim-action golden trajectory 1: burger\ntime_s,x_m,y_m,z_m,yaw_rad\n"
         ("", "1: expected '# sim-action golden trajectory 1: burger', found ''"),
         ("time_s,x_m\n0,0\n", "1: expected '# sim-action golden trajectory 1: burger', found 'time_s,x_m'"),
         (HEAD.replace(" 1:", " 2:"), "1: the file has format version '2'; this sim-action reads version 1"),
-        (
-            HEAD.replace("burger", "waffle"),
-            "1: the file belongs to the robot 'waffle'; the robot of this scenario is 'burger'",
-        ),
+        (HEAD.replace("burger", "waffle"), "1: the file belongs to the robot 'waffle'; the robot of this scenario is"),
         (HEAD.replace("yaw_rad", "yaw_deg"), "2: expected the columns time_s,x_m,y_m,z_m,yaw_rad, found 'time_s"),
         (HEAD, "3: expected a row of numbers, found the end of the file"),
         (HEAD + "0,0,0,0\n", "3: expected 5 numbers, found 4"),
