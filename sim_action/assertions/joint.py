@@ -172,8 +172,8 @@ class JointReading(Assertion):
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        unit = scene.model.joints_by_name[self.name].dimension(self.reading).si
-        signal = reading_of(self.name, self.reading)
+        joint = scene.model.joints_by_name[self.name]
+        unit, signal = joint.dimension(self.reading).si, reading_of(joint, self.reading)
         at_least, at_most, near, tolerance = (self._magnitude(value) for value in self._asked().values())
         if near is not None and tolerance is not None:
             nearest = ClosestApproach(f"{self.name} came", units.display(near, unit), unit, tolerance)
@@ -343,4 +343,4 @@ class JointWithin(Assertion):
                 dimension = joint.dimension(reading)
                 lower, upper = (units.parse(bound, dimension) for bound in bounds)
                 label = joint.name if reading == "position" else f"{joint.name} {reading}"
-                yield Interval(label, dimension.si, lower, upper, reading_of(joint.name, reading), joint.name)
+                yield Interval(label, dimension.si, lower, upper, reading_of(joint, reading), joint.name)

@@ -14,6 +14,7 @@ from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
 from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.robot.model.inverse_kinematics import REACHED_M, Chain, Solution, Values, reach, search
+from sim_action.robot.model.robot_model import STOP_SLACK
 from sim_action.state.joint_motion import RAMP_S, Curve, JointMotion, straight
 
 # Joint positions are found before the run once per this distance in m, and per this angle in rad. The line between two
@@ -30,7 +31,6 @@ _MAX_STEP_RAD: Final = 0.05
 _SLACK_M: Final = 0.002
 _SLACK_RAD: Final = math.radians(1)
 _JUMP: Final = 0.5  # a joint that moves by more than this in rad or m on such a step has jumped to another posture
-_AT_LIMIT: Final = 1e-4  # a joint is at its limit within this, in rad or m
 _SHARE_ROUNDING: Final = 1e-6  # the share by which a speed may exceed its limit: rounding of models
 
 
@@ -244,7 +244,7 @@ class Follower:
             for joint, value, lower, upper in zip(
                 self.chain.joints, values, self.chain.lower, self.chain.upper, strict=True
             )
-            if value - lower < _AT_LIMIT or upper - value < _AT_LIMIT
+            if value - lower < STOP_SLACK or upper - value < STOP_SLACK
         ]
         return ", ".join(names)
 

@@ -12,9 +12,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final, Self
 
-from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_model import STOP_SLACK, RobotModel
 
-_SLACK: Final = 1e-4  # rad or m. Engines hold a joint that rests at its stop more closely.
 # Engines stop a joint only beyond its limit, not at it.
 _BEYOND: Final = 1e-6
 _NO_RANGE: Final = -math.inf, math.inf
@@ -30,7 +29,7 @@ class JointStops:
         :param ranges: place of a joint, its lower and its upper limit in rad or m.
         :param followers: place of a joint -> the places of those that follow it, with multiplier and offset.
         """
-        self._stops = [(at, lower - _SLACK, upper + _SLACK) for at, lower, upper in ranges]
+        self._stops = [(at, lower - STOP_SLACK, upper + STOP_SLACK) for at, lower, upper in ranges]
         self._followers = followers
         # The places of joints that had passed their stops one step before.
         self._pressing = frozenset[int]()
@@ -68,7 +67,7 @@ class JointStops:
 
     def _stopped(self, at: int, lower: float, upper: float, positions: Sequence[float]) -> Iterator[tuple[int, float]]:
         if math.isfinite(positions[at]):
-            stop = upper - _SLACK + _BEYOND if positions[at] > upper else lower + _SLACK - _BEYOND
+            stop = upper - STOP_SLACK + _BEYOND if positions[at] > upper else lower + STOP_SLACK - _BEYOND
             yield at, stop
             for follower, ratio, offset in self._followers.get(at, ()):
                 yield follower, ratio * stop + offset

@@ -50,6 +50,26 @@ def test_a_value_that_is_not_come_near_to() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("off", "is_there"), [(-1.85e-5, True), (0.0, True), (1.29e-8, True), (9e-5, True), (-2e-4, False), (2e-4, False)]
+)
+@pytest.mark.parametrize("reading", ["position", "velocity"])
+def test_a_joint_that_engines_stop_at_its_own_limit_is_at_it(off: float, is_there: bool, reading: Any) -> None:
+    model = burger()
+    joints = tuple(dataclasses.replace(joint, type="revolute", lower=-1.0, upper=1.0) for joint in model.joints)
+    limited = scene(dataclasses.replace(model, joints=joints))
+    at: dict[str, Any] = {reading: [1.0 + off]}
+    seen = trace([1.0], **at)
+    found = {
+        "at_least": JointReading(name=WHEEL, reading=reading, at_least=1.0),
+        "at_most": JointReading(name=WHEEL, reading=reading, at_most=1.0),
+        "within": JointWithin.model_validate({reading: {WHEEL: (-9.0, 1.0)}}),
+    }
+    passed = {name: monitor(spec, where=limited).observe(seen).verdict().passed for name, spec in found.items()}
+    is_there = is_there and reading == "position"
+    assert passed == {"at_least": is_there or off >= 0, "at_most": is_there or off <= 0, "within": is_there or off <= 0}
+
+
 def test_a_joint_that_slides_is_measured_in_metres() -> None:
     model = burger()
     joints = tuple(dataclasses.replace(joint, type="prismatic") for joint in model.joints)

@@ -11,10 +11,10 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core import units
-from sim_action.core.lazy_numpy import FloatArray
+from sim_action.core.lazy_numpy import FloatArray, np
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_document import SpecProblems
-from sim_action.robot.model.robot_model import Joint, Reading, RobotModel
+from sim_action.robot.model.robot_model import STOP_SLACK, Joint, Reading, RobotModel
 
 if TYPE_CHECKING:
     from sim_action.state.trace import Trace
@@ -171,11 +171,18 @@ def as_written(quantity: float | str) -> str:
     return quantity if isinstance(quantity, str) else f"{quantity:.4g}"
 
 
-def reading_of(joint: str, reading: Reading) -> Callable[[Trace], FloatArray]:
-    """Return a function from a trace to the position, velocity or effort of a joint, (T,) in SI units."""
+def reading_of(joint: Joint, reading: Reading) -> Callable[[Trace], FloatArray]:
+    """Return a function from a trace to the position, velocity or effort of a joint, (T,) in SI units.
+
+    A position at a stop is the limit of the joint: engines hold a joint a little before or behind it.
+    """
+    stops = [limit for limit in (joint.lower, joint.upper) if limit is not None] if reading == "position" else []
 
     def signal(trace: Trace) -> FloatArray:
         columns = {"position": trace.joint_position, "velocity": trace.joint_velocity, "effort": trace.joint_effort}
-        return columns[reading][:, trace.joint_names.index(joint)]
+        values = columns[reading][:, trace.joint_names.index(joint.name)]
+        for stop in stops:
+            values = np.where(np.abs(values - stop) <= STOP_SLACK, stop, values)
+        return values
 
     return signal

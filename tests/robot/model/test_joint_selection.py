@@ -63,5 +63,5 @@ def test_a_unit_must_be_that_of_the_joint() -> None:
 @pytest.mark.parametrize(("reading", "value"), [("position", 1.0), ("velocity", 2.0), ("effort", 3.0)])
 def test_each_reading_is_its_column(reading: Reading, value: float) -> None:
     seen = trace([1.0], position=[1.0], velocity=[2.0], effort=[3.0])
-    assert reading_of(LEFT, reading)(seen).tolist() == [value]
-    assert reading_of(RIGHT, reading)(seen).tolist() == [0.0]
+    found = {name: reading_of(burger().joints_by_name[name], reading)(seen).tolist() for name in (LEFT, RIGHT)}
+    assert found == {LEFT: [value], RIGHT: [0.0]}
