@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
+from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose, Vector3, quaternion_from_rpy
-from sim_action.robot.model.robot_model import Joint, JointType, Link, RobotModel, Shape
+from sim_action.robot.model.robot_model import Joint, JointType, Link, Plugin, RobotModel, Shape
 
+PLACE = Location("robot.urdf", 7)
+STEERED = "left_steering_joint=a_steer right_steering_joint=b_steer"  # parameters of a plugin
 Part = tuple[tuple[Joint, ...], tuple[Link, ...]]
 RADIUS = 0.1
 LYING = Pose(orientation_xyzw=quaternion_from_rpy(math.pi / 2, 0.0, 0.0))  # a cylinder's own axis is z; lying, it is y
@@ -17,6 +21,13 @@ def cart(*parts: Part, mass_ahead: float = 0.0) -> RobotModel:
     base = Link("base", 10.0, centre_of_mass_xyz=(mass_ahead, 0.0, 0.0))
     links = (base, *(link for _, links in parts for link in links))
     return RobotModel("cart", "", links, tuple(joint for joints, _ in parts for joint in joints), "")
+
+
+def asking(model: RobotModel, plugin: str, parameters: str = "", title: str = "") -> RobotModel:
+    """A model with one more plugin; `parameters`: such as "left_joint=a,b torque=5", "a,b" for one of the name each."""
+    pairs = (written.split("=") for written in parameters.split())
+    named = tuple((name, value) for name, values in pairs for value in values.split(","))
+    return dataclasses.replace(model, plugins=(*model.plugins, Plugin(plugin, named, title, PLACE)))
 
 
 def wheel(
@@ -64,3 +75,6 @@ def steered(
 
 FOUR = (wheel("a", 0.2, 0.3), wheel("b", -0.2, 0.3), wheel("c", 0.2, -0.3), wheel("d", -0.2, -0.3))
 """Two wheels on the left, two on the right: wheelbase 0.4 m, separation 0.6 m."""
+REAR = (wheel("c", 0.0, 0.2), wheel("d", 0.0, -0.2))
+FRONT = (steered("a", 0.5, 0.2), steered("b", 0.5, -0.2))
+CAR = cart(*REAR, *FRONT)

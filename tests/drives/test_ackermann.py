@@ -14,12 +14,9 @@ from pydantic import ValidationError
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import ackermann, recognise
 from sim_action.drives.ackermann import ON_THE_SPOT, TOO_TIGHT, AckermannDrive, DrivenWheel, Kingpin, tightest
-from sim_action.robot.model.robot_model import Plugin, RobotModel
-from tests.drives.carts import RADIUS, cart, steered, wheel
+from sim_action.robot.model.robot_model import RobotModel
+from tests.drives.carts import CAR, FRONT, RADIUS, REAR, STEERED, asking, cart, steered, wheel
 
-REAR = (wheel("c", 0.0, 0.2), wheel("d", 0.0, -0.2))
-FRONT = (steered("a", 0.5, 0.2), steered("b", 0.5, -0.2))
-CAR = cart(*REAR, *FRONT)
 DRIVE = AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"))
 QUICK = DRIVE.model_copy(update={"acceleration": 1e6})
 DOWN: Vector3 = (0.0, 0.0, -1.0)
@@ -60,26 +57,18 @@ def test_what_is_not_plain_is_not_recognised(model: RobotModel) -> None:
 
 
 def test_what_gzs_plugin_says_is_taken() -> None:
-    parameters = {
-        "left_joint": "c",
-        "right_joint": "d",
-        "left_steering_joint": "a_steer",
-        "right_steering_joint": "b_steer",
-        "wheel_base": "0.52",
-        "kingpin_width": "0.4",
-        "wheel_radius": "0.11",
-        "steering_limit": "0.5",
-    }
-    plugins = (Plugin("gz-sim-ackermann-steering-system", tuple(parameters.items())),)
-    model = dataclasses.replace(CAR, plugins=plugins)
+    plugin, joints = "gz-sim-ackermann-steering-system", f"left_joint=c right_joint=d {STEERED}"
+    figures = "wheel_base=0.52 kingpin_width=0.4 wheel_radius=0.11 steering_limit=0.5"
+    model = asking(CAR, plugin, f"{joints} {figures}")
     stated = DRIVE.model_copy(update={"wheelbase": 0.52, "radius": 0.11, "steering_limit": 0.5})
     assert recognise(model) == stated
-    assert (
-        stated.describe(model)
-        == f"{stated.describe(CAR)}; the plugin has no limit for acceleration, so 1 m/s^2 is used"
-    )
-    plugins = (Plugin(plugins[0].name, (*plugins[0].parameters[:4], ("wheel_radius", "1e-300"))),)
-    assert recognise(dataclasses.replace(CAR, plugins=plugins)) == DRIVE
+    no_limit = "; the plugin has no limit for acceleration, so 1 m/s^2 is used"
+    assert stated.describe(model) == stated.describe(CAR) + no_limit
+    # What no car has is passed over.
+    for wrong in ("wheel_radius=1e-300", "wheel_radius=1e300", "steering_limit=3.14", "left_steering_joint=a_steer"):
+        model = asking(CAR, plugin, f"{joints} {wrong}")
+        assert recognise(model) == DRIVE
+        assert "ackermann" in DRIVE.describe(model)
 
 
 def test_a_curve_is_angles_and_speeds_that_fit() -> None:

@@ -9,51 +9,35 @@ import pytest
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import recognise
 from sim_action.drives.diff import DiffDrive
-from sim_action.robot.model.robot_model import Plugin, RobotModel
-from tests.drives.carts import RADIUS, cart, wheel
+from tests.drives.carts import RADIUS, asking, cart, wheel
 from tests.drives.test_diff import BURGER, LEFT, RIGHT, changed, without_radii
 from tests.traces import burger
 
-
-def with_plugin(name: str, **parameters: str) -> RobotModel:
-    return dataclasses.replace(burger(), plugins=(Plugin(name, tuple(parameters.items())),))
+SIDES = f"left_joint={LEFT} right_joint={RIGHT}"
+RATED = "legacyMode=false updateRate=30"
+OLD_SIDES = f"leftJoint={LEFT} rightJoint={RIGHT}"
+WHEELS = "left_joint=a right_joint=b"
 
 
 @pytest.mark.parametrize(
-    ("plugin", "figures"),
+    ("plugin", "parameters", "figures"),
     [
         (
-            with_plugin(
-                "gazebo_ros_diff_drive",
-                leftJoint=LEFT,
-                rightJoint=RIGHT,
-                wheelSeparation="0.2",
-                wheelDiameter="0.08",
-                wheelAcceleration="2.5",
-                wheelTorque="7",
-                updateRate="30",
-                legacyMode="false",
-            ),
+            "gazebo_ros_diff_drive",
+            f"{OLD_SIDES} wheelSeparation=0.2 wheelDiameter=0.08 wheelAcceleration=2.5 wheelTorque=7 {RATED}",
             {"separation": 0.2, "radius": 0.04, "acceleration": 2.5, "torque": 7.0},
         ),
         (
-            with_plugin(
-                "gazebo_ros_diff_drive",
-                left_joint=LEFT,
-                right_joint=RIGHT,
-                wheel_separation="0.2",
-                wheel_diameter="0.08",
-                max_wheel_acceleration="0",
-                max_wheel_torque="inf",
-            ),
+            "gazebo_ros_diff_drive",
+            f"{SIDES} wheel_separation=0.2 wheel_diameter=0.08 max_wheel_acceleration=0 max_wheel_torque=inf",
             {"separation": 0.2, "radius": 0.04},
         ),
-        (with_plugin("gz-sim-diff-drive-system", left_joint=LEFT, right_joint=RIGHT, wheel_radius="wide"), {}),
+        ("gz-sim-diff-drive-system", f"{SIDES} wheel_radius=wide", {}),
     ],
     ids=["ROS 1", "ROS 2", "gz"],
 )
-def test_what_a_plugin_says_is_taken(plugin: RobotModel, figures: dict[str, float]) -> None:
-    assert recognise(plugin) == DiffDrive(left=(LEFT,), right=(RIGHT,), **figures)
+def test_what_a_plugin_says_is_taken(plugin: str, parameters: str, figures: dict[str, float]) -> None:
+    assert recognise(asking(burger(), plugin, parameters)) == DiffDrive(left=(LEFT,), right=(RIGHT,), **figures)
 
 
 NO_LIMIT = "; the plugin has no limit for wheel acceleration, so 1 m/s^2 is used"
@@ -77,8 +61,10 @@ SWAPPED = (
 )
 def test_what_a_plugin_means_beside_what_it_says_is_told(name: str, parameters: dict[str, str], remark: str) -> None:
     ros1 = name.startswith("gazebo_ros")
-    left, right = ("leftJoint", "rightJoint") if ros1 else ("left_joint", "right_joint")
-    model = with_plugin(name, **{left: LEFT, right: RIGHT}, **parameters)
+    model = asking(burger(), name, OLD_SIDES if ros1 else SIDES)
+    (plugin,) = model.plugins
+    told = (*plugin.parameters, *parameters.items())
+    model = dataclasses.replace(model, plugins=(dataclasses.replace(plugin, parameters=told),))
     drive = recognise(model)
     assert isinstance(drive, DiffDrive)
     assert (drive.left, drive.right) == (((RIGHT,), (LEFT,)) if SWAPPED in remark else ((LEFT,), (RIGHT,)))
@@ -92,9 +78,8 @@ FORWARD, BACKWARD = (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
 @pytest.mark.parametrize(("left", "right"), [("a", "b"), ("b", "a")], ids=["as named", "exchanged"])
 @pytest.mark.parametrize(("legacy", "way"), [("true", -1), ("false", 1)])
 def test_joints_turn_as_gazebo_turns_them(axis: Vector3, left: str, right: str, legacy: str, way: int) -> None:
-    parameters = (("leftJoint", left), ("rightJoint", right), ("legacyMode", legacy))
     model = cart(wheel("a", 0.0, 0.3, axis=axis), wheel("b", 0.0, -0.3, axis=axis))
-    model = dataclasses.replace(model, plugins=(Plugin("gazebo_ros_diff_drive", parameters),))
+    model = asking(model, "gazebo_ros_diff_drive", f"leftJoint={left} rightJoint={right} legacyMode={legacy}")
     drive = recognise(model)
     assert drive is not None
     (targets,) = drive.open(model, 0.1).targets(Twist.planar(1.0, 2.0), 1)
@@ -103,56 +88,49 @@ def test_joints_turn_as_gazebo_turns_them(axis: Vector3, left: str, right: str, 
 
 
 def test_a_plugin_whose_sides_are_exchanged_turns_the_other_way_and_goes_ahead() -> None:
-    drive = recognise(with_plugin("gz-sim-diff-drive-system", left_joint=RIGHT, right_joint=LEFT))
+    drive = recognise(asking(burger(), "gz-sim-diff-drive-system", f"left_joint={RIGHT} right_joint={LEFT}"))
     assert drive == DiffDrive(left=(RIGHT,), right=(LEFT,), heading=0.0)
 
 
 def test_wheels_that_a_plugin_would_turn_against_each_other_roll_ahead() -> None:
     model = cart(wheel("a", 0.0, 0.3, axis=FORWARD), wheel("b", 0.0, -0.3, axis=BACKWARD))
-    parameters = (("left_joint", "a"), ("right_joint", "b"))
-    model = dataclasses.replace(model, plugins=(Plugin("gz-sim-diff-drive-system", parameters),))
-    assert recognise(model) == DiffDrive(left=("a",), right=("b",))
+    assert recognise(asking(model, "gz-sim-diff-drive-system", WHEELS)) == DiffDrive(left=("a",), right=("b",))
 
 
 def test_ros_2_has_no_legacy_mode() -> None:
-    assert recognise(with_plugin("gazebo_ros_diff_drive", left_joint=LEFT, right_joint=RIGHT)) == BURGER
+    assert recognise(asking(burger(), "gazebo_ros_diff_drive", SIDES)) == BURGER
 
 
 def test_a_drive_that_is_stated_has_nothing_to_tell_of_the_plugin() -> None:
-    model = with_plugin("gazebo_ros_diff_drive", leftJoint=LEFT, rightJoint=RIGHT)
+    model = asking(burger(), "gazebo_ros_diff_drive", OLD_SIDES)
     assert BURGER.describe(model) == BURGER.describe(burger())
 
 
 def test_a_plugin_names_wheels_whatever_they_are_called() -> None:
     model = changed(burger(), wheel_left_joint={"name": "a"}, wheel_right_joint={"name": "b"})
-    parameters = (("left_joint", "a"), ("right_joint", "b"))
     assert recognise(model) is None
-    model = dataclasses.replace(model, plugins=(Plugin("gazebo_ros_diff_drive", parameters),))
-    assert recognise(model) == DiffDrive(left=("a",), right=("b",))
-
-
-PASSED_OVER = pytest.mark.parametrize(
-    "plugin",
-    [
-        with_plugin("gazebo_ros_diff_drive", leftJoint="front", rightJoint=RIGHT, wheelSeparation="9"),
-        with_plugin("gazebo_ros_diff_drive", leftJoint=LEFT, wheelSeparation="9"),
-        with_plugin("gazebo_ros_imu", leftJoint=LEFT, rightJoint=RIGHT, wheelSeparation="9"),
-        with_plugin("gazebo_ros_diff_drive", leftJoint=LEFT, rightJoint=LEFT, wheelSeparation="9"),
-        with_plugin("gazebo_ros_diff_drive", left_joint=LEFT, right_joint=RIGHT, wheel_diameter="1e-300"),
-        with_plugin("gazebo_ros_diff_drive", left_joint=LEFT, right_joint=RIGHT, wheel_separation="1e-9"),
-    ],
-    ids=["an unknown joint", "one side", "another plugin", "a wheel on both sides", "no diameter", "no separation"],
-)
+    assert recognise(asking(model, "gazebo_ros_diff_drive", WHEELS)) == DiffDrive(left=("a",), right=("b",))
 
 
 def test_a_plugin_that_does_not_tell_the_diameter_of_wheels_that_are_not_round_is_passed_over() -> None:
-    model = with_plugin("gazebo_ros_diff_drive", left_joint=LEFT, right_joint=RIGHT)
+    model = asking(burger(), "gazebo_ros_diff_drive", SIDES)
     assert recognise(without_radii(model)) is None
 
 
-@PASSED_OVER
-def test_a_plugin_that_does_not_fit_is_passed_over(plugin: RobotModel) -> None:
-    assert recognise(plugin) == BURGER
+@pytest.mark.parametrize(
+    ("plugin", "parameters"),
+    [
+        ("gazebo_ros_diff_drive", f"leftJoint=front rightJoint={RIGHT} wheelSeparation=9"),
+        ("gazebo_ros_diff_drive", f"leftJoint={LEFT} wheelSeparation=9"),
+        ("gazebo_ros_imu", f"{OLD_SIDES} wheelSeparation=9"),
+        ("gazebo_ros_diff_drive", f"leftJoint={LEFT} rightJoint={LEFT} wheelSeparation=9"),
+        ("gazebo_ros_diff_drive", f"{SIDES} wheel_diameter=1e-300"),
+        ("gazebo_ros_diff_drive", f"{SIDES} wheel_separation=1e-9"),
+    ],
+    ids=["an unknown joint", "one side", "another plugin", "a wheel on both sides", "no diameter", "no separation"],
+)
+def test_a_plugin_that_does_not_fit_is_passed_over(plugin: str, parameters: str) -> None:
+    assert recognise(asking(burger(), plugin, parameters)) == BURGER
 
 
 @pytest.mark.parametrize(
@@ -166,7 +144,7 @@ def test_a_plugin_that_does_not_fit_is_passed_over(plugin: RobotModel) -> None:
 )
 @pytest.mark.parametrize("tag", ["torque", "wheelTorque", "max_wheel_torque", "MaxForce"])
 def test_each_plugin_reads_its_own_tag_for_the_torque(name: str, read: set[str], tag: str) -> None:
-    model = with_plugin(name, left_joint=LEFT, right_joint=RIGHT, **{tag: "0.1"})
+    model = asking(burger(), name, f"{SIDES} {tag}=0.1")
     drive = recognise(model)
     assert isinstance(drive, DiffDrive)
     assert drive.torque == (0.1 if tag in read else None)

@@ -27,8 +27,8 @@ from sim_action.drives.diff import DiffDrive
 from sim_action.drives.mecanum import MecanumDrive
 from sim_action.drives.skid import SkidSteer
 from sim_action.robot.model.kinematics import Mobility
-from sim_action.robot.model.robot_model import Joint, Link, Plugin, RobotModel
-from tests.drives.carts import FOUR, RADIUS, cart, steered, wheel
+from sim_action.robot.model.robot_model import Joint, Link, RobotModel
+from tests.drives.carts import CAR, FOUR, RADIUS, cart, steered, wheel
 from tests.soak import examples
 from tests.traces import WHEELS, burger, scene
 
@@ -47,7 +47,7 @@ ALONG_X: Vector3 = (-1.0, 0.0, 0.0)
 BURGERS = DiffDrive(left=WHEELS[:1], right=WHEELS[1:])
 SKID = SkidSteer(left=("a", "b"), right=("c", "d"), slip=2.0, acceleration=0.3)
 MECANUM = MecanumDrive(left=("a", "b"), right=("c", "d"))
-CAR = AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"), acceleration=2.0)
+DRIVE = AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"), acceleration=2.0)
 FOUR_AHEAD = cart(wheel("a", 0.3, 0.3), wheel("b", -0.1, 0.3), wheel("c", 0.3, -0.3), wheel("d", -0.1, -0.3))
 TO_THE_LEFT = cart(
     *(wheel(name, x, y, axis=ALONG_X) for name, x, y in (("a", -0.3, 0.2), ("c", 0.3, 0.2))),
@@ -67,7 +67,11 @@ STEERED = cart(*FRONT, wheel("c", -0.2, 0.2), wheel("d", -0.2, -0.2))
         (SKID, TO_THE_LEFT, Mobility(heading=math.pi / 2, acceleration=0.3, turn_acceleration=0.3 / 0.6)),
         (MECANUM, cart(*FOUR), Mobility(turn_acceleration=1 / math.hypot(0.2, 0.3))),
         # The inner wheel is turned by 0.6 rad, 0.5 m before the axle and 0.2 m beside the middle.
-        (CAR, STEERED, Mobility(ahead=0.2, tightest=1 / (0.5 / math.tan(0.6) + 0.2), acceleration=2.0, wheelbase=0.5)),
+        (
+            DRIVE,
+            STEERED,
+            Mobility(ahead=0.2, tightest=1 / (0.5 / math.tan(0.6) + 0.2), acceleration=2.0, wheelbase=0.5),
+        ),
     ],
     ids=["diff", "skid", "skid that faces left", "mecanum", "ackermann"],
 )
@@ -78,12 +82,11 @@ def test_it_says_what_it_can_do(drive: Drive, model: RobotModel, mobility: Mobil
 
 FASTEST = 20.0
 LEFT, RIGHT = ("a", "b"), ("c", "d")
-STEERED_CART = cart(wheel("c", 0.0, 0.2), wheel("d", 0.0, -0.2), steered("a", 0.5, 0.2), steered("b", 0.5, -0.2))
 LIMITLESS: dict[str, tuple[Drive, RobotModel]] = {
     "diff": (DiffDrive(left=LEFT, right=RIGHT, acceleration=1e9), cart(*FOUR)),
     "skid": (SkidSteer(left=LEFT, right=RIGHT, acceleration=1e9), cart(*FOUR)),
     "mecanum": (MecanumDrive(left=LEFT, right=RIGHT, acceleration=1e9), cart(*FOUR)),
-    "ackermann": (AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"), acceleration=1e9), STEERED_CART),
+    "ackermann": (AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"), acceleration=1e9), CAR),
 }
 every_drive = pytest.mark.parametrize("name", list(LIMITLESS))
 
@@ -145,8 +148,8 @@ def test_the_base_of_a_mecanum_drive_is_pushed_no_faster_than_its_wheels_turn() 
 
 def test_a_car_that_goes_over_to_a_curve_is_within_its_limits_at_every_step() -> None:
     drive = AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"), acceleration=1.0, steering_rate=1.0)
-    joints = (replace(joint, max_velocity=FASTEST) if joint.name in "cd" else joint for joint in STEERED_CART.joints)
-    motion = drive.open(replace(STEERED_CART, joints=tuple(joints)), 100.0)
+    joints = (replace(joint, max_velocity=FASTEST) if joint.name in "cd" else joint for joint in CAR.joints)
+    motion = drive.open(replace(CAR, joints=tuple(joints)), 100.0)
     straight = motion.targets(Twist.planar(FASTEST * RADIUS), 1000)
     turning = motion.targets(Twist.planar(FASTEST * RADIUS, FASTEST * RADIUS), 1000)
     assert straight[-1].velocity == pytest.approx({"c": FASTEST, "d": FASTEST})
@@ -168,28 +171,10 @@ def test_the_slowest_wheel_decides() -> None:
     assert "asked joint 'a'" in note
 
 
-DRIVE = AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"))
-
-
-def with_plugin(*more: tuple[str, str]) -> RobotModel:
-    joints = (("left_joint", "c"), ("right_joint", "d"), ("left_steering_joint", "a_steer"))
-    parameters = (*joints, ("right_steering_joint", "b_steer"), *more)
-    return dataclasses.replace(STEERED_CART, plugins=(Plugin("gz-sim-ackermann-steering-system", parameters),))
-
-
-@pytest.mark.parametrize(
-    "more", [("steering_limit", "3.14"), ("left_steering_joint", "a_steer"), ("wheel_radius", "1e300")]
-)
-def test_a_plugin_that_says_what_no_car_has_is_passed_over(more: tuple[str, str]) -> None:
-    drive = recognise(with_plugin(more))
-    assert drive == DRIVE
-    assert "ackermann" in DRIVE.describe(with_plugin(more))
-
-
 @pytest.mark.parametrize(("radius", "message"), [(1e-7, "at least 1e-06 m"), (1e200, "at most 1000 m")])
 def test_lengths_have_bounds(radius: float, message: str) -> None:
     drive = SkidSteer(left=("c",), right=("d",), radius=radius)
-    assert (("radius",), f"must be {message}") in list(drive.problems(STEERED_CART))
+    assert (("radius",), f"must be {message}") in list(drive.problems(CAR))
 
 
 def test_only_a_heading_that_counts_is_told() -> None:

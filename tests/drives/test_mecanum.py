@@ -14,9 +14,9 @@ from pydantic import ValidationError
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import recognise
 from sim_action.drives.mecanum import NOT_LEVEL, MecanumDrive
-from sim_action.robot.model.robot_model import Mjcf, Plugin, RobotModel
+from sim_action.robot.model.robot_model import Mjcf, RobotModel
 from sim_action.state.command import JointTargets
-from tests.drives.carts import FOUR, RADIUS, cart, wheel
+from tests.drives.carts import FOUR, RADIUS, asking, cart, wheel
 from tests.traces import scene
 
 DRIVE = MecanumDrive(left=("a", "b"), right=("c", "d"))
@@ -104,16 +104,12 @@ def test_only_wheels_lose_their_friction() -> None:
 
 
 def test_gzs_plugin_tells_mecanum_wheels_from_skid_steer() -> None:
-    names = dict(
-        zip(("front_left_joint", "back_left_joint", "front_right_joint", "back_right_joint"), "abcd", strict=True)
-    )
-    plugins = (Plugin("gz-sim-mecanum-drive-system", (*names.items(), ("wheel_radius", "0.11"))),)
-    model, stated = dataclasses.replace(CART, plugins=plugins), DRIVE.model_copy(update={"radius": 0.11})
+    joints = "front_left_joint=a back_left_joint=b front_right_joint=c back_right_joint=d"
+    model = asking(CART, "gz-sim-mecanum-drive-system", f"{joints} wheel_radius=0.11")
+    stated = DRIVE.model_copy(update={"radius": 0.11})
     assert recognise(model) == stated
-    assert (
-        stated.describe(model)
-        == f"{stated.describe(CART)}; the plugin has no limit for acceleration, so 1 m/s^2 is used"
-    )
+    no_limit = "; the plugin has no limit for acceleration, so 1 m/s^2 is used"
+    assert stated.describe(model) == stated.describe(CART) + no_limit
 
 
 def test_a_radius_that_no_wheel_has_is_a_problem() -> None:

@@ -6,7 +6,6 @@ import dataclasses
 
 import pytest
 
-from sim_action.core.errors import Location
 from sim_action.drives import Drive, recognise, why_not_recognised
 from sim_action.drives.ackermann import AckermannDrive
 from sim_action.drives.diff import DiffDrive
@@ -14,19 +13,11 @@ from sim_action.drives.mecanum import MecanumDrive
 from sim_action.drives.plugins import kind_of
 from sim_action.drives.skid import SkidSteer
 from sim_action.robot.model.robot_model import Plugin, RobotModel
-from tests.drives.carts import FOUR, RADIUS, cart, steered, wheel
+from tests.drives.carts import CAR, FOUR, PLACE, RADIUS, STEERED, asking, cart, steered, wheel
 
-PLACE = Location("control.yaml", 3)
 TWO = cart(wheel("a", 0.0, 0.3), wheel("b", 0.0, -0.3))
-CAR = cart(
-    *(wheel(name, 0.0, y) for name, y in (("c", 0.2), ("d", -0.2))),
-    *(steered(name, 0.5, y) for name, y in (("a", 0.2), ("b", -0.2))),
-)
+FOURS = cart(*FOUR)
 TRICYCLE = cart(wheel("c", 0.0, 0.2), wheel("d", 0.0, -0.2), steered("a", 0.5, 0.0))
-
-
-def asking(model: RobotModel, name: str, *parameters: tuple[str, str], title: str = "") -> RobotModel:
-    return dataclasses.replace(model, plugins=(Plugin(name, parameters, title, PLACE),))
 
 
 @pytest.mark.parametrize(
@@ -50,138 +41,80 @@ def test_a_plugin_is_known_by_its_file_or_its_class(name: str, title: str, kind:
 
 
 DIFF_CONTROLLER = "diff_drive_controller/DiffDriveController"
-SIDES = (("left_wheel_names", "a"), ("right_wheel_names", "b"))
-STEERING = (("steering_joints_names", "b_steer"), ("steering_joints_names", "a_steer"))
-TRACTION = (("traction_joints_names", "d"), ("traction_joints_names", "c"))
+SIDES = "left_wheel_names=a right_wheel_names=b"
+MULTIPLIERS = "wheel_separation_multiplier=1.5 left_wheel_radius_multiplier=1.2 right_wheel_radius_multiplier=1.2"
 CAR_DRIVE = AckermannDrive(steering=("b_steer", "a_steer"), wheels=("d", "c"))
+MECANUM_PLACES = {"front_left": "a", "rear_left": "b", "front_right": "c", "rear_right": "d"}
+MECANUM_JOINTS = " ".join(f"{place}_wheel_command_joint_name={joint}" for place, joint in MECANUM_PLACES.items())
+# model, plugin, its parameters, and the drive that they state
+STATEMENTS: dict[str, tuple[RobotModel, str, str, Drive]] = {
+    "Gazebo's diff": (
+        *(TWO, "DiffDrivePlugin", "left_joint=a right_joint=b torque=5"),
+        DiffDrive(left=("a",), right=("b",), torque=5),
+    ),
+    "Gazebo's skid": (
+        *(FOURS, "SkidSteerDrivePlugin", "left_front=a left_rear=b right_front=c right_rear=d MaxForce=5.0"),
+        SkidSteer(left=("a", "b"), right=("c", "d"), torque=5),
+    ),
+    "wheel pairs": (
+        *(FOURS, "gazebo_ros_diff_drive", "num_wheel_pairs=2 left_joint=a right_joint=c left_joint=b right_joint=d"),
+        SkidSteer(left=("a", "b"), right=("c", "d")),
+    ),
+    "diff controller": (
+        *(TWO, DIFF_CONTROLLER),
+        f"{SIDES} wheel_separation=0.6 wheel_radius=0.1 linear.x.max_acceleration=0.5 {MULTIPLIERS}",
+        DiffDrive(left=("a",), right=("b",), separation=0.6 * 1.5, radius=0.1 * 1.2, acceleration=0.5),
+    ),
+    "diff controller of ROS 1": (
+        *(TWO, DIFF_CONTROLLER, "left_wheel=a right_wheel=b wheel_radius=0.1 wheel_radius_multiplier=0.9"),
+        DiffDrive(left=("a",), right=("b",), radius=0.1 * 0.9),
+    ),
+    "ackermann": (
+        *(CAR, "ackermann_steering_controller/AckermannSteeringController"),
+        "steering_joints_names=b_steer,a_steer traction_joints_names=d,c wheelbase=0.52 traction_wheels_radius=0.11",
+        CAR_DRIVE.model_copy(update={"wheelbase": 0.52, "radius": 0.11}),
+    ),
+    "ackermann of Humble": (
+        *(CAR, "ackermann_steering_controller/AckermannSteeringController"),
+        "front_wheels_names=b_steer,a_steer rear_wheels_names=d,c rear_wheels_radius=0.11 front_wheels_radius=0.2",
+        CAR_DRIVE.model_copy(update={"radius": 0.11}),
+    ),
+    "tricycle": (
+        *(TRICYCLE, "tricycle_controller/TricycleController"),
+        "steering_joint_name=a_steer traction_joint_name=a wheel_radius=0.1",
+        AckermannDrive(steering=("a_steer",), wheels=("a",), radius=0.1),
+    ),
+    "ackermann of ROS 2": (
+        *(CAR, "gazebo_ros_ackermann_drive"),
+        f"{STEERED} front_left_joint=a rear_left_joint=c rear_right_joint=d max_steer=0.5",
+        AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"), steering_limit=0.5),
+    ),
+    "mecanum controller": (
+        *(FOURS, "mecanum_drive_controller/MecanumDriveController"),
+        f"{MECANUM_JOINTS} kinematics.wheels_radius=0.1",
+        MecanumDrive(left=("a", "b"), right=("c", "d"), radius=0.1),
+    ),
+}
 
 
-@pytest.mark.parametrize(
-    ("model", "expected"),
-    [
-        (
-            asking(TWO, "DiffDrivePlugin", ("left_joint", "a"), ("right_joint", "b"), ("torque", "5")),
-            DiffDrive(left=("a",), right=("b",), torque=5),
-        ),
-        (
-            asking(
-                cart(*FOUR),
-                "SkidSteerDrivePlugin",
-                *(("left_front", "a"), ("left_rear", "b"), ("right_front", "c")),
-                ("right_rear", "d"),
-                ("MaxForce", "5.0"),
-            ),
-            SkidSteer(left=("a", "b"), right=("c", "d"), torque=5),
-        ),
-        (
-            asking(
-                cart(*FOUR),
-                "gazebo_ros_diff_drive",
-                ("num_wheel_pairs", "2"),
-                *(
-                    (f"{side}_joint", name)
-                    for side, name in (("left", "a"), ("right", "c"), ("left", "b"), ("right", "d"))
-                ),
-            ),
-            SkidSteer(left=("a", "b"), right=("c", "d")),
-        ),
-        (
-            asking(
-                TWO,
-                DIFF_CONTROLLER,
-                *SIDES,
-                ("wheel_separation", "0.6"),
-                ("wheel_radius", "0.1"),
-                ("wheel_separation_multiplier", "1.5"),
-                ("left_wheel_radius_multiplier", "1.2"),
-                ("right_wheel_radius_multiplier", "1.2"),
-                ("linear.x.max_acceleration", "0.5"),
-                title="base",
-            ),
-            DiffDrive(left=("a",), right=("b",), separation=0.6 * 1.5, radius=0.1 * 1.2, acceleration=0.5),
-        ),
-        (
-            asking(
-                TWO,
-                DIFF_CONTROLLER,
-                ("left_wheel", "a"),
-                ("right_wheel", "b"),
-                ("wheel_radius", "0.1"),
-                ("wheel_radius_multiplier", "0.9"),
-            ),
-            DiffDrive(left=("a",), right=("b",), radius=0.1 * 0.9),
-        ),
-        (
-            asking(
-                CAR,
-                "ackermann_steering_controller/AckermannSteeringController",
-                *STEERING,
-                *TRACTION,
-                ("wheelbase", "0.52"),
-                ("traction_wheels_radius", "0.11"),
-            ),
-            CAR_DRIVE.model_copy(update={"wheelbase": 0.52, "radius": 0.11}),
-        ),
-        (
-            asking(
-                CAR,
-                "ackermann_steering_controller/AckermannSteeringController",
-                *(("front_wheels_names", "b_steer"), ("front_wheels_names", "a_steer")),
-                *(("rear_wheels_names", "d"), ("rear_wheels_names", "c")),
-                ("rear_wheels_radius", "0.11"),
-                ("front_wheels_radius", "0.2"),
-            ),
-            CAR_DRIVE.model_copy(update={"radius": 0.11}),
-        ),
-        (
-            asking(
-                TRICYCLE,
-                "tricycle_controller/TricycleController",
-                *(("steering_joint_name", "a_steer"), ("traction_joint_name", "a"), ("wheel_radius", "0.1")),
-            ),
-            AckermannDrive(steering=("a_steer",), wheels=("a",), radius=0.1),
-        ),
-        (
-            asking(
-                CAR,
-                "gazebo_ros_ackermann_drive",
-                *(("left_steering_joint", "a_steer"), ("right_steering_joint", "b_steer"), ("front_left_joint", "a")),
-                *(("rear_left_joint", "c"), ("rear_right_joint", "d"), ("max_steer", "0.5")),
-            ),
-            AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"), steering_limit=0.5),
-        ),
-        (
-            asking(
-                cart(*FOUR),
-                "mecanum_drive_controller/MecanumDriveController",
-                *(("front_left_wheel_command_joint_name", "a"), ("rear_left_wheel_command_joint_name", "b")),
-                *(("front_right_wheel_command_joint_name", "c"), ("rear_right_wheel_command_joint_name", "d")),
-                ("kinematics.wheels_radius", "0.1"),
-            ),
-            MecanumDrive(left=("a", "b"), right=("c", "d"), radius=0.1),
-        ),
-    ],
-    ids=[
-        *("Gazebo's diff", "Gazebo's skid", "wheel pairs", "diff controller", "diff controller of ROS 1", "ackermann"),
-        *("ackermann of Humble", "tricycle", "ackermann of ROS 2", "mecanum controller"),
-    ],
-)
-def test_a_statement_is_read_with_its_figures(model: RobotModel, expected: Drive) -> None:
+@pytest.mark.parametrize(("robot", "plugin", "parameters", "expected"), STATEMENTS.values(), ids=STATEMENTS)
+def test_a_statement_is_read_with_its_figures(robot: RobotModel, plugin: str, parameters: str, expected: Drive) -> None:
+    model = asking(robot, plugin, parameters)
     drive = recognise(model)
     assert drive is not None
     assert drive == expected
-    assert drive.source(model).endswith("at control.yaml:3")
+    assert drive.source(model).endswith("at robot.urdf:7")
 
 
 def test_a_controller_is_called_by_its_name() -> None:
-    model = asking(TWO, DIFF_CONTROLLER, *SIDES, title="base_controller")
+    model = asking(TWO, DIFF_CONTROLLER, SIDES, title="base_controller")
     drive = recognise(model)
     assert drive is not None
-    assert drive.source(model) == "controller 'base_controller' at control.yaml:3"
+    assert drive.source(model) == "controller 'base_controller' at robot.urdf:7"
 
 
 def test_unequal_radii_of_a_controller_are_noted() -> None:
-    model = asking(TWO, DIFF_CONTROLLER, *SIDES, ("wheel_radius", "0.1"), ("left_wheel_radius_multiplier", "1.1"))
+    model = asking(TWO, DIFF_CONTROLLER, f"{SIDES} wheel_radius=0.1 left_wheel_radius_multiplier=1.1")
     drive = recognise(model)
     assert drive == DiffDrive(left=("a",), right=("b",), radius=0.1)
     assert "corrects the radii of the two sides differently, which is not simulated" in drive.describe(model)
@@ -198,7 +131,7 @@ def test_unequal_radii_of_a_controller_are_noted() -> None:
     ],
 )
 def test_figures_that_differ_from_the_wheels_are_noted(figure: str, value: float, remark: str | None) -> None:
-    model = asking(TWO, DIFF_CONTROLLER, *SIDES, (figure, str(value)))
+    model = asking(TWO, DIFF_CONTROLLER, f"{SIDES} {figure}={value}")
     drive = recognise(model)
     assert drive is not None
     told = drive.describe(model)
@@ -207,15 +140,12 @@ def test_figures_that_differ_from_the_wheels_are_noted(figure: str, value: float
 
 
 def test_the_effective_separation_of_a_skid_steer_may_be_greater() -> None:
-    sides = (("left_front", "a"), ("left_rear", "b"), ("right_front", "c"), ("right_rear", "d"))
-    wide = asking(cart(*FOUR), "SkidSteerDrivePlugin", *sides, ("wheel_separation", "0.9"))
-    drive = recognise(wide)
-    assert drive is not None
-    assert "differs from" not in drive.describe(wide)
-    narrow = asking(cart(*FOUR), "SkidSteerDrivePlugin", *sides, ("wheel_separation", "0.4"))
-    drive = recognise(narrow)
-    assert drive is not None
-    assert "differs from" in drive.describe(narrow)
+    for separation, differs in ((0.9, False), (0.4, True)):
+        sides = "left_front=a left_rear=b right_front=c right_rear=d"
+        model = asking(FOURS, "SkidSteerDrivePlugin", f"{sides} wheel_separation={separation}")
+        drive = recognise(model)
+        assert drive is not None
+        assert ("differs from" in drive.describe(model)) == differs
 
 
 def test_parameter_files_that_are_not_read_are_a_reason() -> None:
@@ -223,15 +153,14 @@ def test_parameter_files_that_are_not_read_are_a_reason() -> None:
     model = dataclasses.replace(TWO, plugins=(plugin,))
     assert recognise(model) is None
     assert why_not_recognised(model)[0] == (
-        "the controllers of plugin gz_ros2_control-system at control.yaml:3 are not known: "
-        "'control.yaml' does not exist"
+        "the controllers of plugin gz_ros2_control-system at robot.urdf:7 are not known: 'control.yaml' does not exist"
     )
 
 
 def test_wheels_of_a_plugin_that_roll_along_the_line_between_them_are_no_drive() -> None:
     model = asking(
         cart(wheel("a", 0.0, 0.3, axis=(1.0, 0.0, 0.0)), wheel("b", 0.0, -0.3, axis=(1.0, 0.0, 0.0))),
-        *("DiffDrivePlugin", ("left_joint", "a"), ("right_joint", "b"), ("wheel_separation", "0.6")),
+        *("DiffDrivePlugin", "left_joint=a right_joint=b wheel_separation=0.6"),
     )
     assert recognise(model) is None
     assert "its wheels roll along the line between the sides" in why_not_recognised(model)[0]
@@ -240,13 +169,13 @@ def test_wheels_of_a_plugin_that_roll_along_the_line_between_them_are_no_drive()
 def test_a_plugin_of_a_nested_model_leaves_its_scope_out() -> None:
     model = asking(
         cart(wheel("base::a", 0.0, 0.3), wheel("base::b", 0.0, -0.3)),
-        *("gz-sim-diff-drive-system", ("left_joint", "a"), ("right_joint", "base::b")),
+        *("gz-sim-diff-drive-system", "left_joint=a right_joint=base::b"),
     )
     assert recognise(model) == DiffDrive(left=("base::a",), right=("base::b",))
 
 
 def test_a_name_that_several_nested_models_have_is_unknown() -> None:
     twice = cart(wheel("one::a", 0.0, 0.3), wheel("two::a", 0.0, -0.3), wheel("b", 0.5, -0.3))
-    model = asking(twice, "gz-sim-diff-drive-system", ("left_joint", "a"), ("right_joint", "b"))
+    model = asking(twice, "gz-sim-diff-drive-system", "left_joint=a right_joint=b")
     assert recognise(model) is None
     assert "does not fit: the model has no moving joint 'a'" in why_not_recognised(model)[0]

@@ -14,17 +14,21 @@ from pydantic import ValidationError
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import recognise
 from sim_action.drives.skid import Footing, SkidSteer, footings, slip_factor
-from sim_action.robot.model.robot_model import Plugin, RobotModel, Surface
+from sim_action.robot.model.robot_model import RobotModel, Surface
 from sim_action.state.command import JointTargets
 from sim_action.world import World
 from sim_action.world.scene import Scene
 from tests import traces
-from tests.drives.carts import FOUR, RADIUS, Part, cart, steered, wheel
+from tests.drives.carts import FOUR, RADIUS, Part, asking, cart, steered, wheel
 
 SKID = SkidSteer(left=("a", "b"), right=("c", "d"))
+SIX = SkidSteer(left=("a", "b", "e"), right=("c", "d", "f"))
+SIX_WHEELS = (*FOUR, wheel("e", 0.0, 0.3), wheel("f", 0.0, -0.3))
 # Of wheels without a width, 0.4 m and 0.6 m apart.
 NARROW = 1 + (0.4 / 0.6) ** 2
 SLIP = slip_factor(footings([0.2, -0.2] * 2, 0.0, [0.04] * 4), 0.6)
+SIDES = "left_joint=a,b right_joint=c,d"  # parameters of a plugin
+CORNERS = "leftFrontJoint=a rightFrontJoint=c leftRearJoint=b rightRearJoint=d"
 ALONG_X: Vector3 = (1.0, 0.0, 0.0)
 
 
@@ -33,13 +37,9 @@ def targets(drive: SkidSteer, twist: Twist, model: RobotModel | None = None) -> 
     return planned
 
 
-def test_wheels_on_both_sides_are_recognised() -> None:
-    assert recognise(cart(*FOUR)) == SKID
-
-
-def test_six_wheels_are_recognised() -> None:
-    six = cart(*FOUR, wheel("e", 0.0, 0.3), wheel("f", 0.0, -0.3))
-    assert recognise(six) == SkidSteer(left=("a", "b", "e"), right=("c", "d", "f"))
+@pytest.mark.parametrize(("drive", "wheels"), [(SKID, FOUR), (SIX, SIX_WHEELS)])
+def test_wheels_on_both_sides_are_recognised(drive: SkidSteer, wheels: tuple[Part, ...]) -> None:
+    assert recognise(cart(*wheels)) == drive
 
 
 def test_wheels_whose_axes_point_the_other_way_are_recognised_and_turned_the_other_way() -> None:
@@ -73,44 +73,22 @@ def test_what_is_not_plain_is_not_recognised(model: RobotModel) -> None:
     assert recognise(model) is None
 
 
-def plugin(name: str, *parameters: tuple[str, str]) -> RobotModel:
-    return dataclasses.replace(cart(*FOUR), plugins=(Plugin(name, parameters),))
-
-
 @pytest.mark.parametrize(
-    "model",
+    ("plugin", "parameters", "torque"),
     [
-        plugin(
-            "gazebo_ros_skid_steer_drive",
-            ("leftFrontJoint", "a"),
-            ("rightFrontJoint", "c"),
-            ("leftRearJoint", "b"),
-            ("rightRearJoint", "d"),
-            ("wheelSeparation", "0.9"),
-            ("wheelDiameter", "0.22"),
-            ("torque", "20"),
-        ),
-        plugin(
-            "gz-sim-diff-drive-system",
-            ("left_joint", "a"),
-            ("left_joint", "b"),
-            ("right_joint", "c"),
-            ("right_joint", "d"),
-            ("wheel_separation", "0.9"),
-            ("wheel_radius", "0.11"),
-        ),
+        ("gazebo_ros_skid_steer_drive", f"{CORNERS} wheelSeparation=0.9 wheelDiameter=0.22 torque=20", 20.0),
+        ("gz-sim-diff-drive-system", f"{SIDES} wheel_separation=0.9 wheel_radius=0.11", None),
     ],
-    ids=["ROS 1", "gz"],
 )
-def test_what_a_plugin_says_is_taken_with_a_separation_that_is_in_effect(model: RobotModel) -> None:
-    torque = 20.0 if "gazebo_ros" in model.plugins[0].name else None
+def test_what_a_plugin_says_is_taken_with_a_separation_that_is_in_effect(
+    plugin: str, parameters: str, torque: float | None
+) -> None:
     stated = SKID.model_copy(update={"separation": 0.9, "radius": 0.11, "torque": torque, "slip": 1.0})
-    assert recognise(model) == stated
+    assert recognise(asking(cart(*FOUR), plugin, parameters)) == stated
 
 
 def test_a_plugin_without_a_separation_leaves_the_slip_to_the_model() -> None:
-    parameters = (("left_joint", "a"), ("left_joint", "b"), ("right_joint", "c"), ("right_joint", "d"))
-    assert recognise(plugin("gazebo_ros_diff_drive", *parameters)) == SKID
+    assert recognise(asking(cart(*FOUR), "gazebo_ros_diff_drive", SIDES)) == SKID
 
 
 @pytest.mark.parametrize(("slip", "factor"), [(None, SLIP), (1.0, 1.0), (2.0, 2.0)])
@@ -144,10 +122,6 @@ def prepared(drive: SkidSteer, model: RobotModel, gravity: float = 9.80665) -> S
 def test_motors_have_the_rotors_that_are_stated(stated: float | None) -> None:
     drive = SKID.model_copy(update={"rotor_inertia": stated})
     assert prepared(drive, cart(*FOUR)).rotors == (dict.fromkeys("abcd", stated) if stated else {})
-
-
-SIX = SkidSteer(left=("a", "b", "e"), right=("c", "d", "f"))
-SIX_WHEELS = (*FOUR, wheel("e", 0.0, 0.3), wheel("f", 0.0, -0.3))
 
 
 @pytest.mark.parametrize(("drive", "wheels"), [(SKID, FOUR), (SIX, SIX_WHEELS)])

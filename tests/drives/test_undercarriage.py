@@ -14,13 +14,12 @@ from sim_action.drives.diff import DiffDrive
 from sim_action.drives.skid import SkidSteer
 from sim_action.drives.undercarriage import ignored_statements, mirrored_names, undercarriage
 from sim_action.robot.model.robot_model import CommandedJoint, Joint, JointType, Link, Plugin, RobotModel, Shape
-from tests.drives.carts import FOUR, RADIUS, Part, cart, steered, wheel
+from tests.drives.carts import FOUR, PLACE, RADIUS, Part, asking, cart, steered, wheel
 from tests.drives.test_plugins import DIFF_CONTROLLER, SIDES, TWO
 
 PAIR = (wheel("left", 0.0, 0.3), wheel("right", 0.0, -0.3))
 DIFF = DiffDrive(left=("left",), right=("right",))
 CASTER = steered("tail", -0.3, 0.0, limit=None)
-PLACE = Location("robot.urdf", 7)
 
 
 def beam(name: str, x: float, y: float, axis: Vector3 = (0.0, 1.0, 0.0), kind: JointType = "revolute") -> Part:
@@ -41,11 +40,6 @@ def ball(name: str, x: float, radius: float) -> Part:
 def commanded(model: RobotModel, interface: str, *names: str, tag: str = "ros2_control") -> RobotModel:
     joints = tuple(CommandedJoint(name, frozenset({interface}), tag, PLACE) for name in names)
     return dataclasses.replace(model, commanded=(*model.commanded, *joints))
-
-
-def with_plugin(model: RobotModel, name: str, **parameters: str) -> RobotModel:
-    plugin = Plugin(name, tuple(parameters.items()), location=PLACE)
-    return dataclasses.replace(model, plugins=(*model.plugins, plugin))
 
 
 ROCKERS = (
@@ -113,7 +107,7 @@ def test_motors_of_other_joints_say_nothing_about_wheels() -> None:
 def test_a_controller_of_a_single_joint_in_gz_is_a_motor() -> None:
     model = cart(*FOUR)
     for name in ("b", "d"):
-        model = with_plugin(model, "gz-sim-joint-controller-system", joint_name=name)
+        model = asking(model, "gz-sim-joint-controller-system", f"joint_name={name}")
     drive = recognise(model)
     assert drive == DiffDrive(left=("b",), right=("d",))
     assert drive.source(model) == "plugin gz-sim-joint-controller-system at robot.urdf:7"
@@ -243,16 +237,16 @@ def test_a_wheel_that_cannot_roll_is_named_with_its_joint() -> None:
 
 
 @pytest.mark.parametrize(
-    ("plugin", "parameters"), [("gazebo_ros_planar_move", {}), ("gz-sim-velocity-control-system", {"topic": "cmd_vel"})]
+    ("plugin", "parameters"), [("gazebo_ros_planar_move", ""), ("gz-sim-velocity-control-system", "topic=cmd_vel")]
 )
-def test_a_base_that_a_plugin_moves_has_no_drive(plugin: str, parameters: dict[str, str]) -> None:
-    model = with_plugin(cart(*FOUR), plugin, **parameters)
+def test_a_base_that_a_plugin_moves_has_no_drive(plugin: str, parameters: str) -> None:
+    model = asking(cart(*FOUR), plugin, parameters)
     assert recognise(model) is None
     assert why_not_recognised(model)[0].startswith(f"plugin {plugin} at robot.urdf:7 moves the base itself")
 
 
 def test_a_plugin_of_another_kind_rules_the_looks_of_wheels_out() -> None:
-    model = with_plugin(cart(*FOUR), "gz-sim-mecanum-drive-system", front_left_joint="x")
+    model = asking(cart(*FOUR), "gz-sim-mecanum-drive-system", "front_left_joint=x")
     assert recognise(model) is None
     assert why_not_recognised(model)[0].startswith(
         "plugin gz-sim-mecanum-drive-system at robot.urdf:7 does not fit: the model has no moving joint 'x'"
@@ -260,9 +254,8 @@ def test_a_plugin_of_another_kind_rules_the_looks_of_wheels_out() -> None:
 
 
 def test_a_plugin_whose_figures_do_not_fit_says_so() -> None:
-    model = with_plugin(
-        cart(*PAIR[:1], wheel("front", 0.5, 0.3)), "DiffDrivePlugin", left_joint="left", right_joint="front"
-    )
+    model = cart(PAIR[0], wheel("front", 0.5, 0.3))
+    model = asking(model, "DiffDrivePlugin", "left_joint=left right_joint=front")
     assert recognise(model) is None
     assert why_not_recognised(model)[0].startswith("plugin DiffDrivePlugin at robot.urdf:7 does not fit: the left and")
 
@@ -282,7 +275,7 @@ def test_names_of_two_sides_mirror_each_other(one: str, other: str, expected: tu
     assert mirrored_names(one, other) == expected
 
 
-STATED_DIFF = Plugin("gz-sim-diff-drive-system", (("left_joint", "a"), ("right_joint", "b")), "", PLACE)
+GZ_DIFF = "gz-sim-diff-drive-system"
 
 
 def notes(model: RobotModel) -> list[str]:
@@ -294,28 +287,25 @@ def notes(model: RobotModel) -> list[str]:
 @pytest.mark.parametrize(
     ("name", "parameters", "ignored"),
     [
-        (STATED_DIFF.name, (("max_linear_velocity", "0.2"),), "max_linear_velocity 0.2"),
-        (
-            STATED_DIFF.name,
-            (("max_velocity", "0.2"), ("max_angular_velocity", "1")),
-            "max_velocity 0.2, max_angular_velocity 1",
-        ),
-        (STATED_DIFF.name, (("max_velocity", "0"), ("max_acceleration", "1")), None),
-        (DIFF_CONTROLLER, (("linear.x.max_velocity", "0.2"),), "linear.x.max_velocity 0.2"),
-        (DIFF_CONTROLLER, (("linear.x.max_velocity", ".nan"),), None),
-        (DIFF_CONTROLLER, (("linear.x.max_velocity", "1"), ("linear.x.has_velocity_limits", "False")), None),
+        (GZ_DIFF, "max_linear_velocity=0.2", "max_linear_velocity 0.2"),
+        (GZ_DIFF, "max_velocity=0.2 max_angular_velocity=1", "max_velocity 0.2, max_angular_velocity 1"),
+        (GZ_DIFF, "max_velocity=0 max_acceleration=1", None),
+        (DIFF_CONTROLLER, "linear.x.max_velocity=0.2", "linear.x.max_velocity 0.2"),
+        (DIFF_CONTROLLER, "linear.x.max_velocity=.nan", None),
+        (DIFF_CONTROLLER, "linear.x.max_velocity=1 linear.x.has_velocity_limits=False", None),
     ],
 )
-def test_speed_limits_are_named(name: str, parameters: tuple[tuple[str, str], ...], ignored: str | None) -> None:
-    sides = SIDES if name == DIFF_CONTROLLER else STATED_DIFF.parameters
-    found = notes(dataclasses.replace(TWO, plugins=(Plugin(name, (*sides, *parameters), "base", PLACE),)))
+def test_speed_limits_are_named(name: str, parameters: str, ignored: str | None) -> None:
+    sides = SIDES if name == DIFF_CONTROLLER else "left_joint=a right_joint=b"
+    found = notes(asking(TWO, name, f"{sides} {parameters}", "base"))
     assert [note.split(" of ")[0] for note in found] == ([] if ignored is None else [ignored])
 
 
 def test_other_plugins_and_unread_files_are_named() -> None:
-    second = dataclasses.replace(STATED_DIFF, location=Location("control.yaml", 9))
+    model = asking(TWO, GZ_DIFF, "left_joint=a right_joint=b")
+    second = dataclasses.replace(model.plugins[0], location=Location("control.yaml", 9))
     control = Plugin("gz_ros2_control-system", (), "", PLACE, ("'nope.yaml' does not exist",))
-    found = notes(dataclasses.replace(TWO, plugins=(STATED_DIFF, second, control)))
+    found = notes(dataclasses.replace(model, plugins=(*model.plugins, second, control)))
     assert [note.split(", ")[0] for note in found] == [
         "plugin gz-sim-diff-drive-system at control.yaml:9 is ignored",
         "the controllers of plugin gz_ros2_control-system at robot.urdf:7 are not known: 'nope.yaml' does not exist",
@@ -323,7 +313,6 @@ def test_other_plugins_and_unread_files_are_named() -> None:
 
 
 def test_wheels_with_motors_that_the_drive_does_not_turn_are_named() -> None:
-    commanded = tuple(CommandedJoint(name, frozenset({"velocity"}), "transmission", PLACE) for name in "abcd")
-    sides = (("left_joint", "a"), ("right_joint", "c"))
-    model = dataclasses.replace(cart(*FOUR), plugins=(Plugin(STATED_DIFF.name, sides, "", PLACE),), commanded=commanded)
-    assert [note.split(",")[0] for note in notes(model)] == ["the model states motors of 'b'"]
+    model = commanded(cart(*FOUR), "velocity", *"abcd", tag="transmission")
+    found = notes(asking(model, GZ_DIFF, "left_joint=a right_joint=c"))
+    assert [note.split(",")[0] for note in found] == ["the model states motors of 'b'"]
