@@ -12,8 +12,7 @@ from collections.abc import Iterator, Mapping
 from typing import ClassVar, Final, NamedTuple, Self
 
 from sim_action.assertions.monitors import AdaptedMonitor, Monitor
-from sim_action.assertions.temporal_logic.becoming import BecomingTrue, becoming_true
-from sim_action.assertions.temporal_logic.windows import Window
+from sim_action.assertions.monitors.windows import BecomingTrue, Window, becoming_true
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.registry import Table
 from sim_action.core.workspace import Workspace

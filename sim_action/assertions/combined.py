@@ -12,10 +12,10 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion, Reference, shortened_title
 from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.monitors.windows import Window
 from sim_action.assertions.temporal_logic import quoted
 from sim_action.assertions.temporal_logic.combination import AtOnceMonitor, Combination, NegationMonitor
 from sim_action.assertions.temporal_logic.formula import And, Not, Or
-from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core.records import delegated
 from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace

@@ -14,7 +14,7 @@ from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth, contacts
 from sim_action.assertions.monitors.bounds import Bounds, bounds_title, check_bounds, check_order, joined
 from sim_action.assertions.monitors.contacts import Forces, MeanForce, duration_text, times_of
-from sim_action.assertions.temporal_logic.windows import HoldTime
+from sim_action.assertions.monitors.windows import HoldTime
 from sim_action.core import units
 from sim_action.core.field_types import FrozenModel, PositiveNewtons, PositiveNewtonSeconds, PositiveSeconds
 from sim_action.core.lazy_numpy import FloatArray, NDArray, np

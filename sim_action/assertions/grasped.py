@@ -11,7 +11,7 @@ from typing_extensions import override
 from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import Goal
-from sim_action.assertions.temporal_logic.windows import HoldTime
+from sim_action.assertions.monitors.windows import HoldTime
 from sim_action.core import geometry, units
 from sim_action.core.field_types import PositiveMetresPerSecond, PositiveNewtons, PositiveSeconds
 from sim_action.core.lazy_numpy import FloatArray, NDArray, np

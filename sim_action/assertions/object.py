@@ -11,10 +11,10 @@ from sim_action.assertions import Assertion, Reference
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor, bounds_title, check_order
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
+from sim_action.assertions.monitors.windows import Rest
 from sim_action.assertions.reach import Reach
 from sim_action.assertions.settled import Settled
 from sim_action.assertions.stay_within import StayWithin
-from sim_action.assertions.temporal_logic.becoming import Rest
 from sim_action.assertions.upright import Upright
 from sim_action.core import geometry, units
 from sim_action.core.field_types import NonNegativeMetres, PositiveMetres, Without

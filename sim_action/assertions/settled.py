@@ -16,7 +16,7 @@ from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.bounds import check_interval
 from sim_action.assertions.monitors.contacts import distances, nearest_of, touching_at
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
-from sim_action.assertions.temporal_logic.windows import HoldTime
+from sim_action.assertions.monitors.windows import HoldTime
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetres, PositiveMetresPerSecond, PositiveSeconds, Quantity
 from sim_action.core.lazy_numpy import FloatArray, NDArray, np

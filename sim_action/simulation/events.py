@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.windows import HoldTime
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
-from sim_action.assertions.temporal_logic.windows import HoldTime
 from sim_action.core.errors import RunError
 from sim_action.core.units import STEP_EPSILON, TIME_EPSILON_S, display, first_step
 from sim_action.core.wording import quoted

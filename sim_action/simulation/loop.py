@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sim_action.assertions.temporal_logic.becoming import MOVED_M, Rest
+from sim_action.assertions.monitors.windows import MOVED_M, Rest
 from sim_action.core.errors import ControllersFinished, RunError
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, field, replace

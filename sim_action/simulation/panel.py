@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Final, Literal, Self
 
 from sim_action.assertions.monitors import Monitor, State
-from sim_action.assertions.temporal_logic.windows import Window
+from sim_action.assertions.monitors.windows import Window
 from sim_action.core.errors import BadStart, FileProblem
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S

@@ -12,8 +12,7 @@ from typing import Final, NamedTuple, Self
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import State
-from sim_action.assertions.temporal_logic.becoming import MOVED_M, Rest
-from sim_action.assertions.temporal_logic.windows import Window
+from sim_action.assertions.monitors.windows import MOVED_M, Rest, Window
 from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.yaml_document import KeyPath

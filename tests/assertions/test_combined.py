@@ -17,12 +17,12 @@ from sim_action.assertions.contact import Touch
 from sim_action.assertions.distance import PathLength, Travel
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.windows import Window
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.reach import FinalPose, Reach
 from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.settled import Settled
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
-from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.assertions.upright import Upright
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace

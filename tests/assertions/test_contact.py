@@ -12,7 +12,7 @@ import pytest
 from sim_action.assertions.combined import Negation
 from sim_action.assertions.contact import Touch
 from sim_action.assertions.monitors import State
-from sim_action.assertions.temporal_logic.windows import Window
+from sim_action.assertions.monitors.windows import Window
 from sim_action.state.observation import Contact
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import Channels, ClearanceRecord, ClearanceWatch, Nearness

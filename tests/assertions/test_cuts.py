@@ -25,6 +25,7 @@ from sim_action.assertions.joint import JointReading, JointWithin
 from sim_action.assertions.legs import FeetOnGround, SupportMargin
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.windows import Window
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.object import Moved, ObjectAssertion
 from sim_action.assertions.odometry_error import OdometryError
@@ -34,7 +35,6 @@ from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.settled import Settled, StopsBefore
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
-from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.assertions.upright import Upright
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.state.observation import Contact, JointState, SelfContact

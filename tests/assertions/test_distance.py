@@ -6,7 +6,7 @@ import pytest
 
 from sim_action.assertions.distance import PathLength, Travel
 from sim_action.assertions.monitors import State
-from sim_action.assertions.temporal_logic.windows import Window
+from sim_action.assertions.monitors.windows import Window
 from sim_action.core.geometry import Pose, Twist
 from sim_action.state.observation import Observation
 from sim_action.state.verdict import Verdict

@@ -10,7 +10,7 @@ import pytest
 
 from sim_action.assertions.effort import Effort, Energy
 from sim_action.assertions.monitors import State
-from sim_action.assertions.temporal_logic.windows import Window
+from sim_action.assertions.monitors.windows import Window
 from sim_action.state.observation import JointState
 from sim_action.state.verdict import Verdict
 from tests.traces import START, WHEELS, judged, monitor, scene, trace

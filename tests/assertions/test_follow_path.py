@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from sim_action.assertions import follow_path
 from sim_action.assertions.monitors import State
-from sim_action.assertions.temporal_logic.windows import Window
+from sim_action.assertions.monitors.windows import Window
 from sim_action.core.workspace import Workspace
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict

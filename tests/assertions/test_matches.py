@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from sim_action.assertions.matches import Matches
 from sim_action.assertions.monitors import State
-from sim_action.assertions.temporal_logic.windows import Window
+from sim_action.assertions.monitors.windows import Window
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.workspace import Workspace
 from sim_action.state.golden_trajectory import Golden

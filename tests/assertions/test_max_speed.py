@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.assertions.max_speed import MaxSpeed
-from sim_action.assertions.temporal_logic.windows import Window
+from sim_action.assertions.monitors.windows import Window
 from sim_action.core.geometry import Pose, Twist
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict

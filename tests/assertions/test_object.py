@@ -12,8 +12,8 @@ import pytest
 from pydantic import ValidationError
 
 from sim_action.assertions.monitors import State
+from sim_action.assertions.monitors.windows import Window
 from sim_action.assertions.object import ObjectAssertion
-from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core.geometry import quaternion_from_rpy
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import BodyRecord

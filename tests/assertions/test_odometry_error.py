@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from sim_action.assertions.monitors import State
+from sim_action.assertions.monitors.windows import Window
 from sim_action.assertions.odometry_error import OdometryError, _around
-from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core import units
 from sim_action.core.errors import InvalidPart
 from sim_action.core.geometry import quaternion_from_rpy

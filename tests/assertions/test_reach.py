@@ -8,8 +8,8 @@ import math
 import pytest
 
 from sim_action.assertions.monitors import State
+from sim_action.assertions.monitors.windows import Window
 from sim_action.assertions.reach import FinalPose, Reach
-from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.core.geometry import Pose, multiply, quaternion_from_rpy
 from sim_action.simulation.panel import Panel
 from sim_action.state.verdict import Verdict

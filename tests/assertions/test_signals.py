@@ -20,6 +20,7 @@ from sim_action.assertions.effort import Effort, Energy
 from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
 from sim_action.assertions.joint import JointReading, JointWithin
 from sim_action.assertions.max_speed import MaxSpeed
+from sim_action.assertions.monitors.windows import Window
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.odometry_error import OdometryError
 from sim_action.assertions.reach import FinalPose, Reach
@@ -27,7 +28,6 @@ from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.settled import Settled, StopsBefore
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
-from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.assertions.upright import Upright
 from sim_action.assertions.user_assertion import UserAssertion
 from sim_action.core.geometry import Pose, quaternion_from_rpy

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sim_action.assertions.monitors import Monitor, State
-from sim_action.assertions.temporal_logic.windows import Window
+from sim_action.assertions.monitors.windows import Window
 from sim_action.assertions.user_assertion import History, UserAssertion
 from sim_action.core.errors import ScriptError
 from sim_action.core.workspace import Workspace

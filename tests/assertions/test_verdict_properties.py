@@ -29,6 +29,7 @@ from sim_action.assertions.legs import SupportMargin
 from sim_action.assertions.matches import Matches
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.monitors import State
+from sim_action.assertions.monitors.windows import Window
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.object import Moved, ObjectAssertion
 from sim_action.assertions.odometry_error import OdometryError
@@ -37,7 +38,6 @@ from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.settled import Settled, StopsBefore
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
-from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.assertions.upright import Upright
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.workspace import Workspace

@@ -13,7 +13,7 @@ import pytest
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.assertions.combined import AtOnce, Combined, Negation
 from sim_action.assertions.monitors import State
-from sim_action.assertions.temporal_logic.windows import Window
+from sim_action.assertions.monitors.windows import Window
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.permissions import Permissions

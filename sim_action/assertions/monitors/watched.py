@@ -15,8 +15,8 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import AdaptedMonitor, Monitor, State, Truth
+from sim_action.assertions.monitors.windows import Rest
 from sim_action.assertions.temporal_logic import quoted
-from sim_action.assertions.temporal_logic.becoming import Rest
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, delegated, replace

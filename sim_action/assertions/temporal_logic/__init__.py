@@ -1,7 +1,6 @@
 """Temporal logic: conditions over time, judged online with an early decision.
 
-- `windows`: `after`, `before`, `for`, and the windows of the operators of `stl`.
-- `becoming`: goals must become true. `combination`: `any_of`, `all_of`, `at_once`, `not`.
+- `combination`: `any_of`, `all_of`, `at_once`, `not`.
 - `formula`, `parser`, `robustness`, `monitor`: signal temporal logic (`stl`). `parse` turns text into a Formula.
 
 The robustness of a formula at a step is its distance to the opposite truth value (Fainekos and Pappas 2009, Donze and

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import reduce
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,6 @@ from sim_action.assertions.temporal_logic.formula import (
     horizon,
     signed_parts,
 )
-from sim_action.assertions.temporal_logic.windows import NOTHING_LEAST, greatest_of_windows, least_of_windows, until
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
@@ -247,3 +246,47 @@ def _cause_of_until(formula: Until, samples: Samples, *, contrary: bool, strong:
         strong = not contrary or (strong and formula.interval.is_finite)
         return cause(formula.then, samples, index, contrary=contrary, strong=strong)
     return cause(formula.before, samples, int(before[:index].argmin()), contrary=contrary, strong=True)
+
+
+NOTHING_LEAST: Final = math.inf  # the minimum of an empty window
+
+
+def least_of_windows(values: FloatArray, first: NDArray[np.intp], last: NDArray[np.intp]) -> FloatArray:
+    """Return (N,) the minimum of `values[first:last]` for N windows; +inf for an empty one. Runs in O(n log n).
+
+    Two overlapping windows of a power of two cover each window. Their minima come from a sparse table by doubling, of
+    which only one row is kept.
+    """
+    found = np.full(len(first), NOTHING_LEAST)
+    length = last - first
+    # The base-2 logarithm of the length, rounded down.
+    level = np.frexp(length.astype(np.float64))[1] - 1
+    row, width = values, 1
+    for step in range(int(level.max(initial=-1)) + 1):
+        here = (level == step) & (length > 0)
+        found[here] = np.minimum(row[first[here]], row[last[here] - width])
+        row, width = np.minimum(row[:-width], row[width:]), 2 * width
+    return found
+
+
+def greatest_of_windows(values: FloatArray, first: NDArray[np.intp], last: NDArray[np.intp]) -> FloatArray:
+    """Return (N,) the maximum of `values[first:last]` for N windows; -inf for an empty one."""
+    return -least_of_windows(-values, first, last)
+
+
+def until(before: FloatArray, then: FloatArray) -> FloatArray:
+    """Return (T,) z with z[i] = max(then[i], min(before[i], z[i + 1])), and z[T] = -inf. Runs in O(n log n).
+
+    Each step clips the value of the next one to [then, max(before, then)]. Two such clips are one clip again, so the
+    clips of 1, 2, 4, ... steps are made by doubling.
+    """
+    lower, upper = then.copy(), np.maximum(before, then)
+    width = 1
+    while width < len(lower):
+        near_low, near_high = lower[:-width], upper[:-width]
+        lower[:-width], upper[:-width] = (
+            np.clip(lower[width:], near_low, near_high),
+            np.clip(upper[width:], near_low, near_high),
+        )
+        width *= 2
+    return lower

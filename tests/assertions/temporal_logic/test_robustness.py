@@ -14,8 +14,14 @@ from hypothesis import strategies as st
 
 from sim_action.assertions.temporal_logic.formula import Formula, Not, Signal, horizon
 from sim_action.assertions.temporal_logic.parser import parse
-from sim_action.assertions.temporal_logic.robustness import Samples, cause, robustness
-from sim_action.assertions.temporal_logic.windows import greatest_of_windows, least_of_windows, until
+from sim_action.assertions.temporal_logic.robustness import (
+    Samples,
+    cause,
+    greatest_of_windows,
+    least_of_windows,
+    robustness,
+    until,
+)
 from tests.assertions.temporal_logic.formulas import X, Y, meaning, plain_formulas, samples_of, walks
 from tests.soak import examples
 

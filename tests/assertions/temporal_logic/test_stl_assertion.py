@@ -18,11 +18,11 @@ from pydantic import ValidationError
 from sim_action.assertions.combined import AllOf, Negation
 from sim_action.assertions.distance import Travel
 from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.windows import Window
 from sim_action.assertions.temporal_logic.formula import Always, Eventually, Formula, Interval
 from sim_action.assertions.temporal_logic.monitor import BooleanPart, Outcome, Part
 from sim_action.assertions.temporal_logic.robustness import Samples
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
-from sim_action.assertions.temporal_logic.windows import Window
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Judged, Verdict
 from tests.assertions.temporal_logic import formulas
