@@ -17,8 +17,8 @@ from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import KeyPath, SpecProblems
 from sim_action.state.command import Answer, JointTargets
 from sim_action.state.observation import Observation
-from sim_action.state.reproducibility import Transcript
 from sim_action.state.timeline import TimeMark
+from sim_action.state.trace import Transcript
 from sim_action.state.transmission import Transmission
 from sim_action.world.claims import Findings, Setting
 from sim_action.world.scene import Scene

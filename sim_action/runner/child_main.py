@@ -35,8 +35,8 @@ from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.scenario.mutation import UNTOUCHED, Mutation, Seams
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.recorder import RunRecorder
-from sim_action.state.reproducibility import motion_figures
 from sim_action.state.timeline import TimeMark
+from sim_action.state.trace import motion_figures
 from sim_action.state.trace_storage import save_trace
 from sim_action.world.scene import Scene
 

@@ -24,8 +24,7 @@ from sim_action.runner.runs import motion_file
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.sharing import share_parts
 from sim_action.scenario.source import Refused
-from sim_action.state.reproducibility import Divergence, first_divergence
-from sim_action.state.trace import Trace
+from sim_action.state.trace import Divergence, Trace, first_divergence
 from sim_action.state.trace_storage import TraceError, load_trace
 from sim_action.state.verdict import Verdict
 

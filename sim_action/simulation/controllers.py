@@ -25,8 +25,8 @@ from sim_action.sensors import MountedSensor
 from sim_action.simulation.run_audit import CommandLog
 from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, commands_of, without_joints
 from sim_action.state.observation import Observation
-from sim_action.state.reproducibility import Transcript
 from sim_action.state.timeline import TimeMark
+from sim_action.state.trace import Transcript
 from sim_action.state.transmission import Line
 from sim_action.world.claims import LOGGED_ERROR, NOT_REPRODUCIBLE, NOT_SIMULATED
 from sim_action.world.physics import GRAVITY

@@ -43,9 +43,8 @@ from sim_action.simulation.start_checks import (
     refuse_bad_start,
 )
 from sim_action.state.observation import Observation
-from sim_action.state.reproducibility import Digest
 from sim_action.state.timeline import TimeMark, in_order, nearest_causes, waits
-from sim_action.state.trace import Trace
+from sim_action.state.trace import Digest, Trace
 from sim_action.state.trace_records import BodyRecord, Channels
 from sim_action.state.verdict import Verdict
 from sim_action.world.claims import LOGGED_ERROR, NOT_REPRODUCIBLE, NOT_SIMULATED, ClaimFinding

@@ -457,7 +457,7 @@ def test_what_turns_fast_is_not_stopped(engine: str, tmp_path: Path) -> None:
 _DIGEST = """
 import sys
 from pathlib import Path
-from sim_action.state.reproducibility import Digest
+from sim_action.state.trace import Digest
 from tests.integration.engines import LOPSIDED, advance, at, running, scene_of
 digest = Digest()
 with running(sys.argv[1], scene_of(Path(sys.argv[2]), LOPSIDED, at(z=0.5, roll=0.3))) as backend:

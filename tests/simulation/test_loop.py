@@ -29,8 +29,7 @@ from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.mutations import MutantSeams
 from sim_action.simulation.panel import End, Panel
 from sim_action.state.observation import Observation
-from sim_action.state.reproducibility import Transcript
-from sim_action.state.trace import Trace
+from sim_action.state.trace import Trace, Transcript
 from tests.patience import wait_until
 from tests.scenarios import LEAST, load
 from tests.soak import examples

@@ -31,7 +31,7 @@ from sim_action.ros.ros2.started_nodes import Domain, ListedNodes, scratch_of, s
 from sim_action.ros.ros2.topics import DESCRIPTION, TRANSFORM_TOPICS, channels, topics_of
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
-from sim_action.state.reproducibility import Transcript
+from sim_action.state.trace import Transcript
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:

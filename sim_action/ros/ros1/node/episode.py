@@ -49,7 +49,7 @@ from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.recorder import RunRecorder
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
-from sim_action.state.reproducibility import Transcript
+from sim_action.state.trace import Transcript
 from sim_action.world import Physics
 from sim_action.world.scene import Scene
 from sim_action.world.shape_files import ShapeLibrary, read_surroundings

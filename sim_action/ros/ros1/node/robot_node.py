@@ -39,7 +39,7 @@ from sim_action.ros.ros1.node.topics import GazeboTopics, Publisher, Subscriptio
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
 from sim_action.state.readings import OdometryReading
-from sim_action.state.reproducibility import Transcript
+from sim_action.state.trace import Transcript
 from sim_action.world.scene import Fitting, Scene
 
 if TYPE_CHECKING:

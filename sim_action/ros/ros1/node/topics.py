@@ -32,7 +32,7 @@ from sim_action.ros.messages import clock_message, odometry_message, transforms_
 from sim_action.ros.ros1.launch.ros_patches import SLEEPERS
 from sim_action.ros.ros1.node.message_classes import filled, pose_message, twist_message
 from sim_action.ros.ros1.node.world_models import States
-from sim_action.state.reproducibility import Transcript
+from sim_action.state.trace import Transcript
 
 if TYPE_CHECKING:
     from sim_action.ros.ros1.lockstep import Lockstep

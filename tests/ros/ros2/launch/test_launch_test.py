@@ -21,7 +21,7 @@ from sim_action.ros.ros2.bridge_link import Bridge
 from sim_action.ros.ros2.installation import RMW, Ros2
 from sim_action.ros.ros2.launch import launch_test
 from sim_action.ros.ros2.launch.launch_test import spawned_robot
-from sim_action.state.reproducibility import Transcript
+from sim_action.state.trace import Transcript
 from tests.ros.ros2.prefixes import source
 
 CREATE = "ros_gz_sim/create"
