@@ -29,11 +29,11 @@ from sim_action.assertions.legs import SupportMargin as SupportMargin
 from sim_action.assertions.matches import Matches as Matches
 from sim_action.assertions.max_speed import MaxSpeed as MaxSpeed
 from sim_action.assertions.no_collision import NoCollision as NoCollision
+from sim_action.assertions.no_collision import SelfCollision as SelfCollision
 from sim_action.assertions.object import ObjectAssertion as ObjectAssertion
 from sim_action.assertions.odometry_error import OdometryError as OdometryError
 from sim_action.assertions.reach import FinalPose as FinalPose
 from sim_action.assertions.reach import Reach as Reach
-from sim_action.assertions.self_collision import SelfCollision as SelfCollision
 from sim_action.assertions.sensor import SensorReading as SensorReading
 from sim_action.assertions.settled import Settled as Settled
 from sim_action.assertions.settled import StopsBefore as StopsBefore

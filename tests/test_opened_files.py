@@ -74,7 +74,6 @@ OWN: Final = frozenset(
         "runner/isolation/process_control.py",
         "runner/run_keys.py",
         "runner/warm_process.py",
-        "state/motion_record.py",
         "state/trace_storage.py",
     }
 )

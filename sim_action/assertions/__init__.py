@@ -267,7 +267,7 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "settled": "sim_action.assertions.settled:Settled",
         "final_pose": "sim_action.assertions.reach:FinalPose",
         "no_collision": "sim_action.assertions.no_collision:NoCollision",
-        "self_collision": "sim_action.assertions.self_collision:SelfCollision",
+        "self_collision": "sim_action.assertions.no_collision:SelfCollision",
         "contact": "sim_action.assertions.contact:Touch",
         "stops_before": "sim_action.assertions.settled:StopsBefore",
         "upright": "sim_action.assertions.upright:Upright",

@@ -20,9 +20,8 @@ from sim_action.core.yaml_document import KeyPath
 from sim_action.results.outcome import ExpectationOutcome, Measurement, Outcome
 from sim_action.robot.model.joint_selection import matches_name
 from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, LoadedScenario, PoseAgreement
-from sim_action.state.motion_record import MotionRecord
 from sim_action.state.trace import rotation_angles
-from sim_action.state.trace_storage import TraceError
+from sim_action.state.trace_storage import MotionRecord, TraceError
 from sim_action.state.verdict import VERBS, Judged, Verdict
 
 _KEY: Final = "agreement"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +27,9 @@ from sim_action.state.trace_records import (
     SensorRecord,
     frame_stride,
 )
+from sim_action.state.trace_storage import MotionRecord
 from sim_action.world import GROUND, World
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.state.motion_record import MotionRecord
 
 _MAX_FRAMES: Final = 200_000  # a run of hours must still fit into memory
 
@@ -222,9 +220,6 @@ class EveryStep:
 
     def record(self, scene: Scene) -> MotionRecord:
         """Return the record of all moments; the poses of links follow from the base and the joints."""
-        # Few runs are compared.
-        from sim_action.state.motion_record import MotionRecord
-
         rows = np.concatenate(self._robot)
         joints = {name: rows[:, 8 + column] for column, name in enumerate(self._joint_names)}
         poses = np.concatenate(self._poses) if self._poses else np.empty((len(rows), len(self._bodies), 7))

@@ -23,11 +23,10 @@ from sim_action.assertions.joint import JointReading, JointWithin
 from sim_action.assertions.legs import FeetOnGround, SupportMargin
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.monitors import AdaptedMonitor, State
-from sim_action.assertions.no_collision import NoCollision
+from sim_action.assertions.no_collision import NoCollision, SelfCollision
 from sim_action.assertions.object import Moved, ObjectAssertion
 from sim_action.assertions.odometry_error import OdometryError
 from sim_action.assertions.reach import FinalPose, Reach
-from sim_action.assertions.self_collision import SelfCollision
 from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.settled import Settled, StopsBefore
 from sim_action.assertions.stay_within import StayWithin

@@ -152,7 +152,7 @@ NO_LIMITS: Final[Mapping[str, str]] = {
     "stops_before": "a goal, and a touch breaks it",
     "at_once": "a goal",
     "no_collision": "has no limit: test_a_contact_that_is_not_allowed_breaks_no_collision",
-    "self_collision": "has no limit: tests/assertions/test_self_collision.py",
+    "self_collision": "has no limit: tests/assertions/test_no_collision.py",
     "matches": "needs a file: test_a_tolerance_below_the_largest_error_breaks_a_golden_trajectory",
     "grasped": "a goal",
     "feet_on_ground": "its limits are whole numbers: tests/assertions/test_legs.py",

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from sim_action.assertions.self_collision import SelfCollision
+from sim_action.assertions.no_collision import SelfCollision
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, MissingScenario, Problem
 from sim_action.results.gates import over_variations
 from sim_action.results.outcome import ExpectationOutcome, ExpectationStatus, Outcome, Scope, Status, status_of

@@ -16,7 +16,7 @@ from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.runner.engine_agreement import at_the_same_times, with_agreement
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario
-from sim_action.state.motion_record import MotionRecord
+from sim_action.state.trace_storage import MotionRecord
 from sim_action.state.verdict import Judged, Verdict
 from tests.outcomes import outcome
 from tests.traces import trace

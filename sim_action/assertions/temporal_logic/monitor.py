@@ -35,13 +35,13 @@ from sim_action.assertions.temporal_logic.formula_claims import premises
 from sim_action.assertions.temporal_logic.robustness import (
     Cause,
     Samples,
+    SignalReader,
     cause,
     robustness,
     seen_from,
     until_operands,
     values,
 )
-from sim_action.assertions.temporal_logic.signal_reader import SignalReader
 from sim_action.core import units
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, delegated, replace
