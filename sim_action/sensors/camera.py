@@ -63,7 +63,7 @@ class Camera(Sensor):
     def open(self, mount: Mount) -> Measure:
         # `validate` does without it
         from sim_action.sensors.rendering.picture import Placed, draw, robot_parts, world_parts
-        from sim_action.sensors.rendering.pinhole import Pinhole  # `validate` does without it
+        from sim_action.sensors.rendering.solids import Pinhole  # `validate` does without it
 
         pinhole = Pinhole(self.width, self.height, self.field_of_view, self.near, self.far)
         links, bodies = list(robot_parts(mount.scene.model)), list(world_parts(mount.scene))

@@ -14,7 +14,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist
 from sim_action.ros import messages
 from sim_action.sensors.camera import Camera
-from sim_action.sensors.rendering.pinhole import Pinhole
+from sim_action.sensors.rendering.solids import Pinhole
 from sim_action.state.readings import ImuReading
 
 

@@ -21,7 +21,7 @@ from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.robot.model.kinematics import link_poses, robot_box
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.sensors.rendering.picture import Part, Placed, draw, robot_parts, world_parts
-from sim_action.sensors.rendering.pinhole import Pinhole
+from sim_action.sensors.rendering.solids import Pinhole
 from sim_action.world import placed
 
 GIF_RATE_HZ: Final = 10

@@ -16,11 +16,14 @@ from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass
 from sim_action.robot.model.robot_model import RobotModel, Shape
 from sim_action.sensors.rendering import ACTOR, GROUND, PALETTE, ROBOT, SKY, Colour
-from sim_action.sensors.rendering.pinhole import Components, FloatArray, Patch, Pinhole
 from sim_action.sensors.rendering.solids import (
     Capsule,
+    Components,
     Cylinder,
     Ellipsoid,
+    FloatArray,
+    Patch,
+    Pinhole,
     Polyhedron,
     Solid,
     Triangle,

@@ -15,8 +15,7 @@ from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.urdf import read_urdf
 from sim_action.sensors.rendering import GROUND, PALETTE, ROBOT, SKY
 from sim_action.sensors.rendering.picture import Part, Placed, draw, robot_parts, world_parts
-from sim_action.sensors.rendering.pinhole import Pinhole
-from sim_action.sensors.rendering.solids import Capsule, Cylinder, Ellipsoid, Polyhedron
+from sim_action.sensors.rendering.solids import Capsule, Cylinder, Ellipsoid, Pinhole, Polyhedron
 from sim_action.world import Body, Physics, Sphere, World
 from sim_action.world.scene import Scene
 from tests.mesh_files import obj

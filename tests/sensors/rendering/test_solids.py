@@ -1,4 +1,4 @@
-"""Where rays enter solids: by hand, and held against points that are known to be inside or outside."""
+"""The geometry of a pinhole camera, and where rays enter solids: by hand, and against points inside or outside."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from sim_action.core.geometry import Vector3
+from sim_action.core.geometry import Pose, Vector3, quaternion_from_rpy
 from sim_action.meshes import clean_mesh
 from sim_action.sensors.rendering import solids
+from sim_action.sensors.rendering.solids import Patch, Pinhole, Rays
 from tests.mesh_files import two_objects
-from tests.sensors.rendering.solid_rays import entry
 
 BOX = solids.Polyhedron.box((1.0, 2.0, 3.0))
 CORNERS = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-2.0, 2.0) for z in (-3.0, 3.0)])
@@ -31,6 +31,14 @@ SOLIDS: list[tuple[solids.Solid, Callable[[float, float, float], float]]] = [
 ids = ("box", "hull", "can", "pill", "egg")
 part = st.floats(-1, 1).map(lambda value: round(value, 3))
 vector = st.tuples(part, part, part)
+
+
+def entry(solid: solids.Solid, start: Vector3, way: Vector3) -> tuple[float, tuple[float, ...]]:
+    """The depth at which a ray enters, and the normal there."""
+    x, y, z = (np.full((1, 1), part) for part in way)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth, normals = solid.enter(Rays(start, (x, y, z)))
+    return float(depth[0, 0]), tuple(float(part[0, 0]) for part in normals)
 
 
 @pytest.mark.parametrize(
@@ -152,3 +160,62 @@ def test_a_mesh_that_was_written_here_is_as_large_as_it_was(tmp_path: Path) -> N
     for hull, _ in hulls:
         assert entry(hull, (-1, 0, 0), (1, 0, 0))[0] == pytest.approx(0.9)
         assert entry(hull, (0, 0, 1), (0, 0, -1))[0] == pytest.approx(0.7)
+
+
+WIDE = Pinhole(width=40, height=20, field_of_view=math.radians(90), near=0.1, far=10.0)
+ALL: Patch = (slice(None), slice(None))
+
+
+def test_the_field_of_view_is_from_edge_to_edge() -> None:
+    assert WIDE.focal_length == pytest.approx(20)
+    assert WIDE.left[0, [0, 19, 20, 39]] == pytest.approx([0.975, 0.025, -0.025, -0.975])
+    assert WIDE.up[[0, 9, 10, 19], 0] == pytest.approx([0.475, 0.025, -0.025, -0.475])
+
+
+def test_rays_are_turned_with_the_camera() -> None:
+    rays = WIDE.rays(Pose((1, 2, 3), quaternion_from_rpy(0, 0, math.pi / 2)), ALL)
+    x, y, z = (np.broadcast_to(way, (20, 40)) for way in rays.ways)
+    assert rays.start_xyz == (1, 2, 3)
+    assert y == pytest.approx(np.ones((20, 40)))
+    assert (x[0, 0], z[0, 0]) == pytest.approx((-0.975, 0.475))
+    assert [part[0, 0] for part in rays.points(np.full((20, 40), 2.0))] == pytest.approx([1 - 1.95, 4, 3.95])
+
+
+near_or_far = st.floats(-12, 12)
+# What is at most as far to a side as it is ahead is in sight.
+ahead = st.tuples(st.floats(0.1, 10), st.floats(-1, 1), st.floats(-0.5, 0.5))
+
+
+@given(
+    middle=st.tuples(st.floats(-1, 12), near_or_far, near_or_far)
+    | ahead.map(lambda at: (at[0], at[0] * at[1], at[0] * at[2])),
+    radius=st.floats(0.01, 3),
+    toward=st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)),
+)
+def test_a_patch_holds_all_of_a_ball(
+    middle: tuple[float, float, float], radius: float, toward: tuple[float, float, float]
+) -> None:
+    share = radius / max(1.0, math.hypot(*toward))
+    x, y, z = (at + share * part for at, part in zip(middle, toward, strict=True))
+    if not WIDE.near <= x <= WIDE.far:
+        return
+    column, row = (math.floor(middle - WIDE.focal_length * part / x) for middle, part in ((20, y), (10, z)))
+    if not (0 <= column < 40 and 0 <= row < 20):
+        return
+    patch = WIDE.patch_around(middle, radius)
+    assert patch is not None
+    rows, columns = patch
+    assert rows.start <= row < rows.stop
+    assert columns.start <= column < columns.stop
+
+
+@pytest.mark.parametrize(
+    "middle",
+    [(-1.0, 0, 0), (11.0, 0, 0), (5.0, 9.0, 0), (5.0, 0, -9.0), (math.nan,) * 3, (math.inf,) * 3, (5.0, math.inf, 0)],
+)
+def test_what_is_behind_too_far_or_beside_has_none(middle: tuple[float, float, float]) -> None:
+    assert WIDE.patch_around(middle, 0.5) is None
+
+
+def test_a_ball_far_away_has_a_small_one() -> None:
+    assert WIDE.patch_around((5.0, 0, 0), 0.5) == (slice(7, 13), slice(17, 23))
