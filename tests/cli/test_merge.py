@@ -48,15 +48,29 @@ def shard(index: int, *outcomes: Outcome, total: int = 3) -> Path:
     return stored(Path("shards", str(index)), part.model_copy(update={"started_at": started}))
 
 
-def test_traces_come_along_under_names_of_their_own() -> None:
-    trace = "traces/same.npz"
-    shard(1, outcome("a/same.sim.yml", trace=trace), outcome("c/same.sim.yml"))
-    shard(2, outcome("b/Same.sim.yml", trace=trace))
+def test_files_come_along_under_names_of_their_own() -> None:
+    recordings = ("recordings/same.mcap", "recordings/same.csv")
+    a, b = (
+        outcome(file, trace="traces/same.npz", replay="replays/same.json.gz").model_copy(
+            update={"recordings": recordings}
+        )
+        for file in ("a/same.sim.yml", "b/Same.sim.yml")
+    )
+    shard(1, a, outcome("c/same.sim.yml"))
+    shard(2, b)
     assert merge_results(request()) is ExitCode.PASSED
-    found = {made.file: made.trace for made in read().outcomes}
-    assert found == {"a/same.sim.yml": "traces/same.npz", "b/Same.sim.yml": "traces/Same-2.npz", "c/same.sim.yml": None}
+    assert {made.file: (made.trace, made.replay, *made.recordings) for made in read().outcomes} == {
+        "a/same.sim.yml": ("traces/same.npz", "replays/same.json.gz", *recordings),
+        "b/Same.sim.yml": (
+            *("traces/Same-2.npz", "replays/Same-2.json.gz"),
+            *("recordings/Same-2.mcap", "recordings/Same-2.csv"),
+        ),
+        "c/same.sim.yml": (None, None),
+    }
     assert Path("joined/traces/same.npz").read_text() == "trace of a/same.sim.yml"
     assert Path("joined/traces/Same-2.npz").read_text() == "trace of b/Same.sim.yml"
+    assert Path("joined/replays/Same-2.json.gz").read_text() == "replay of b/Same.sim.yml"
+    assert Path("joined/recordings/Same-2.mcap").read_text() == "recordings/same.mcap of b/Same.sim.yml"
     assert len(list(Path("joined/traces").iterdir())) == 2
 
 
@@ -81,27 +95,6 @@ def test_what_was_not_exercised_in_a_shard_fails_the_whole() -> None:
     assert '<error type="not_exercised" message="never checked:' in junit
 
 
-def test_replays_come_along_under_the_names_of_their_traces() -> None:
-    trace, replay = "traces/same.npz", "replays/same.json.gz"
-    shard(1, outcome("a/same", trace=trace, replay=replay), outcome("c/same"))
-    shard(2, outcome("b/same", trace=trace, replay=replay))
-    assert merge_results(request()) is ExitCode.PASSED
-    found = {made.file: made.replay for made in read().outcomes}
-    assert found == {"a/same": "replays/same.json.gz", "b/same": "replays/same-2.json.gz", "c/same": None}
-    assert Path("joined/replays/same-2.json.gz").read_text() == "replay of b/same"
-
-
-def test_a_replay_that_is_not_beside_its_results_is_left_out_and_that_is_told() -> None:
-    path = shard(1, outcome("a", trace="traces/a.npz"), total=1)
-    written = Results.read(path)
-    forged = written.outcomes[0].model_copy(update={"replay": "../../secret"})
-    written.model_copy(update={"outcomes": (forged,)}).write(path.parent)
-    merge_results(request("shards/1"))
-    (made,) = read().outcomes
-    assert (made.trace, made.replay) == ("traces/a.npz", None)
-    assert made.notes == ("its replay ../../secret was not found next to the results of its shard",)
-
-
 def test_what_could_not_be_loaded_takes_no_name_from_a_trace() -> None:
     error = InvalidScenario([Problem(Location("a/same"), "not a scenario")])
     shard(1, Outcome.of_invalid("a/same", error), total=2)
@@ -110,25 +103,43 @@ def test_what_could_not_be_loaded_takes_no_name_from_a_trace() -> None:
     assert [made.trace for made in read().outcomes] == [None, "traces/same.npz"]
 
 
-@pytest.mark.parametrize("trace", ["../../secret", "/etc/hostname", "traces/link.npz", "traces/nope.npz"])
-def test_a_trace_that_is_not_beside_its_results_is_left_out_and_that_is_told(workspace: Path, trace: str) -> None:
-    (workspace / "secret").write_text("secret")
-    path = shard(1, outcome("a.sim.yml"), total=1)
+@pytest.mark.parametrize(
+    ("kind", "forged"),
+    [
+        *(("trace", name) for name in ("../../secret", "/etc/hostname", "traces/link.npz", "traces/nope.npz")),
+        ("replay", "../../secret"),
+        ("recordings", ("recordings/a.sh", "../../secret.csv", "recordings/gone.tum")),
+    ],
+)
+def test_a_file_that_is_not_beside_its_results_is_left_out_and_that_is_told(
+    workspace: Path, kind: str, forged: str | tuple[str, ...]
+) -> None:
+    for name in ("secret", "secret.csv"):
+        (workspace / name).write_text("secret")
+    path = shard(1, outcome("a.sim.yml", trace=None if kind == "trace" else "traces/a.npz"), total=1)
     (path.parent / "traces" / "link.npz").symlink_to("../../../secret")
+    (path.parent / "recordings/a.sh").write_text("echo")
     written = Results.read(path)
-    forged = written.outcomes[0].model_copy(update={"trace": trace})
-    written.model_copy(update={"outcomes": (forged,)}).write(path.parent)
+    made = written.outcomes[0].model_copy(update={kind: forged})
+    written.model_copy(update={"outcomes": (made,)}).write(path.parent)
     assert merge_results(request()) is ExitCode.PASSED
     (made,) = read().outcomes
-    assert made.trace is None
-    assert made.notes == (f"its trace {trace} was not found next to the results of its shard",)
-    assert not Path("joined/traces").exists()
+    assert (made.trace, made.replay, made.recordings) == (None if kind == "trace" else "traces/a.npz", None, ())
+    assert made.notes == tuple(
+        f"its {kind.removesuffix('s')} {name} was not found next to the results of its shard"
+        for name in ((forged,) if isinstance(forged, str) else forged)
+    )
+    assert [folder.name for folder in Path("joined").glob("*s") if folder.is_dir()] == ["traces"] * (kind != "trace")
 
 
-def test_what_people_waited_for_is_the_longest_shard() -> None:
+def test_of_shards_that_were_alike_the_longest_is_waited_for_and_nothing_is_told(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     shard(1, outcome("a"), outcome("c"))
     shard(2, outcome("b"))
-    merge_results(request())
+    assert merge_results(request()) is ExitCode.PASSED
+    assert [made.notes for made in read().outcomes] == [(), (), ()]
+    assert capsys.readouterr().err == ""
     assert (read().wall_time, read().shard) == (2.0, None)
     assert read().started_at == START
 
@@ -146,14 +157,6 @@ def test_shards_that_were_not_alike_are_not_called_so(capsys: pytest.CaptureFixt
     ]
     told = "sim-action: the results come from different versions of sim-action: 0.1.0, 0.2.0\n"
     assert capsys.readouterr().err == told
-
-
-def test_of_shards_that_were_alike_nothing_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    shard(1, outcome("a"), outcome("c"))
-    shard(2, outcome("b"))
-    assert merge_results(request()) is ExitCode.PASSED
-    assert [made.notes for made in read().outcomes] == [(), (), ()]
-    assert capsys.readouterr().err == ""
 
 
 def test_a_version_that_a_stranger_made_up_is_a_short_line_of_text(
@@ -352,38 +355,6 @@ def test_one_scenario_reports_how_far_it_came() -> None:
     shard(1, outcome("a").model_copy(update={"travelled": 1.5}), total=1)
     merge_results(request())
     assert read().travelled == 1.5
-
-
-def test_recordings_come_along_under_the_names_of_their_traces() -> None:
-    names = ("recordings/same.mcap", "recordings/same.csv")
-    made = outcome("a/same", trace="traces/same.npz").model_copy(update={"recordings": names})
-    shard(1, made, outcome("c/same"))
-    shard(2, made.model_copy(update={"file": "b/same"}))
-    assert merge_results(request()) is ExitCode.PASSED
-    found = {made.file: made.recordings for made in read().outcomes}
-    assert found == {
-        "a/same": ("recordings/same.mcap", "recordings/same.csv"),
-        "b/same": ("recordings/same-2.mcap", "recordings/same-2.csv"),
-        "c/same": (),
-    }
-    assert Path("joined/recordings/same-2.mcap").read_text() == "recordings/same.mcap of b/same"
-
-
-def test_what_is_no_recording_of_ours_is_not_copied_and_that_is_told() -> None:
-    path = shard(1, outcome("a", trace="traces/a.npz"), total=1)
-    (path.parent / "recordings/a.sh").write_text("echo")
-    (path.parent.parent / "secret.csv").write_text("secret")
-    forged = ("recordings/a.sh", "../secret.csv", "recordings/gone.tum")
-    written = Results.read(path)
-    outcomes = (written.outcomes[0].model_copy(update={"recordings": forged}),)
-    written.model_copy(update={"outcomes": outcomes}).write(path.parent)
-    merge_results(request("shards/1"))
-    (made,) = read().outcomes
-    assert made.recordings == ()
-    assert made.notes == tuple(
-        f"its recording {name} was not found next to the results of its shard" for name in forged
-    )
-    assert not Path("joined/recordings").exists()
 
 
 @pytest.mark.parametrize(
