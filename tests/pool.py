@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from sim_action.core.process import Interruption
-from sim_action.results.events import Listener
+from sim_action.results.journal import Listener
 from sim_action.results.outcome import Outcome
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.process_pool import Pool, PoolOptions
-from sim_action.runner.runs import Runs
+from sim_action.runner.run_plan import Runs
 from sim_action.scenario.model import LoadedScenario
 
 

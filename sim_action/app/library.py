@@ -28,8 +28,8 @@ from sim_action.core.workspace import current_folder
 from sim_action.engines import ENGINES, EngineName, EngineOrAll
 from sim_action.recording.export import wanted_formats
 from sim_action.reports import ReportRequest
-from sim_action.results.events import Event, Listener
 from sim_action.results.factor_margins import ScenarioMargins
+from sim_action.results.journal import Event, Listener
 from sim_action.runner.margin_search import FactorRequest
 from sim_action.runner.run_plan import PlanRequest
 from sim_action.scenario.loading import load_all
@@ -196,7 +196,7 @@ def run(
         report: True to write replays and `report.html`.
         output_dir: the folder for results, traces and reports; None: a temporary one, which exists as long as the
             results.
-        on_event: receives `Started`, `Progressed`, `RunEnded` and `Finished`, see `sim_action.results.events`. An
+        on_event: receives `Started`, `Progressed`, `RunEnded` and `Finished`, see `sim_action.results.journal`. An
             exception in it ends the run.
         allow_scripts: "false" refuses code of the repository; "auto" and "true": as on the command line.
         allow_outside: True if files may be outside the workspace.

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, SupportsIndex, overload
 from sim_action.core.errors import ExitCode, Location, UsageError
 from sim_action.core.wording import shortened, system_reason
 from sim_action.reports import ReportOptions
-from sim_action.reports.console import Console
+from sim_action.reports.display import Console
 from sim_action.reports.html.notebook import HtmlConsole, outcome_page, player_frame, report_frame
 from sim_action.reports.terminal import print_outcomes
 from sim_action.results import results_json

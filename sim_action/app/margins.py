@@ -19,9 +19,8 @@ from sim_action.core.wording import counted, escaped_line, note, system_reason, 
 from sim_action.reports import ReportOptions, ReportRequest
 from sim_action.reports.progress import ProgressListener
 from sim_action.reports.writing import open_reports, remove_earlier, write_reports
-from sim_action.results.events import Event, Finished, RunEnded
 from sim_action.results.factor_margins import Margin, Margins, ScenarioMargins
-from sim_action.results.journal import JOURNAL_FILE, Header, Journal, Record
+from sim_action.results.journal import JOURNAL_FILE, Event, Finished, Header, Journal, Record, RunEnded
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import MARGINS_FILE
 from sim_action.runner.margin_search import FACTORS, FactorRequest, Search, Trial, trial
@@ -30,8 +29,7 @@ from sim_action.runner.mutation.planning import first_runs
 from sim_action.runner.outcome_assembly import planned_outcomes, stored_trace
 from sim_action.runner.process_pool import Pool, PoolOptions
 from sim_action.runner.run_keys import RunKeys, RunOptions, changed_parts, trusted_journal
-from sim_action.runner.run_plan import PlanRequest, plan_runs
-from sim_action.runner.runs import Runs
+from sim_action.runner.run_plan import PlanRequest, Runs, plan_runs
 from sim_action.scenario.loading import Libraries
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused

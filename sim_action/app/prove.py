@@ -23,7 +23,7 @@ from sim_action.reports.progress import ProgressListener
 from sim_action.reports.proof import print_proof, write_proof_annotations, write_proof_outputs, write_proof_summary
 from sim_action.reports.writing import open_reports
 from sim_action.results.artifacts import REPORT_FILE
-from sim_action.results.events import RunEnded
+from sim_action.results.journal import RunEnded
 from sim_action.results.outcome import Outcome
 from sim_action.results.output_folder import JUNIT_FILE, is_proof, refuse_foreign_file, remove_regular
 from sim_action.results.proof import MutantStatus, Proof
@@ -33,8 +33,7 @@ from sim_action.runner.mutation.mutant import Mutant, Original
 from sim_action.runner.mutation.suggestions import MOST_RUNS, MOST_TRIALS, Candidates, Search, candidates
 from sim_action.runner.outcome_assembly import stored_trace
 from sim_action.runner.process_pool import Pool, PoolOptions
-from sim_action.runner.run_plan import PlanRequest, plan_runs
-from sim_action.runner.runs import Runs
+from sim_action.runner.run_plan import PlanRequest, Runs, plan_runs
 from sim_action.scenario.loading import Libraries
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused

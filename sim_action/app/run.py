@@ -20,16 +20,14 @@ from sim_action.reports import ReportOptions, ReportRequest
 from sim_action.reports.progress import GateKey, ProgressListener
 from sim_action.reports.writing import make_ready, open_reports, remove_earlier, write_reports
 from sim_action.results.artifacts import RunFiles, run_files
-from sim_action.results.events import Event, Listener
-from sim_action.results.journal import JOURNAL_FILE, Header, Journal
+from sim_action.results.journal import JOURNAL_FILE, Event, Header, Journal, Listener
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results
 from sim_action.runner.child_outcome import skipped, without_verdict
 from sim_action.runner.outcome_assembly import OutcomeAssembly, originals, planned_outcomes
 from sim_action.runner.process_pool import Pool, PoolOptions
 from sim_action.runner.run_keys import RunKeys, RunOptions, TakenOver, take_over
-from sim_action.runner.run_plan import Plan, PlanRequest, RunPlan, plan_runs
-from sim_action.runner.runs import EarlyStop, Runs, Scheduler
+from sim_action.runner.run_plan import EarlyStop, Plan, PlanRequest, RunPlan, Runs, Scheduler, plan_runs
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused
 

@@ -10,10 +10,9 @@ from pydantic import JsonValue
 
 from sim_action.core import units
 from sim_action.core.wording import counted, shown
-from sim_action.reports.console import open_console
-from sim_action.reports.formatting import measurements, moment, quantity, speed_text
+from sim_action.reports.display import STATUS_DISPLAYS, open_console
+from sim_action.reports.formatting import first_reason, measurements, moment, quantity, speed_text
 from sim_action.reports.github.markdown import fitting, markdown_row, markdown_rows, paragraphs
-from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.reports.table import Row, Table
 from sim_action.results import weaker_checks
 from sim_action.results.comparison import Change, ChangeKind, Comparison, SmallerMargin
@@ -167,27 +166,18 @@ def _rows_of_runs(gate: GateComparison, outcome: Outcome) -> Iterator[Row]:
 
 def _detail(change: Change) -> str:
     """Return the reason of the failure now or before, or the former status."""
-    if change.kind == "fixed":
-        unjudged = change.old is not None and change.old.status == "not_exercised"
-        return f"{_word(change.old) if unjudged else 'failed'} before: {_reason(change.old)}"
+    if change.kind == "fixed" and change.old is not None:
+        word = _word(change.old) if change.old.status == "not_exercised" else "failed"
+        return f"{word} before: {first_reason(change.old)}"
     if change.kind == "not repeated":
         return "was flaky before, passed now in a single run"
     if change.kind in ("removed", "not run"):
         return "" if change.old is None else f"was: {_word(change.old)}"
-    reason = _reason(change.outcome).removeprefix(f"{change.kind}: ")
+    reason = first_reason(change.outcome).removeprefix(f"{change.kind}: ")
     if change.kind == "fails differently" and change.old:
         return f"was: {_word(change.old)}; {reason}"
     told = (reason, before_text(change) if change.kind == "newly fails" else "")
     return "; ".join(filter(None, told))
-
-
-def _reason(outcome: Outcome | None) -> str:
-    """Return the first reason why a scenario did not pass; empty if it passed."""
-    if outcome is None:
-        return ""
-    told = [f"{failure.title}: {failure.message}" for failure in outcome.failures]
-    told += [f"{expected.name}: {expected.verdict.message}" for expected in outcome.causes]
-    return told[0] if told else ""
 
 
 def _word(outcome: Outcome | None) -> str:

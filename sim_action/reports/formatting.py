@@ -10,8 +10,8 @@ from sim_action.core import units
 from sim_action.core.errors import ExitCode
 from sim_action.core.provenance import Provenance
 from sim_action.core.wording import counted, shortened
+from sim_action.reports.display import INFORMATION, STATUS_DISPLAYS
 from sim_action.reports.escaping import one_line
-from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.outcome import ExpectationOutcome, Measurement, Outcome, Spread, Status
 from sim_action.results.results_json import Results, Shard
 from sim_action.state.timeline import TimeMark
@@ -46,6 +46,13 @@ def first_message(outcome: Outcome, most: int) -> str:
     messages = [failure.message for failure in outcome.failures]
     messages += [expected.verdict.message for expected in outcome.not_passed]
     return shortened(one_line(messages[0]), most) if messages else ""
+
+
+def first_reason(outcome: Outcome) -> str:
+    """Return the first reason why an outcome is no pass, with its title or name; empty if it passed."""
+    reasons = [f"{failure.title}: {failure.message}" for failure in outcome.failures]
+    reasons += [f"{expected.name}: {expected.verdict.message}" for expected in outcome.causes]
+    return reasons[0] if reasons else ""
 
 
 def taken_over_text(taken_over: int, results: Results) -> str:

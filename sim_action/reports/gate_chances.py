@@ -10,7 +10,7 @@ from sim_action.core.records import dataclass
 from sim_action.core.statistics import Expected, SequentialTest
 from sim_action.core.units import is_bare
 from sim_action.core.wording import counted
-from sim_action.reports.console import Console, shows_colours
+from sim_action.reports.display import Console, shows_colours
 from sim_action.reports.escaping import one_line
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.variations.gate import (

@@ -26,10 +26,10 @@ from typing import Final
 from sim_action.core.errors import Location
 from sim_action.core.files import whole_file
 from sim_action.reports import ReportOptions, formatting
+from sim_action.reports.display import INFORMATION, STATUS_DISPLAYS
 from sim_action.reports.escaping import one_line, plain_text
 from sim_action.reports.links import file_and_line, relative_path, stored_trace
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
-from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.output_folder import JUNIT_NAME
 from sim_action.results.results_json import RESULTS_FILE, Results

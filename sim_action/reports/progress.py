@@ -18,11 +18,10 @@ from typing import Final, TextIO
 from sim_action.core.records import dataclass
 from sim_action.core.wording import counted
 from sim_action.reports import Verbosity
-from sim_action.reports.console import is_full_terminal
+from sim_action.reports.display import STATUS_DISPLAYS, is_full_terminal
 from sim_action.reports.escaping import log_text, one_line
 from sim_action.reports.formatting import speed_text
-from sim_action.reports.statuses import STATUS_DISPLAYS
-from sim_action.results.events import Event, Finished, Progressed, RunEnded
+from sim_action.results.journal import Event, Finished, Progressed, RunEnded
 from sim_action.results.outcome import Outcome
 
 _REDRAW_PERIOD_S: Final = 0.1

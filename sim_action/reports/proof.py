@@ -9,13 +9,12 @@ from typing import Final, TextIO
 from sim_action.core.errors import Location
 from sim_action.core.wording import counted, shortened
 from sim_action.reports import ReportOptions
-from sim_action.reports.console import Console, Line, open_console
+from sim_action.reports.display import Console, Level, Line, open_console
 from sim_action.reports.escaping import markdown_block, markdown_text
 from sim_action.reports.github import markdown
 from sim_action.reports.github.annotations import Annotation, print_annotations
 from sim_action.reports.github.job_summary import MAX_BYTES, append_summary
 from sim_action.reports.github.step_outputs import append_outputs
-from sim_action.reports.statuses import Level
 from sim_action.reports.table import Row, Table
 from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.outcome import DisplayStatus

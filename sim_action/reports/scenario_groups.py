@@ -10,8 +10,8 @@ from typing import Final
 from sim_action.core.errors import ExitCode, Location
 from sim_action.core.records import dataclass
 from sim_action.core.wording import counted
+from sim_action.reports.display import STATUS_DISPLAYS, RowStatus
 from sim_action.reports.formatting import moment, quantity
-from sim_action.reports.statuses import STATUS_DISPLAYS, RowStatus
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOutcome, Outcome
 from sim_action.scenario.variations.gate import PlannedGate, percent
 from sim_action.world.claims import AuditWarning

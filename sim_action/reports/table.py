@@ -13,10 +13,9 @@ from sim_action.core.errors import Location
 from sim_action.core.records import dataclass
 from sim_action.core.wording import shortened
 from sim_action.reports import ReportOptions
-from sim_action.reports.console import Console, Line
+from sim_action.reports.display import Console, Line, RowStatus, StatusDisplay, display_of
 from sim_action.reports.formatting import confidence_text, judged_text, moment, spread_texts
 from sim_action.reports.links import replay_link
-from sim_action.reports.statuses import RowStatus, StatusDisplay, display_of
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.scenario.variations.gate import GATE
 from sim_action.state.verdict import Verdict

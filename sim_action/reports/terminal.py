@@ -9,11 +9,10 @@ from typing import Final, TextIO
 
 from sim_action.core.errors import ExitCode
 from sim_action.reports import ReportOptions, formatting
-from sim_action.reports.console import Console, open_console
+from sim_action.reports.display import STATUS_DISPLAYS, Console, RowStatus, StatusDisplay, display_of, open_console
 from sim_action.reports.escaping import plain_text
 from sim_action.reports.links import stored_trace
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
-from sim_action.reports.statuses import STATUS_DISPLAYS, RowStatus, StatusDisplay, display_of
 from sim_action.reports.table import NUMBERS, Row, Table, expectation_rows
 from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Failure, Outcome

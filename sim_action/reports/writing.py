@@ -20,13 +20,13 @@ from sim_action.core.records import replace
 from sim_action.core.registry import Table
 from sim_action.core.wording import escaped_line, log_line, system_reason
 from sim_action.reports import ReportOptions, ReportRequest, workspace_of
+from sim_action.reports.display import STATUS_DISPLAYS, display_of
 from sim_action.reports.escaping import log_text, one_line
+from sim_action.reports.formatting import first_reason
 from sim_action.reports.scenario_groups import grouped_scenarios
-from sim_action.reports.statuses import STATUS_DISPLAYS, display_of
 from sim_action.results import output_folder
 from sim_action.results.artifacts import REPORT_FILE, RUN_FILE_FOLDERS, with_existing_files
 from sim_action.results.journal import JOURNAL_FILE, manifest
-from sim_action.results.outcome import Outcome
 from sim_action.results.output_folder import JUNIT_FILE, is_foreign, is_own_junit, refuse_foreign_files
 from sim_action.results.results_json import RESULTS_FILE, Results
 
@@ -324,16 +324,9 @@ def _verdicts(results: Results) -> Iterator[str]:
         if group.is_part:
             yield log_line(f"{display_of(group.row_status).word}  {one_line(group.name)}  {one_line(group.ending)}")
     for outcome in results.verdicts:
-        reason = one_line(_first_reason(outcome))
+        reason = first_reason(outcome)
+        if not reason and outcome.statistics is not None and outcome.expectations:
+            reason = outcome.expectations[0].verdict.message
+        reason = one_line(reason or ("" if outcome.status == "passed" else " ".join(outcome.notes)))
         parts = (STATUS_DISPLAYS[outcome.status].word, one_line(outcome.name), reason)
         yield log_line("  ".join(part for part in parts if part))
-
-
-def _first_reason(outcome: Outcome) -> str:
-    if outcome.failures:
-        return f"{outcome.failures[0].title}: {outcome.failures[0].message}"
-    if outcome.causes:
-        return f"{outcome.causes[0].name}: {outcome.causes[0].verdict.message}"
-    if outcome.statistics is not None and outcome.expectations:
-        return outcome.expectations[0].verdict.message
-    return "" if outcome.status == "passed" else " ".join(outcome.notes)

@@ -1,4 +1,11 @@
-"""The journal `results.jsonl`: each outcome of a call, written as soon as it is known.
+"""The events of a call, and the journal `results.jsonl`: each outcome, written as soon as it is known.
+
+    Started, Progressed ..., RunEnded     one run of one scenario, in a child process
+    Finished                              an outcome of the results is final
+
+A scenario has several runs with `--repeat`, and several outcomes with several engines. `Finished` comes after the last
+run that its outcome depends on. If it depends on one run alone, it comes before the `RunEnded` of that run: a verdict
+is in the journal before anything reports it.
 
 The first line is the header: the planned outcomes, and the files that the call may write. Each other line is a record:
 a start, the outcome of one of several runs, a final outcome, or the end of the call. `results.json` and all reports are
@@ -32,7 +39,6 @@ from sim_action.core.provenance import platform_name
 from sim_action.core.records import dataclass, replace
 from sim_action.core.version import __version__
 from sim_action.core.wording import escaped_line, system_reason
-from sim_action.results.events import Event, Finished, Progressed, RunEnded, Started
 from sim_action.results.gates import over_variations
 from sim_action.results.journal_seal import Seal
 from sim_action.results.outcome import Failure, NotNegative, Outcome
@@ -40,6 +46,53 @@ from sim_action.results.results_json import MAX_OUTCOMES, Commit, Results, Shard
 from sim_action.scenario.sharing import share_parts
 from sim_action.scenario.source import Variation
 from sim_action.scenario.variations.gate import PlannedGate
+
+
+@dataclass(frozen=True, slots=True)
+class Started:
+    """A run has started."""
+
+    place: int  # the index of its outcome in the results
+    turn: int  # the number of the repetition, counted from 1
+    name: str  # the name of the scenario
+
+
+@dataclass(frozen=True, slots=True)
+class Progressed:
+    """A run has reached a sim time in s; the other attributes are those of `Started`."""
+
+    place: int
+    turn: int
+    name: str
+    sim_time: float
+    real_time_factor: float
+
+
+@dataclass(frozen=True, slots=True)
+class RunEnded:
+    """A run has ended; the other attributes are those of `Started`."""
+
+    place: int
+    turn: int
+    outcome: Outcome  # the outcome of this run alone
+    key: str | None = None  # the digest of everything that the outcome may depend on; None: it is not known
+    is_one_of_several: bool = False  # True if the final outcome depends on other runs, too
+    taken_over: bool = False  # True if an earlier call has run it, see `run --resume`
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """An outcome is final; `place`: its index in the results. The other attributes are those of `RunEnded`."""
+
+    place: int
+    outcome: Outcome
+    key: str | None = None
+    taken_over: bool = False
+
+
+Event = Started | Progressed | RunEnded | Finished
+Listener = Callable[[Event], None]
+
 
 Place = Annotated[int, Field(ge=0)]
 Kind = Literal["started", "run", "finished", "ended"]

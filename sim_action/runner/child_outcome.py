@@ -118,15 +118,17 @@ def _provenance(loaded: LoadedScenario) -> Provenance | None:
 def interrupted(loaded: LoadedScenario) -> Outcome:
     """Return the outcome of a scenario that an interruption stopped or prevented."""
     message = "the run was interrupted before this scenario ended"
-    outcome = without_verdict(loaded, Failure(kind="interrupted", title="interrupted", message=message))
-    return outcome.model_copy(update={"engine": _engine(loaded)})
+    return _on_its_engine(loaded, Failure(kind="interrupted", title="interrupted", message=message))
 
 
 def not_started(loaded: LoadedScenario, cause: str) -> Outcome:
     """Return the outcome of a scenario whose process the system refused to start."""
     message = f"the process of this scenario could not be started: {cause}"
-    outcome = without_verdict(loaded, Failure(kind="crash", title="not started", message=message))
-    return outcome.model_copy(update={"engine": _engine(loaded)})
+    return _on_its_engine(loaded, Failure(kind="crash", title="not started", message=message))
+
+
+def _on_its_engine(loaded: LoadedScenario, failure: Failure) -> Outcome:
+    return without_verdict(loaded, failure).model_copy(update={"engine": _engine(loaded)})
 
 
 def without_run(loaded: LoadedScenario, interruption: Interruption, *, is_needless: bool) -> Outcome:

@@ -15,12 +15,10 @@ from typing import Final
 from sim_action.core.errors import ExitCode
 from sim_action.core.records import dataclass, replace
 from sim_action.results.artifacts import stored_file
-from sim_action.results.events import Event, Finished, Listener, RunEnded
-from sim_action.results.journal import Planned, Record
+from sim_action.results.journal import Event, Finished, Listener, Planned, Record, RunEnded
 from sim_action.results.outcome import Failure, Outcome, Repeats
 from sim_action.runner.child_outcome import TOO_SLOW, unjudged
-from sim_action.runner.run_plan import Plan
-from sim_action.runner.runs import motion_file
+from sim_action.runner.run_plan import Plan, motion_file
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.sharing import share_parts
 from sim_action.scenario.source import Refused

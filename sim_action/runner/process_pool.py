@@ -17,7 +17,7 @@ from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass, replace
 from sim_action.engines import ENGINES, chosen
 from sim_action.recording.export import EXPORTS
-from sim_action.results.events import Listener, Progressed
+from sim_action.results.journal import Listener, Progressed
 from sim_action.results.outcome import ExpectationOutcome, Outcome, Scope
 from sim_action.results.output_folder import remove_unfinished_files
 from sim_action.runner.child_outcome import (
@@ -32,7 +32,7 @@ from sim_action.runner.child_outcome import (
 from sim_action.runner.isolation.child_process import ChildProcess, Starter, cause_of, most_children
 from sim_action.runner.process_output import muted
 from sim_action.runner.run_keys import RunKeys
-from sim_action.runner.runs import Runs, Scheduler
+from sim_action.runner.run_plan import Runs, Scheduler
 from sim_action.scenario.model import LoadedScenario
 
 # The pipe of a child closes at once, but the process table follows later; a grandchild may keep the pipe open.

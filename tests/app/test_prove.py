@@ -18,8 +18,7 @@ from sim_action.core.records import replace
 from sim_action.reports import ReportRequest
 from sim_action.runner.child_outcome import interrupted
 from sim_action.runner.process_pool import Pool
-from sim_action.runner.run_plan import PlanRequest
-from sim_action.runner.runs import Runs
+from sim_action.runner.run_plan import PlanRequest, Runs
 from sim_action.scenario.selection import Selection, find_suite
 from tests.scenarios import LEAST
 

@@ -13,7 +13,7 @@ import pytest
 
 from sim_action.core.errors import Location
 from sim_action.core.process import Interruption
-from sim_action.results.events import Event, RunEnded
+from sim_action.results.journal import Event, RunEnded
 from sim_action.results.outcome import Outcome
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.isolation.linux_child import LinuxChild

@@ -18,7 +18,7 @@ import sim_action
 from sim_action import Results, Scenario, load, run, validate
 from sim_action.errors import InvalidScenario, MissingScenario, SimActionError, UsageError
 from sim_action.parts import Travel, Upright
-from sim_action.results.events import Finished, Started
+from sim_action.results.journal import Finished, Started
 from tests.integration.conftest import outcomes
 from tests.integration.conftest import sim_action as command_line
 

@@ -21,8 +21,7 @@ import pytest
 
 from sim_action.app.live import MAX_CONNECTIONS, Answering, LivePages, LoopbackServer
 from sim_action.cli.main import call
-from sim_action.results.events import Finished
-from sim_action.results.journal import JOURNAL_FILE
+from sim_action.results.journal import JOURNAL_FILE, Finished
 from tests.integration.conftest import write
 from tests.integration.marked_processes import processes_of
 from tests.integration.test_watch import SCENARIO, watching

@@ -23,8 +23,7 @@ from sim_action.recording.replay.replay_data import SignalData
 from sim_action.reports.html import document
 from sim_action.reports.html.notebook import outcome_page, player_frame, report_frame
 from sim_action.reports.html.report import page, write_html
-from sim_action.results.events import Finished
-from sim_action.results.journal import Header, Journal, Planned
+from sim_action.results.journal import Finished, Header, Journal, Planned
 from sim_action.results.outcome import Outcome, Repetition
 from sim_action.results.results_json import Results
 from sim_action.results.shard_results import EarlierRun

@@ -27,7 +27,7 @@ from sim_action.core.errors import EngineError, SimulationUnstable
 from sim_action.core.permissions import Permissions
 from sim_action.core.process import Interruption
 from sim_action.engines import chosen, installed
-from sim_action.results.events import Event, Progressed, RunEnded, Started
+from sim_action.results.journal import Event, Progressed, RunEnded, Started
 from sim_action.results.outcome import Outcome
 from sim_action.runner import child_main
 from sim_action.runner.run_plan import engine_runs

@@ -14,11 +14,11 @@ import pytest
 
 from sim_action.core.version import PACKAGE_FOLDER
 from sim_action.reports import ReportOptions
+from sim_action.reports.display import INFORMATION, STATUS_DISPLAYS
 from sim_action.reports.formatting import counts_text
 from sim_action.reports.github.job_summary import summary
 from sim_action.reports.html.report import page
 from sim_action.reports.junit import write_junit
-from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.reports.terminal import print_results
 from sim_action.results.comparison import compare_outcomes
 from sim_action.results.outcome import Outcome
@@ -108,14 +108,21 @@ def test_every_report_shows_a_measurement(report: Callable[[Results, ReportOptio
     assert APART.message in shown
 
 
-def test_a_measurement_has_a_look_of_its_own() -> None:
+def test_the_look_and_the_changes_of_a_measurement() -> None:
+    # A measurement has a look of its own.
     for display in STATUS_DISPLAYS.values():
         for name in ("word", "headline", "symbol", "ascii_symbol", "icon"):
             assert getattr(INFORMATION, name) != getattr(display, name)
     assert (INFORMATION.junit, INFORMATION.level) == (None, None)
+    # A measurement that appears or goes is no change.
+    plain, outcome = measured()
+    for old, new in ((plain, outcome), (outcome, plain)):
+        (change,) = compare_outcomes([old], [new]).changes
+        assert (change.kind, change.warnings, change.weaker) == ("still passes", 0, ())
 
 
-def test_a_measurement_has_no_tick(own: ReportOptions) -> None:
+def test_measurements_are_no_verdicts(own: ReportOptions) -> None:
+    # A measurement has no tick.
     _, outcome = measured()
     results = like(SAMPLES["passed"], outcomes=(outcome,))
     for text, passed in ((terminal(results, own), "✓"), (summary(results, own), "✅"), (html(results, own), "✓")):
@@ -123,9 +130,7 @@ def test_a_measurement_has_no_tick(own: ReportOptions) -> None:
         before = line[: line.index(APART.message)]
         assert INFORMATION.symbol in before
         assert before.rfind(passed) < before.rfind(INFORMATION.symbol)
-
-
-def test_a_measurement_is_no_testcase_and_counts_nowhere(own: ReportOptions) -> None:
+    # A measurement is no testcase and counts nowhere.
     plain, outcome = measured()
     results = like(SAMPLES["passed"], outcomes=(outcome,))
     suites = ET.fromstring(junit(results, own))
@@ -136,28 +141,21 @@ def test_a_measurement_is_no_testcase_and_counts_nowhere(own: ReportOptions) -> 
     assert (outcome.status, outcome.display_status, outcome.causes) == ("passed", "passed", ())
 
 
-def test_a_measurement_that_appears_or_goes_is_no_change() -> None:
-    plain, outcome = measured()
-    for old, new in ((plain, outcome), (outcome, plain)):
-        (change,) = compare_outcomes([old], [new]).changes
-        assert (change.kind, change.warnings, change.weaker) == ("still passes", 0, ())
-
-
-def test_quiet_shows_no_measurement(own: ReportOptions) -> None:
+def test_measurements_in_a_quiet_report_and_in_results(own: ReportOptions) -> None:
+    # Quiet shows no measurement.
     outcome = like(SAMPLES["failed"].outcomes[0], measurements=(APART,))
     results = like(SAMPLES["failed"], outcomes=(outcome,))
     assert APART.message not in terminal(results, replace(own, verbosity="quiet"))
-
-
-def test_results_json_has_the_numbers(own: ReportOptions) -> None:
+    # Results json has the numbers.
     _, outcome = measured()
     written = json.loads(results_json(like(SAMPLES["passed"], outcomes=(outcome,)), own))
     (found,) = written["outcomes"][0]["measurements"]
     assert (found["measured"], found["unit"], found["time"]) == (0.00212, "m", 0.52)
 
 
-def test_no_part_of_a_page_has_a_class_that_the_player_hides(own: ReportOptions) -> None:
-    """A list of the class `measured` was there and invisible: the player's line of that class is hidden until used."""
+def test_measurements_on_a_page(own: ReportOptions) -> None:
+    # No part of a page has a class that the player hides.
+    # A list of the class `measured` was there and invisible: the player's line of that class is hidden until used.
     style = (PACKAGE_FOLDER / "reports/viewer/page.css").read_text(encoding="utf-8")
     hidden = set(re.findall(r"^\.([\w-]+) \{[^}]*(?:visibility: hidden|display: none)", style, re.MULTILINE))
     assert hidden
@@ -165,9 +163,7 @@ def test_no_part_of_a_page_has_a_class_that_the_player_hides(own: ReportOptions)
     for results in (*SAMPLES.values(), like(SAMPLES["passed"], outcomes=(outcome,))):
         used = {name for names in re.findall(r' class="?([\w -]+)', html(results, own)) for name in names.split()}
         assert used & hidden == set()
-
-
-def test_the_margins_of_a_factor_are_bars_below_a_heading_of_their_own(own: ReportOptions) -> None:
+    # The margins of a factor are bars below a heading of their own.
     of_factor = like(APART, left=(None, 0.25))
     plain, bars = (
         html(like(SAMPLES["passed"], outcomes=(like(measured()[0], measurements=(one,)),)), own)

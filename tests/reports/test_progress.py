@@ -9,7 +9,7 @@ import pytest
 
 from sim_action.reports import Verbosity
 from sim_action.reports.progress import ProgressListener
-from sim_action.results.events import Finished, Progressed, RunEnded, Started
+from sim_action.results.journal import Finished, Progressed, RunEnded, Started
 from tests.outcomes import planned_gate, runs_of_gate
 from tests.reports.samples import SAMPLES
 
@@ -37,13 +37,12 @@ def told(stream: io.StringIO, verbosity: Verbosity = "normal") -> str:
     return stream.getvalue()
 
 
-def test_a_line_for_each_that_is_finished() -> None:
+def test_lines_of_finished_scenarios() -> None:
+    # A line for each that is finished.
     assert told(io.StringIO()) == (
         "[1/7] passed  burger drives straight  2.0 s simulated in 0.4 s\n[2/7] error   burger falls apart  0.7 s\n"
     )
-
-
-def test_one_rewritten_line_on_a_terminal() -> None:
+    # One rewritten line on a terminal.
     text = told(Terminal())
     assert "\n" not in text
     assert "\r\x1b[K[0/7] burger drives straight 1.2 s (31x real time)" in text
@@ -56,24 +55,21 @@ def test_no_control_sequence_for_a_terminal_that_knows_none(name: str, monkeypat
     assert told(Terminal()) == told(io.StringIO())
 
 
-def test_nothing_when_quiet() -> None:
+def test_quiet_and_hostile_names() -> None:
+    # Nothing when quiet.
     assert told(io.StringIO(), "quiet") == ""
     assert told(Terminal(), "quiet") == ""
-
-
-def test_a_name_never_takes_two_lines() -> None:
+    # A name never takes two lines.
     stream = Terminal()
     ProgressListener(1, "normal", stream)(Progressed(0, 1, "宽" * 500 + "\nx", 1.0, 1.0))
     line = stream.getvalue().removeprefix("\r\x1b[K")
     assert "\n" not in line
     assert line.count("宽") * 2 < shutil.get_terminal_size().columns
-
-
-def test_hostile_names_command_nothing() -> None:
-    stream = io.StringIO()
-    listener = ProgressListener(1, "normal", stream)
+    # Hostile names command nothing.
+    log = io.StringIO()
+    listener = ProgressListener(1, "normal", log)
     listener(RunEnded(0, 1, SAMPLES["hostile"].outcomes[0]))
-    (line,) = stream.getvalue().splitlines()
+    (line,) = log.getvalue().splitlines()
     assert line.startswith("[1/1] failed  a|b")
     assert "##[" not in line
 
@@ -83,7 +79,7 @@ def test_children_are_forked_from_a_light_process() -> None:
     code = """
 import sys, threading
 from sim_action.reports.progress import ProgressListener
-from sim_action.results.events import Progressed
+from sim_action.results.journal import Progressed
 ProgressListener(1, "normal")(Progressed(0, 1, "a", 1.0, 1.0))
 assert "rich" not in sys.modules
 assert threading.active_count() == 1
@@ -102,35 +98,30 @@ def told_of_gate(runs: int, verbosity: Verbosity = "normal", stream: io.StringIO
     return shown.getvalue().splitlines()
 
 
-def test_runs_of_a_gate_are_counted_at_each_tenth() -> None:
+def test_lines_of_gates() -> None:
+    # Runs of a gate are counted at each tenth.
     lines = told_of_gate(300)
     assert len(lines) == 10
     assert lines[0] == "[30/300] slip: 30 of 300 runs, 30 passed"
     assert lines[-1] == "[300/300] slip: 300 of 300 runs, 150 passed"
-
-
-def test_a_line_for_each_run_of_a_gate_if_verbose_does_not_call_it_failed() -> None:
+    # A line for each run of a gate if verbose does not call it failed.
     assert told_of_gate(2, "verbose") == [
         "[1/2] slip[friction=0.01] passed  3.0 s simulated in 1.0 s",
         "[2/2] slip[friction=0.02] did not pass (failed)  3.0 s simulated in 1.0 s",
     ]
     assert told_of_gate(2, "quiet") == []
-
-
-def test_the_line_on_a_terminal_has_the_count_of_the_gate() -> None:
+    # The line on a terminal has the count of the gate.
     gate = planned_gate(2)
     stream = Terminal()
     listener = ProgressListener(2, "normal", stream, gates={(gate.file, gate.name): 2})
     listener(RunEnded(0, 1, runs_of_gate(gate, failed=1)[0]))
     listener(Progressed(1, 1, "slip[friction=0.02]", 1.25, 31.4))
     assert "[1/2] slip: 1 of 2 runs, 0 passed; slip[friction=0.02] 1.2 s" in stream.getvalue()
-
-
-def test_runs_that_are_taken_over_count_for_their_gate() -> None:
+    # Runs that are taken over count for their gate.
     gate = planned_gate(2)
     first, second = runs_of_gate(gate, passed=2)
-    stream = io.StringIO()
-    listener = ProgressListener(1, "normal", stream, gates={(gate.file, gate.name): 2})
+    log = io.StringIO()
+    listener = ProgressListener(1, "normal", log, gates={(gate.file, gate.name): 2})
     listener(Finished(0, first, taken_over=True))
     listener(RunEnded(1, 1, second))
-    assert stream.getvalue() == "[1/1] slip: 2 of 2 runs, 2 passed\n"
+    assert log.getvalue() == "[1/1] slip: 2 of 2 runs, 2 passed\n"

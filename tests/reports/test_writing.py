@@ -17,8 +17,8 @@ import pytest
 from sim_action.core.errors import ExitCode
 from sim_action.core.wording import log_line
 from sim_action.reports import ReportOptions
+from sim_action.reports.display import STATUS_DISPLAYS
 from sim_action.reports.escaping import one_line
-from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.reports.writing import REPORTS, make_ready, write_reports
 from sim_action.results.output_folder import Room
 from sim_action.results.results_json import Results
@@ -55,10 +55,15 @@ def written(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
 
 
-def test_the_exit_code_is_that_of_the_results_if_all_is_written(opened: ReportOptions) -> None:
+def test_exit_codes_and_files_of_reports(opened: ReportOptions) -> None:
+    # The exit code is that of the results if all is written.
     assert write_reports(SAMPLES["passed"], opened) is ExitCode.PASSED
     assert write_reports(SAMPLES["failed"], opened) is ExitCode.FAILED
     assert written(opened.folder) == {"results.json", "junit.xml", "report.html"}
+    # A higher code of the results wins.
+    for results in SAMPLES.values():
+        code = write_reports(results, replace(opened, environment={"GITHUB_OUTPUT": FULL}))
+        assert code is max(results.exit_code, ExitCode.FAILED)
 
 
 def test_a_summary_that_cannot_be_written_is_a_warning(
@@ -115,12 +120,6 @@ def test_each_outcome_has_one_line_with_its_first_reason(
             reasons = [each.message for each in outcome.failures] + [each.verdict.message for each in outcome.causes]
             assert log_line(one_line(next(iter(reasons), ""))) in line
             assert line.startswith(STATUS_DISPLAYS[outcome.status].word)
-
-
-def test_a_higher_code_of_the_results_wins(opened: ReportOptions) -> None:
-    for results in SAMPLES.values():
-        code = write_reports(results, replace(opened, environment={"GITHUB_OUTPUT": FULL}))
-        assert code is max(results.exit_code, ExitCode.FAILED)
 
 
 def test_on_github_the_missing_report_is_an_annotation(

@@ -11,8 +11,19 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import ExitCode, UsageError
-from sim_action.results.events import Finished, Progressed, RunEnded, Started
-from sim_action.results.journal import JOURNAL_FILE, Header, Journal, JournalFollower, Planned, manifest, read_journal
+from sim_action.results.journal import (
+    JOURNAL_FILE,
+    Finished,
+    Header,
+    Journal,
+    JournalFollower,
+    Planned,
+    Progressed,
+    RunEnded,
+    Started,
+    manifest,
+    read_journal,
+)
 from sim_action.results.outcome import Failure, Outcome
 from tests.outcomes import outcome as of_file
 
@@ -65,16 +76,15 @@ def test_results_from_the_file_are_those_of_the_call(tmp_path: Path) -> None:
     assert read_journal(tmp_path).results() == results
 
 
-def test_scenarios_without_an_outcome_are_not_finished(tmp_path: Path) -> None:
+def test_unfinished_scenarios(tmp_path: Path) -> None:
+    # Scenarios without an outcome are not finished.
     journal = begun(tmp_path)
     journal(Started(0, 1, "a"))
     first, second, _ = read_journal(tmp_path).results().outcomes
     assert first.failures[0].title == "not finished"
     assert first.failures[0].message == "sim-action ended before this scenario ended"
     assert second.failures[0].message == "sim-action ended before this scenario started"
-
-
-def test_runs_that_have_ended_are_told_if_others_are_missing(tmp_path: Path) -> None:
+    # Runs that have ended are told if others are missing.
     journal = begun(tmp_path)
     journal(RunEnded(0, 1, outcome("a"), is_one_of_several=True))
     journal(RunEnded(0, 2, outcome("a", FAILED), is_one_of_several=True))
@@ -233,7 +243,8 @@ def test_a_full_disk_is_reported_once_and_the_outcomes_are_kept(
     assert statuses(tmp_path) == ["passed"] * 3
 
 
-def test_outcomes_of_an_earlier_call_are_marked(tmp_path: Path) -> None:
+def test_earlier_outcomes_are_marked_and_replaced(tmp_path: Path) -> None:
+    # Outcomes of an earlier call are marked.
     journal = begun(tmp_path)
     journal(Finished(1, outcome("b")))
     earlier = read_journal(tmp_path).finished.values()
@@ -243,9 +254,7 @@ def test_outcomes_of_an_earlier_call_are_marked(tmp_path: Path) -> None:
     kept = read_journal(tmp_path).finished
     assert [kept[place].taken_over for place in (0, 1)] == [False, True]
     assert kept[1].at == 0.0
-
-
-def test_a_new_outcome_replaces_one_of_an_earlier_call(tmp_path: Path) -> None:
+    # A new outcome replaces one of an earlier call.
     begun(tmp_path)(Finished(1, outcome("b", FAILED)))
     again = Journal(tmp_path, header(), unheard, time.monotonic(), read_journal(tmp_path).finished.values())
     again(Finished(1, outcome("b")))
@@ -330,13 +339,22 @@ def test_an_unfinished_line_is_read_once_it_is_finished(tmp_path: Path) -> None:
     assert finished(follower) == [0]
 
 
-def test_the_journal_of_another_call_is_read_from_its_beginning(tmp_path: Path) -> None:
+def test_journals_that_grow_and_are_replaced(tmp_path: Path) -> None:
+    # The journal of another call is read from its beginning.
     follower = JournalFollower(tmp_path)
     begun(tmp_path)(Finished(0, outcome("a")))
     assert finished(follower) == [0]
     begun(tmp_path)(Finished(1, outcome("b")))
     assert finished(follower) == [1]
     assert follower.call == 2
+    # A journal that is removed is forgotten.
+    begun(tmp_path)
+    follower = JournalFollower(tmp_path)
+    follower.look()
+    (tmp_path / JOURNAL_FILE).unlink()
+    follower.look()
+    assert follower.recorded is None
+    assert follower.problem == ""
 
 
 def test_another_call_with_the_same_inode_is_noticed(tmp_path: Path) -> None:
@@ -353,16 +371,6 @@ def test_another_call_with_the_same_inode_is_noticed(tmp_path: Path) -> None:
     with path.open("r+b") as file:
         file.write(other)
     assert finished(follower) == [2]
-
-
-def test_a_journal_that_is_removed_is_forgotten(tmp_path: Path) -> None:
-    begun(tmp_path)
-    follower = JournalFollower(tmp_path)
-    follower.look()
-    (tmp_path / JOURNAL_FILE).unlink()
-    follower.look()
-    assert follower.recorded is None
-    assert follower.problem == ""
 
 
 @pytest.mark.parametrize("line", [b"{}\n", b"[" * 100_000 + b"\n", b"\xff\xfe\n", b'{"journal": 2}\n'])

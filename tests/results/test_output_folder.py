@@ -20,8 +20,7 @@ from hypothesis import strategies as st
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.reports.writing import write_reports
 from sim_action.results import output_folder
-from sim_action.results.events import Finished
-from sim_action.results.journal import Header, Journal, Planned, read_journal
+from sim_action.results.journal import Finished, Header, Journal, Planned, read_journal
 from sim_action.results.output_folder import (
     LOCK_FILE,
     create_folder,
@@ -149,7 +148,8 @@ def test_a_forked_child_neither_holds_nor_releases_the_lock(tmp_path: Path) -> N
         os.close(descriptor)
 
 
-def test_the_same_process_locks_a_folder_once(tmp_path: Path) -> None:
+def test_the_lock_of_a_folder(tmp_path: Path) -> None:
+    # The same process locks a folder once.
     with locked(tmp_path):
         used = pytest.raises(UsageError, match=rf"in use by another run of sim-action \(process {os.getpid()}\)")
         with used, locked(tmp_path / "."):
@@ -157,15 +157,11 @@ def test_the_same_process_locks_a_folder_once(tmp_path: Path) -> None:
         assert (tmp_path / LOCK_FILE).exists()
     with locked(tmp_path):
         pass
-
-
-def test_the_lock_is_released_after_an_error(tmp_path: Path) -> None:
+    # The lock is released after an error.
     with pytest.raises(ZeroDivisionError), locked(tmp_path):
         raise ZeroDivisionError
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_folder_that_is_removed_meanwhile_harms_nothing(tmp_path: Path) -> None:
+    # A folder that is removed meanwhile harms nothing.
     folder = tmp_path / "out"
     create_folder(folder)
     with locked(folder):
@@ -530,14 +526,13 @@ def test_no_file_is_read_through_a_link(
     assert not opened
 
 
-def test_other_files_and_folders_of_the_user_do_not_matter(tmp_path: Path) -> None:
+def test_folders_with_files_of_the_user_and_missing_ones(tmp_path: Path) -> None:
+    # Other files and folders of the user do not matter.
     for name in ("robot.urdf", "traces/notes.txt", "recordings/ride.bag", "a.sim.yml", "tests.xml"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("x")
     refuse_foreign_files(tmp_path)
-
-
-def test_a_missing_folder_has_no_files(tmp_path: Path) -> None:
+    # A missing folder has no files.
     refuse_foreign_files(tmp_path / "missing")
     (tmp_path / "file").touch()
     refuse_foreign_files(tmp_path / "file")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import InternalError
-from sim_action.results.events import Event, Finished, Progressed, RunEnded, Started
+from sim_action.results.journal import Event, Finished, Progressed, RunEnded, Started
 from sim_action.results.outcome import Outcome
 from sim_action.runner.child_outcome import interrupted, unjudged
 from sim_action.runner.outcome_assembly import OutcomeAssembly, planned_outcomes
@@ -81,14 +81,13 @@ def test_scenarios_that_cannot_run_have_places_between_the_others(loaded: Loaded
     }
 
 
-def test_repetitions_are_merged_after_the_last_one(loaded: LoadedScenario, tmp_path: Path) -> None:
+def test_repetitions_and_engines_end_with_the_last_run(loaded: LoadedScenario, tmp_path: Path) -> None:
+    # Repetitions are merged after the last one.
     call = Call([(loaded,), (loaded,)], tmp_path, repeat=2)
     assert [call.ends(0, 1), call.ends(1, 1), call.ends(1, 2, "b"), call.ends(0, 2)] == [[], [], [1], [0]]
     assert [call.final[place].status for place in (0, 1)] == ["passed", "flaky"]
     assert all(event.is_one_of_several for event in call.events if isinstance(event, RunEnded))
-
-
-def test_engines_are_compared_after_the_last_one(loaded: LoadedScenario, tmp_path: Path) -> None:
+    # Engines are compared after the last one.
     call = Call([several_engines(loaded)], tmp_path)
     assert [call.ends(1), call.ends(0)] == [[], [0, 1]]
     assert [each.assertion for each in call.final[1].expectations] == ["travel", "agreement", "agreement"]

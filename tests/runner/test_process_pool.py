@@ -16,7 +16,7 @@ from unittest.mock import Mock
 import pytest
 
 from sim_action.core.process import Interruption
-from sim_action.results.events import Event, Progressed, RunEnded
+from sim_action.results.journal import Event, Progressed, RunEnded
 from sim_action.results.outcome import Outcome
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job

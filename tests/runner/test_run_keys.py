@@ -19,8 +19,7 @@ from hypothesis import strategies as st
 
 from sim_action.core.permissions import Permissions
 from sim_action.results.artifacts import run_files
-from sim_action.results.events import Event, Finished, RunEnded
-from sim_action.results.journal import JOURNAL_FILE, Header, Journal
+from sim_action.results.journal import JOURNAL_FILE, Event, Finished, Header, Journal, RunEnded
 from sim_action.results.outcome import Failure, Outcome, Repeats, Status
 from sim_action.runner import run_keys as module
 from sim_action.runner.child_outcome import engine_provenance
@@ -170,11 +169,17 @@ def test_volatile_variables_do_not_count(kind: Kind, name: str, monkeypatch: pyt
     assert kind() == before
 
 
-def test_other_variables_count_for_user_code(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_variables_for_user_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Other variables count for user code.
     before, other = scripted(), native()
     monkeypatch.setenv("ROS_DISTRO", "fast")
     assert scripted() != before
     assert native() == other
+    # Secrets do not count because code does not see them.
+    before = scripted()
+    for name in ("GH_TOKEN", "ROS_TOKEN", "MY_ROBOT", "DATABASE_URL"):
+        monkeypatch.setenv(name, "secret")
+    assert scripted() == before
 
 
 def test_passed_variables_count_for_user_code(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -198,13 +203,6 @@ def test_variables_of_native_code_count(kind: Kind, monkeypatch: pytest.MonkeyPa
     assert kind() != before
 
 
-def test_secrets_do_not_count_because_code_does_not_see_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = scripted()
-    for name in ("GH_TOKEN", "ROS_TOKEN", "MY_ROBOT", "DATABASE_URL"):
-        monkeypatch.setenv(name, "secret")
-    assert scripted() == before
-
-
 @pytest.mark.parametrize(
     "options",
     [
@@ -221,9 +219,16 @@ def test_options_count(options: RunOptions) -> None:
     assert key(run, options) not in (None, key(run))
 
 
-def test_the_order_of_formats_does_not_count() -> None:
+def test_options_of_the_call_and_of_variations() -> None:
+    # The order of formats does not count.
     one, other = (RunOptions(Permissions(), formats=formats) for formats in (("csv", "tum"), ("tum", "csv")))
     assert key(options=one) == key(options=other)
+    # The rate of the trace counts.
+    run = plan("native.sim.yml")
+    assert key(run.traced_at_every_step()) != key(run)
+    # Nothing has a key while golden files are written.
+    options = RunOptions(Permissions(updates_golden=True))
+    assert key(plan("native.sim.yml", options), options) is None
 
 
 @pytest.mark.parametrize(
@@ -235,11 +240,6 @@ def test_values_of_the_command_line_count(changes: dict[str, object]) -> None:
     run = plan("native.sim.yml", engine="pybullet")
     other = replace(run, scenario=run.scenario.model_copy(update=changes))
     assert key(other) not in (None, key(run))
-
-
-def test_the_rate_of_the_trace_counts() -> None:
-    run = plan("native.sim.yml")
-    assert key(run.traced_at_every_step()) != key(run)
 
 
 def test_variations_have_keys_of_their_own() -> None:
@@ -309,11 +309,6 @@ def test_without_git_only_code_has_no_key(monkeypatch: pytest.MonkeyPatch) -> No
     assert native() == before
     edited("rock.obj")
     assert native() != before
-
-
-def test_nothing_has_a_key_while_golden_files_are_written() -> None:
-    options = RunOptions(Permissions(updates_golden=True))
-    assert key(plan("native.sim.yml", options), options) is None
 
 
 def test_too_many_files_leave_no_key(monkeypatch: pytest.MonkeyPatch) -> None:

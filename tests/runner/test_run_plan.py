@@ -4,21 +4,29 @@ from __future__ import annotations
 
 import sys
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import get_args
+from unittest.mock import Mock
 
 import pytest
 from packaging.requirements import Requirement
 
 from sim_action.core.errors import InvalidScenario, UsageError
 from sim_action.core.permissions import Permissions
-from sim_action.core.workspace import file_name
+from sim_action.core.workspace import Workspace, file_name
+from sim_action.core.yaml_document import read_document
 from sim_action.engines import ENGINES, chosen, installed
-from sim_action.runner.run_plan import PlanRequest, RunPlan, engine_runs, plan_runs, source_of
-from sim_action.scenario.loading import load_scenario
+from sim_action.results.journal import Finished
+from sim_action.results.outcome import Status
+from sim_action.runner.child_outcome import unjudged
+from sim_action.runner.job import Job
+from sim_action.runner.run_plan import EarlyStop, PlanRequest, RunPlan, engine_runs, plan_runs, source_of
+from sim_action.scenario.loading import checked, load_scenario
 from sim_action.scenario.model import LoadedScenario, Scenario, Unexercised
 from sim_action.scenario.selection import Selection, Suite
-from sim_action.scenario.source import Refused
+from sim_action.scenario.source import Refused, Source
+from sim_action.scenario.variations.expansion import expanded
 from tests.scenarios import LEAST
 
 TEXT = """\
@@ -344,3 +352,72 @@ def test_shards_share_what_was_read_for_variations(files: list[Path]) -> None:
     models = [each[0].model for each in found.plans if not isinstance(each, Refused)]
     assert len(models) == 4
     assert all(model is models[0] is not None for model in models)
+
+
+GATE = "stop_early: {reject: 20 %, accept: 80 %, confidence: 90 %}"
+
+
+def gated(folder: Path, gate: str, runs: int = 12, file: str = "s.sim.yml") -> list[LoadedScenario]:
+    text = f"{LEAST}variations: {{robot.pose.x: {{uniform: [0 m, 1 m]}}}}\ngate: {{{gate}, runs: {runs}}}\n"
+    source = Source(folder / file, Workspace(folder, folder), read_document(file, text), "push")
+    return [checked(each, Permissions()) for each in expanded(source, None)]
+
+
+def end(stop: EarlyStop, runs: Sequence[LoadedScenario], place: int, status: Status) -> None:
+    stop(Finished(place, unjudged(runs[place]).model_copy(update={"status": status})))
+
+
+@pytest.mark.parametrize("status", ["passed", "failed"])
+def test_runs_after_the_decision_are_needless(tmp_path: Path, status: Status) -> None:
+    runs = gated(tmp_path, GATE)
+    stop = EarlyStop(runs, range(len(runs)))
+    for place in range(2):
+        assert not stop.is_needless(11)
+        end(stop, runs, place, status)
+    assert all(stop.is_needless(place) for place in range(2, 12))
+
+
+def test_gates_that_are_not_decided(tmp_path: Path) -> None:
+    # A run that is still missing hides later ones.
+    runs = gated(tmp_path, GATE)
+    stop = EarlyStop(runs, range(len(runs)))
+    for place in (1, 2, 3):
+        end(stop, runs, place, "passed")
+    assert not stop.is_needless(11)
+    end(stop, runs, 0, "passed")
+    assert stop.is_needless(11)
+    # A run that was skipped is no result.
+    runs = gated(tmp_path, GATE)
+    stop = EarlyStop(runs, range(len(runs)))
+    end(stop, runs, 0, "skipped")
+    for place in range(1, 6):
+        end(stop, runs, place, "passed")
+    assert not stop.is_needless(11)
+
+
+def test_runs_of_other_gates_and_of_parts(tmp_path: Path) -> None:
+    # Runs of other gates and of none are needed.
+    runs = gated(tmp_path, "passes: {at_least: 50 %}")
+    stop = EarlyStop(runs, range(len(runs)))
+    for place in range(8):
+        end(stop, runs, place, "passed")
+    assert not any(stop.is_needless(place) for place in range(20))
+    # A part of a gate is not decided.
+    runs = gated(tmp_path, GATE)[::2]
+    stop = EarlyStop(runs, range(len(runs)))
+    for place in range(6):
+        end(stop, runs, place, "passed")
+    assert not stop.is_needless(5)
+    # Gates of one name in two files are two gates.
+    runs = gated(tmp_path, GATE, file="a.sim.yml") + gated(tmp_path, GATE, file="b.sim.yml")
+    stop = EarlyStop(runs, range(len(runs)))
+    for place in range(2):
+        end(stop, runs, place, "passed")
+    assert [stop.is_needless(place) for place in (11, 12, 23)] == [True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("path", "name"), [("/out/traces/a.npz", "traces/a.npz"), ("/elsewhere/a.npz", "../elsewhere/a.npz")]
+)
+def test_a_file_is_named_from_the_folder_of_the_results(path: str, name: str) -> None:
+    assert Job(Mock(), Path(path), Path("/out")).trace_name == name

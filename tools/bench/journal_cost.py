@@ -24,10 +24,9 @@ def journal_calls(folder: Path) -> tuple[Callable[[], object], Callable[[], obje
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the command line does
     from sim_action.core.permissions import Permissions
     from sim_action.core.process import Interruption
-    from sim_action.results.events import Event, Finished, Listener, RunEnded
-    from sim_action.results.journal import Header, Journal, Planned
+    from sim_action.results.journal import Event, Finished, Header, Journal, Listener, Planned, RunEnded
     from sim_action.runner.process_pool import Pool, PoolOptions
-    from sim_action.runner.runs import Runs
+    from sim_action.runner.run_plan import Runs
     from sim_action.scenario.files import read_file
     from sim_action.scenario.loading import load_all
     from sim_action.scenario.model import LoadedScenario

@@ -97,7 +97,7 @@ def further_scenario(folder: Path) -> Ratio:
     from sim_action.core.process import Interruption
     from sim_action.reports.progress import ProgressListener
     from sim_action.runner.process_pool import Pool, PoolOptions
-    from sim_action.runner.runs import Runs
+    from sim_action.runner.run_plan import Runs
     from sim_action.scenario.loading import load_scenario
     from tools.bench.raw_loop import drive
 
@@ -120,7 +120,7 @@ def variations(folder: Path) -> Ratio:
     from sim_action.core.process import Interruption
     from sim_action.reports.progress import ProgressListener
     from sim_action.runner.process_pool import Pool, PoolOptions
-    from sim_action.runner.runs import Runs
+    from sim_action.runner.run_plan import Runs
     from sim_action.scenario.files import read_file
     from sim_action.scenario.loading import load_all
     from sim_action.scenario.model import LoadedScenario

@@ -11,11 +11,11 @@ from sim_action.core.errors import Location
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import log_line, shortened
 from sim_action.reports import ReportOptions
+from sim_action.reports.display import STATUS_DISPLAYS, Level
 from sim_action.reports.escaping import command_data, command_property, log_text, one_line, shortened_command
 from sim_action.reports.formatting import moment
 from sim_action.reports.links import reason_time, relative_path, replay_link
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, relative_margin, worst_first
-from sim_action.reports.statuses import STATUS_DISPLAYS, Level
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 

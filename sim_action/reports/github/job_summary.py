@@ -12,6 +12,7 @@ from sim_action.core.records import replace
 from sim_action.core.wording import counted, shortened
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.reports import ReportOptions, formatting
+from sim_action.reports.display import INFORMATION, STATUS_DISPLAYS, RowStatus, display_of
 from sim_action.reports.escaping import markdown_block, markdown_text
 from sim_action.reports.gate_chances import chance_tables
 from sim_action.reports.github.markdown import (
@@ -33,7 +34,6 @@ from sim_action.reports.github.markdown import (
 from sim_action.reports.github.mermaid_chart import chart, load_replay, signal_of_verdict
 from sim_action.reports.links import reason_time, replay_link, rerun_command
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, worst_first
-from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS, RowStatus, display_of
 from sim_action.reports.table import NUMBERS, Row, Table, expectation_rows
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results

@@ -12,6 +12,7 @@ from sim_action.core import units
 from sim_action.core.records import dataclass
 from sim_action.core.wording import counted, shortened
 from sim_action.reports import ReportOptions
+from sim_action.reports.display import STATUS_DISPLAYS
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment, quantity
 from sim_action.reports.html.document import (
@@ -29,7 +30,6 @@ from sim_action.reports.html.document import (
 )
 from sim_action.reports.html.scenario_article import failure_sections, status_line
 from sim_action.reports.scenario_groups import ScenarioGroup, nearest_expectation, relative_margin
-from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.reports.table import Row, Table, expectation_rows
 from sim_action.results.outcome import ExpectationOutcome, GateStatistics, Outcome
 from sim_action.scenario.variations.expansion import labels

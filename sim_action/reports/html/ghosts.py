@@ -23,8 +23,17 @@ from sim_action.recording.replay.replay_data import Frames, GoldenData, Replay, 
 from sim_action.recording.replay.scene_data import BodyData, LinkData, PoseNumbers, SceneData
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment, quantity
-from sim_action.reports.html.document import Html, element, joined, text
-from sim_action.reports.html.replay_blocks import MAX_REPLAY_BYTES, PackedReplay, ReplayBlocks, replay_id, stored_replay
+from sim_action.reports.html.document import (
+    MAX_REPLAY_BYTES,
+    Html,
+    PackedReplay,
+    ReplayBlocks,
+    element,
+    joined,
+    replay_id,
+    stored_replay,
+    text,
+)
 from sim_action.results.outcome import Outcome, repetition_name
 from sim_action.state.trace import rotation_angles
 

@@ -21,6 +21,7 @@ from sim_action.reports.html.document import (
     faint,
     heading,
     joined,
+    page_header,
     reason,
     reasons,
     status_mark,
@@ -153,12 +154,7 @@ def _body(every: Sequence[History], labels: Sequence[str]) -> Html:
     broken = [each for each in every if each.broken is not None]
     kind = "failed" if broken else "passed"
     title = f"{len(broken)} of {counted(len(every), 'expectation')} broken" if broken else "Nothing is broken"
-    head = element(
-        "header",
-        element("h1", title, class_=kind),
-        element("p", f"{counted(len(labels), 'run')}, {labels[0]} to {labels[-1]}", class_="faint"),
-        class_="run",
-    )
+    head = page_header(title, kind, f"{counted(len(labels), 'run')}, {labels[0]} to {labels[-1]}")
     by_scenario: dict[str, list[History]] = {}
     for each in every:
         by_scenario.setdefault(each.scenario, []).append(each)

@@ -14,13 +14,12 @@ from typing import Final, Self
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import counted
 from sim_action.reports import ReportOptions
+from sim_action.reports.display import STATUS_DISPLAYS
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import first_message
-from sim_action.reports.html.document import Html, Page, element, encoded, joined
-from sim_action.reports.html.replay_blocks import page_json
+from sim_action.reports.html.document import Html, Page, element, encoded, joined, page_json
 from sim_action.reports.html.report import page
 from sim_action.reports.links import fragment
-from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.results.artifacts import namesake_number
 from sim_action.results.journal import JournalFollower, Recorded
 from sim_action.results.outcome import Outcome

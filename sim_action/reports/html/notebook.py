@@ -16,7 +16,7 @@ from sim_action.core.provenance import platform_name
 from sim_action.core.records import replace
 from sim_action.core.version import __version__
 from sim_action.reports import ReportOptions
-from sim_action.reports.console import Console
+from sim_action.reports.display import Console
 from sim_action.reports.html.document import Page
 from sim_action.reports.html.report import page
 from sim_action.results.outcome import Outcome

@@ -18,6 +18,7 @@ from sim_action.reports.formatting import moment
 from sim_action.reports.html.document import (
     Html,
     Page,
+    ReplayBlocks,
     article,
     element,
     encoded,
@@ -25,16 +26,19 @@ from sim_action.reports.html.document import (
     heading,
     html_table,
     joined,
+    page_header,
+    page_json,
     reason,
     reasons,
+    replay_id,
     source,
     status_mark,
+    stored_replay,
     titled,
     values,
 )
 from sim_action.reports.html.ghosts import Ghost, ghost
 from sim_action.reports.html.navigation import PageEntry, list_link
-from sim_action.reports.html.replay_blocks import ReplayBlocks, page_json, replay_id, stored_replay
 from sim_action.reports.html.report import index_entry
 from sim_action.reports.html.scenario_article import drawn
 from sim_action.reports.html.top_view import SceneOutlines
@@ -161,9 +165,7 @@ def _head(proof: Proof) -> Html:
     is_open = proof.survivors or proof.interrupted or not proof.all_notice
     kind = "failed" if proof.useless else "inconclusive" if is_open else "passed"
     told = f"{counted(proof.runs, 'run')} in {proof.wall_time:.1f} s · sim-action {proof.sim_action}"
-    return element(
-        "header", element("h1", headline(proof), class_=kind), element("p", told, class_="faint"), class_="run"
-    )
+    return page_header(headline(proof), kind, told)
 
 
 def _list(every: Sequence[_Runs], total: int) -> Html:

@@ -16,10 +16,22 @@ from sim_action.recording.replay.replay_data import ReplayReader
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import counts_text, run_headline, shard_text, speed_text
-from sim_action.reports.html.document import Html, Page, element, encoded, joined, packed_article
+from sim_action.reports.html.document import (
+    Html,
+    Page,
+    ReplayBlocks,
+    element,
+    encoded,
+    joined,
+    packed,
+    packed_article,
+    page_header,
+    page_json,
+    replay_id,
+    stored_replay,
+)
 from sim_action.reports.html.ghosts import Ghost, GhostSources
 from sim_action.reports.html.navigation import PageEntry, PagePlan, planned_page, scenario_list
-from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json, replay_id, stored_replay
 from sim_action.reports.html.scenario_article import drawn, first_seen, run_article
 from sim_action.reports.html.top_view import RunLook, SceneOutlines, small_path
 from sim_action.reports.scenario_groups import grouped_scenarios
@@ -199,14 +211,7 @@ def page_head(results: Results, base: Base | None = None) -> Html:
     told = [f"{counts_text(results)} in {results.wall_time:.1f} s{speed}"]
     told += [shard_text(results.shard)] if results.shard else []
     told += [f"sim-action {results.sim_action}"]
-    compared = element("p", base.headline, class_="faint") if base is not None else ""
     worst = next((outcome.status for outcome in results.worst_first()), None)
     open_kinds = ("inconclusive", "not_exercised")
     kind = "passed" if results.conclusion == "success" else worst if worst in open_kinds else "failed"
-    return element(
-        "header",
-        element("h1", run_headline(results)[1], class_=kind),
-        element("p", " · ".join(told), class_="faint"),
-        compared,
-        class_="run",
-    )
+    return page_header(run_headline(results)[1], kind, " · ".join(told), "" if base is None else base.headline)

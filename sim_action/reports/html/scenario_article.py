@@ -13,6 +13,7 @@ from sim_action.core.wording import excerpt
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.sightings import BlindData, ObstacleData, SightingData
 from sim_action.reports import ReportOptions
+from sim_action.reports.display import INFORMATION, STATUS_DISPLAYS
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment, run_facts, speed_text, timeline, user_output
 from sim_action.reports.html.document import (
@@ -34,7 +35,6 @@ from sim_action.reports.html.document import (
 )
 from sim_action.reports.html.top_view import SceneOutlines, drawing
 from sim_action.reports.links import rerun_command, scenario_lines
-from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.reports.table import NUMBERS, Table, expectation_rows, numbers
 from sim_action.results.outcome import DisplayStatus, ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results

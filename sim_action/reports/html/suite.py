@@ -8,6 +8,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 from sim_action.core.wording import counted, shortened
+from sim_action.reports.display import STATUS_DISPLAYS
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment, quantity
 from sim_action.reports.html.document import (
@@ -26,7 +27,6 @@ from sim_action.reports.html.gate_article import parameters, run_row
 from sim_action.reports.html.navigation import PagePlan
 from sim_action.reports.html.scenario_article import first_seen_words
 from sim_action.reports.scenario_groups import ScenarioGroup, nearest_expectation, relative_margin
-from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.reports.table import Table
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOutcome, Outcome
 from sim_action.state.verdict import Verdict

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sim_action.core.geometry import convex_hull
+from sim_action.core.geometry import ZERO, Pose, compose, convex_hull, rotate, scale
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass
 from sim_action.recording.replay import scene_data
@@ -44,7 +44,7 @@ class SceneOutlines:
         """Return the outline (N, 2) in m of each shape of the bodies at their initial poses."""
         if scene is not self._scene:
             owners = [(shape, body.pose) for body in scene.bodies for shape in body.shapes]
-            self._bodies = [outline(shape, Frame.of(pose), scene.meshes) for shape, pose in owners]
+            self._bodies = [outline(shape, pose_of(pose), scene.meshes) for shape, pose in owners]
             self._scene, self._start = scene, None
         return self._bodies
 
@@ -140,22 +140,20 @@ def _marks_in_world(replay: Replay) -> list[scene_data.MarkData]:
     return [mark if mark.link is None else _in_world(mark, frames[mark.link]) for mark in replay.marks]
 
 
-def _in_world(mark: scene_data.MarkData, frame: Frame) -> scene_data.MarkData:
+def _in_world(mark: scene_data.MarkData, frame: Pose) -> scene_data.MarkData:
     match mark:
         case scene_data.CircleMark():
-            ((x, y, z),) = frame.transform(np.array([(mark.x, mark.y, mark.z)])).tolist()
+            ((x, y, z),) = _placed(np.array([(mark.x, mark.y, mark.z)]), frame).tolist()
             return mark.model_copy(update={"x": x, "y": y, "z": z})
         case scene_data.ArrowMark():
             ahead = (mark.x + math.cos(mark.yaw), mark.y + math.sin(mark.yaw), 0.0)
-            (x, y, _), (tip_x, tip_y, _) = frame.transform(np.array([(mark.x, mark.y, 0.0), ahead])).tolist()
+            (x, y, _), (tip_x, tip_y, _) = _placed(np.array([(mark.x, mark.y, 0.0), ahead]), frame).tolist()
             return mark.model_copy(update={"x": x, "y": y, "yaw": math.atan2(tip_y - y, tip_x - x)})
         case scene_data.PolygonMark():
-            corners = frame.transform(np.array([(x, y, 0.0) for x, y in mark.points]))
+            corners = _placed(np.array([(x, y, 0.0) for x, y in mark.points]), frame)
             return mark.model_copy(update={"points": tuple(map(tuple, corners[:, :2].tolist()))})
         case scene_data.PolylineMark():
-            return mark.model_copy(
-                update={"points": tuple(map(tuple, frame.transform(np.array(mark.points)).tolist()))}
-            )
+            return mark.model_copy(update={"points": tuple(map(tuple, _placed(np.array(mark.points), frame).tolist()))})
 
 
 def _mark_points(marks: Sequence[scene_data.MarkData]) -> Iterator[FloatArray]:
@@ -223,33 +221,18 @@ _TIE: Final = 1e-3
 _MAX_MESH_POINTS: Final = 500
 
 
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """A frame: rotation (3, 3) and position (3,) in m, relative to its parent or the world."""
+def pose_of(numbers: Iterable[float]) -> Pose:
+    """Return the pose of x, y, z in m and a quaternion x, y, z, w, which need not have unit length."""
+    px, py, pz, *quaternion = numbers
+    length = math.hypot(*quaternion) or 1.0
+    x, y, z, w = (number / length for number in quaternion)
+    return Pose((px, py, pz), (x, y, z, w))
 
-    rotation: FloatArray
-    position: FloatArray
 
-    @classmethod
-    def of(cls, numbers: Iterable[float]) -> Frame:
-        """Return the frame for x, y, z in m and a quaternion x, y, z, w, which need not have unit length."""
-        px, py, pz, *quaternion = numbers
-        length = math.hypot(*quaternion) or 1.0
-        x, y, z, w = (number / length for number in quaternion)
-        rows = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-        return cls(np.array(rows), np.array([px, py, pz]))
-
-    def after(self, other: Frame) -> Frame:
-        """Return this frame, given relative to `other`, relative to the parent of `other`."""
-        return Frame(other.rotation @ self.rotation, other.rotation @ self.position + other.position)
-
-    def transform(self, points: FloatArray) -> FloatArray:
-        """Transform points (N, 3) from this frame to its parent."""
-        return points @ self.rotation.T + self.position
+def _placed(points: FloatArray, pose: Pose) -> FloatArray:
+    """Return points (N, 3) in the frame of a pose as points of its parent frame."""
+    x, y, z = points.T  # The coordinates of all points are rotated at once.
+    return np.transpose(rotate(pose.orientation_xyzw, (x, y, z))) + pose.position_xyz
 
 
 _Posture = tuple[tuple[float, ...], tuple[float, ...]]  # the pose of the base as numbers, and the positions of joints
@@ -266,21 +249,21 @@ def _postures(replay: Replay, *moments: int) -> list[_Posture]:
     ]
 
 
-def outline(shape: scene_data.Shape, owner: Frame, meshes: dict[str, scene_data.MeshData]) -> FloatArray:
+def outline(shape: scene_data.Shape, owner: Pose, meshes: dict[str, scene_data.MeshData]) -> FloatArray:
     """Return the convex outline (N, 2) of a shape, seen from above; `owner` is the frame of its link or body."""
     return _hull(_rounded(_seen(shape, owner, meshes)).tolist())
 
 
-def _seen(shape: scene_data.Shape, owner: Frame, meshes: dict[str, scene_data.MeshData]) -> FloatArray:
+def _seen(shape: scene_data.Shape, owner: Pose, meshes: dict[str, scene_data.MeshData]) -> FloatArray:
     """Return the points (N, 2) of a shape, seen from above."""
-    frame = _fixed_frame(shape.pose).after(owner)
+    frame = compose(owner, _fixed_pose(shape.pose))
     if (balls := _balls(shape)) is not None:
         centres, radius = balls
         # A ball is a circle from all sides.
-        rings = frame.transform(centres)[:, None, :2] + _ring(radius, 0.0)[:, :2]
+        rings = _placed(centres, frame)[:, None, :2] + _ring(radius, 0.0)[:, :2]
         return np.asarray(rings.reshape(-1, 2))
     points = _mesh_points(meshes[shape.mesh]) if isinstance(shape, scene_data.MeshShape) else _solid_points(shape)
-    return frame.transform(points)[:, :2]
+    return _placed(points, frame)[:, :2]
 
 
 def _balls(shape: scene_data.Shape) -> tuple[FloatArray, float] | None:
@@ -302,30 +285,29 @@ def _outlines(scene: scene_data.SceneData, posture: _Posture) -> list[FloatArray
     return [_hull(islice(rows, len(points))) for points in seen]
 
 
-def _link_frames(scene: scene_data.SceneData, posture: _Posture) -> list[Frame]:
+def _link_frames(scene: scene_data.SceneData, posture: _Posture) -> list[Pose]:
     """Return the frame of each link."""
     base, joints = posture
-    found = [Frame.of(base)]
+    found = [pose_of(base)]
     for link in scene.links[1:]:
         assert link.parent is not None
-        own = _fixed_frame(link.origin)
+        own = _fixed_pose(link.origin)
         if link.joint is not None:
-            own = _motion(link.joint, joints[link.joint.column]).after(own)
-        found.append(own.after(found[link.parent]))
+            own = compose(own, _motion(link.joint, joints[link.joint.column]))
+        found.append(compose(found[link.parent], own))
     return found
 
 
 @lru_cache(maxsize=4096)
-def _fixed_frame(pose: scene_data.PoseNumbers) -> Frame:
-    return Frame.of(pose)
+def _fixed_pose(pose: scene_data.PoseNumbers) -> Pose:
+    return pose_of(pose)
 
 
-def _motion(joint: scene_data.JointMotion, value: float) -> Frame:
+def _motion(joint: scene_data.JointMotion, value: float) -> Pose:
     moved = joint.multiplier * value + joint.offset
-    axis = np.array(joint.axis)
     if joint.type == "prismatic":
-        return Frame(np.eye(3), axis * moved)
-    return Frame.of((0.0, 0.0, 0.0, *(axis * math.sin(moved / 2)), math.cos(moved / 2)))
+        return Pose(scale(joint.axis, moved))
+    return pose_of((*ZERO, *scale(joint.axis, math.sin(moved / 2)), math.cos(moved / 2)))
 
 
 @lru_cache(maxsize=1024)

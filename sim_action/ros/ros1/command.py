@@ -17,8 +17,7 @@ from sim_action.core.wording import did_you_mean, escaped_line, warn
 from sim_action.reports import ReportOptions, ReportRequest
 from sim_action.reports.writing import make_ready, open_reports, write_reports
 from sim_action.results.artifacts import copy_or_reason, replay_path, trace_paths
-from sim_action.results.events import Finished
-from sim_action.results.journal import Header, Journal, Planned
+from sim_action.results.journal import Finished, Header, Journal, Planned
 from sim_action.results.masking import Mask
 from sim_action.results.outcome import Outcome
 from sim_action.ros import node_start

@@ -26,14 +26,14 @@ from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import counted, escaped_line, note, system_reason
 from sim_action.engines import chosen
-from sim_action.results.events import Listener, Progressed
+from sim_action.results.journal import Listener, Progressed
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.runner.child_outcome import without_verdict
 from sim_action.runner.cluster.address import ClusterAddress
 from sim_action.runner.cluster.dask_worker import Reply, Report, perform, receive, software_there
 from sim_action.runner.cluster.task import Output, Result, Run, Software, Task, software
 from sim_action.runner.cluster.workspace_archive import Archive, archive_of
-from sim_action.runner.runs import Runs, Scheduler
+from sim_action.runner.run_plan import Runs, Scheduler
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.watched_files import NamedFiles
 

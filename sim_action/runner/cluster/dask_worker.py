@@ -11,7 +11,7 @@ from distributed import get_worker
 
 from sim_action.core.errors import SimActionError
 from sim_action.core.records import dataclass
-from sim_action.results.events import Event, Progressed, Started
+from sim_action.results.journal import Event, Progressed, Started
 from sim_action.runner.cluster.task import Result, Software, Task, run_task, software
 from sim_action.runner.cluster.workspace_archive import Archive, unpack
 from sim_action.scenario.loading import Libraries

@@ -20,14 +20,14 @@ from sim_action.core.provenance import cpu_model, installed_version
 from sim_action.core.records import dataclass, replace
 from sim_action.core.version import PACKAGE_FOLDER, __version__
 from sim_action.engines import ENGINES
-from sim_action.results.events import Event, RunEnded
+from sim_action.results.journal import Event, RunEnded
 from sim_action.results.outcome import Outcome
 from sim_action.runner.child_outcome import engine_provenance
 from sim_action.runner.cluster.workspace_archive import Copied
 from sim_action.runner.job import Job
 from sim_action.runner.process_pool import Pool, PoolOptions, warm_up
 from sim_action.runner.run_keys import source_digest
-from sim_action.runner.runs import Runs
+from sim_action.runner.run_plan import Runs
 from sim_action.scenario.loading import Libraries, load_all, shared
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.mutation import Mutation

@@ -157,8 +157,6 @@ def _end_of(descriptor: int, most: int) -> bytes:
     return os.pread(descriptor, most, max(0, os.fstat(descriptor).st_size - most))
 
 
-assert sys.platform == "linux"
-
 # The time for a supervisor to end all descendants; a busy machine needs long.
 _ENDING_TIMEOUT_S: Final = 5.0
 _ENDING_POLL_S: Final = 0.001

@@ -85,7 +85,7 @@ def test_a_ghost_takes_no_room_from_a_failure(tmp_path: Path, monkeypatch: pytes
     old = [run(tmp_path / "old", name, 1.0) for name in "ab"]
     new = [run(tmp_path, name, 0.5, holds=False) for name in "ab"]
     size = sum(len(block) for block in page(results(*new), options(tmp_path)).blocks.values())
-    monkeypatch.setattr("sim_action.reports.html.replay_blocks.MAX_REPLAY_BYTES", size + 300)
+    monkeypatch.setattr("sim_action.reports.html.document.MAX_REPLAY_BYTES", size + 300)
     found = page(results(*new), options(tmp_path, *old))
     assert list(found.blocks) == ["replay-s0", "replay-s1", "meshes"]
     assert [each["replay"] for [each] in ghosts(found)] == [None, None]
@@ -302,7 +302,8 @@ def turned(yaw: float, sign: float = 1.0) -> Replay:
     return with_frames(replay, base=(still, still, still, still, still, z, w))
 
 
-def test_the_first_moment_beyond_the_tolerance_counts() -> None:
+def test_motions_that_part() -> None:
+    # The first moment beyond the tolerance counts.
     assert parting(drive(), drive()) is None
     assert parting(drive(), drive(distance=1.004)) is None
     # After 1 s of 2 s, 10 mm more are 5 mm.
@@ -310,9 +311,7 @@ def test_the_first_moment_beyond_the_tolerance_counts() -> None:
     assert found is not None
     assert found.time == pytest.approx(1.0, abs=0.04)
     assert found.words == "by more than 5 mm"
-
-
-def test_a_heading_counts_and_a_quaternion_is_its_negative() -> None:
+    # A heading counts and a quaternion is its negative.
     found = parting(turned(0.0), turned(math.radians(2)))
     assert found is not None
     assert found.time == pytest.approx(0.5, abs=0.04)
@@ -323,9 +322,7 @@ def test_a_heading_counts_and_a_quaternion_is_its_negative() -> None:
     moments = once.frames.time
     shifted = with_frames(once, time=like(moments, first=moments.first + 167))
     assert parting(turned(0.5), shifted) is None
-
-
-def test_runs_that_end_apart_part_there() -> None:
+    # Runs that end apart part there.
     short = drive(seconds=1.0, distance=0.5)
     assert parting(short, drive()) == Parting(1.0, "where this run ends", is_end=True)
     assert parting(drive(), short) == Parting(1.0, "where the other run ends", is_end=True)
@@ -333,7 +330,8 @@ def test_runs_that_end_apart_part_there() -> None:
     assert parting(drive(), drive(seconds=1.8, distance=0.9)) is not None
 
 
-def test_other_moments_of_the_same_motion_do_not_part() -> None:
+def test_motions_that_do_not_part() -> None:
+    # Other moments of the same motion do not part.
     replay, coarse = drive(), drive()
     times = np.linspace(0, 2, 11)
     still = coarse.frames.base[1]
@@ -343,6 +341,29 @@ def test_other_moments_of_the_same_motion_do_not_part() -> None:
     )
     assert parting(replay, coarse) is None
     assert parting(coarse, replay) is None
+    # What was not compared is not said to move alike.
+    assert (
+        same_motion_text(drive(), drive(), Tolerance())
+        == "The motions of the bases are the same, up to 5 mm or 0.5 deg"
+    )
+    arm = drive(distance=0.0)
+    assert same_motion_text(arm, arm, Tolerance()) == "The motions are the same, up to 5 mm or 0.5 deg"
+    body = with_frames(like(drive(), joint_names=()), joints=())
+    assert same_motion_text(body, body, Tolerance()) == "The motions are the same, up to 5 mm or 0.5 deg"
+
+    # A larger tolerance of the scenario counts.
+    def agreed(limit: float, unit: str) -> ExpectationOutcome:
+        verdict = Verdict(True, 0.0, limit, limit, unit, 1.0, "")
+        return ExpectationOutcome(
+            name="agreement", assertion="agreement", severity="error", location=Location("a"), verdict=verdict
+        )
+
+    made = like(outcome("a.sim.yml"), expectations=(agreed(0.2, "m"), agreed(1e-4, "rad")))
+    tolerance = Tolerance.of(made)
+    assert tolerance.words == "200 mm or 0.5 deg"
+    assert Tolerance.of(outcome("a.sim.yml")) == Tolerance()
+    assert parting(drive(), drive(distance=1.1), tolerance) is None
+    assert Tolerance(position=2.0).words == "2 m or 0.5 deg"
 
 
 def test_joints_count_where_no_base_moves() -> None:
@@ -360,32 +381,6 @@ def test_joints_count_where_no_base_moves() -> None:
     assert found.words == "by more than 5 mm"
     renamed = like(bent, joint_names=("other",))
     assert parting(arm, renamed) is None
-
-
-def test_what_was_not_compared_is_not_said_to_move_alike() -> None:
-    assert (
-        same_motion_text(drive(), drive(), Tolerance())
-        == "The motions of the bases are the same, up to 5 mm or 0.5 deg"
-    )
-    arm = drive(distance=0.0)
-    assert same_motion_text(arm, arm, Tolerance()) == "The motions are the same, up to 5 mm or 0.5 deg"
-    body = with_frames(like(drive(), joint_names=()), joints=())
-    assert same_motion_text(body, body, Tolerance()) == "The motions are the same, up to 5 mm or 0.5 deg"
-
-
-def test_a_larger_tolerance_of_the_scenario_counts() -> None:
-    def agreed(limit: float, unit: str) -> ExpectationOutcome:
-        verdict = Verdict(True, 0.0, limit, limit, unit, 1.0, "")
-        return ExpectationOutcome(
-            name="agreement", assertion="agreement", severity="error", location=Location("a"), verdict=verdict
-        )
-
-    made = like(outcome("a.sim.yml"), expectations=(agreed(0.2, "m"), agreed(1e-4, "rad")))
-    tolerance = Tolerance.of(made)
-    assert tolerance.words == "200 mm or 0.5 deg"
-    assert Tolerance.of(outcome("a.sim.yml")) == Tolerance()
-    assert parting(drive(), drive(distance=1.1), tolerance) is None
-    assert Tolerance(position=2.0).words == "2 m or 0.5 deg"
 
 
 def commanding(values: list[float], commanded: float, *, name: str = "linear x", unit: str = "m/s") -> Replay:
@@ -430,7 +425,8 @@ def test_the_first_command_that_differs_is_named(
     assert commands_until(commanding(*ours), commanding(*theirs), until) == words
 
 
-def test_a_part_of_a_twist_that_is_not_stored_is_zero() -> None:
+def test_commands_that_differ() -> None:
+    # A part of a twist that is not stored is zero.
     straight, turning = (
         commanding([0.5, 0.5, 0.5], 1.0),
         commanding([0.1, 0.1, 0.1], 1.0, name="angular z", unit="rad/s"),
@@ -438,9 +434,7 @@ def test_a_part_of_a_twist_that_is_not_stored_is_zero() -> None:
     both = like(straight, channels=(*straight.channels, *turning.channels))
     assert commands_until(both, straight, 2.0) == "angular z 5.73 deg/s, before 0 deg/s, at 0.00 s"
     assert commands_until(straight, both, 2.0) == "angular z 0 deg/s, before 5.73 deg/s, at 0.00 s"
-
-
-def test_commands_that_only_one_run_has_are_not_compared() -> None:
+    # Commands that only one run has are not compared.
     bare = with_frames(drive(), commanded=())
     assert commands_until(bare, drive(), 2.0) is None
     # The commands that both have are the same, and nothing is known of the other.
@@ -448,9 +442,7 @@ def test_commands_that_only_one_run_has_are_not_compared() -> None:
     assert (
         commands_until(commanding([0.5, 0.5], 1.0), with_frames(commanding([0.5, 0.5], 1.0), commanded=()), 2.0) is None
     )
-
-
-def test_the_first_of_several_differences_counts() -> None:
+    # The first of several differences counts.
     replay = drive()
     angles = np.where(np.arange(replay.frames.count) >= 10, 0.05, 0.0)
     z, w = (Column.encoded(part(angles / 2), 1e-5) for part in (np.sin, np.cos))

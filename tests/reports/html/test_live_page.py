@@ -13,8 +13,7 @@ from sim_action.core.records import replace
 from sim_action.reports.html import live_page
 from sim_action.reports.html.document import Page
 from sim_action.reports.html.live_page import live_report, live_state, progress_page
-from sim_action.results.events import Finished, RunEnded, Started
-from sim_action.results.journal import Journal, JournalFollower, Planned
+from sim_action.results.journal import Finished, Journal, JournalFollower, Planned, RunEnded, Started
 from tests.outcomes import like, report_options
 from tests.reports.html.gates import gated, run
 from tests.results.test_journal import FAILED, header, outcome, unheard
@@ -62,7 +61,7 @@ def test_each_scenario_is_in_one_list(tmp_path: Path) -> None:
 
 def test_a_gate_counts_in_place_of_its_runs(tmp_path: Path) -> None:
     made = [run(number, -0.1 if number == 1 else 0.5) for number in range(3)]
-    results = gated({"passes": {"at_least": 0.2, "confidence": 0.5}, "runs": 3}, *made)
+    results = gated({"passes": {"at_least": 0.2, "confidence": 0.5}}, *made)
     planned = tuple(Planned.of(each) for each in (*made, outcome("a")))
     begin = Journal(tmp_path, like(header(), gates=results.gates, planned=planned), unheard, 0.0)
     for place, each in enumerate(made[:2]):
@@ -77,13 +76,18 @@ def test_a_gate_counts_in_place_of_its_runs(tmp_path: Path) -> None:
     assert [words for _, _, words in shown["counts"]] == ["1 passed"]
 
 
-def test_runs_of_a_repeated_scenario_are_counted(tmp_path: Path) -> None:
+def test_scenarios_of_a_call_that_ran_or_has_left(tmp_path: Path) -> None:
+    # Runs of a repeated scenario are counted.
     journal = begun(tmp_path)
     for turn in (1, 2):
         journal(Started(0, turn, "a"))
         journal(RunEnded(0, turn, outcome("a"), is_one_of_several=True))
     [running] = state(tmp_path)["lists"][0]["rows"]
     assert running["why"] == "2 runs have ended"
+    # Without a journal there is only the fact.
+    shown = state(tmp_path / "nothing")
+    assert shown["call"] == 0
+    assert "lists" not in shown
 
 
 def test_what_a_call_has_left_is_not_waiting(tmp_path: Path) -> None:
@@ -94,12 +98,6 @@ def test_what_a_call_has_left_is_not_waiting(tmp_path: Path) -> None:
     shown = state(tmp_path)
     assert names(shown) == {"Not finished": ["a"], "Did not pass": [], "Passed": ["b"], "Not started": ["c"]}
     assert shown["left"] is None
-
-
-def test_without_a_journal_there_is_only_the_fact(tmp_path: Path) -> None:
-    shown = state(tmp_path)
-    assert shown["call"] == 0
-    assert "lists" not in shown
 
 
 def test_the_time_left_counts_no_outcome_of_an_earlier_call(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.reports import console
+from sim_action.reports import display
 from sim_action.reports.html.notebook import _STYLES, HtmlConsole, outcome_page, player_frame, report_frame
 from tests.outcomes import like, outcome, report_options
 from tests.replays import drive, kept
@@ -25,7 +25,7 @@ def luminance(colour: str) -> float:
 
 
 def test_each_style_of_the_terminal_has_one_here() -> None:
-    assert _STYLES.keys() == console._CODES.keys()
+    assert _STYLES.keys() == display._CODES.keys()
 
 
 @pytest.mark.parametrize("theme", THEMES)
@@ -37,16 +37,15 @@ def test_colours_are_readable_in_light_and_dark_themes(theme: str) -> None:
         assert (lighter + 0.05) / (darker + 0.05) > MIN_CONTRAST
 
 
-def test_lines_are_indented_and_text_is_no_markup() -> None:
+def test_lines_in_a_notebook() -> None:
+    # Lines are indented and text is no markup.
     shown = HtmlConsole()
     shown.print(("  ", ""), ("✓ ", "green"), ("<b>", ""))
     shown.print(("", ""))
     html = shown.html()
     assert 'padding-left: 4ch; text-indent: -2ch"><span style="color: #23873e' in html
     assert html.endswith("✓ </span>&lt;b&gt;</div></div>")
-
-
-def test_empty_lines_are_shown_between_others() -> None:
+    # Empty lines are shown between others.
     shown = HtmlConsole()
     for text in ("a", "b"):
         shown.print(("", ""), (text, ""))

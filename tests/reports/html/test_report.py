@@ -44,16 +44,15 @@ def ran(options: ReportOptions) -> Outcome:
     return like(SAMPLES["cut"].outcomes[0], replay=kept(drive(), options.folder, "cut"))
 
 
-def test_the_page_is_one_file_with_all_that_it_needs(options: ReportOptions) -> None:
+def test_the_page_is_one_file_with_failures_first(options: ReportOptions) -> None:
+    # The page is one file with all that it needs.
     results = results_of(ran(options))
     write_html(results, options)
     text = (options.folder / "report.html").read_text(encoding="utf-8")
     assert not re.findall(r"(?:src|href)=[\"'](?!#|data:|https://github)", text)
     assert 'id="replay-s0"' in text
     assert 'id="meshes"' in text
-
-
-def test_failures_first(options: ReportOptions) -> None:
+    # Failures first.
     outcomes = [like(SAMPLES[kind].outcomes[0], name=kind) for kind in ("passed", "failed", "crash")]
     names = re.findall(r"<h2[^>]*>(.*?)</h2>", body(results_of(*outcomes), options))
     assert names == ["All scenarios", "crash", "failed", "passed"]
@@ -97,12 +96,16 @@ def test_a_time_that_is_none_leaves_the_index_what_a_browser_can_read(time: floa
     json.loads(page(results_of(*strange), options).index, parse_constant=refuse)
 
 
-def test_nothing_of_a_stranger_is_markup(options: ReportOptions) -> None:
+def test_the_page_is_the_same_and_without_markup_of_strangers(options: ReportOptions) -> None:
+    # Nothing of a stranger is markup.
     text = page(SAMPLES["hostile"], options).text()
     assert "<b>" not in text.replace("<b>warning", "")
     assert "\x1b" not in text
     assert "\u202e" not in text
     assert HOSTILE.split()[1] == "<b>&</b>"
+    # The same results make the same page.
+    results = results_of(ran(options))
+    assert page(results, options).text() == page(results, options).text()
 
 
 @pytest.mark.parametrize("where", ["../elsewhere.json.gz", "replays/missing.json.gz", "/etc/passwd", "a\x00b"])
@@ -128,7 +131,7 @@ def test_a_replay_that_is_none_is_told_and_the_rest_is_there(options: ReportOpti
 
 
 def test_what_finds_no_room_has_no_replay_and_says_so(options: ReportOptions, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sim_action.reports.html.replay_blocks.MAX_REPLAY_BYTES", 100)
+    monkeypatch.setattr("sim_action.reports.html.document.MAX_REPLAY_BYTES", 100)
     found = page(results_of(ran(options)), options)
     shown = found.text()
     assert "The replay of this run is not included" in shown
@@ -145,11 +148,6 @@ def test_of_thousands_the_worst_are_told_and_the_rest_is_counted(
     assert re.findall(r"<h2[^>]*>(.*?)</h2>", found) == ["All scenarios", "crash", "failed"]
     assert "1 more scenario in results.json; this page shows the worst 2" in found
     assert re.findall(r'href="#(s\d+)"', found) == ["s0", "s1"] * 2
-
-
-def test_the_same_results_make_the_same_page(options: ReportOptions) -> None:
-    results = results_of(ran(options))
-    assert page(results, options).text() == page(results, options).text()
 
 
 def test_a_gate_carries_the_data_of_its_plot_and_no_viewer_without_a_replay(options: ReportOptions) -> None:
@@ -171,7 +169,7 @@ def test_the_worst_runs_of_a_gate_have_a_replay_first(options: ReportOptions, mo
     name = kept(drive(), options.folder, "push")
     runs = tuple(each if each.statistics is not None else like(each, replay=name) for each in gate.outcomes)
     results = like(gate, outcomes=runs)
-    monkeypatch.setattr("sim_action.reports.html.replay_blocks.MAX_REPLAY_BYTES", 8_000)
+    monkeypatch.setattr("sim_action.reports.html.document.MAX_REPLAY_BYTES", 8_000)
     found = page(results, options)
     kept_runs = [key for key in found.blocks if key.startswith("replay-")]
     assert kept_runs == [f"replay-s{number}" for number in range(1, len(kept_runs) + 1)]

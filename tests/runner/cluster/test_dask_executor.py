@@ -10,12 +10,12 @@ from unittest.mock import Mock
 from distributed import KilledWorker
 
 from sim_action.core.process import Interruption
-from sim_action.results.events import Event, RunEnded, Started
+from sim_action.results.journal import Event, RunEnded, Started
 from sim_action.results.outcome import Outcome
 from sim_action.runner.cluster.dask_executor import Batches, ClusterRuns
 from sim_action.runner.cluster.dask_worker import Reply
 from sim_action.runner.cluster.task import Result
-from sim_action.runner.runs import Runs
+from sim_action.runner.run_plan import Runs
 from tests.scenarios import load
 
 SCENARIO = "name: falls\nrobot: {model: turtlebot3_burger}\nexpect: [upright]\ntime_limit: 1 s\n"
@@ -170,37 +170,30 @@ def of(count: int) -> Batches:
     return Batches(range(count), ["one workspace"] * count)
 
 
-def test_the_first_runs_are_alone_because_nothing_is_known_of_them() -> None:
+def test_the_size_of_batches() -> None:
     assert of(100).take(2) == (0,)
-
-
-def test_short_runs_come_together_and_fewer_at_the_end() -> None:
+    # Short runs come together and fewer at the end.
     batches = of(100)
     batches.took([0.0625, 0.125])
     assert taken(batches, 2) == [16, 16, 16, 13, 9, 7, 5, 4, 3, 3, 3, 3, 2]
-
-
-def test_a_batch_takes_no_longer_than_a_few_seconds() -> None:
+    # A batch takes no longer than a few seconds.
     batches = of(1000)
     batches.took([1.0])
     assert batches.take(2) == (0, 1, 2)
     batches.took([60.0, 1.0])
     assert batches.take(2) == (3,)
-
-
-def test_runs_of_no_time_are_bounded_too() -> None:
+    # Runs of no time are bounded too.
     batches = of(1000)
     batches.took([0.0])
     assert len(batches.take(2)) == 16
 
 
-def test_runs_of_other_kinds_are_not_mixed() -> None:
+def test_batches_of_kinds_and_runs_that_are_put_back() -> None:
+    # Runs of other kinds are not mixed.
     batches = Batches(range(8), ["a", "a", "b", "b", "b", None, None, "b"])
     batches.took([0.01])
     assert [batches.take(1) for _ in range(5)] == [(0, 1), (2, 3, 4), (5,), (6,), (7,)]
-
-
-def test_runs_of_a_batch_without_result_are_alone_the_next_time() -> None:
+    # Runs of a batch without result are alone the next time.
     batches = of(9)
     batches.took([0.1])
     first = batches.take(1)
@@ -208,9 +201,7 @@ def test_runs_of_a_batch_without_result_are_alone_the_next_time() -> None:
     batches.put_back_alone(first)
     assert [batches.take(1) for _ in first] == [(index,) for index in first]
     assert len(batches.take(1)) > 1
-
-
-def test_runs_that_are_put_back_come_first_and_last() -> None:
+    # Runs that are put back come first and last.
     batches = of(3)
     first = batches.take(1)
     batches.put_last(first[0])

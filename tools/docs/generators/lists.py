@@ -11,7 +11,7 @@ from sim_action.cli.pyproject_keys import Defaults
 from sim_action.core.errors import ExitCode
 from sim_action.core.permissions import PRIVILEGED_BY_REASON
 from sim_action.recording.export import EXPORTS
-from sim_action.reports.statuses import STATUS_DISPLAYS, StatusDisplay
+from sim_action.reports.display import STATUS_DISPLAYS, StatusDisplay
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Failure, FailureKind, Outcome, Status
 from sim_action.robot.documents.part_table import ALL, Format, PartRow, part_table
 from sim_action.robot.model.findings import RULES

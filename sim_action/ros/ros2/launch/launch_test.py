@@ -27,8 +27,7 @@ from sim_action.core.workspace import PathError, Workspace
 from sim_action.engines import AutoOrEngine
 from sim_action.reports import ReportRequest
 from sim_action.reports.writing import open_reports, write_reports
-from sim_action.results.events import Finished
-from sim_action.results.journal import Header, Journal, Planned
+from sim_action.results.journal import Finished, Header, Journal, Planned
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, status_of
 from sim_action.robot.documents.xml_document import shown_file
 from sim_action.robot.reading.loading import load_model

@@ -10,12 +10,12 @@ import pytest
 import yaml
 
 from sim_action.core.errors import ExitCode, Location
-from sim_action.reports import ReportOptions, console
+from sim_action.reports import ReportOptions, display
 from sim_action.reports.comparison import rows
+from sim_action.reports.display import INFORMATION, STATUS_DISPLAYS
 from sim_action.reports.formatting import counts_text, judged_text
 from sim_action.reports.github.step_outputs import outputs
 from sim_action.reports.html import notebook
-from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.comparison import compare_outcomes
 from sim_action.results.outcome import (
     WORST_FIRST,
@@ -69,9 +69,14 @@ def results(*outcomes: Outcome) -> Results:
     return Results(sim_action="0", python="3.11", platform="here", wall_time=1.0, outcomes=outcomes)
 
 
-def test_the_table_has_every_status_the_worst_first() -> None:
+def test_the_table_of_statuses() -> None:
+    # The table has every status the worst first.
     assert tuple(STATUS_DISPLAYS) == WORST_FIRST
     assert {*STATUSES, *EXPECTATION_STATUSES} <= {*WORST_FIRST}
+    # Every style is known to terminals and notebooks.
+    styles = {display.style for display in (*STATUS_DISPLAYS.values(), INFORMATION)}
+    assert styles <= set(display._CODES)
+    assert styles <= set(notebook._STYLES)
 
 
 @pytest.mark.parametrize("status", WORST_FIRST)
@@ -153,9 +158,3 @@ def test_a_change_of_status_fails_unless_it_was_bad_before(old: Status, new: Sta
 )
 def test_moments_in_words(judged: Judged | None, text: str) -> None:
     assert judged_text(Verdict(True, judged=judged)) == text
-
-
-def test_every_style_is_known_to_terminals_and_notebooks() -> None:
-    styles = {display.style for display in (*STATUS_DISPLAYS.values(), INFORMATION)}
-    assert styles <= set(console._CODES)
-    assert styles <= set(notebook._STYLES)
