@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core import geometry
-from sim_action.core.geometry import ZERO, Pose, Quaternion
+from sim_action.core.geometry import Pose, Quaternion
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass
 from sim_action.core.units import TIME_EPSILON_S
@@ -26,7 +26,7 @@ from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2_markers import contacts, robot_description, world_markers
 from sim_action.recording.export.ros2_messages import CdrForm, Frames, Topic, definition, full_name, nanoseconds, stamps
 from sim_action.recording.replay.channels import in_base_frame
-from sim_action.robot.model.kinematics import frames_of, link_motion, link_of_frame
+from sim_action.robot.model.kinematics import frames_of, joint_motion, link_motion, link_of_frame
 from sim_action.robot.model.robot_model import Joint, RobotModel
 from sim_action.sensors import MountedSensor
 from sim_action.sensors.lidar import Lidar
@@ -267,7 +267,8 @@ def _of_base(run: RecordedRun, frames: Frames) -> Iterator[Link]:
         yield frames.odom, frames.base, truth
         return
     at = measured.latest(trace.time)
-    yield frames.map, frames.odom, composed(truth, inverted(at))
+    of_odom, of_base = (frames_of(poses[:, :3], poses[:, 3:]) for poses in (at, truth))
+    yield frames.map, frames.odom, of_pose(geometry.compose(of_base, geometry.inverse(of_odom)), len(at))
     yield frames.odom, frames.base, at
 
 
@@ -276,10 +277,10 @@ def _of_joints(run: RecordedRun) -> Iterator[Link]:
     for child, joints in run.scene.model.joints_to.items():
         moving = [joint for joint in joints if joint.moves]
         if moving:
-            track = of_pose(joints[0].origin, len(run.trace))
+            pose = joints[0].origin
             for joint in moving:
-                track = composed(track, moved_by(joint, _positions(run, joint)))
-            yield joints[0].parent, child, track
+                pose = geometry.compose(pose, joint_motion(joint, _positions(run, joint), np))
+            yield joints[0].parent, child, of_pose(pose, len(run.trace))
 
 
 def _positions(run: RecordedRun, joint: Joint) -> FloatArray:
@@ -376,37 +377,5 @@ def _odometry_topic(name: str, frame: str, child: str, told: OdometryTrack, sour
 
 
 def of_pose(pose: Pose, count: int = 1) -> FloatArray:
-    """Return the same pose `count` times, (N, 7) x, y, z in m and quaternion x, y, z, w."""
-    return np.tile([*pose.position_xyz, *pose.orientation_xyzw], (count, 1))
-
-
-def composed(outer: FloatArray, inner: FloatArray) -> FloatArray:
-    """Return `geometry.compose` of each pair of poses (N, 7)."""
-    return _array(geometry.compose(_frames(outer), _frames(inner)))
-
-
-def inverted(poses: FloatArray) -> FloatArray:
-    """Return `geometry.inverse` of each pose (N, 7)."""
-    return _array(geometry.inverse(_frames(poses)))
-
-
-def moved_by(joint: Joint, positions: FloatArray) -> FloatArray:
-    """Return (N, 7) motions of the child link's frame from position zero to joint positions (N,) in rad or m."""
-    motion = np.zeros((len(positions), 7))
-    if joint.type == "prismatic":
-        motion[:, :3], motion[:, 6] = positions[:, None] * joint.axis_xyz, 1.0
-        return motion
-    motion[:, 3:6], motion[:, 6] = np.sin(positions / 2)[:, None] * joint.axis_xyz, np.cos(positions / 2)
-    if joint.anchor_xyz == ZERO:
-        return motion
-    to_anchor, back = Pose(joint.anchor_xyz), geometry.inverse(Pose(joint.anchor_xyz))
-    turned = composed(of_pose(to_anchor, len(positions)), motion)
-    return composed(turned, of_pose(back, len(positions)))
-
-
-def _frames(poses: FloatArray) -> Pose:
-    return frames_of(poses[:, :3], poses[:, 3:])
-
-
-def _array(pose: Pose) -> FloatArray:
-    return np.column_stack((*pose.position_xyz, *pose.orientation_xyzw))
+    """Return poses (N, 7) x, y, z in m and quaternion x, y, z, w; the numbers of `pose` may be columns (N,)."""
+    return np.column_stack([np.broadcast_to(each, count) for each in (*pose.position_xyz, *pose.orientation_xyzw)])

@@ -126,13 +126,15 @@ def shape_points(shape: Shape) -> NDArray[np.float64]:
     return placed + np.array(shape.pose.position_xyz, dtype=np.float64)
 
 
-def joint_motion(joint: Joint, position: float) -> Pose:
-    """Return the motion of the child link's frame from position zero to `position` in rad (m if prismatic)."""
-    x, y, z = joint.axis_xyz
+def joint_motion(joint: Joint, position: Any, functions: ModuleType = math) -> Pose:
+    """Return the motion of the child link's frame from position zero to `position` in rad (m if prismatic).
+
+    `position` may be a column (T,), with numpy as `functions`: the module with `sin` and `cos`.
+    """
     if joint.type == "prismatic":
+        x, y, z = joint.axis_xyz
         return Pose((position * x, position * y, position * z))
-    sine = math.sin(position / 2)
-    turn = Pose(orientation_xyzw=(sine * x, sine * y, sine * z, math.cos(position / 2)))
+    turn = Pose(orientation_xyzw=_turn_of(joint.axis_xyz, position, functions))
     if joint.anchor_xyz == ZERO:
         return turn
     (ax, ay, az), (bx, by, bz) = joint.anchor_xyz, geometry.rotate(turn.orientation_xyzw, joint.anchor_xyz)
