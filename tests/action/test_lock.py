@@ -132,12 +132,10 @@ def test_extras_without_a_lock_file_are_refused(extras: str) -> None:
         chosen_locks(Path("some.lock"), extras)
 
 
-def test_only_the_extras_that_do_not_exist_are_named() -> None:
+def test_extras_and_their_lock_files() -> None:
+    # Only the extras that do not exist are named.
     with pytest.raises(LockError, match=r"video; found 'videos'$"):
         chosen_locks(Path("some.lock"), "mcap videos")
-
-
-def test_every_extra_has_its_lock_file() -> None:
     assert all((ROOT / f"action/locks/requirements-{extra}.lock").is_file() for extra in EXTRAS)
 
 

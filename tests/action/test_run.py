@@ -116,11 +116,15 @@ def test_of_every_pair_of_inputs_both_reach_the_command_line(name: str) -> None:
         assert {*alone.command_line(inputs)} == {"--", *(words[each] for each in pair)}
 
 
-def test_an_input_that_must_have_a_value_is_refused_if_it_is_empty() -> None:
+def test_empty_inputs() -> None:
+    # An input that must have a value is refused if it is empty.
     for name in ("working-directory", "allow-scripts"):
         for value in ("", " \n"):
             with pytest.raises(InputError, match=f"the input {name} is empty"):
                 run("run", {**INPUTS, name: value})
+    # A switch that only the action has is not empty.
+    with pytest.raises(InputError, match="input fail-on-failure must be true or false, and is empty"):
+        run("run", {**INPUTS, "fail-on-failure": ""})
 
 
 @pytest.mark.parametrize("name", ["output-directory", "junit-path", "backend", "shard", "jobs"])
@@ -214,14 +218,13 @@ def test_what_is_selected_is_an_option_for_each_line() -> None:
     ]
 
 
-def test_packages_and_variables_are_an_option_for_each_line() -> None:
+def test_packages_variables_and_scenarios_are_an_option_for_each_line() -> None:
+    # Packages and variables are an option for each line.
     inputs = {**INPUTS, "packages": "a=../a b\n\n c=d\n", "pass-env": "X\nY"}
     line = list(SUBCOMMANDS["run"].command_line(inputs))
     passed = [argument for argument in line if argument.startswith(("--package", "--pass"))]
     assert passed == ["--package=a=../a b", "--package=c=d", "--pass-env=X", "--pass-env=Y"]
-
-
-def test_merge_names_each_scenario_that_must_be_there() -> None:
+    # Merge names each scenario that must be there.
     inputs = {**INPUTS, "results": "shards", "scenario": "a b\nc"}
     line = list(SUBCOMMANDS["merge"].command_line(inputs))
     assert [argument for argument in line if "scenarios" in argument] == ["--scenarios=a b", "--scenarios=c"]
@@ -250,11 +253,6 @@ def test_compare_names_the_earlier_results_first() -> None:
 def test_switches_are_true_or_false(name: str, value: str) -> None:
     with pytest.raises(InputError, match=f"input {name} must be true or false, and is '{value}'"):
         run("run", {**INPUTS, name: value})
-
-
-def test_a_switch_that_only_the_action_has_is_not_empty() -> None:
-    with pytest.raises(InputError, match="input fail-on-failure must be true or false, and is empty"):
-        run("run", {**INPUTS, "fail-on-failure": ""})
 
 
 @pytest.mark.parametrize("folder", ["missing", "a.txt", "x" * 5000, "nul\0", "loop", "loop/a"])
@@ -329,11 +327,9 @@ def test_a_working_directory_may_be_outside_on_purpose_and_behind_a_link_inside(
     assert Path.cwd() == expected.get(named, outside)
 
 
-def test_lines_end_as_lines_of_yaml_do() -> None:
+def test_lines_of_inputs_and_set_up_times() -> None:
     assert lines("a\u2028b\r\n\n \n c\x0bd\n") == ["a\u2028b", "c\x0bd"]
-
-
-def test_set_up_time_is_split() -> None:
+    # Set up time is split.
     now = time.time()
     text = set_up_time(f"{now - 30} {now - 27} {now - 20} {now - 6}")
     assert text == "Set-up took 30 s: Python 3 s, install 14 s, other steps 13 s"

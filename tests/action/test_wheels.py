@@ -108,9 +108,17 @@ def test_a_damaged_wheel_is_refused(cut: int, tmp_path: Path) -> None:
         unpack(content[:cut], target(tmp_path))
 
 
-def test_damaged_content_is_refused(tmp_path: Path) -> None:
+def test_damaged_and_encrypted_wheels(tmp_path: Path) -> None:
+    # Damaged content is refused.
     content = bytearray(wheel_bytes({"a.py": "xyz" * 1000}))
     content[40] ^= 255
+    with pytest.raises(WheelError):
+        unpack(bytes(content), target(tmp_path))
+    # An encrypted wheel is refused.
+    content = bytearray(wheel_bytes({"a.py": "x"}))
+    for signature, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+        content[content.index(signature) + offset] |= 1
+    assert zipfile.is_zipfile(io.BytesIO(bytes(content)))
     with pytest.raises(WheelError):
         unpack(bytes(content), target(tmp_path))
 
@@ -135,28 +143,18 @@ def test_each_package_needs_exactly_one_wheel(tmp_path: Path, make_wheel: MakeWh
         install([second], tmp_path / "wheels", target(tmp_path / "env"))
 
 
-def test_wheels_that_are_not_in_the_lock_file_are_not_read(tmp_path: Path, make_wheel: MakeWheel) -> None:
+def test_wheels_of_other_packages_and_parts_are_left_out(tmp_path: Path, make_wheel: MakeWheel) -> None:
+    # Wheels that are not in the lock file are not read.
     entry = make_wheel("a")
     (tmp_path / "wheels/evil-1.0-py3-none-any.whl").write_bytes(b"no zip file")
     install([entry], tmp_path / "wheels", target(tmp_path / "env"))
     assert "a/__init__.py" in files(tmp_path / "env/site-packages")
-
-
-def test_models_and_the_renderer_of_pybullet_are_left_out(tmp_path: Path, make_wheel: MakeWheel) -> None:
+    # Models and the renderer of pybullet are left out.
     names = ("pybullet.so", "pybullet_data/a.urdf", "pybullet_envs/a.py", "eglRenderer.so", "pybullet_utils/a.py")
     entry = make_wheel("pybullet", files=dict.fromkeys(names, ""))
-    install([entry], tmp_path / "wheels", target(tmp_path / "env"))
-    found = files(tmp_path / "env/site-packages")
+    install([entry], tmp_path / "wheels", target(tmp_path / "other"))
+    found = files(tmp_path / "other/site-packages")
     assert found == {"pybullet.so", "pybullet_utils/a.py", "pybullet-1.0.dist-info/METADATA"}
-
-
-def test_an_encrypted_wheel_is_refused(tmp_path: Path) -> None:
-    content = bytearray(wheel_bytes({"a.py": "x"}))
-    for signature, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
-        content[content.index(signature) + offset] |= 1
-    assert zipfile.is_zipfile(io.BytesIO(bytes(content)))
-    with pytest.raises(WheelError):
-        unpack(bytes(content), target(tmp_path))
 
 
 def library(segments: list[tuple[int, int]], rest: bytes) -> bytes:

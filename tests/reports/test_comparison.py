@@ -77,11 +77,8 @@ def printed(comparison: Comparison, environment: dict[str, str] | None = None) -
     return stream.getvalue()
 
 
-def test_golden_terminal(several: Comparison, golden: Callable[[str, str], None]) -> None:
+def test_golden(several: Comparison, golden: Callable[[str, str], None]) -> None:
     golden("comparison.txt", printed(several))
-
-
-def test_golden_markdown(several: Comparison, golden: Callable[[str, str], None]) -> None:
     golden("comparison.md", comparison_markdown(several))
 
 
@@ -118,24 +115,21 @@ def test_a_scope_that_demands_less_is_a_warning(goal: bool, old: Scope, new: Sco
     assert row.message == f"{expected.name}: {told}"
 
 
-def test_a_digest_is_news_where_the_verdict_is_none() -> None:
+def test_headlines_and_titles() -> None:
+    # A digest is news where the verdict is none.
     passed, failed = SAMPLES["passed"].outcomes[0], SAMPLES["failed"].outcomes[2]
     again = like(passed, digest="f1")
     assert [row.kind for row in rows(compare_outcomes([passed], [again]))] == ["moves differently"]
     worse = like(failed, digest="f1")
     assert [row.kind for row in rows(compare_outcomes([passed], [worse]))] == ["newly fails"]
-
-
-def test_a_flaky_scenario_is_in_the_title() -> None:
+    # A flaky scenario is in the title.
     flaky = like(SAMPLES["crash"].outcomes[0], status="flaky")
     failed = SAMPLES["failed"].outcomes[0]
     assert comparison_markdown(compare_outcomes([], [flaky])).startswith("## 🎲 1 scenario is flaky\n")
     assert comparison_markdown(compare_outcomes([], [flaky, failed])).startswith(
         "## ❌ 1 scenario newly fails, 1 flaky\n"
     )
-
-
-def test_runs_that_are_alike_have_a_headline_alone() -> None:
+    # Runs that are alike have a headline alone.
     same = compare_outcomes(SAMPLES["passed"].outcomes, SAMPLES["passed"].outcomes)
     assert printed(same) == "1 still passes\n"
     assert comparison_markdown(same).startswith("## ✅ Nothing newly fails\n")
@@ -157,7 +151,8 @@ def test_a_run_that_lacks_every_scenario_is_told() -> None:
     assert "nothing was compared" not in printed(allowed) + comparison_markdown(allowed)
 
 
-def test_hostile_text_is_text_in_markdown() -> None:
+def test_hostile_text() -> None:
+    # Hostile text is text in markdown.
     hostile = SAMPLES["hostile"].outcomes
     (table,) = comparison_markdown(compare_outcomes([], hostile)).split("\n\n")[2:]
     assert {line.count("|") for line in table.splitlines()} == {5}
@@ -166,9 +161,7 @@ def test_hostile_text_is_text_in_markdown() -> None:
     assert "<a " not in html
     assert "@octocat" not in html
     assert html.count("<strong>") == len(hostile)
-
-
-def test_hostile_text_gives_a_log_no_command() -> None:
+    # Hostile text gives a log no command.
     text = printed(compare_outcomes([], SAMPLES["hostile"].outcomes), {"GITHUB_ACTIONS": "true", "NO_COLOR": "1"})
     first, *lines, last = text.splitlines()
     assert first.startswith("::stop-commands::")
@@ -214,19 +207,21 @@ def gates() -> Comparison:
     return compare_outcomes(old, new)
 
 
-def test_golden_terminal_of_gates(gates: Comparison, golden: Callable[[str, str], None]) -> None:
+def test_golden_of_gates(gates: Comparison, golden: Callable[[str, str], None]) -> None:
     golden("paired.txt", printed(gates))
-
-
-def test_golden_markdown_of_gates(gates: Comparison, golden: Callable[[str, str], None]) -> None:
     golden("paired.md", comparison_markdown(gates))
 
 
-def test_a_gate_that_needs_less_confidence_is_a_warning() -> None:
+def test_changes_of_gates_without_a_row_of_their_runs() -> None:
+    # A gate that needs less confidence is a warning.
     old, new = (judged(verdicts([True] * 40), confidence=confidence) for confidence in (0.95, 0.8))
     gates = [planned(40, confidence=0.95)], [planned(40, confidence=0.8)]
     (row,) = rows(compare_outcomes(old, new, gates=gates))
     assert (row.status, row.kind, row.message) == ("warned", "less confidence", "passes: confidence 80 %, was 95 %")
+    # Other draws are counted of all runs.
+    before, now = (judged(verdicts([True] * count)) for count in (50, 60))
+    (row,) = rows(compare_outcomes(before, now))
+    assert row.message.startswith("only 50 of 60 runs have the same draws, so the runs are not compared; unpaired")
 
 
 @pytest.mark.parametrize(
@@ -260,12 +255,6 @@ def test_the_change_of_a_rate_in_words(old: int, new: int, told: str) -> None:
     before, now = (judged(verdicts([sample < passed for sample in range(100)])) for passed in (old, new))
     (row,) = rows(compare_outcomes(before, now))
     assert row.message == f"the pass rate {told}"
-
-
-def test_other_draws_are_counted_of_all_runs() -> None:
-    before, now = (judged(verdicts([True] * count)) for count in (50, 60))
-    (row,) = rows(compare_outcomes(before, now))
-    assert row.message.startswith("only 50 of 60 runs have the same draws, so the runs are not compared; unpaired")
 
 
 @pytest.mark.parametrize(

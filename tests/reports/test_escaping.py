@@ -42,16 +42,14 @@ def test_plain_text_is_well_formed_in_xml(text: str) -> None:
     assert (ET.fromstring(ET.tostring(element)).text or "") == escaping.plain_text(text)
 
 
-def test_plain_text_drops_what_xml_forbids() -> None:
+def test_plain_text_drops_what_xml_forbids_and_terminal_sequences() -> None:
     assert escaping.plain_text("a\x00\x08\x1f\ud800\udfff\ufffe\uffffb\tc\nd") == "ab\tc\nd"
-
-
-def test_plain_text_drops_terminal_sequences_and_reordering() -> None:
     assert escaping.plain_text("\x1b[1;31mred\x1b[0m \x1b]0;title\x07\u202egnp.exe") == "red gnp.exe"
 
 
-def test_plain_text_drops_what_cannot_be_seen() -> None:
-    """Format characters (Cf) that have no glyph. Emoji and scripts that join letters need U+200D."""
+def test_plain_text_drops_what_cannot_be_seen_and_knows_line_ends() -> None:
+    # Plain text drops what cannot be seen.
+    # Format characters (Cf) that have no glyph. Emoji and scripts that join letters need U+200D.
     unseen = [0xAD, 0x180E, 0x200B, 0x200C, *range(0x2060, 0x2070), 0xFEFF, *range(0xFFF9, 0xFFFC)]
     unseen += [*range(0x1BCA0, 0x1BCA4), *range(0x1D173, 0x1D17B), *range(0xE0000, 0xE0080)]
     assert escaping.plain_text("".join(f"{chr(code)}a" for code in unseen)) == "a" * len(unseen)
@@ -61,9 +59,6 @@ def test_plain_text_drops_what_cannot_be_seen() -> None:
     assert escaping.plain_text("a\u200db") == "ab"
     for joined in ("\U0001f469\u200d\U0001f680", "\U0001f3f3\ufe0f\u200d\U0001f308", "\u0dc1\u0dca\u200d\u0dbb"):
         assert escaping.plain_text(joined) == joined
-
-
-def test_plain_text_knows_every_line_end() -> None:
     assert escaping.plain_text("a\r\nb\rc\u2028d\x85e") == "a\nb\nc\nd\ne"
 
 
@@ -84,11 +79,9 @@ def test_markdown_text_reads_as_it_was_written(text: str) -> None:
     assert read.replace("\u200b", "") == escaping.one_line(text).replace("\u200b", "")
 
 
-def test_markdown_text_leaves_names_readable() -> None:
+def test_markdown_text_is_readable_and_notifies_nobody() -> None:
     assert escaping.markdown_text("base_link has _one_ tail_") == "base_link has &#95;one&#95; tail&#95;"
-
-
-def test_markdown_text_notifies_nobody() -> None:
+    # Markdown text notifies nobody.
     assert escaping.markdown_text("@octocat #12 http://a www.b") == (
         "@&#8203;octocat &#35;&#8203;12 http&#58;//a www&#46;b"
     )
@@ -110,9 +103,16 @@ def test_command_property_ends_nowhere(text: str) -> None:
     assert not set(escaping.command_property(text)) & set(":,\r\n")
 
 
-def test_command_data_is_read_back_by_the_runner() -> None:
+def test_commands_and_logs() -> None:
+    # Command data is read back by the runner.
     escaped = escaping.command_data("50 %\r\nnext%0A")
     assert escaped == "50 %25%0Anext%250A"
+    # Shortened.
+    assert shortened("abcdef", 6) == "abcdef"
+    assert shortened("abcdefg", 6) == "abcde…"
+    # Log text shows what the stream can.
+    assert escaping.log_text("ä ✓", "ascii") == "\\xe4 \\u2713"
+    assert escaping.log_text("ä ✓", "utf-8") == "ä ✓"
 
 
 @given(texts.map(lambda text: f"%\n{text}{text}"), st.integers(min_value=1, max_value=30))
@@ -123,16 +123,6 @@ def test_shortened_command_cuts_no_escape(text: str, most: int) -> None:
     if cut != whole:
         assert whole.startswith(cut[:-1])
         assert not cut[:-1].endswith(("%", "%2", "%0"))
-
-
-def test_shortened() -> None:
-    assert shortened("abcdef", 6) == "abcdef"
-    assert shortened("abcdefg", 6) == "abcde…"
-
-
-def test_log_text_shows_what_the_stream_can() -> None:
-    assert escaping.log_text("ä ✓", "ascii") == "\\xe4 \\u2713"
-    assert escaping.log_text("ä ✓", "utf-8") == "ä ✓"
 
 
 @given(texts)

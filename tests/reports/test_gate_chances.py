@@ -14,7 +14,8 @@ EARLY = {"reject": "85 %", "accept": "95 %"}
 QUANTILE = {"quantile": {"of": "travel.measured", "q": "5 %", "at_least": "1.4 m"}}
 
 
-def test_the_table_of_the_worked_example() -> None:
+def test_tables_of_chances() -> None:
+    # The table of the worked example.
     (table,) = chance_tables([planned_gate(61)])
     assert table.title == "slip: gate of 61 runs, at least 90 % pass with 95 % confidence"
     assert list(table.lines()) == [
@@ -23,9 +24,7 @@ def test_the_table_of_the_worked_example() -> None:
         "inconclusive               0.69   0.91   0.59   0.02",
         "fails (50 or fewer)        0.30   0.04   0.00   0.00",
     ]
-
-
-def test_gates_with_equal_claims_share_a_table() -> None:
+    # Gates with equal claims share a table.
     gates = [planned_gate(61, f"slip[mass={mass}]") for mass in range(5)] + [planned_gate(62)]
     first, second = chance_tables(gates)
     assert first.title.startswith("slip[mass=0], slip[mass=1], slip[mass=2] and 2 more: gate of 61 runs")
@@ -69,22 +68,19 @@ def test_a_quantile_states_how_many_values_may_lie_beyond_it(bound: str, runs: i
     assert list(table.lines()) == [f"{share} quantile of travel.measured {remark}"]
 
 
-def test_it_is_printed_as_plain_lines() -> None:
+def test_claims_and_gates_in_lines() -> None:
+    # It is printed as plain lines.
     stream = io.StringIO()
     print_chances([planned_gate(61, "slip\x1b[31m\n::error::x")], stream, {})
     lines = stream.getvalue().splitlines()
     assert len(lines) == 5
     assert "\x1b" not in stream.getvalue()
     assert not any(line.startswith("::") for line in lines)
-
-
-def test_claims_in_words() -> None:
+    # Claims in words.
     assert claim_text(Gate.model_validate({"passes": {"at_least": "90 %"}, **QUANTILE})) == (
         "at least 90 % pass with 95 % confidence; 5 % quantile of travel.measured at least 1.4 m with 95 % confidence"
     )
-
-
-def test_a_line_for_each_gate_of_a_list() -> None:
+    # A line for each gate of a list.
     runs = [source("a.sim.yml", number) for number in (1, 2)]
     for run in runs:
         object.__setattr__(run, "gate", planned_gate(61))
@@ -127,25 +123,23 @@ def test_a_robot_that_is_no_better_than_the_claim_never_passes_often(wish: float
     assert last.endswith("is no better than the claim; no number of runs lets it pass reliably.")
 
 
-def test_a_wish_that_no_number_of_runs_fulfils() -> None:
+def test_the_plan_of_a_rate() -> None:
+    # A wish that no number of runs fulfils.
     *_, last = plan_lines(planned_gate(61), 0.9001, unknown)
     assert last == "  A robot that is 90.01 % good does not pass with P = 0.9 at any number of runs up to 10,000."
-
-
-def test_a_rate_near_100_percent_is_not_shown_as_100_percent() -> None:
+    # A rate near 100 percent is not shown as 100 percent.
     lines = list(plan_lines(planned_gate(61), 0.99999, unknown))
     (heading,) = (line for line in lines if line.startswith("  runs "))
     assert heading.split()[-4:] == ["99", "%", "99.999", "%"]
     assert lines[-1].startswith("  A robot that is 99.999 % good passes")
-
-
-def test_the_time_follows_from_the_number_of_runs() -> None:
+    # The time follows from the number of runs.
     lines = list(plan_lines(planned_gate(61), 0.97, lambda runs: f"{2 * runs:g} s"))
     assert "  >     61          2   0.00   0.05   0.41   0.72   0.98   122 s" in lines
     assert lines[-1] == "  A robot that is 97 % good passes with P >= 0.9 at 103 runs, about 206 s."
 
 
-def test_the_plan_of_a_test_that_stops_early_has_mean_runs() -> None:
+def test_the_plan_of_a_test_that_stops_early() -> None:
+    # The plan of a test that stops early has mean runs.
     planned = planned_gate(100, stop_early={"reject": "85 %", "accept": "95 %"})
     lines = list(plan_lines(planned, 0.96, lambda runs: f"{runs:.0f} s"))
     assert "  at most    85 %   90 %   95 %   96 %   99 %   mean runs   time" in lines
@@ -154,16 +148,12 @@ def test_the_plan_of_a_test_that_stops_early_has_mean_runs() -> None:
         "  A robot that is 96 % good passes with P >= 0.9 at a limit of 81 runs; "
         "it stops after 45 on average, about 45 s."
     )
-
-
-def test_the_limit_of_a_test_that_stops_early_is_the_least_one() -> None:
-    """189 runs have a probability of 0.795, and 190 runs one of 0.802."""
+    # The limit of a test that stops early is the least one.
+    # 189 runs have a probability of 0.795, and 190 runs one of 0.802.
     planned = planned_gate(100, stop_early={"reject": "85 %", "accept": "95 %"})
     lines = list(plan_lines(planned, 0.93, unknown))
     assert lines[-2].startswith("  A robot that is 93 % good passes with P >= 0.8 at a limit of 190 runs;")
-
-
-def test_a_rate_between_those_of_the_test_has_no_number_of_runs() -> None:
+    # A rate between those of the test has no number of runs.
     planned = planned_gate(100, stop_early={"reject": "50 %", "accept": "95 %"})
     *_, last = plan_lines(planned, 0.6, unknown)
     assert last.startswith("  A robot that is 60 % good does not pass with P = 0.9")

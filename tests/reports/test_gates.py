@@ -122,15 +122,14 @@ def test_of_a_part_only_runs_that_could_not_run_count(
     assert words in printed(results, replace(options, verbosity="quiet"))
 
 
-def test_quiet_shows_gates_that_did_not_pass_and_no_runs(options: ReportOptions) -> None:
+def test_quiet_and_verbose(options: ReportOptions) -> None:
+    # Quiet shows gates that did not pass and no runs.
     quiet = replace(options, verbosity="quiet")
     assert printed(judged(passed=61), quiet) == "1 passed; 61 runs of 1 gate in 1.0 s (183x real time)\n"
     text = printed(judged(passed=58, failed=3), quiet)
     assert "58 of 61 runs passed" in text
     assert "friction" not in text
-
-
-def test_verbose_shows_every_run(options: ReportOptions) -> None:
+    # Verbose shows every run.
     text = printed(judged(passed=58, failed=3), replace(options, verbosity="verbose"))
     assert text.count("slip[friction=") == 61
 
@@ -151,28 +150,25 @@ def test_a_warning_counts_once_for_all_runs(options: ReportOptions, capsys: pyte
     assert annotated(results, options, capsys).count("::warning") == 2
 
 
-def test_scenarios_and_gates_are_counted_together(options: ReportOptions) -> None:
+def test_counts_links_and_commands_of_gates(options: ReportOptions) -> None:
+    # Scenarios and gates are counted together.
     gate = judged(passed=58, failed=3)
     results = like(gate, outcomes=(outcome("a.sim.yml"), *gate.outcomes))
     assert counts_text(results) == "1 passed, 1 inconclusive; 61 runs of 1 gate"
     assert summary(results, options).startswith("## ❌ 1 of 2 scenarios and gates did not pass\n")
     assert taken_over_text(17, results) == "17 of 62 runs taken over from the earlier run"
     assert outputs(results, options)["total"] == "2"
-
-
-def test_the_report_opens_at_the_worst_run(options: ReportOptions) -> None:
+    # The report opens at the worst run.
     runs = runs_of_gate(PLANNED, passed=58, failed=3)
     replayed = [like(run, replay=f"replays/{run.number}.json") for run in runs]
     fragment = outputs(gate_results(PLANNED, *replayed), options)["report-fragment"]
     assert fragment.startswith("#scenario=slip%5Bfriction%3D0.59%5D")
     assert fragment.endswith("&t=3")
-
-
-def test_the_command_runs_all_runs_of_a_gate(options: ReportOptions) -> None:
+    # The command runs all runs of a gate.
     planned = planned_gate(name="slip[mass=2]")
-    gate = gate_results(planned, *runs_of_gate(planned, passed=61)).verdicts[0]
+    alone = gate_results(planned, *runs_of_gate(planned, passed=61)).verdicts[0]
     assert (
-        rerun_command(gate, options) == "sim-action run scenarios/slip.sim.yml --only slip --seed 7 --backend pybullet"
+        rerun_command(alone, options) == "sim-action run scenarios/slip.sim.yml --only slip --seed 7 --backend pybullet"
     )
 
 
@@ -196,8 +192,9 @@ def test_a_gate_of_listed_values_has_its_own_runs() -> None:
     assert [group.status for group in groups] == ["passed", "passed"]
 
 
-def test_runs_on_several_engines_have_one_entry_for_each_gate() -> None:
-    """The runs of both alternate."""
+def test_runs_that_are_listed() -> None:
+    # Runs on several engines have one entry for each gate.
+    # The runs of both alternate.
     gates = [planned_gate(29, name=f"slip [{engine}]") for engine in ("pybullet", "mujoco")]
     both = zip(*(runs_of_gate(gate, passed=29) for gate in gates), strict=True)
     judged = over_variations([run for pair in both for run in pair], gates)
@@ -205,10 +202,8 @@ def test_runs_on_several_engines_have_one_entry_for_each_gate() -> None:
     assert [(group.name, len(group.outcomes), group.is_part) for group in found] == [
         (gate.name, 29, False) for gate in gates
     ]
-
-
-def test_runs_beyond_an_early_decision_are_not_listed() -> None:
-    """Shards run all samples of a gate, and `merge` counts up to the decision."""
+    # Runs beyond an early decision are not listed.
+    # Shards run all samples of a gate, and `merge` counts up to the decision.
     planned = planned_gate(100, stop_early={"reject": "85 %", "accept": "95 %"})
     (group,) = grouped_scenarios(gate_results(planned, *runs_of_gate(planned, passed=2, failed=98)).outcomes)
     assert group.gate is not None

@@ -85,12 +85,11 @@ def test_place_as_a_java_frame_where_there_can_be_one(file: str, frame: str | No
     assert frames == ([frame] if frame else [])
 
 
-def test_names_are_unique(kind: str, options: ReportOptions) -> None:
+def test_names_are_unique_and_times_add_up(kind: str, options: ReportOptions) -> None:
+    # Names are unique.
     cases = written(SAMPLES[kind], options).iter("testcase")
     assert all(count == 1 for count in Counter((case.get("classname"), case.get("name")) for case in cases).values())
-
-
-def test_times_of_testcases_add_up(kind: str, options: ReportOptions) -> None:
+    # Times of testcases add up.
     for suite in written(SAMPLES[kind], options).iter("testsuite"):
         times = [case.attrib["time"] for case in suite.iter("testcase")]
         assert all(re.fullmatch(r"\d+\.\d{3}", time) for time in times)
@@ -137,25 +136,14 @@ REQUIRED = {"testsuite": {"name", "tests", "failures", "errors"}, "testcase": {"
 SUREFIRE_TIME = re.compile(r"(([0-9]{0,3},)*[0-9]{3}|[0-9]{0,3})*(\.[0-9]*)?")
 
 
-def test_strict_mode_keeps_the_schema(kind: str, options: ReportOptions) -> None:
+def test_strict_mode(kind: str, options: ReportOptions) -> None:
+    # Strict mode keeps the schema.
     for element in written(SAMPLES[kind], replace(options, junit_strict=True)).iter():
         assert set(element.attrib) <= ATTRIBUTES[element.tag]
         assert set(element.attrib) >= REQUIRED.get(element.tag, set())
         assert {child.tag for child in element} <= CHILDREN.get(element.tag, set())
         assert SUREFIRE_TIME.fullmatch(element.get("time", ""))
-
-
-def test_a_suite_says_when_the_call_started_and_where(options: ReportOptions) -> None:
-    started = datetime(2026, 11, 6, 8, 30, tzinfo=UTC)
-    for strict in (False, True):
-        outcomes = [like(each, provenance=like(PROVENANCE, host="runner-1\x01")) for each in SAMPLES["failed"].outcomes]
-        results = results_of(*outcomes).model_copy(update={"started_at": started})
-        suites = written(results, replace(options, junit_strict=strict)).findall("testsuite")
-        said = {(suite.get("timestamp"), suite.get("hostname")) for suite in suites}
-        assert said == {("2026-11-06T08:30:00+00:00", "runner-1")}
-
-
-def test_strict_mode_drops_nothing_else(kind: str, options: ReportOptions) -> None:
+    # Strict mode drops nothing else.
     full = written(SAMPLES[kind], options)
     strict = written(SAMPLES[kind], replace(options, junit_strict=True))
     for case in full.iter("testcase"):
@@ -166,6 +154,16 @@ def test_strict_mode_drops_nothing_else(kind: str, options: ReportOptions) -> No
     ET.indent(full)
     ET.indent(strict)
     assert ET.tostring(full) == ET.tostring(strict)
+
+
+def test_a_suite_says_when_the_call_started_and_where(options: ReportOptions) -> None:
+    started = datetime(2026, 11, 6, 8, 30, tzinfo=UTC)
+    for strict in (False, True):
+        outcomes = [like(each, provenance=like(PROVENANCE, host="runner-1\x01")) for each in SAMPLES["failed"].outcomes]
+        results = results_of(*outcomes).model_copy(update={"started_at": started})
+        suites = written(results, replace(options, junit_strict=strict)).findall("testsuite")
+        said = {(suite.get("timestamp"), suite.get("hostname")) for suite in suites}
+        assert said == {("2026-11-06T08:30:00+00:00", "runner-1")}
 
 
 @settings(examples(50), suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -43,25 +43,20 @@ def test_what_the_call_has_permitted_is_permitted_again(options: ReportOptions, 
     ]
 
 
-def test_a_seed_is_named_unless_it_is_the_one_that_everything_begins_with(options: ReportOptions) -> None:
+def test_seeds_and_engines_of_a_command(options: ReportOptions) -> None:
+    # A seed is named unless it is the one that everything begins with.
     assert "--seed" not in rerun_command(of(seed=0), options)
     assert rerun_command(of(seed=7, engine="MuJoCo 4.0.0"), options).endswith(" --seed 7 --backend mujoco")
-
-
-def test_a_variation_of_the_seed_is_found_by_its_name(options: ReportOptions) -> None:
+    # A variation of the seed is found by its name.
     varied = of(name="push[seed=7]", seed=7, variation=(Varied("seed", 7),))
     assert rerun_command(varied, options).endswith('--only "push[seed=7]" --backend pybullet')
-
-
-def test_a_sample_is_drawn_again_from_the_seed_of_its_scenario(options: ReportOptions) -> None:
+    # A sample is drawn again from the seed of its scenario.
     variation = (Varied("robot.pose.yaw", 0.1),)
     sample = of(name="push[yaw=0.1]", seed=81, scenario_seed=0, variation=variation)
     assert rerun_command(sample, options).endswith('--only "push[yaw=0.1]" --backend pybullet')
     again = rerun_command(like(sample, scenario_seed=7), options)
     assert again.endswith('--only "push[yaw=0.1]" --seed 7 --backend pybullet')
-
-
-def test_a_run_that_is_held_against_another_engine_needs_both(options: ReportOptions) -> None:
+    # A run that is held against another engine needs both.
     assert rerun_command(of(name="push [pybullet]"), options) == (
         "sim-action run scenarios/straight.sim.yml --only push"
     )
@@ -72,12 +67,12 @@ def test_files_are_seen_from_the_workspace(options: ReportOptions, tmp_path: Pat
     assert rerun_command(outcome, options).startswith('sim-action run "robot/a b.sim.yml" ')
 
 
-def test_what_could_not_be_read_is_validated(options: ReportOptions) -> None:
+def test_runs_without_a_command_and_of_another_one(options: ReportOptions) -> None:
     assert rerun_command(SAMPLES["invalid"].outcomes[0], options) == "sim-action validate scenarios/broken.sim.yml"
-
-
-def test_what_nobody_ran_has_no_command(options: ReportOptions) -> None:
     assert [rerun_command(outcome, options) for outcome in SAMPLES["missing"].outcomes[1:]] == ["", ""]
+    # What is no scenario is called as it was.
+    words = ("sim-action", "rostest", "my robot", "a.test", "side:=left")
+    assert rerun_command(of(call=words), options) == 'sim-action rostest "my robot" a.test side:=left'
 
 
 @settings(examples(40), suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -104,31 +99,28 @@ def test_a_link_has_the_name_that_the_page_has(name: str, options: ReportOptions
     assert parse_qs(link.partition("#")[2])["scenario"] == [entry["name"]]
 
 
-def test_without_a_moment_it_leads_to_the_scenario(options: ReportOptions) -> None:
+def test_links_without_a_moment_a_replay_or_a_report(options: ReportOptions) -> None:
     assert replay_link(of(name="a", replay="replays/a.json.gz"), options) == "report.html#scenario=a"
-
-
-def test_without_a_replay_or_a_report_there_is_no_link(options: ReportOptions) -> None:
+    # Without a replay or a report there is no link.
     assert replay_link(of(), options, 1.0) == ""
     unasked = replace(options, silenced=frozenset({"report"}))
     assert replay_link(of(replay="replays/a.json.gz"), unasked, 1.0) == ""
 
 
-def test_what_is_no_scenario_is_called_as_it_was(options: ReportOptions) -> None:
-    words = ("sim-action", "rostest", "my robot", "a.test", "side:=left")
-    assert rerun_command(of(call=words), options) == 'sim-action rostest "my robot" a.test side:=left'
-
-
-def test_from_a_folder_below_the_workspace(options: ReportOptions, tmp_path: Path) -> None:
+def test_relative_paths_and_places(options: ReportOptions, tmp_path: Path) -> None:
     assert relative_path(tmp_path.parent, "a/b.yml") == f"{tmp_path.name}/a/b.yml"
-
-
-def test_inside_by_its_absolute_path(options: ReportOptions, tmp_path: Path) -> None:
     assert relative_path(tmp_path, tmp_path / "a" / ".." / "b.yml") == "b.yml"
-
-
-def test_outside_is_absolute(options: ReportOptions, tmp_path: Path) -> None:
     assert relative_path(tmp_path, "../b.yml") == (tmp_path.parent / "b.yml").as_posix()
+    # Workspace behind a link.
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to("real")
+    assert relative_path(tmp_path / "link", tmp_path / "real" / "b.yml") == "b.yml"
+    # A link inside keeps its name.
+    (tmp_path / "link.yml").symlink_to("/dev/null")
+    assert relative_path(tmp_path, "link.yml") == "link.yml"
+    # Place.
+    assert file_and_line(tmp_path, Location("a.yml", 3, 7)) == "a.yml:3"
+    assert file_and_line(tmp_path, Location("a.yml")) == "a.yml"
 
 
 def test_a_name_is_seen_from_the_folder_that_is_the_current_one(
@@ -138,22 +130,6 @@ def test_a_name_is_seen_from_the_folder_that_is_the_current_one(
     assert relative_path(tmp_path, "b.yml") == "b.yml"
     monkeypatch.chdir(tmp_path / "below")
     assert relative_path(tmp_path, "b.yml") == "below/b.yml"
-
-
-def test_workspace_behind_a_link(options: ReportOptions, tmp_path: Path) -> None:
-    (tmp_path / "real").mkdir()
-    (tmp_path / "link").symlink_to("real")
-    assert relative_path(tmp_path / "link", tmp_path / "real" / "b.yml") == "b.yml"
-
-
-def test_a_link_inside_keeps_its_name(options: ReportOptions, tmp_path: Path) -> None:
-    (tmp_path / "link.yml").symlink_to("/dev/null")
-    assert relative_path(tmp_path, "link.yml") == "link.yml"
-
-
-def test_place(options: ReportOptions, tmp_path: Path) -> None:
-    assert file_and_line(tmp_path, Location("a.yml", 3, 7)) == "a.yml:3"
-    assert file_and_line(tmp_path, Location("a.yml")) == "a.yml"
 
 
 def test_a_file_outside_the_workspace_is_seen_from_the_current_folder_and_has_no_url(

@@ -38,11 +38,17 @@ def assert_refused(request: ReportRequest, message: str) -> None:
         pass
 
 
-def test_the_run_to_compare_with_is_read_first(workspace: Path) -> None:
+def test_runs_to_compare_with(workspace: Path) -> None:
+    # The run to compare with is read first.
     stored(workspace / "old", results(outcome("a.sim.yml")))
     with open_reports(replace(asked("new"), against="old")) as options:
         assert options.against is not None
         assert [each.file for each in options.against.outcomes] == ["a.sim.yml"]
+    # A run is not compared with what it overwrites.
+    path = stored(workspace / "out", results(outcome("a.sim.yml")))
+    message = "--against out is the output folder of this call; keep the earlier results in another folder"
+    assert_refused(replace(asked("out"), against="out"), message)
+    assert path.is_file()
 
 
 @pytest.mark.parametrize(
@@ -61,13 +67,6 @@ def test_a_run_that_cannot_be_compared_with_is_refused_before_anything_is_writte
         (workspace / "old/results.json").write_text(content)
     assert_refused(replace(asked("new"), against=against), re.escape(message))
     assert not (workspace / "new").exists()
-
-
-def test_a_run_is_not_compared_with_what_it_overwrites(workspace: Path) -> None:
-    path = stored(workspace / "out", results(outcome("a.sim.yml")))
-    message = "--against out is the output folder of this call; keep the earlier results in another folder"
-    assert_refused(replace(asked("out"), against="out"), message)
-    assert path.is_file()
 
 
 def test_the_output_folder_is_made(workspace: Path) -> None:
@@ -96,19 +95,17 @@ def test_a_link_that_a_checkout_holds_is_not_written_through(
     assert list((workspace.parent / "elsewhere").iterdir()) == []
 
 
-def test_a_dangling_link_is_a_link(workspace: Path) -> None:
+def test_links_and_special_files(workspace: Path) -> None:
+    # A dangling link is a link.
     (workspace / "out").symlink_to("nowhere")
     assert_refused(asked("out"), "'out' is a link")
-
-
-def test_links_above_and_outside_are_the_callers(workspace: Path) -> None:
+    (workspace / "out").unlink()
+    # Links above and outside are the callers.
     (workspace.parent / "link").symlink_to("elsewhere")
     with open_reports(asked(str(workspace.parent / "link/out"))):
         pass
     assert (workspace.parent / "elsewhere/out").is_dir()
-
-
-def test_a_junit_path_that_no_file_can_replace_is_refused_before_anything_runs(workspace: Path) -> None:
+    # A junit path that no file can replace is refused before anything runs.
     os.mkfifo(workspace / "pipe")
     for path, why in (("/dev/full", "is not a regular file"), ("pipe", "is not a regular file"), (".", "is a folder")):
         assert_refused(asked("out", path), f"--junit {path} {why}")
@@ -206,14 +203,13 @@ def test_a_name_that_is_too_long_is_refused(folder: str, junit: str | None, work
     assert not (workspace / "out").exists()
 
 
-def test_junit_xml_of_another_tool_is_kept(workspace: Path) -> None:
+def test_junit_xml_that_is_kept(workspace: Path) -> None:
+    # Junit xml of another tool is kept.
     text = "<testsuites name='pytest tests'><testsuite name='pytest' tests='1'/></testsuites>"
     (workspace / "theirs.xml").write_text(text)
     assert_refused(asked("out", "theirs.xml"), r"theirs\.xml exists, and sim-action did not write it; .* or remove it")
     assert (workspace / "theirs.xml").read_text() == text
-
-
-def test_junit_xml_that_is_a_link_is_not_read(workspace: Path) -> None:
+    # Junit xml that is a link is not read.
     (workspace / "target.xml").write_text("<testsuites name='sim-action'/>")
     (workspace / "tests.xml").symlink_to("target.xml")
     assert_refused(asked("out", "tests.xml"), r"'tests\.xml' is a link, and results are not written through links")

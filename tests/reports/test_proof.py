@@ -75,31 +75,27 @@ def test_the_reason_why_nothing_is_known(keys: dict[str, object], counts: dict[s
     assert finding_text(settled, like(UNKNOWN, **counts)) == f"unknown: {reason}"
 
 
-def test_a_limit_that_is_far_away_has_no_exact_share() -> None:
+def test_shares_and_symbols() -> None:
+    # A limit that is far away has no exact share.
     near, far = (expected("reach", finding="notices", sensitivity=share) for share in (10.0, 12.5))
     assert finding_text(near, UNKNOWN).endswith("; 1000% from its limit")
     assert finding_text(far, UNKNOWN).endswith("; more than 1000% from its limit")
-
-
-def test_symbols_that_a_stream_cannot_show_are_letters() -> None:
+    # Symbols that a stream cannot show are letters.
     stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
     print_proof(PROOF, {}, stream)
     stream.seek(0)
     assert "  x upright: checks nothing here" in stream.read()
 
 
-def test_a_headline_without_scenarios() -> None:
+def test_headlines() -> None:
+    # A headline without scenarios.
     empty = like(PROOF, scenarios=())
     assert headline(empty) == "0 expectations check nothing, 0 notice something"
-
-
-def test_the_headline_counts_everything() -> None:
+    # The headline counts everything.
     told = headline(PROOF)
     assert told.startswith("1 expectation checks nothing, 1 notices something, 1 unknown, ")
     assert told.endswith(", 3 other motions unnoticed; 1 scenario not mutated")
-
-
-def test_an_interruption_is_told() -> None:
+    # An interruption is told.
     stream = io.StringIO()
     scenario = like(PROVEN, unfinished=3)
     interrupted = like(PROOF, interrupted=True, scenarios=(scenario,))
@@ -159,15 +155,14 @@ def test_the_title(found: Proof, title: str, tmp_path: Path) -> None:
     assert proof_summary(found, options(tmp_path)).splitlines()[0] == f"## {title}"
 
 
-def test_a_summary_keeps_to_its_size(tmp_path: Path) -> None:
+def test_the_summary_is_appended_within_its_size(tmp_path: Path) -> None:
+    # A summary keeps to its size.
     many = proof(*[PROVEN] * 100)
     text = proof_summary(many, options(tmp_path), 20_000)
     assert len(text.encode()) <= 20_000
     assert "more scenarios not shown" in text
     assert proof_summary(many, options(tmp_path), 100) == ""
-
-
-def test_the_summary_is_appended_where_github_wants_it(tmp_path: Path) -> None:
+    # The summary is appended where github wants it.
     write_proof_summary(PROOF, options(tmp_path))
     file = tmp_path / "summary.md"
     for _ in range(2):
@@ -199,15 +194,14 @@ def test_an_annotation_is_at_the_line_of_the_expectation(
     )
 
 
-def test_an_invalid_scenario_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_annotations_of_proofs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    # An invalid scenario is an error.
     write_proof_annotations(proof(PROVEN, INVALID), options(tmp_path, GITHUB_ACTIONS="true"), strict=False)
     assert [line.split(",")[:3] for line in capsys.readouterr().out.splitlines()] == [
         ["::error file=d.sim.yml", "line=3", "col=9"],
         ["::warning file=a.sim.yml", "line=8", "col=5"],
     ]
-
-
-def test_of_many_annotations_the_last_one_counts_the_others(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    # Of many annotations the last one counts the others.
     many = proof(*(INVALID for _ in range(12)))
     write_proof_annotations(many, options(tmp_path, GITHUB_ACTIONS="true"), strict=False)
     *shown, last = capsys.readouterr().out.splitlines()

@@ -76,14 +76,13 @@ def test_the_worst_missed_its_limit_by_most_and_what_has_no_verdict_is_worse() -
     assert [each.status for each in group.worst_first()] == ["error", "failed", "skipped"]
 
 
-def test_what_was_cut_off_makes_no_variation_the_worst() -> None:
+def test_the_worst_among_failures() -> None:
+    # What was cut off makes no variation the worst.
     cut = like(expected(), verdict=Verdict(False, None, 10.0, -9.0, "m", cut_off=True))
     near, far = outcome("a[x=1]", cut, expected(-0.1, 1.0)), outcome("a[x=2]", expected(-0.2, 1.0))
     (group,) = grouped_scenarios([near, far])
     assert group.worst is far
-
-
-def test_scenarios_with_failures_come_first_in_the_order_of_the_call() -> None:
+    # Scenarios with failures come first in the order of the call.
     found = grouped_scenarios(
         [
             outcome("p", group=None, status="passed"),
@@ -99,7 +98,8 @@ def held(margin: float, time: float | None = None, *, goal: bool = False, name: 
     return like(expected(), verdict=verdict, name=name)
 
 
-def test_of_those_that_passed_the_worst_came_nearest_to_its_limit() -> None:
+def test_the_worst_and_its_margin() -> None:
+    # Of those that passed the worst came nearest to its limit.
     far, near = (
         outcome(f"a[x={x}]", held(5.0), held(margin, name="clearance"), status="passed")
         for x, margin in ((1, 0.4), (2, 0.1))
@@ -107,24 +107,18 @@ def test_of_those_that_passed_the_worst_came_nearest_to_its_limit() -> None:
     (group,) = grouped_scenarios([far, near])
     assert group.worst is near
     assert group.worst_text == "[x=2], margin 0.1 m (clearance)"
-
-
-def test_a_goal_says_nothing_by_its_margin_but_by_its_time_where_there_is_nothing_else() -> None:
-    """It is met at its limit, whatever happens."""
+    # A goal says nothing by its margin but by its time where there is nothing else.
+    # It is met at its limit, whatever happens.
     goals = [outcome(f"a[x={time}]", held(1e-4 * time, time, goal=True), status="passed") for time in (1.0, 3.0, 2.0)]
     (group,) = grouped_scenarios(goals)
     assert group.worst_text == "[x=3.0], at 3.00 s (travel)"
     throughout = outcome("a[x=4]", held(1e-9, 9.0, goal=True), held(0.5, 1.0, name="upright"), status="passed")
     (group,) = grouped_scenarios([throughout, like(throughout, name="a[x=5]")])
     assert group.worst_text == "[x=4], margin 0.5 m (upright)"
-
-
-def test_what_failed_tells_its_own_margin() -> None:
+    # What failed tells its own margin.
     (group,) = grouped_scenarios([outcome("a[x=1]", held(0.1), expected(-0.2, 1.0)), outcome("a[x=2]", held(0.01))])
     assert group.worst_text == "[x=1], margin -0.2 m (travel)"
-
-
-def test_without_a_margin_the_worst_is_but_named() -> None:
+    # Without a margin the worst is but named.
     (group,) = grouped_scenarios(
         [outcome("a[x=1]", expected()), outcome("a[x=2]", expected(passed=True), status="passed")]
     )
@@ -143,16 +137,15 @@ def test_a_warning_of_several_variations_is_one() -> None:
     ]
 
 
-def test_runs_are_ordered_by_status_and_then_by_margin() -> None:
+def test_the_order_of_runs() -> None:
+    # Runs are ordered by status and then by margin.
     near = outcome("a[x=1]", expected(0.1, 1.0, passed=True), status="passed")
     far = outcome("a[x=2]", expected(0.5, 1.0, passed=True), status="passed")
     short, shorter = outcome("a[x=3]", expected(-0.1, 1.0)), outcome("a[x=4]", expected(-0.2, 1.0))
     (group,) = grouped_scenarios([far, near, short, shorter])
     assert group.worst_first() == [shorter, short, near, far]
     assert group.worst is shorter
-
-
-def test_a_count_of_contacts_that_holds_says_nothing_about_how_near_a_run_was() -> None:
+    # A count of contacts that holds says nothing about how near a run was.
     verdict = Verdict(True, 0.0, 0.0, 0.0, "contacts", 1.0, "touched nothing")
     untouched = like(expected(), name="no_collision", verdict=verdict)
     clearance = expected(0.3, 0.1, passed=True)

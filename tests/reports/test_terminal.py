@@ -51,13 +51,12 @@ def test_notes_on_the_model_are_printed_once_for_all_scenarios(options: ReportOp
     assert "note" not in printed(results, options, "quiet")
 
 
-def test_ascii_stream(options: ReportOptions) -> None:
+def test_streams_of_other_encodings(options: ReportOptions) -> None:
+    # Ascii stream.
     text = printed(SAMPLES["failed"], options, encoding="ascii")
     assert "x no_collision: base_link touched wall" in text
     assert text.isascii()
-
-
-def test_stream_of_another_encoding_takes_any_text(options: ReportOptions) -> None:
+    # Stream of another encoding takes any text.
     changed = like(SAMPLES["passed"].outcomes[0], name="größer [bold]✓[/bold] :smile:")
     text = printed(like(SAMPLES["passed"], outcomes=(changed,)), options, encoding="latin-1")
     assert "größer [bold]\\u2713[/bold] :smile:" in text
@@ -71,7 +70,8 @@ def test_colours_only_on_github_and_terminals(options: ReportOptions) -> None:
     assert "\x1b[" not in printed(SAMPLES["failed"], no_color)
 
 
-def test_github_obeys_no_command_of_a_stranger(options: ReportOptions) -> None:
+def test_commands_and_control_characters_have_no_effect(options: ReportOptions) -> None:
+    # Github obeys no command of a stranger.
     on_github = replace(options, environment={"GITHUB_ACTIONS": "true"})
     text = printed(SAMPLES["hostile"], on_github, "verbose")
     stopped = re.fullmatch(r"::stop-commands::([0-9a-f]{32})\n(.*)\n::\1::\n", text, re.DOTALL)
@@ -80,20 +80,17 @@ def test_github_obeys_no_command_of_a_stranger(options: ReportOptions) -> None:
     assert not [line for line in inside.splitlines() if line.lstrip().startswith("::")]
     assert "##[" not in inside
     assert stopped.group(1) not in inside
-
-
-def test_control_characters_do_not_reach_the_terminal(options: ReportOptions) -> None:
+    # Control characters do not reach the terminal.
     text = printed(SAMPLES["hostile"], options, "verbose")
     assert not set(text) & {"\x1b", "\x00", "\r", "\u202e"}
 
 
-def test_long_lines_are_left_to_the_terminal(options: ReportOptions) -> None:
+def test_long_lines_and_folders(options: ReportOptions) -> None:
+    # Long lines are left to the terminal.
     changed = like(SAMPLES["passed"].outcomes[0], file="folder/" * 50)
     text = printed(like(SAMPLES["passed"], outcomes=(changed,)), options)
     assert "folder/" * 50 in text
-
-
-def test_the_folder_of_recordings_is_told_once(options: ReportOptions) -> None:
+    # The folder of recordings is told once.
     results = SAMPLES["passed"]
     assert "recordings" not in printed(results, options)
     recorded = [like(made, recordings=("recordings/a.csv", "recordings/a.tum")) for made in results.outcomes]

@@ -27,14 +27,13 @@ def test_paths_stay_in_the_folder_and_differ_whatever_the_case(names: list[str])
     assert all(len(path.name.encode()) < 120 for path in paths)
 
 
-def test_of_equal_names_each_has_the_first_number_that_is_free() -> None:
+def test_numbers_of_equal_names() -> None:
+    # Of equal names each has the first number that is free.
     names = ["a", "A", "a-2", "b", "a-4", "a", "a", "a-2"]
     assert [path.stem for path in artifacts.trace_paths(names, Path())] == [
         *("a", "A-2", "a-2-2", "b", "a-4", "a-3", "a-5", "a-2-3")
     ]
-
-
-def test_of_equal_names_each_is_told_by_its_number() -> None:
+    # Of equal names each is told by its number.
     names = ["a", "A", "a-2", "b", "a-4", "a", "a", "a-2"]
     stored = [artifacts.replay_path(path).as_posix() for path in artifacts.trace_paths(names, Path())]
     numbers = [artifacts.namesake_number(name, path) for name, path in zip(names, stored, strict=True)]
@@ -90,15 +89,14 @@ def test_what_is_outside_or_behind_a_link_or_no_file_is_not_found(results_folder
     assert artifacts.stored_file(results_folder, name) is None
 
 
-def test_a_copy_replaces_a_link_and_not_what_it_leads_to(results_folder: Path, tmp_path: Path) -> None:
+def test_copies_replace_links_and_leave_no_parts(results_folder: Path, tmp_path: Path) -> None:
+    # A copy replaces a link and not what it leads to.
     target = tmp_path / "b.npz"
     target.symlink_to("secret")
     artifacts.copy_stored(results_folder / "traces" / "a.npz", target)
     assert (target.read_text(), target.is_symlink()) == ("trace", False)
     assert (tmp_path / "secret").read_text() == "secret"
-
-
-def test_nothing_is_left_of_a_copy_that_failed(results_folder: Path, tmp_path: Path) -> None:
+    # Nothing is left of a copy that failed.
     (results_folder / "link.npz").symlink_to("../secret")
     (tmp_path / "out").mkdir()
     with pytest.raises(OSError, match="link"):

@@ -95,12 +95,11 @@ def test_what_became_of_a_scenario(old: Status | None, new: Status | None, kind:
     assert change.warnings == (kind in ("removed", "not run", "not repeated"))
 
 
-def test_what_was_flaky_is_mended_once_several_runs_are_the_same() -> None:
+def test_flaky_removed_and_strict() -> None:
+    # What was flaky is mended once several runs are the same.
     repeats = Repeats(count=5, agreed=5, digests=1)
     assert changed(outcome(status="flaky"), outcome(repeats=repeats)).kind == "fixed"
-
-
-def test_a_run_without_any_old_scenario_compares_nothing() -> None:
+    # A run without any old scenario compares nothing.
     other = outcome("b", file="b.sim.yml")
     assert compare_outcomes([outcome(), other], []).is_empty
     assert compare_outcomes([outcome()], [other]).is_empty
@@ -108,9 +107,7 @@ def test_a_run_without_any_old_scenario_compares_nothing() -> None:
         assert not compare_outcomes(old, new).is_empty
     allowed = compare_outcomes([outcome()], [], allow_removed=True)
     assert (allowed.is_empty, allowed.exit_code(), allowed.warnings) == (False, ExitCode.PASSED, 1)
-
-
-def test_warnings_fail_only_if_they_are_to() -> None:
+    # Warnings fail only if they are to.
     comparison = compare_outcomes([outcome(), outcome("b")], [outcome()])
     assert comparison.exit_code() is ExitCode.PASSED
     assert comparison.exit_code(strict=True) is ExitCode.FAILED
@@ -143,27 +140,22 @@ def test_margins_that_shrink(verdicts: tuple[dict[str, Any], dict[str, Any]], fo
     assert changed(old, new).smaller_margins == ((found,) if found else ())
 
 
-def test_the_threshold_of_margins_is_theirs_who_ask() -> None:
+def test_margins_and_expectations_that_are_missed() -> None:
+    # The threshold of margins is theirs who ask.
     old, new = outcome(expectations=(expected(),)), outcome(expectations=(expected(margin=0.3),))
     assert changed(old, new, Thresholds(margin=0.8)).smaller_margins
     assert not changed(old, new, Thresholds(margin=0.7)).smaller_margins
-
-
-def test_expectations_of_one_name_are_compared_in_their_order() -> None:
+    # Expectations of one name are compared in their order.
     old = outcome(expectations=(expected(margin=0.9), expected(margin=0.1), expected("upright")))
     new = outcome(expectations=(expected("upright"), expected(margin=0.9), expected(margin=0.02)))
     assert [(smaller.old, smaller.new) for smaller in changed(old, new).smaller_margins] == [(0.1, 0.02)]
-
-
-def test_what_a_failing_scenario_misses_beside_that_is_a_warning() -> None:
+    # What a failing scenario misses beside that is a warning.
     old = outcome(status="failed", expectations=(expected("b", passed=False), expected("c"), expected("d")))
     now = (expected("b", passed=False), expected("c", passed=False), expected("d", passed=False, cut_off=True))
     change = changed(old, outcome(status="failed", expectations=now))
     assert [missed.name for missed in change.missed] == ["c"]
     assert change.warnings == 1
-
-
-def test_why_a_scenario_newly_fails_is_told_once() -> None:
+    # Why a scenario newly fails is told once.
     change = changed(outcome(expectations=(expected(),)), outcome(status="failed"))
     assert not change.missed
     assert change.warnings == 0
@@ -209,7 +201,8 @@ def test_a_robot_that_moves_otherwise_with_the_same_seed_and_engine(fields: dict
     assert change.warnings == 0
 
 
-def test_a_file_that_was_moved_is_no_other_scenario() -> None:
+def test_moved_files() -> None:
+    # A file that was moved is no other scenario.
     comparison = compare_outcomes(
         [outcome("a", file="old.sim.yml"), outcome("b", file="b.sim.yml")],
         [outcome("b", file="b.sim.yml"), outcome("a", file="new.sim.yml")],
@@ -218,9 +211,7 @@ def test_a_file_that_was_moved_is_no_other_scenario() -> None:
         ("b", "still passes"),
         ("a", "still passes"),
     ]
-
-
-def test_of_several_of_a_name_nobody_knows_which_was_moved() -> None:
+    # Of several of a name nobody knows which was moved.
     old = [outcome("a", file="1.sim.yml"), outcome("a", file="2.sim.yml")]
     turns = [change.kind for change in compare_outcomes(old, [outcome("a", file="3.sim.yml")]).changes]
     assert turns == ["new", "removed", "removed"]

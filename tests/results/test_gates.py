@@ -89,7 +89,8 @@ def test_a_bound_next_to_the_limit_is_shown_with_enough_digits() -> None:
     assert "at most 89.9999 % do, less than 90 %" in messages(judged)[0]
 
 
-def test_a_run_without_a_verdict_counts_against_whatever_is_claimed() -> None:
+def test_runs_without_a_verdict() -> None:
+    # A run without a verdict counts against whatever is claimed.
     lenient = {**NINETY, "errors": {"at_most": 20}}
     kept = judged_gate(planned(lenient, 61), [PASS] * 58 + [ERROR] * 2 + [UNJUDGED])
     assert [expected.status for expected in kept.expectations] == ["inconclusive", "passed"]
@@ -98,13 +99,14 @@ def test_a_run_without_a_verdict_counts_against_whatever_is_claimed() -> None:
     statistics = kept.statistics
     assert statistics is not None
     assert (statistics.errors, statistics.not_exercised, statistics.without_verdict) == (2, 1, 3)
-
-
-def test_too_many_runs_without_a_verdict_fail_the_gate() -> None:
+    # Too many runs without a verdict fail the gate.
     judged = judged_gate(planned(NINETY, 100), [PASS] * 99 + [ERROR])
     assert [expected.status for expected in judged.expectations] == ["passed", "failed"]
     assert judged.status == "failed"
     assert messages(judged)[1] == "1 run of 100 without a verdict; at most 0 may have none"
+    # As many runs without a verdict as allowed are accepted.
+    judged = judged_gate(planned({**NINETY, "errors": {"at_most": 1}}, 100), [PASS] * 99 + [ERROR])
+    assert [expected.status for expected in judged.expectations] == ["passed", "passed"]
 
 
 @pytest.mark.parametrize(
@@ -122,21 +124,20 @@ def test_runs_that_could_not_be_run_leave_no_verdict(kind: str, code: ExitCode) 
     assert judged.failures[0].message == "1 run of 61: told"
 
 
-def test_lost_runs_leave_no_verdict() -> None:
+def test_lost_and_skipped_runs() -> None:
+    # Lost runs leave no verdict.
     judged = judged_gate(planned(NINETY, 61), [PASS] * 60)
     assert judged.status == "error"
     assert judged.failures[0].message.startswith("1 of 61 runs have no result")
-
-
-def test_an_early_stop_with_lost_runs_has_no_verdict() -> None:
-    """Nobody knows which runs are lost: those that are left are not the first ones."""
+    # An early stop with lost runs has no verdict.
+    # Nobody knows which runs are lost: those that are left are not the first ones.
     judged = judged_gate(planned(EARLY, 60), [PASS] * 40)
     assert (judged.status, judged.exit_code) == ("error", ExitCode.INVALID)
     assert judged.failures[0].message.startswith("20 of 60 runs have no result")
-
-
-def test_a_gate_whose_runs_were_not_run_is_not_run() -> None:
     assert judged_gate(planned(NINETY, 61), [PASS] * 30 + [SKIP] * 31).status == "skipped"
+    # An early stop does not look beyond a run that was skipped.
+    judged = judged_gate(planned(EARLY, 60), [PASS] * 20 + [SKIP] + [PASS] * 20 + [SKIP] * 19)
+    assert judged.status == "skipped"
 
 
 def test_an_early_stop_says_what_it_tells_apart() -> None:
@@ -153,16 +154,15 @@ def test_an_early_stop_says_what_it_tells_apart() -> None:
     assert "rejects 95 % against 85 %" in messages(rejected)[0]
 
 
-def test_an_early_stop_looks_at_runs_in_their_order() -> None:
+def test_an_early_stop_looks_at_runs_in_order_and_may_stay_open() -> None:
+    # An early stop looks at runs in their order.
     gate = planned(EARLY, 200)
     decided = [PASS] * 27
     # What ran at the same time changes nothing.
     assert judged_gate(gate, [*decided, FAIL, FAIL, FAIL] + [SKIP] * 170) == judged_gate(
         gate, [*decided, PASS, PASS, FAIL] + [SKIP] * 170
     )
-
-
-def test_an_early_stop_may_stay_open() -> None:
+    # An early stop may stay open.
     results = [PASS] * 9 + [FAIL]
     judged = judged_gate(planned(EARLY, 60), results * 6)
     assert judged.status == "inconclusive"
@@ -210,23 +210,23 @@ def test_a_quantile_is_refuted_beyond_its_other_bound(bound: dict[str, Any], sha
     assert quantile({"q": share, **bound}, values).status == status
 
 
-def test_a_value_of_several_expectations_or_of_an_undecided_one_is_not_known() -> None:
+def test_values_that_are_not_known() -> None:
+    # A value of several expectations or of an undecided one is not known.
     (expected,) = PASS.expectations
     cut_off = expected.model_copy(update={"verdict": Verdict(True, 1.5, 1.0, 0.5, "m", cut_off=True)})
     gate = planned({"quantile": {"of": "travel.measured", "q": "5 %", "at_least": "1.4 m"}}, 100)
     for expectations in ((expected, expected), (cut_off,)):
         runs = [PASS.model_copy(update={"expectations": expectations}) for _ in range(100)]
         assert "100 runs measured nothing" in messages(judged_gate(gate, runs))[0]
-
-
-def test_as_many_runs_without_a_verdict_as_allowed_are_accepted() -> None:
-    judged = judged_gate(planned({**NINETY, "errors": {"at_most": 1}}, 100), [PASS] * 99 + [ERROR])
-    assert [expected.status for expected in judged.expectations] == ["passed", "passed"]
-
-
-def test_an_early_stop_does_not_look_beyond_a_run_that_was_skipped() -> None:
-    judged = judged_gate(planned(EARLY, 60), [PASS] * 20 + [SKIP] + [PASS] * 20 + [SKIP] * 19)
-    assert judged.status == "skipped"
+    # A value that was not measured counts against the claim.
+    values: list[float | None] = [1.5] * 100
+    assert quantile({"at_least": "1.4 m"}, values).status == "passed"
+    lost = quantile({"at_least": "1.4 m"}, [*values[:90], *[None] * 10])
+    assert lost.status == "inconclusive"
+    assert "10 runs measured nothing" in lost.verdict.message
+    # A value that is no number was not measured.
+    found = quantile({"at_least": "1.4 m"}, [float("nan"), *[1.5] * 99])
+    assert "1 run measured nothing" in found.verdict.message
 
 
 def test_the_bounds_of_the_rate_have_the_confidence_of_the_first_quantile() -> None:
@@ -236,19 +236,6 @@ def test_the_bounds_of_the_rate_have_the_confidence_of_the_first_quantile() -> N
     statistics = judged_gate(planned({"quantile": claims}, 100), [PASS] * 100).statistics
     assert statistics is not None
     assert statistics.confidence == 0.9
-
-
-def test_a_value_that_was_not_measured_counts_against_the_claim() -> None:
-    values: list[float | None] = [1.5] * 100
-    assert quantile({"at_least": "1.4 m"}, values).status == "passed"
-    lost = quantile({"at_least": "1.4 m"}, [*values[:90], *[None] * 10])
-    assert lost.status == "inconclusive"
-    assert "10 runs measured nothing" in lost.verdict.message
-
-
-def test_a_value_that_is_no_number_was_not_measured() -> None:
-    found = quantile({"at_least": "1.4 m"}, [float("nan"), *[1.5] * 99])
-    assert "1 run measured nothing" in found.verdict.message
 
 
 def test_a_quantile_in_another_unit_is_no_verdict() -> None:
@@ -391,23 +378,20 @@ def test_simulated_gates_are_wrong_as_seldom_as_stated(rate: float) -> None:
     assert [each / count for each in found] == pytest.approx(expected, abs=0.04)
 
 
-def test_a_gate_stands_before_its_runs_and_counts_alone() -> None:
+def test_gates_among_outcomes() -> None:
+    # A gate stands before its runs and counts alone.
     other = Outcome(name="b", file="a.sim.yml", status="skipped")
     found = over_variations([other, *[PASS] * 60, FAIL], [planned(NINETY, 61)])
     assert [outcome.statistics is not None for outcome in found[:3]] == [False, True, False]
     assert (len(found), found[1].status) == (63, "passed")
     assert found[-1].exit_code is ExitCode.PASSED
     assert over_variations(found, [planned(NINETY, 61)]) == found
-
-
-def test_a_part_of_a_gate_is_not_judged() -> None:
+    # A part of a gate is not judged.
     found = over_variations([PASS] * 20, [planned(NINETY, 61)], is_part=True)
     assert len(found) == 20
     assert over_variations([PASS] * 61, [planned(NINETY, 61)], is_part=True)[0].status == "passed"
-
-
-def test_runs_of_an_unknown_gate_count_by_themselves() -> None:
-    """Otherwise nothing would judge them, and the call would pass."""
+    # Runs of an unknown gate count by themselves.
+    # Otherwise nothing would judge them, and the call would pass.
     found = over_variations([PASS, FAIL], [])
     assert [outcome.is_sample for outcome in found] == [False, False]
     assert found[-1].exit_code is ExitCode.FAILED

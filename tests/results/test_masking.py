@@ -37,27 +37,21 @@ def outcome(text: str) -> Outcome:
     )
 
 
-def test_every_text_of_code_is_masked() -> None:
+def test_values_that_are_masked() -> None:
+    # Every text of code is masked.
     mask = Mask.of({"A": SECRET, "B": "other"}, ("A", "C"))
     masked = mask.outcome(outcome(f"<{SECRET}> other"), names=True)
     assert masked == outcome("<***> other")
     kept = mask.outcome(outcome(SECRET))
     assert (kept.name, kept.expectations[0].name, kept.output) == (SECRET, SECRET, "***")
-
-
-def test_without_values_nothing_changes() -> None:
+    # Without values nothing changes.
     found = outcome(SECRET)
     assert Mask.of({}, ("A",)).outcome(found) is found
     assert Mask.of({"A": SECRET}, ()).text(SECRET) == SECRET
     assert Mask.of({"A": ""}, ("A",)).text("") == ""
-
-
-def test_short_values_are_left() -> None:
+    # Short values are left.
     assert Mask.of({"A": "x" * (MIN_CHARS - 1)}, ("A",)).text("xxxx") == "xxxx"
     assert Mask.of({"A": "x" * MIN_CHARS}, ("A",)).text("xxxx") == "***"
-
-
-def test_the_longest_value_comes_first() -> None:
     assert Mask.of({"A": "1234", "B": "123456"}, ("A", "B")).text("123456 1234") == "*** ***"
 
 

@@ -30,22 +30,19 @@ def expectation(
     )
 
 
-def test_what_was_named_and_holds_nothing_is_invalid() -> None:
+def test_places_of_what_is_missing() -> None:
+    # What was named and holds nothing is invalid.
     made = Outcome.of_nothing("no\npe*")
     assert (made.file, made.location, made.exit_code) == ("no\\npe*", None, ExitCode.INVALID)
     (failure,) = made.failures
     assert (failure.title, failure.location) == ("not found", None)
     assert failure.message == "no scenario found at 'no\\npe*'; correct the path or remove it"
-
-
-def test_a_missing_file_has_no_place_but_the_key_that_names_it_may_have_one() -> None:
+    # A missing file has no place but the key that names it may have one.
     for place, shown in ((Location("a.sim.yml"), None), (key := Location("pyproject.toml", 3, 1), key)):
         made = Outcome.of_invalid("a.sim.yml", MissingScenario([Problem(place, "there is no file")]))
         assert (made.file, made.location, made.exit_code) == ("a.sim.yml", None, ExitCode.INVALID)
         assert [(failure.title, failure.location) for failure in made.failures] == [("not found", shown)]
-
-
-def test_what_selects_nothing_is_invalid_and_belongs_to_no_file() -> None:
+    # What selects nothing is invalid and belongs to no file.
     broken = Problem(Location("b.sim.yml", 2, 1), "no YAML")
     made = Outcome.of_unmatched(Unmatched("--only", "no\npe*", "no scenario is named 'no\npe*'", (broken,)))
     assert (made.name, made.file, made.location, made.exit_code) == ("--only no\\npe*", "", None, ExitCode.INVALID)
@@ -222,7 +219,8 @@ def test_the_end_of_a_scope_is_the_latest_one_of_the_run(
     assert Scope.of(scenario.expect[0], scenario).end == end
 
 
-def test_a_scope_has_what_each_part_of_a_combination_states(tmp_path: Path) -> None:
+def test_scopes_of_combinations_and_pairs(tmp_path: Path) -> None:
+    # A scope has what each part of a combination states.
     parts = "any_of: [{travel: {at_least: 50 cm}}, upright, {stay_within: {y: [-0.1, 0.1]}}]"
     scenario = load(tmp_path, LEAST.replace("travel: {at_least: 1.5 m}", parts)).scenario
     assert Scope.of(scenario.expect[0], scenario).stated == {
@@ -233,9 +231,7 @@ def test_a_scope_has_what_each_part_of_a_combination_states(tmp_path: Path) -> N
         "2.stay_within.y.0": -0.1,
         "2.stay_within.y.1": 0.1,
     }
-
-
-def test_the_scope_of_self_collision_has_the_names_of_a_pair_in_order(tmp_path: Path) -> None:
+    # The scope of self collision has the names of a pair in order.
     scenario = load(tmp_path, LEAST).scenario
     (expected,) = scenario.expect
     allowing = replace(expected, assertion=SelfCollision(allow=(("base_scan", "*_left_link"),)))

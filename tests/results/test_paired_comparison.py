@@ -71,7 +71,8 @@ def test_identical_commits_show_no_change(noise: float) -> None:
         assert found.count(None) == SEEDS
 
 
-def test_a_fallen_rate_fails_although_the_gate_still_passes() -> None:
+def test_rates_that_fell_or_rose() -> None:
+    # A fallen rate fails although the gate still passes.
     comparison = compared(verdicts(passing(95)), verdicts(passing(80)))
     change, gate = only(comparison)
     assert gate.rate is not None
@@ -79,26 +80,20 @@ def test_a_fallen_rate_fails_although_the_gate_still_passes() -> None:
     assert (gate.rate.worse, gate.rate.better, gate.rate.tests) == (15, 0, 1)
     assert gate.rate.p == pytest.approx(2 * 0.5**15)
     assert (comparison.failures, comparison.warnings, comparison.exit_code()) == (1, 0, ExitCode.FAILED)
-
-
-def test_a_risen_rate_is_no_failure() -> None:
+    # A risen rate is no failure.
     comparison = compared(verdicts(passing(80)), verdicts(passing(95)))
     _, gate = only(comparison)
     assert gate.rate is not None
     assert gate.rate.direction == "rose"
     assert (comparison.failures, comparison.exit_code(strict=True)) == (0, ExitCode.PASSED)
-
-
-def test_a_sample_that_fails_now_is_no_new_failure_but_a_gate_is() -> None:
+    # A sample that fails now is no new failure but a gate is.
     comparison = compared(verdicts(passing(95)), verdicts(passing(94)))
     change, gate = only(comparison)
     assert (change.kind, gate.failed, comparison.exit_code(strict=True)) == ("still passes", False, ExitCode.PASSED)
     old, new = (judged(verdicts(passing(count)), at_least=0.9) for count in (100, 94))
     change, gate = only(compare_outcomes(old, new))
     assert (change.kind, change.new and change.new.status) == ("newly fails", "inconclusive")
-
-
-def test_a_gate_that_fell_and_newly_fails_counts_once() -> None:
+    # A gate that fell and newly fails counts once.
     old, new = (judged(verdicts(passing(count)), at_least=0.9) for count in (100, 60))
     comparison = compare_outcomes(old, new)
     assert (comparison.failures, only(comparison)[1].failed) == (1, True)
@@ -132,7 +127,8 @@ def test_other_samples_are_not_compared(old: list[Outcome], new: list[Outcome], 
     assert (comparison.exit_code(), comparison.warnings) == (ExitCode.PASSED, 1)
 
 
-def test_runs_without_a_verdict_are_left_out_of_the_pairs() -> None:
+def test_pairs_without_a_verdict() -> None:
+    # Runs without a verdict are left out of the pairs.
     old, new = verdicts(passing(95)), verdicts(passing(95))
     old[3], new[99] = run(3, "skipped"), run(99, "not_exercised")
     _, gate = only(compared(old, new))
@@ -141,9 +137,7 @@ def test_runs_without_a_verdict_are_left_out_of_the_pairs() -> None:
     lost = [*judged(verdicts(passing(95)))[:1], *verdicts(passing(95))[:-10]]
     _, gate = only(compare_outcomes(judged(old), lost))
     assert (gate.pairs, gate.left_out, gate.same_draws) == (89, 11, True)
-
-
-def test_a_gate_without_any_pair_has_no_rate() -> None:
+    # A gate without any pair has no rate.
     skipped = [run(sample, "skipped") for sample in range(20)]
     change, gate = only(compared(verdicts(passing(20, 20)), skipped))
     assert (change.kind, gate.pairs, gate.left_out, gate.rate) == ("not run", 0, 20, None)
@@ -170,11 +164,26 @@ def test_a_loss_of_margin_beyond_the_threshold_is_a_warning() -> None:
     assert len(only(asked)[1].margins) == 1
 
 
-def test_a_loss_of_margin_that_may_be_chance_is_not_reported() -> None:
-    # One of 50 pairs loses much: the mean falls below half, and the interval of the change includes 0.
+def test_losses_of_margin() -> None:
+    # A loss of margin that may be chance is not reported.
     old, new = [0.1] * 50, [-5.0, *[0.12] * 49]
     assert sum(new) < 0.5 * sum(old)
     assert only(compared(with_margins(old), with_margins(new)))[1].margins == ()
+    # Few pairs have no comparison of margins.
+    for count, found in ((19, 0), (20, 1)):
+        _, gate = only(compared(with_margins([0.4] * count), with_margins([0.1] * count)))
+        assert len(gate.margins) == found
+
+    # Margins of several expectations share the confidence.
+    def twofold(margin: float) -> list[Outcome]:
+        return [
+            each.model_copy(update={"expectations": (*each.expectations, renamed(each, "upright"))})
+            for each in with_margins([margin] * 30)
+        ]
+
+    _, gate = only(compared(twofold(0.4), twofold(0.1)))
+    assert [loss.expectation for loss in gate.margins] == ["clearance", "upright"]
+    assert [loss.confidence for loss in gate.margins] == pytest.approx([0.975, 0.975])
 
 
 @pytest.mark.parametrize("scale", [1e110, 1e307])
@@ -200,24 +209,6 @@ def with_verdict(outcome: Outcome, **changes: Any) -> Outcome:
     return outcome.model_copy(update={"expectations": (expected.model_copy(update={"verdict": verdict}),)})
 
 
-def test_few_pairs_have_no_comparison_of_margins() -> None:
-    for count, found in ((19, 0), (20, 1)):
-        _, gate = only(compared(with_margins([0.4] * count), with_margins([0.1] * count)))
-        assert len(gate.margins) == found
-
-
-def test_margins_of_several_expectations_share_the_confidence() -> None:
-    def twofold(margin: float) -> list[Outcome]:
-        return [
-            each.model_copy(update={"expectations": (*each.expectations, renamed(each, "upright"))})
-            for each in with_margins([margin] * 30)
-        ]
-
-    _, gate = only(compared(twofold(0.4), twofold(0.1)))
-    assert [loss.expectation for loss in gate.margins] == ["clearance", "upright"]
-    assert [loss.confidence for loss in gate.margins] == pytest.approx([0.975, 0.975])
-
-
 def renamed(outcome: Outcome, name: str) -> ExpectationOutcome:
     return outcome.expectations[0].model_copy(update={"name": name, "assertion": name})
 
@@ -235,8 +226,8 @@ def fallen(*worse: int) -> list[bool]:
     return [change.failed for change in compare_outcomes(*gates(*worse)).changes]
 
 
-def test_several_gates_share_the_chance_of_a_wrong_report() -> None:
-    # Six worse pairs: p = 0.031; seven: 0.016; eight: 0.0078.
+def test_several_gates() -> None:
+    # Several gates share the chance of a wrong report.
     assert fallen(6) == [True]
     assert fallen(6, 6) == [False, False]
     assert fallen(6, 7) == [True, True]
@@ -244,10 +235,6 @@ def test_several_gates_share_the_chance_of_a_wrong_report() -> None:
     found = [change.gate.rate for change in compare_outcomes(*gates(6, 7)).changes if change.gate]
     assert [rate.p for rate in found if rate] == pytest.approx([2 * 0.5**6, 4 * 0.5**7])
     assert [rate.tests for rate in found if rate] == [2, 2]
-
-
-def test_gates_with_few_changed_pairs_cost_the_others_nothing() -> None:
-    # With five changed pairs, no result is significant.
     assert fallen(6, 0, 0, 5) == [True, False, False, False]
 
 
@@ -262,7 +249,8 @@ def test_identical_commits_with_several_gates_show_no_change() -> None:
     assert reported <= 5
 
 
-def test_runs_that_check_less_are_reported_once() -> None:
+def test_runs_that_check_less() -> None:
+    # Runs that check less are reported once.
     old, new = verdicts(passing(50, 50)), verdicts(passing(50, 50))
     strict = [with_scope(each, Scope(before=2)) for each in old]
     loose = [with_scope(each, Scope(after=1, before=2)) for each in new]
@@ -273,8 +261,7 @@ def test_runs_that_check_less_are_reported_once() -> None:
     (change,) = compared(strict, none).changes
     assert [weaker.kind for weaker in change.weaker] == ["removed"]
 
-
-def test_weaker_checks_are_reported_for_each_expectation() -> None:
+    # Weaker checks are reported for each expectation.
     def twofold(scope: Scope) -> list[Outcome]:
         runs = [with_scope(each, scope) for each in verdicts(passing(30, 30))]
         return [
@@ -288,8 +275,9 @@ def test_weaker_checks_are_reported_for_each_expectation() -> None:
     ]
 
 
-def test_limits_of_other_draws_are_not_compared() -> None:
-    """A limit may be drawn."""
+def test_limits_and_seeds_of_other_draws() -> None:
+    # Limits of other draws are not compared.
+    # A limit may be drawn.
     old = verdicts(passing(30, 30))
     loose = [with_verdict(each, limit=0.5, margin=0.9) for each in old]
     assert [weaker.kind for weaker in compared(old, loose).changes[0].weaker] == ["limit"]
@@ -298,9 +286,7 @@ def test_limits_of_other_draws_are_not_compared() -> None:
     windows = [with_scope(each, Scope(after=1)) for each in others]
     scoped = [with_scope(each, Scope()) for each in old]
     assert [weaker.kind for weaker in compared(scoped, windows).changes[0].weaker] == ["window"]
-
-
-def test_runs_of_other_seeds_are_no_pairs_although_their_values_are_equal() -> None:
+    # Runs of other seeds are no pairs although their values are equal.
     old = verdicts(passing(95))
     new = [each.model_copy(update={"seed": 5000}) for each in old]
     _, gate = only(compared(old, new))
@@ -327,22 +313,19 @@ def test_the_stated_claims_of_both_gates_are_compared() -> None:
     assert only(compare_outcomes(old, new))[0].claims == ()
 
 
-def test_claims_of_other_kinds_are_not_renamed() -> None:
+def test_claims_and_runs_of_changed_gates() -> None:
+    # Claims of other kinds are not renamed.
     runs = verdicts(passing(100))
     gates = stated(passes={"at_least": 0.95}), stated(stop_early={"reject": 0.3, "accept": 0.6})
     old, new = ([judged_gate(gate, runs), *runs] for gate in gates)
     change, _ = only(compare_outcomes(old, new, gates=([gates[0]], [gates[1]])))
     assert (change.renamed, [claim.kind for claim in change.claims]) == ((), ["limit"])
-
-
-def test_errors_that_are_gone_are_no_removed_check() -> None:
+    # Errors that are gone are no removed check.
     old = verdicts(passing(100))
     old[0] = run(0, "error")
     change, _ = only(compared(old, verdicts(passing(100))))
     assert (change.kind, change.weaker) == ("fixed", ())
-
-
-def test_a_new_gate_is_compared_with_runs_that_had_none() -> None:
+    # A new gate is compared with runs that had none.
     before = [each.model_copy(update={"gate": None}) for each in verdicts(passing(95))]
     change, gate = only(compare_outcomes(before, judged(verdicts(passing(80)))))
     assert (change.kind, change.old, gate.pairs, gate.failed) == ("new", None, 100, True)
@@ -362,12 +345,11 @@ def test_runs_without_the_gate_they_had_are_compared_one_by_one() -> None:
     assert removed.kind == "removed"
 
 
-def test_samples_without_their_gate_are_compared_one_by_one() -> None:
+def test_samples_and_moved_gates() -> None:
+    # Samples without their gate are compared one by one.
     old, new = (verdicts(passing(count, 10)) for count in (10, 9))
     assert [change.kind for change in compare_outcomes(old, new).changes].count("newly fails") == 1
-
-
-def test_a_gate_in_a_moved_file_is_the_same() -> None:
+    # A gate in a moved file is the same.
     there = [each.model_copy(update={"file": "moved.sim.yml"}) for each in verdicts(passing(80))]
     change, gate = only(compare_outcomes(judged(verdicts(passing(95))), judged(there)))
     assert (change.kind, gate.pairs, gate.failed) == ("still passes", 100, True)

@@ -184,12 +184,11 @@ def test_a_shard_without_scenarios_passes_if_the_list_had_some(total: int, code:
     assert of_call(made(passed=False)).model_copy(update={"shard": shard}).exit_code is ExitCode.FAILED
 
 
-def test_the_worst_come_first() -> None:
+def test_the_worst_come_first_and_one_scenario_tells_its_way() -> None:
+    # The worst come first.
     given = of_call(made("fine"), made("failed", passed=False), made("broken", kind="crash"))
     assert [found.name for found in given.worst_first()] == ["broken", "failed", "fine"]
-
-
-def test_how_far_the_robot_came_is_told_for_one_scenario_alone() -> None:
+    # How far the robot came is told for one scenario alone.
     assert of_call(made()).travelled == 1.5
     assert of_call(made(), made()).travelled is None
 
@@ -258,14 +257,14 @@ def test_more_outcomes_than_anybody_has_are_not_read(shards: Path) -> None:
     )
 
 
-def test_a_link_is_not_followed_but_told(shards: Path) -> None:
+def test_links_and_broken_files(shards: Path) -> None:
+    # A link is not followed but told.
     (shards / "4").mkdir()
     (shards / "4" / "results.json").symlink_to("../1/results.json")
     assert "shards/4/results.json is a link" in refused("shards")
     assert found("shards/4/results.json") == ["shards/4/results.json"]
-
-
-def test_a_broken_one_is_named_in_one_line(shards: Path) -> None:
+    (shards / "4" / "results.json").unlink()
+    # A broken one is named in one line.
     (shards / "1" / "results.json").write_text('{"version": 1, "outcomes": [')
     assert refused("shards").startswith("shards/1/results.json is not a valid results file: Invalid JSON: EOF")
 

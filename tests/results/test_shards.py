@@ -23,10 +23,21 @@ COUNTS = st.integers(1, 20)
 DURATIONS = st.lists(st.floats(0.001, 1000.0), max_size=40)
 
 
-def test_a_shard_is_read_as_it_is_typed() -> None:
+def test_shards_as_they_are_typed_and_dealt() -> None:
+    # A shard is read as it is typed.
     assert Shard.parse("2/3", 7) == Shard(index=2, count=3, total=7)
     assert Shard.parse(" 256 / 256\n", 0) == Shard(index=256, count=256, total=0)
     assert str(Shard.parse("2/3", 7)) == "shard 2 of 3"
+    # Results of a shard that cannot be are refused.
+    with pytest.raises(InvalidPart, match="there is no shard 3 of 2"):
+        Shard(index=3, count=2, total=9)
+    # Every n th beginning with the i th.
+    assert [Shard(index=i, count=3, total=7).dealt("abcdefg") for i in (1, 2, 3)] == [
+        list("adg"),
+        list("be"),
+        list("cf"),
+    ]
+    assert Shard(index=3, count=3, total=2).dealt("ab") == []
 
 
 @pytest.mark.parametrize(
@@ -40,11 +51,6 @@ def test_what_is_no_shard_is_told_with_what_is_one(text: str) -> None:
     assert str(raised.value).isprintable()
 
 
-def test_results_of_a_shard_that_cannot_be_are_refused() -> None:
-    with pytest.raises(InvalidPart, match="there is no shard 3 of 2"):
-        Shard(index=3, count=2, total=9)
-
-
 @pytest.mark.parametrize(
     ("indices", "text"),
     [
@@ -56,15 +62,6 @@ def test_results_of_a_shard_that_cannot_be_are_refused() -> None:
 )
 def test_some_shards_have_one_name(indices: list[int], text: str) -> None:
     assert shards_text(indices, 9) == text
-
-
-def test_every_n_th_beginning_with_the_i_th() -> None:
-    assert [Shard(index=i, count=3, total=7).dealt("abcdefg") for i in (1, 2, 3)] == [
-        list("adg"),
-        list("be"),
-        list("cf"),
-    ]
-    assert Shard(index=3, count=3, total=2).dealt("ab") == []
 
 
 @given(total=st.integers(0, 60), count=COUNTS)
@@ -174,40 +171,37 @@ def indices(name: str) -> Iterator[int]:
         yield from range(int(first), int(last or first) + 1)
 
 
-def test_many_missing_shards_are_one_error() -> None:
+def test_missing_shards_are_errors() -> None:
+    # Many missing shards are one error.
     lone = files(results(shard=(8, 9, 5)))
     (entry,) = merge_shards(lone, None)
     (failure,) = entry.outcome.failures
     assert entry.outcome.name == "shards 1-7, 9 of 9"
     told = "shards 1-7, 9 of 9 returned no results; 5 of 5 scenarios have none; check their jobs"
     assert failure.message == told
-
-
-def test_a_missing_shard_says_how_much_is_lost() -> None:
+    # A missing shard says how much is lost.
     parts = sharded(["a", "b", "c", "d", "e"], 3)
     missing = merge_shards([parts[0], parts[2]], None)[-1]
     (failure,) = missing.outcome.failures
     assert failure.message == "shard 2 of 3 returned no results; 2 of 5 scenarios have none; check its job"
     assert (missing.outcome.file, missing.outcome.location, failure.kind) == ("", None, "missing")
-
-
-def test_a_listing_that_does_not_name_all_that_is_lost_does_not_hide_the_missing_shard() -> None:
+    # A listing that does not name all that is lost does not hide the missing shard.
     parts = sharded(["a", "b", "c", "d", "e"], 3)
     assert names([parts[0], parts[2]], listed("a", "b")) == ["a", "b", "c", "d", "shard 2 of 3"]
 
 
-def test_results_that_are_not_of_shard_are_in_the_order_of_their_files() -> None:
+def test_the_order_of_results() -> None:
+    # Results that are not of shard are in the order of their files.
     parts = files(results(outcome("b/c"), outcome("b")), results(outcome("c"), outcome("a")))
     assert names(parts) == ["a", "b", "b/c", "c"]
     assert names(parts[:1]) == ["b/c", "b"], "of one run alone, its own order"
-
-
-def test_with_a_listing_they_are_in_its_order_and_what_is_not_in_it_comes_last() -> None:
+    # With a listing they are in its order and what is not in it comes last.
     parts = files(results(outcome("b/c"), outcome("b")), results(outcome("c"), outcome("a")))
     assert names(parts, listed("c", "new", "b", "a")) == ["c", "new", "b", "a", "b/c"]
 
 
-def test_what_was_named_and_holds_nothing_is_an_error_unless_it_is_one_already() -> None:
+def test_scenarios_without_results() -> None:
+    # What was named and holds nothing is an error unless it is one already.
     known = results(outcome("a"), Outcome.of_nothing("nope*"))
     entries = merge_shards(files(known), listed("a", empty=("nope*", "new*")))
     assert [(entry.outcome.file, entry.origin is None) for entry in entries] == [
@@ -216,6 +210,20 @@ def test_what_was_named_and_holds_nothing_is_an_error_unless_it_is_one_already()
         ("new*", True),
     ]
     assert entries[-1].outcome.exit_code is ExitCode.INVALID
+    # If no shard has left anything all that is listed is an error that says so.
+    entries = merge_shards([], listed("b", "a", empty=("nope*",)))
+    assert [(entry.outcome.file, entry.outcome.status) for entry in entries] == [
+        ("b", "error"),
+        ("a", "error"),
+        ("nope*", "error"),
+    ]
+    assert [failure.message for failure in entries[0].outcome.failures] == [
+        "no shard returned any results; check the jobs that should have run the scenarios"
+    ]
+    # An outcome that is of no file is not taken for the current folder.
+    lost = merge_shards(sharded(["a", "b"], 2)[:1], None)[-1].outcome
+    entries = merge_shards(files(results(outcome("a"), lost)), listed("a", empty=(".",)))
+    assert [entry.outcome.file for entry in entries] == ["a", ".", ""]
 
 
 ABSENT = [Unmatched("--only", name, f"no scenario is named '{name}'") for name in ("b", "nope*")]
@@ -231,24 +239,6 @@ def test_what_selects_nothing_is_one_result_of_the_first_shard() -> None:
     entries = merge_shards(files(results(), second)[1:], listing)
     assert [entry.outcome.file or entry.outcome.name for entry in entries] == ["a", "b", "--only b", "--only nope*"]
     assert {entry.outcome.exit_code for entry in entries[2:]} == {ExitCode.INVALID}
-
-
-def test_if_no_shard_has_left_anything_all_that_is_listed_is_an_error_that_says_so() -> None:
-    entries = merge_shards([], listed("b", "a", empty=("nope*",)))
-    assert [(entry.outcome.file, entry.outcome.status) for entry in entries] == [
-        ("b", "error"),
-        ("a", "error"),
-        ("nope*", "error"),
-    ]
-    assert [failure.message for failure in entries[0].outcome.failures] == [
-        "no shard returned any results; check the jobs that should have run the scenarios"
-    ]
-
-
-def test_an_outcome_that_is_of_no_file_is_not_taken_for_the_current_folder() -> None:
-    lost = merge_shards(sharded(["a", "b"], 2)[:1], None)[-1].outcome
-    entries = merge_shards(files(results(outcome("a"), lost)), listed("a", empty=(".",)))
-    assert [entry.outcome.file for entry in entries] == ["a", ".", ""]
 
 
 SPELLINGS = [
@@ -285,24 +275,19 @@ def test_a_name_that_no_file_can_have_is_but_a_name(tmp_path: Path, monkeypatch:
     assert names(files(results(outcome(name), outcome("z"))), listed("z")) == ["z", name]
 
 
-def test_outcomes_that_are_of_no_file_are_not_the_same() -> None:
+def test_shards_of_different_lists_are_refused() -> None:
+    # Outcomes that are of no file are not the same.
     parts = sharded(["a", "b", "c"], 3)
     missing = merge_shards(parts[:1], None)[-1]
     again = files(results(outcome("x"), missing.outcome), results(outcome("y"), missing.outcome))
     assert len(merge_shards(again, None)) == 4
-
-
-def test_shards_of_different_counts_are_refused() -> None:
+    # Shards of different counts are refused.
     told = refused(files(results(outcome("a"), shard=(1, 2, 2)), results(outcome("b"), shard=(2, 3, 2))))
     assert told == "1/results.json is shard 1 of 2, and 2/results.json is shard 2 of 3: they do not belong to one run"
-
-
-def test_the_same_shard_twice_is_refused() -> None:
+    # The same shard twice is refused.
     told = refused(files(results(outcome("a"), shard=(1, 2, 2)), results(outcome("b"), shard=(1, 2, 2))))
     assert told == "both 1/results.json and 2/results.json are shard 1 of 2"
-
-
-def test_shards_of_lists_of_different_lengths_are_refused() -> None:
+    # Shards of lists of different lengths are refused.
     told = refused(files(results(outcome("a"), shard=(1, 2, 2)), results(outcome("b"), shard=(2, 2, 3))))
     assert told == (
         "the shards belong to different lists: 1/results.json is shard 1 of 2 with 2 scenarios, "
@@ -344,7 +329,8 @@ def test_files_of_several_scenarios_become_what_they_were(sizes: list[int], coun
     assert units(files(*data.draw(st.permutations(without)))) == every
 
 
-def test_scenarios_of_one_file_may_be_in_several_results_each_in_one() -> None:
+def test_scenarios_of_one_file() -> None:
+    # Scenarios of one file may be in several results each in one.
     parts = files(results(*spread("a", 1, 3), outcome("b")), results(*spread("a", 2)))
     assert units(parts) == [("a", 1), ("a", 2), ("a", 3), ("b", None)]
     told = refused(files(results(*spread("a", 1, 3)), results(*spread("./a", 3))))
@@ -354,18 +340,7 @@ def test_scenarios_of_one_file_may_be_in_several_results_each_in_one() -> None:
     )
     told = refused(files(results(*spread("a", 1, 1))))
     assert told == "1/results.json contains results of 'a' in a twice; each scenario may occur only once"
-
-
-def test_runs_of_one_scenario_on_several_engines_are_dealt_as_one() -> None:
-    def runs(number: int) -> list[Outcome]:
-        made = outcome("a", number=number)
-        return [made.model_copy(update={"name": f"a {number} [{engine}]"}) for engine in ("mujoco", "pybullet")]
-
-    parts = files(results(*runs(1), *runs(3), shard=(1, 2, 3)), results(*runs(2), shard=(2, 2, 3)))
-    assert units(parts) == [("a", 1), ("a", 1), ("a", 2), ("a", 2), ("a", 3), ("a", 3)]
-
-
-def test_of_a_file_what_has_no_result_is_missing_by_its_own_name() -> None:
+    # Of a file what has no result is missing by its own name.
     sweep = [source("a", number, f"push[x={number}]", group="push") for number in (1, 2, 3)]
     listing = Listing([*sweep, source("a", 4, "stand")], [])
     entries = merge_shards(files(results(*spread("a", 2))), listing)
@@ -377,7 +352,15 @@ def test_of_a_file_what_has_no_result_is_missing_by_its_own_name() -> None:
     ]
 
 
-def test_variations_that_cannot_be_run_are_told_by_the_first_and_not_missing() -> None:
+def test_runs_on_engines_and_variations() -> None:
+    # Runs of one scenario on several engines are dealt as one.
+    def runs(number: int) -> list[Outcome]:
+        made = outcome("a", number=number)
+        return [made.model_copy(update={"name": f"a {number} [{engine}]"}) for engine in ("mujoco", "pybullet")]
+
+    parts = files(results(*runs(1), *runs(3), shard=(1, 2, 3)), results(*runs(2), shard=(2, 2, 3)))
+    assert units(parts) == [("a", 1), ("a", 1), ("a", 2), ("a", 2), ("a", 3), ("a", 3)]
+    # Variations that cannot be run are told by the first and not missing.
     sweep = [source("a", number, f"push[x={number}]", group="push") for number in (1, 2, 3)]
     broken = Outcome.of_refused(replace(sweep[0], line=4).refused(InvalidScenario([])))
     assert (broken.name, broken.number, broken.line) == ("push", 1, 4)

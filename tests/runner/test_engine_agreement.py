@@ -72,12 +72,11 @@ def held_against(
     return last, list(last.expectations[1:])
 
 
-def test_one_outcome_stays_as_it_is(tmp_path: Path) -> None:
+def test_one_engine_alone(tmp_path: Path) -> None:
+    # One outcome stays as it is.
     alone = ran(tmp_path, "pybullet", FIRST)
     assert compared(tmp_path, "", alone) == (alone,)
-
-
-def test_agreement_that_was_asked_and_not_judged_is_noted(tmp_path: Path) -> None:
+    # Agreement that was asked and not judged is noted.
     alone = ran(tmp_path, "pybullet", FIRST)
     (noted,) = compared(tmp_path, ASKED, alone)
     assert noted.notes == ("agreement was not judged: the command line selects one engine",)
@@ -97,17 +96,16 @@ def test_what_agrees_is_told_with_the_largest_difference_and_when(tmp_path: Path
     assert yaw.location.line == 4
 
 
-def test_what_is_too_far_apart_fails_if_it_was_asked(tmp_path: Path) -> None:
+def test_limits_that_are_judged(tmp_path: Path) -> None:
+    # What is too far apart fails if it was asked.
     last, (_, position, yaw) = held_against(tmp_path, FAR, ASKED)
     assert last.status == "failed"
     assert (position.failed, position.verdict.time) == (True, 0.2)
     assert (yaw.failed, yaw.verdict.time) == (True, 0.1)
-
-
-def test_what_only_one_limit_was_asked_of_is_judged_by_that_alone(tmp_path: Path) -> None:
+    # What only one limit was asked of is judged by that alone.
     last, (_, position) = held_against(tmp_path, NEAR, "agreement: {position: 3 cm}")
-    (yaw,) = last.measurements
-    assert (position.name, yaw.name) == ("the same position as pybullet 1.0", "difference in yaw to pybullet 1.0")
+    (measured,) = last.measurements
+    assert (position.name, measured.name) == ("the same position as pybullet 1.0", "difference in yaw to pybullet 1.0")
 
 
 def test_what_nobody_asked_is_told_and_fails_nothing(tmp_path: Path) -> None:
@@ -167,20 +165,17 @@ def test_an_engine_without_a_verdict_is_told_at_the_one_that_has_one(place: int,
     assert verdicts.verdict.message == f"{('pybullet', 'mujoco')[place]} gave no verdict"
 
 
-def test_two_without_a_verdict_have_nothing_to_compare(tmp_path: Path) -> None:
+def test_runs_that_cannot_be_compared(tmp_path: Path) -> None:
+    # Two without a verdict have nothing to compare.
     failure = Failure(kind="engine", title="engine error", message="gave up")
     broken = Outcome(name="drives [x]", file="drives.sim.yml", status="error", failures=(failure,))
     assert compared(tmp_path, ASKED, broken, broken) == (broken, broken)
-
-
-def test_a_motion_that_is_gone_leaves_the_verdicts_to_compare(tmp_path: Path) -> None:
+    # A motion that is gone leaves the verdicts to compare.
     outcomes = (ran(tmp_path, "pybullet", FIRST), ran(tmp_path, "mujoco", NEAR))
     (tmp_path / "mujoco.npz").unlink()
     _, last = compared(tmp_path, "", *outcomes)
     assert [one.name for one in last.expectations] == ["travel", "the same verdicts as pybullet 1.0"]
-
-
-def test_a_run_that_was_too_long_to_compare_says_so(tmp_path: Path) -> None:
+    # A run that was too long to compare says so.
     outcomes = (ran(tmp_path, "pybullet", FIRST), ran(tmp_path, "mujoco", NEAR))
     long = replace(loaded(tmp_path), compared=False)
     _, last = with_agreement(long, outcomes, [None, None])
@@ -249,7 +244,8 @@ BENT = replace(
 )
 
 
-def test_a_joint_is_compared_by_its_name(tmp_path: Path) -> None:
+def test_joints(tmp_path: Path) -> None:
+    # A joint is compared by its name.
     more = f"agreement: {{joints: {{{LEFT}: 0.02, {RIGHT}: 0.015}}}}"
     last, (_, near, far) = held_against(tmp_path, BENT, more, first=ARM)
     assert last.status == "failed"
@@ -258,9 +254,7 @@ def test_a_joint_is_compared_by_its_name(tmp_path: Path) -> None:
     assert (near.verdict.unit, near.verdict.time) == ("rad", 0.3)
     assert (far.failed, far.verdict.unit) == (True, "rad")
     assert not last.measurements
-
-
-def test_a_pattern_is_judged_by_its_worst_joint(tmp_path: Path) -> None:
+    # A pattern is judged by its worst joint.
     _, (_, joints) = held_against(tmp_path, BENT, "agreement: {joints: {'wheel*': 1 deg}}", first=ARM)
     assert joints.name == "the same position of joints 'wheel*' as pybullet 1.0"
     assert joints.failed

@@ -34,13 +34,12 @@ def refused(folder: Path, *texts: str) -> list[str]:
     return [str(plan.error) for plan in plans(folder, *texts) if isinstance(plan, Refused)]
 
 
-def test_a_scenario_that_matches_nothing_is_left_alone(tmp_path: Path) -> None:
+def test_what_is_traced_and_what_is_refused(tmp_path: Path) -> None:
+    # A scenario that matches nothing is left alone.
     [plan] = plans(tmp_path, LEAST)
     assert not isinstance(plan, Refused)
     assert plan[0].scenario.trace.rate is None
-
-
-def test_one_that_does_is_traced_at_every_step(tmp_path: Path) -> None:
+    # One that does is traced at every step.
     [plan] = plans(tmp_path, matching("golden/x.csv"))
     assert not isinstance(plan, Refused)
     assert plan[0].scenario.trace.rate == plan[0].scenario.physics.rate

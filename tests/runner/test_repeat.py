@@ -33,11 +33,9 @@ def failed(kind: str, message: str = "at 0.5 s") -> Outcome:
     return ran(None, status="error", expectations=(), failures=(failure,))
 
 
-def test_one_run_is_told_as_it_is(loaded: LoadedScenario, tmp_path: Path) -> None:
+def test_runs_that_agree(loaded: LoadedScenario, tmp_path: Path) -> None:
     assert merge_repeats(loaded, [ran()], tmp_path) == ran()
-
-
-def test_runs_that_are_the_same_are_one_that_took_as_long(loaded: LoadedScenario, tmp_path: Path) -> None:
+    # Runs that are the same are one that took as long.
     told = merge_repeats(loaded, [ran(wall_time=1.0), ran(wall_time=2.0)], tmp_path)
     assert told.repeats
     assert (told.status, told.wall_time, told.repeats.count, told.simulated) == ("passed", 3.0, 2, 0.0)
@@ -84,19 +82,26 @@ def test_errors_are_the_same_whatever_time_they_tell(kind: str, loaded: LoadedSc
     assert (told.status, told.repeats.agreed, told.repeats.digests) == ("error", 2, 0)
 
 
-def test_a_run_that_is_too_slow_is_not_flaky_unless_the_others_differ(loaded: LoadedScenario, tmp_path: Path) -> None:
+def test_runs_that_were_slow_or_ended_in_errors(loaded: LoadedScenario, tmp_path: Path) -> None:
+    # A run that is too slow is not flaky unless the others differ.
     slow = failed("wall limit")
     slow = slow.model_copy(update={"failures": (slow.failures[0].model_copy(update={"title": TOO_SLOW}),)})
     assert merge_repeats(loaded, [ran(), slow, ran()], tmp_path) == slow
     assert merge_repeats(loaded, [slow, slow], tmp_path).status == "error"
     assert merge_repeats(loaded, [ran(), slow, ran("b")], tmp_path).status == "flaky"
     assert merge_repeats(loaded, [ran(), failed("wall limit")], tmp_path).status == "flaky"
-
-
-def test_an_error_among_passes_is_flaky_and_told(loaded: LoadedScenario, tmp_path: Path) -> None:
+    # An error among passes is flaky and told.
     told = merge_repeats(loaded, [ran(), failed("crash"), ran()], tmp_path)
     assert told.status == "flaky"
     assert "run 1 passed, run 2 ended in an error (crash error: at 0.5 s)" in told.failures[0].message
+    # An interruption and a fault of ours come first.
+    fault = ran(None, status="error", expectations=(), failures=(Failure.of_fault(InternalError("oh")),))
+    for end in (interrupted(loaded), fault):
+        assert merge_repeats(loaded, [ran(), end, ran("b")], tmp_path) == end
+    # What was not run as often is not green.
+    told = merge_repeats(loaded, [ran(), skipped(loaded)], tmp_path)
+    assert (told.status, told.expectations) == ("skipped", ())
+    assert merge_repeats(loaded, [skipped(loaded), skipped(loaded)], tmp_path) == skipped(loaded)
 
 
 def test_a_run_that_never_judged_an_expectation_differs_from_one_that_did(
@@ -111,18 +116,6 @@ def test_a_run_that_never_judged_an_expectation_differs_from_one_that_did(
     told = merge_repeats(loaded, [ran("b"), equal], tmp_path)
     assert "run 1 passed: travelled 1.5 m (measured 1.5 m), run 2 not exercised: no reading" in told.failures[0].message
     assert merge_repeats(loaded, [unjudged, unjudged], tmp_path).status == "not_exercised"
-
-
-def test_an_interruption_and_a_fault_of_ours_come_first(loaded: LoadedScenario, tmp_path: Path) -> None:
-    fault = ran(None, status="error", expectations=(), failures=(Failure.of_fault(InternalError("oh")),))
-    for end in (interrupted(loaded), fault):
-        assert merge_repeats(loaded, [ran(), end, ran("b")], tmp_path) == end
-
-
-def test_what_was_not_run_as_often_is_not_green(loaded: LoadedScenario, tmp_path: Path) -> None:
-    told = merge_repeats(loaded, [ran(), skipped(loaded)], tmp_path)
-    assert (told.status, told.expectations) == ("skipped", ())
-    assert merge_repeats(loaded, [skipped(loaded), skipped(loaded)], tmp_path) == skipped(loaded)
 
 
 def test_files_that_lie_elsewhere_are_left_alone(loaded: LoadedScenario, tmp_path: Path) -> None:

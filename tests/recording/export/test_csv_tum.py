@@ -91,15 +91,14 @@ def bases() -> list[Pose]:
     return [Pose((time, 0.25, 0.0), geometry.quaternion_from_rpy(0.0, 0.0, 2 * time)) for time in TIME]
 
 
-def test_the_first_chosen_link_is_the_one_of_tum() -> None:
+def test_trajectories_of_tum() -> None:
+    # The first chosen link is the one of tum.
     made, file = replace(run(), links=("base_scan", "wheel_left_link")), io.BytesIO()
     TumTrajectory.write(made, file)
     table = np.loadtxt(file.getvalue().decode("ascii").splitlines())
     scan = [geometry.compose(base, link_poses(made.scene.model, {})["base_scan"]) for base in bases()]
     np.testing.assert_allclose(table[:, 1:4], [pose.position_xyz for pose in scan], atol=1e-9)
-
-
-def test_it_is_the_way_of_the_base() -> None:
+    # It is the way of the base.
     made, file = run(), io.BytesIO()
     TumTrajectory.write(made, file)
     comment, *lines = file.getvalue().decode("ascii").splitlines()
@@ -124,24 +123,21 @@ def test_whichever_has_more_moments_is_recorded_with_all_that_is_known(stored: l
     assert made.bodies["ball"].shape == (moments, 7)
 
 
-def test_a_body_is_where_it_was_seen_last() -> None:
+def test_bodies_and_twists_are_those_of_each_moment() -> None:
+    # A body is where it was seen last.
     made, ball = run(), rolling()
     seen = ball.rows(np.array([3, 8]))
     tracks = replace(made, trace=replace(made.trace, bodies={"ball": seen})).bodies
     expected = [TIME[3]] * 8 + [TIME[8]] * (MOMENTS - 8)
     assert tracks["ball"][:, 1].tolist() == expected
-
-
-def test_a_body_is_nowhere_until_it_appears() -> None:
+    # A body is nowhere until it appears.
     made = appearing(TIME[5])
     assert list(made.bodies) == ["ball", "wall"]
     for poses in made.bodies.values():
         assert np.isnan(poses[:5]).all()
     assert made.bodies["ball"][5:, 1].tolist() == TIME[5:]
     assert made.bodies["wall"][5:, 0].tolist() == [2.0] * (MOMENTS - 5)
-
-
-def test_twists_are_kept_as_they_were_told() -> None:
+    # Twists are kept as they were told.
     told = CommandedTwists.of([(0.0, Twist.planar(1.0, 2.0)), (0.5, Twist.planar(lateral=3.0))])
     assert told.time.tolist() == [0.0, 0.5]
     assert told.values.tolist() == [[1.0, 0, 0, 0, 0, 2.0], [0, 3.0, 0, 0, 0, 0]]

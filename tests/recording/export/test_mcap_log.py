@@ -76,7 +76,8 @@ def test_what_the_robot_did_is_in_its_messages() -> None:
     assert (twist.linear.x, twist.angular.z) == (0.5, -2.0)
 
 
-def test_without_wheels_that_are_counted_odometry_is_the_truth_in_the_frame_of_the_base() -> None:
+def test_odometry_with_and_without_wheels() -> None:
+    # Without wheels that are counted odometry is the truth in the frame of the base.
     log = read(run())
     assert "/ground_truth/odom" not in log
     odometry = log["/odom"][10].message
@@ -88,9 +89,7 @@ def test_without_wheels_that_are_counted_odometry_is_the_truth_in_the_frame_of_t
     assert odometry.twist.twist.linear.y == pytest.approx(-math.sin(turned))
     assert odometry.twist.twist.angular.z == pytest.approx(2.0)
     assert list(odometry.pose.covariance) == [0.0] * 36
-
-
-def test_where_wheels_are_counted_odometry_is_what_they_tell() -> None:
+    # Where wheels are counted odometry is what they tell.
     log = read(sensing_run())
     assert log["/odom"][-1].message.pose.pose.position.x == pytest.approx(0.44)
     assert log["/ground_truth/odom"][12].message.pose.pose.position.x == pytest.approx(0.4)
@@ -121,7 +120,8 @@ def test_several_sensors_of_a_kind_have_topics_by_their_names() -> None:
     assert log["/left_side/scan"][0].message.header.frame_id == "left side"
 
 
-def test_what_is_touched_is_marked_where_it_was_last_touched() -> None:
+def test_drawn_topics() -> None:
+    # What is touched is marked where it was last touched.
     (told,) = read(run())["/contacts"]
     assert told.time == STAMPS[10]
     ball, wall = told.message.markers
@@ -129,16 +129,12 @@ def test_what_is_touched_is_marked_where_it_was_last_touched() -> None:
     assert (len(ball.points), len(wall.points)) == (1, 2), "at 0.31 s, and no more at 0.305 s"
     assert (wall.points[0].x, wall.points[0].y, wall.points[0].z) == (1.0, 0.25, 0.1)
     assert (wall.header.frame_id, wall.type, wall.action, wall.lifetime.sec) == ("map", 7, 0, 1)
-
-
-def test_who_touches_nothing_in_an_empty_world_has_no_markers() -> None:
+    # Who touches nothing in an empty world has no markers.
     made = run()
     scene = replace(made.scene, world=like(made.scene.world, objects=()))
     log = read(replace(made, scene=scene, trace=replace(made.trace, contacts=(), bodies={})))
     assert {"/contacts", "/world"}.isdisjoint(log)
-
-
-def test_the_world_is_there_to_be_seen() -> None:
+    # The world is there to be seen.
     (told,) = read(run())["/world"]
     wall, ball = told.message.markers
     assert (wall.header.frame_id, wall.type, wall.scale.y) == ("wall", 1, 2.0)
@@ -243,24 +239,21 @@ def test_the_map_has_the_truth_whatever_wheels_say(made: RecordedRun, moment: in
         assert_near(placed(made, moment, name), geometry.compose(base, links[name]))
 
 
-def test_wheels_place_the_base_in_odom_and_their_error_moves_odom_in_the_map() -> None:
+def test_frames_of_wheels_bodies_and_sensors() -> None:
+    # Wheels place the base in odom and their error moves odom in the map.
     first, *_, last = read(sensing_run())["/tf"]
     odom = {transform.child_frame_id: transform for transform in last.message.transforms}["odom"]
     assert odom.header.frame_id == MAP
     base = {transform.child_frame_id: transform for transform in last.message.transforms}[BASE]
     assert base.transform.translation.x == pytest.approx(1.1 * 0.4)
     assert [transform.header.stamp.sec for transform in first.message.transforms] == [0] * 5
-
-
-def test_bodies_and_sensors_have_frames_of_their_own() -> None:
+    # Bodies and sensors have frames of their own.
     made = sensing_run()
     assert_near(placed(made, 9, "ball"), Pose((1.0, TIME[9], 0.1)))
     assert_near(placed(made, 9, "wall"), Pose((2.0, 0.0, 0.25)))
     lidar = geometry.compose(placed(made, 9, "base_scan"), Pose((0.0, 0.0, 0.02)))
     assert_near(placed(made, 9, "front"), lidar)
-
-
-def test_a_body_has_a_frame_once_it_has_appeared() -> None:
+    # A body has a frame once it has appeared.
     log = read(appearing(TIME[5]))
     told = [{transform.child_frame_id for transform in entry.message.transforms} for entry in log["/tf"]]
     assert [{"ball", "wall"} & frames for frames in told] == [set()] * 5 + [{"ball", "wall"}] * (MOMENTS - 5)

@@ -42,12 +42,10 @@ def test_it_is_what_others_make_of_the_same_message(
     assert form.filled(len(pairs), *columns, ratios, lasts) == expected
 
 
-def test_numbers_lie_at_multiples_of_their_size() -> None:
+def test_numbers_and_texts_of_a_message() -> None:
+    # Numbers lie at multiples of their size.
     (message,) = CdrForm().fixed("u1", 1).gap("<f8").filled(1, [2.5])
     assert message == b"\0\1\0\0" + b"\1" + bytes(7) + struct.pack("<d", 2.5)
-
-
-def test_what_ends_text_is_not_in_it() -> None:
     assert CdrForm().string("a\0b\ud800").filled(1) == CdrForm().string("ab?").filled(1)
 
 

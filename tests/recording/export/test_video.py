@@ -30,7 +30,8 @@ from tests.traces import burger
 LASTS = 0.5
 
 
-def test_gif_plays_in_sim_time() -> None:
+def test_films_play_in_sim_time() -> None:
+    # Gif plays in sim time.
     file = io.BytesIO()
     GifFilm.write(run(), file)
     with Image.open(file) as image:
@@ -43,9 +44,7 @@ def test_gif_plays_in_sim_time() -> None:
     assert durations == [100] * 6
     assert sum(durations) / 1000 - LASTS <= 0.1
     assert np.abs(pictures[0] - pictures[-1]).sum() > 0
-
-
-def test_mp4_plays_in_sim_time() -> None:
+    # Mp4 plays in sim time.
     file = io.BytesIO()
     Mp4Film.write(run(), file)
     file.seek(0)
@@ -75,16 +74,15 @@ def test_what_is_long_is_shown_faster(hours: float) -> None:
     assert (moments[0], moments[-1]) == (0, len(time) - 1)
 
 
-def test_the_robot_stands_still_in_the_picture_and_its_world_moves() -> None:
+def test_robot_and_bodies_are_where_they_are_at_each_moment() -> None:
+    # The robot stands still in the picture and its world moves.
     first, *_, last = pictures(run(), 10)
     assert first.shape == (HEIGHT, WIDTH, 3)
     middle = first[HEIGHT // 2, WIDTH // 2].astype(int)
     assert np.ptp(middle) == 0, "the robot is grey"
     assert middle[0] not in {140, 120}, "and not the ground"
     assert np.abs(first.astype(int) - last).sum() > 0
-
-
-def test_bodies_that_move_are_shown_where_they_are() -> None:
+    # Bodies that move are shown where they are.
     made = run()
     shown, empty = (
         next(pictures(with_bodies(made, ball=standing(np.tile([x, 0.5, 0.1], (len(TIME), 1)))), 10)).astype(int)
@@ -93,17 +91,13 @@ def test_bodies_that_move_are_shown_where_they_are() -> None:
     # The palette's second colour is green.
     assert ((shown[..., 1] > shown[..., 0] + 40) & (shown[..., 1] > shown[..., 2] + 40)).sum() > 100
     assert ((empty[..., 1] > empty[..., 0] + 40) & (empty[..., 1] > empty[..., 2] + 40)).sum() == 0
-
-
-def test_bodies_are_shown_once_they_have_appeared() -> None:
+    # Bodies are shown once they have appeared.
     late = appearing(TIME[15])
-    empty = replace(late.scene, world=like(late.scene.world, objects=()))
-    there, shown, nothing = (
-        list(pictures(made, 10)) for made in (run(), late, replace(with_bodies(late), scene=empty))
-    )
-    assert np.array_equal(shown[0], nothing[0])
-    assert not np.array_equal(shown[-1], nothing[-1])
-    assert np.array_equal(shown[-1], there[-1])
+    bare = replace(late.scene, world=like(late.scene.world, objects=()))
+    there, seen, nothing = (list(pictures(made, 10)) for made in (run(), late, replace(with_bodies(late), scene=bare)))
+    assert np.array_equal(seen[0], nothing[0])
+    assert not np.array_equal(seen[-1], nothing[-1])
+    assert np.array_equal(seen[-1], there[-1])
 
 
 def test_the_camera_looks_at_the_robot_from_behind_and_above() -> None:

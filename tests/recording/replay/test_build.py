@@ -41,7 +41,8 @@ def curve(time: list[float], values: list[float], **limits: float) -> Signal:
     return Signal("travelled", "m", np.array(time), np.array(values), **limits)
 
 
-def test_curves_stand_with_the_number_of_their_expectation() -> None:
+def test_curves_of_expectations() -> None:
+    # Curves stand with the number of their expectation.
     expected = (expectation(Travel(at_least=2.0)), expectation(Upright(max_tilt=0.5), after=1.0))
     travelled, tilt = build.stored_signals(scenario(*expected), scene(), START, FILM)
     assert (travelled.expectation, travelled.name, travelled.unit, travelled.lower) == (0, "travelled", "m", 2.0)
@@ -49,23 +50,17 @@ def test_curves_stand_with_the_number_of_their_expectation() -> None:
     assert (tilt.start, tilt.end) == (1.0, 2.0)
     assert travelled.time is None
     np.testing.assert_allclose(travelled.values.decoded(3), [0.0, 1.0, 3.0], atol=1e-3)
-
-
-def test_they_fit_the_replay_that_they_are_in() -> None:
-    expected = scenario(expectation(Travel(at_least=2.0)), expectation(Reach(x=1, y=0, yaw=0)))
-    signals, marks = build.stored_signals(expected, scene(), START, FILM), build.stored_marks(expected, scene(), START)
+    # They fit the replay that they are in.
+    asked = scenario(expectation(Travel(at_least=2.0)), expectation(Reach(x=1, y=0, yaw=0)))
+    signals, marks = build.stored_signals(asked, scene(), START, FILM), build.stored_marks(asked, scene(), START)
     made = build.replay_of(scene(), FILM, signals, marks)
     assert (made.signals, made.marks) == (signals, marks)
-
-
-def test_what_has_moments_of_its_own_keeps_them() -> None:
+    # What has moments of its own keeps them.
     stored = build.stored_signal(0, curve([0.1, 0.6], [1.0, np.nan]), FILM.time, RATE)
     assert stored.time is not None
     np.testing.assert_allclose(stored.time.decoded(2), [0.1, 0.6])
     np.testing.assert_array_equal(np.isnan(stored.values.decoded(2)), [False, True])
-
-
-def test_a_limit_that_no_number_reaches_is_none() -> None:
+    # A limit that no number reaches is none.
     stored = build.stored_signal(0, curve([0.0, 1.0], [0.0, 1.0], lower=1e300), FILM.time, RATE)
     assert (stored.lower, stored.end) == (None, None)
 
@@ -123,23 +118,17 @@ def test_a_coarse_curve_keeps_its_ends_and_its_extremes(at: list[int], random: R
     assert np.all(np.diff(kept.time * RATE) > 0.5)
 
 
-def test_a_curve_of_every_step_gets_few_moments_a_second() -> None:
+def test_moments_of_curves() -> None:
+    # A curve of every step gets few moments a second.
     time = np.arange(0, 2400) / RATE
     kept = build.coarse(Signal("gap", "m", time, np.sin(time)), RATE)
     assert len(kept.time) <= 4 * 15 * 10 + 4
-
-
-def test_a_curve_of_hours_fits_a_column() -> None:
+    # A curve of hours fits a column.
     time = np.arange(0, 3_000_000) / RATE
     assert len(build.coarse(Signal("gap", "m", time, np.sin(1e3 * time)), RATE).time) <= 20_000
-
-
-def test_gaps_stay() -> None:
+    # Gaps stay.
     kept = build.coarse(curve([0.0, 0.5, 1.0], [1.0, np.nan, 2.0]), RATE)
     np.testing.assert_array_equal(np.isnan(kept.values), [False, True, False])
-
-
-def test_two_moments_at_one_step_are_one() -> None:
     assert len(build.coarse(curve([0.0, 1e-9, 1.0], [1.0, 1.0, 2.0]), RATE).time) == 2
 
 
@@ -152,32 +141,27 @@ def twists(*told: tuple[float, float, float]) -> CommandedValues:
     return CommandedValues.of([(time, {TWIST_NAMES[0]: ahead, TWIST_NAMES[5]: turn}) for time, ahead, turn in told])
 
 
-def test_twists_lead_along_an_arc() -> None:
-    # Half a circle of 1 m/s in 1 s, then standstill.
+def test_the_commanded_path() -> None:
+    # Twists lead along an arc.
     path = build.commanded_path(DRIVE, START, twists((0.0, 1.0, math.pi), (1.0, 0.0, 0.0)), TIME)
     x, y, _ = START.pose.position_xyz
     assert path[0][:2] == pytest.approx((x, y))
     assert path[-1][:2] == pytest.approx((x, y + 2 / math.pi), abs=1e-3)
     assert path[-1] == path[-20]
-
-
-def test_waypoints_are_the_path() -> None:
+    # Waypoints are the path.
     drives = WaypointCommands(waypoints=(Waypoint(x=1.0, y=0.0), Waypoint(x=1.0, y=2.0)))
     path = build.commanded_path(like(DRIVE, commands=(drives,)), START, twists((0.0, 1.0, 0.0)), TIME)
     assert [point[:2] for point in path[1:]] == [(1.0, 0.0), (1.0, 2.0)]
-
-
-def test_a_long_path_has_fewer_points() -> None:
+    # A long path has fewer points.
     path = build.commanded_path(DRIVE, START, twists((0.0, 1.0, 0.1)), np.linspace(0.0, 600.0, 18_001))
     assert len(path) == build.MAX_PATH_POINTS
-
-
-def test_without_twists_there_is_no_path() -> None:
+    # Without twists there is no path.
     assert build.commanded_path(DRIVE, START, None, TIME) == ()
     assert build.commanded_path(DRIVE, START, twists((0.0, 1e300, 0.0)), TIME) == ()
 
 
-def test_columns_are_the_trace_to_half_a_step() -> None:
+def test_columns_of_the_motion() -> None:
+    # Columns are the trace to half a step.
     time = [0.0, 0.1, 0.2]
     frames = build.frames_of(trace(time, x=[0.0, 0.12345, 0.3], position=[0.0, 1.0004, 2.0]), [], RATE, [False, True])
     assert frames.count == 3
@@ -185,17 +169,13 @@ def test_columns_are_the_trace_to_half_a_step() -> None:
     assert frames.base[0].decoded(3) == pytest.approx([0.0, 0.12345, 0.3], abs=5e-5)
     assert frames.joints[0].decoded(3) == pytest.approx([0.0, 1.0004, 2.0], abs=5e-4)
     assert frames.joints[1].scale == 1e-4
-
-
-def test_turning_round_and_round_does_not_jump() -> None:
+    # Turning round and round does not jump.
     yaw = np.linspace(0, 8 * np.pi, 200)
     flipped = trace(list(np.arange(200) / 10), yaw=[float(np.remainder(turn, 2 * np.pi)) for turn in yaw])
     frames = build.frames_of(flipped, [], RATE, [False, False])
     for column in frames.base[3:]:
         assert np.abs(np.diff(column.decoded(200))).max() < 0.2
-
-
-def test_a_body_is_where_it_was_last_looked_at_and_not_where_it_waits() -> None:
+    # A body is where it was last looked at and not where it waits.
     record = BodyRecord(
         np.array([0.0, 1.0, 2.0]),
         np.array([[0.0, 0.0, 1e6], [1.0, 0.0, 0.5], [2.0, 0.0, 0.1]]),
@@ -206,15 +186,14 @@ def test_a_body_is_where_it_was_last_looked_at_and_not_where_it_waits() -> None:
     assert track[2].decoded(3) == pytest.approx([0.5, 0.5, 0.1])
 
 
-def test_the_very_last_moment_goes_on_as_it_went() -> None:
+def test_the_end_of_a_motion() -> None:
+    # The very last moment goes on as it went.
     turned = np.array([quaternion_from_rpy(0.0, 0.0, yaw) for yaw in (0.0, 0.1, 0.2)])
     record = BodyRecord(np.array([0.0, 0.1, 0.2]), np.outer([0.0, 1.0, 2.0], [1.0, 0.0, 0.0]), turned)
     (track,) = build.frames_of(trace([0.0, 0.1, 0.2, 0.25]), [build.Track(record)], RATE, [False, False]).tracks
     assert track[0].decoded(4) == pytest.approx([0.0, 1.0, 2.0, 2.5])
     assert 2 * np.arcsin(track[5].decoded(4)) == pytest.approx([0.0, 0.1, 0.2, 0.25], abs=3e-4)
-
-
-def test_what_lasts_for_hours_is_thinned_and_keeps_its_ends() -> None:
+    # What lasts for hours is thinned and keeps its ends.
     long = trace([step / 30 for step in range(2 * MAX_MOMENTS)])
     kept = build.thinned(long)
     assert len(kept) == MAX_MOMENTS
@@ -236,21 +215,15 @@ def test_the_force_of_an_impact_does_not_depend_on_the_rate(rate: int) -> None:
     assert (touch.force(rate), touch.impulse(rate)) == pytest.approx((10.0, 0.5))
 
 
-def test_a_step_longer_than_the_window_is_its_own_mean() -> None:
+def test_contacts_of_pairs() -> None:
+    # A step longer than the window is its own mean.
     (touch,) = build.joined_touches([contact(1.0, force=4.0), contact(13 / 12, force=6.0)])
     assert touch.force(12) == pytest.approx(6.0)
-
-
-def test_points_of_a_step_add_up() -> None:
+    # Points of a step add up.
     points = [contact(1.0, force=30.0), contact(1.0, force=40.0), contact(1.01, force=50.0), contact(1.02, force=5.0)]
     assert [touch.force(100) for touch in build.joined_touches(points)] == pytest.approx([(70 + 50 + 5) / 5])
-
-
-def test_a_pair_that_lets_go_touches_again() -> None:
     assert [touch.until for touch in build.joined_touches([contact(1.0), contact(1.05), contact(1.5)])] == [1.05, 1.5]
-
-
-def test_pairs_are_told_apart() -> None:
+    # Pairs are told apart.
     found = build.joined_touches(
         [contact(1.0), contact(1.0, body="ball"), contact(1.01), contact(1.01, link="caster_back_link")]
     )
@@ -261,21 +234,18 @@ def test_pairs_are_told_apart() -> None:
     ]
 
 
-def test_of_many_the_strongest_are_kept_in_the_order_of_time() -> None:
+def test_contacts_that_are_kept() -> None:
+    # Of many the strongest are kept in the order of time.
     many = [contact(float(number), force=float(number % 100)) for number in range(3 * MAX_CONTACTS)]
     kept, left_out = build.strongest_touches(build.joined_touches(many), {"base_footprint": 0}, {"wall": 0}, RATE)
     assert (len(kept), left_out) == (MAX_CONTACTS, 2 * MAX_CONTACTS)
     assert min(touch.force or 0.0 for touch in kept) >= 66 / 12
     assert [touch.time for touch in kept] == sorted(touch.time for touch in kept)
-
-
-def test_what_touches_something_unknown_is_passed_over() -> None:
+    # What touches something unknown is passed over.
     assert build.strongest_touches(
         build.joined_touches([contact(1.0, body="ground")]), {"base_footprint": 0}, {"wall": 0}, RATE
     ) == ((), 0)
-
-
-def test_a_contact_without_a_force_is_kept_before_weak_ones() -> None:
+    # A contact without a force is kept before weak ones.
     stuck = contact(0.5, force=0.0)._replace(has_force=False)
     many = [contact(float(number), force=float(number)) for number in range(1, 3 * MAX_CONTACTS)]
     kept, _ = build.strongest_touches(build.joined_touches([stuck, *many]), {"base_footprint": 0}, {"wall": 0}, RATE)
@@ -283,7 +253,8 @@ def test_a_contact_without_a_force_is_kept_before_weak_ones() -> None:
     assert all(touch.force is not None for touch in kept[1:])
 
 
-def test_the_force_on_the_link_has_a_direction_and_a_course() -> None:
+def test_the_course_of_a_force() -> None:
+    # The force on the link has a direction and a course.
     steps = [
         contact(step / RATE, force=6.0 if step < 8 else 12.0)._replace(normal_xyz=(0.0, -0.6, 0.8))
         for step in range(16)
@@ -292,9 +263,7 @@ def test_the_force_on_the_link_has_a_direction_and_a_course() -> None:
     assert found.normal == pytest.approx((0.0, -0.6, 0.8))
     assert found.period == pytest.approx(1 / 30)
     assert found.forces == Column(scale=0.01, first=600, deltas=(600,))
-
-
-def test_a_long_contact_has_fewer_forces() -> None:
+    # A long contact has fewer forces.
     steps = [contact(step / RATE)._replace(normal_xyz=(1.0, 0.0, 0.0)) for step in range(100 * RATE)]
     ((found,), _) = build.strongest_touches(build.joined_touches(steps), {"base_footprint": 0}, {"wall": 0}, RATE)
     assert found.period == pytest.approx(80 / RATE)
@@ -302,9 +271,7 @@ def test_a_long_contact_has_fewer_forces() -> None:
     # Each period has as many steps, so a constant force is a straight line.
     assert found.forces.decoded(300) == pytest.approx([12.5] * 300)
     assert found.forces.deltas == ()
-
-
-def test_a_contact_without_a_direction_has_no_course() -> None:
+    # A contact without a direction has no course.
     ((found,), _) = build.strongest_touches(
         build.joined_touches([contact(1.0)]), {"base_footprint": 0}, {"wall": 0}, RATE
     )

@@ -80,27 +80,24 @@ def test_joints_have_velocities_and_efforts_and_what_was_commanded() -> None:
     ]
 
 
-def test_contact_forces_are_the_mean_between_two_moments() -> None:
-    # 240 steps per second: 8 between two moments.
+def test_channels_of_contacts() -> None:
+    # Contact forces are the mean between two moments.
     pushed = [contact(step / 240, force=8.0) for step in range(9, 17)] + [contact(16 / 240, "ball", force=16.0)]
     found = stored(trace(TIME), contacts=pushed)
     forces = {name: channel.values.decoded(4).tolist() for (_, name, _), channel in found.items()}
     assert list(forces) == ["force of all bodies", "force of wall", "force of ball"]
     assert list(forces.values()) == [[0, 0, 10, 0], [0, 0, 8, 0], [0, 0, 2, 0]]
-
-
-def test_a_contact_without_a_force_has_no_curve() -> None:
+    # A contact without a force has no curve.
     rigid = contact(0.01, "gate", force=0.0)._replace(has_force=False)
     assert stored(trace(TIME), contacts=[rigid]) == {}
     assert list(stored(trace(TIME), contacts=[rigid, contact(0.01)])) == [("contacts", "force of wall", False)]
-
-
-def test_many_touched_bodies_have_one_force() -> None:
+    # Many touched bodies have one force.
     pushed = [contact(0.01, f"body {number}") for number in range(channels.MAX_TOUCHED + 1)]
     assert list(stored(trace(TIME), contacts=pushed)) == [("contacts", "force of all bodies", False)]
 
 
-def test_a_lidar_has_its_nearest_range_and_where_it_is() -> None:
+def test_channels_of_sensors_and_wrenches() -> None:
+    # A lidar has its nearest range and where it is.
     log = logs.lidar("scan", 3, lambda time: [math.inf] * 4 if time > 0.15 else [2.0, -math.inf if time else 1.5, 3, 3])
     found = stored(trace([0.0, 0.1, 0.2]), readings=[log])
     nearest, bearing = found["scan", "nearest range", False], found["scan", "bearing of the nearest", False]
@@ -125,17 +122,13 @@ def test_sensors_have_their_columns_with_orientations_as_angles() -> None:
     assert found["imu", "linear acceleration z", False].unit == "m/s^2"
 
 
-def test_a_camera_has_no_channels() -> None:
+def test_channels_of_other_sensors_and_of_wrenches() -> None:
     assert stored(trace(TIME), readings=[logs.log(Camera(), "eye", [])]) == {}
-
-
-def test_odometry_has_pose_and_twist() -> None:
+    # Odometry has pose and twist.
     log = logs.log(Odometry(), "odometry", [OdometryReading(0.0, Pose(), Twist(linear_xyz=ZERO))])
     names = [name for _, name, _ in stored(trace([0.0]), readings=[log])]
     assert names[:6] == ["position x", "position y", "position z", "roll", "pitch", "yaw"]
-
-
-def test_wrenches_that_push_are_channels() -> None:
+    # Wrenches that push are channels.
     told = CommandedValues.of([(0.0, {"force on arm x": 0.0, "force on arm z": 5.0, "torque on arm z": 1.0})])
     found = stored(trace(TIME), commanded={"wrench": told})
     assert {key: channel.unit for key, channel in found.items()} == {
@@ -144,14 +137,14 @@ def test_wrenches_that_push_are_channels() -> None:
     }
 
 
-def test_ranges_without_a_return_take_no_space_and_give_no_warning() -> None:
+def test_the_number_of_values_is_limited() -> None:
+    # Ranges without a return take no space and give no warning.
     values = np.array([math.inf, math.inf, 1.0, 1.0, math.inf])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert Curve("a", "b", "m", np.arange(5.0), values).size == 2
 
-
-def test_those_with_the_most_values_are_halved_first() -> None:
+    # Those with the most values are halved first.
     def curve(count: int) -> Curve:
         time = np.arange(count, dtype=np.float64)
         return Curve("a", "b", "m", time, time)
@@ -160,8 +153,6 @@ def test_those_with_the_most_values_are_halved_first() -> None:
     kept = thinned_curves([slow, fast, also_fast], 700)
     assert [len(found.time) for found in kept] == [100, 250, 250]
     assert thinned_curves([slow, fast], 5000) == [slow, fast]
-
-
-def test_there_are_no_more_channels_than_can_be_read() -> None:
+    # There are no more channels than can be read.
     told = CommandedValues.of([(0.0, {f"force on link {number} z": 1.0 for number in range(MAX_CHANNELS + 10)})])
     assert len(stored(trace(TIME), commanded={"wrench": told})) == MAX_CHANNELS

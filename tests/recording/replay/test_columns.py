@@ -39,18 +39,14 @@ def test_what_is_beyond_everything_is_a_number(value: float) -> None:
     assert np.isfinite(column.decoded(2)).all()
 
 
-def test_what_never_changes_has_no_deltas() -> None:
+def test_what_never_changes_and_what_is_before_a_gap() -> None:
+    # What never changes has no deltas.
     column = Column.encoded(np.full(900, 0.25), 1e-3)
-
     assert (column.first, column.deltas) == (250, ())
     assert column.decoded(900).tolist() == [0.25] * 900
-
-
-def test_values_within_half_a_step_before_a_gap_are_kept_after_it() -> None:
+    # Values within half a step before a gap are kept after it.
     values = np.array([np.nan, 1.0, np.nan, np.nan, 2.0])
-
     column = Column.encoded(values, 0.5)
-
     assert column.gaps == ((0, 1), (2, 2))
     assert column.deltas == (0, 0, 0, 2)
 
@@ -79,12 +75,15 @@ def test_a_fine_scale_is_a_power_of_ten(values: list[float], scale: float) -> No
     assert fine_scale(np.array(values)) == pytest.approx(scale)
 
 
-def test_a_column_fits_its_own_number_of_moments_alone() -> None:
+def test_the_number_of_moments_of_a_column() -> None:
+    # A column fits its own number of moments alone.
     column = Column(scale=1.0, first=0, deltas=(1, 2), gaps=((1, 2),))
-
     assert column.fits(3)
     assert not column.fits(4)
     assert not Column(scale=1.0, first=0, gaps=((1, 2),)).fits(2)
+    # Text of another length does not fit.
+    assert not TextColumn(scale=1.0, first=0, deltas="$$").fits(4)
+    assert not TextColumn(scale=1.0, first=0, gaps=((1, 4),)).fits(4)
 
 
 @given(lengths.flatmap(lambda n: arrays(np.float64, n, elements=ordinary)))
@@ -99,13 +98,11 @@ def test_a_column_of_text_gives_back_what_was_encoded(values: FloatArray) -> Non
     assert np.abs(found.decoded(len(values)) - values).max() <= scale * 0.5 + 1e-9
 
 
-def test_a_column_of_text_has_gaps() -> None:
+def test_gaps_and_large_differences_in_a_column_of_text() -> None:
+    # A column of text has gaps.
     column = TextColumn.encoded(np.array([np.nan, 1.0, np.inf, 2.0]), 0.5)
     np.testing.assert_array_equal(column.decoded(4), [np.nan, 1.0, np.nan, 2.0])
     assert (column.deltas, column.gaps) == ("  $", ((0, 1), (2, 1)))
-
-
-def test_a_column_of_text_cuts_a_difference_that_no_fine_scale_has() -> None:
     assert TextColumn.encoded(np.array([0.0, 1e9]), 1.0).decoded(2).tolist() == [0, MAX_DELTA]
 
 
@@ -117,8 +114,3 @@ def test_a_column_of_text_knows_whether_it_rises(
     deltas: str, gaps: tuple[tuple[int, int], ...], *, rises: bool
 ) -> None:
     assert TextColumn(scale=1.0, first=0, deltas=deltas, gaps=gaps).rises == rises
-
-
-def test_text_of_another_length_does_not_fit() -> None:
-    assert not TextColumn(scale=1.0, first=0, deltas="$$").fits(4)
-    assert not TextColumn(scale=1.0, first=0, gaps=((1, 4),)).fits(4)

@@ -74,7 +74,8 @@ def test_the_burger_is_there_with_its_wheels() -> None:
     assert all(link.shapes for link in found.links)
 
 
-def test_scenes_of_one_robot_and_world_are_drawn_once() -> None:
+def test_bodies_of_a_scene() -> None:
+    # Scenes of one robot and world are drawn once.
     here = scene()
     there = replace(here, robot=like(here.robot, pose=Placement(x=2.0, yaw=1.0)))
     assert scenery(there, ["ball"]) is scenery(here, ["ball"])
@@ -82,14 +83,10 @@ def test_scenes_of_one_robot_and_world_are_drawn_once() -> None:
     assert len(scenery(replace(here, world=World()), []).bodies) == 0
     renamed = replace(here, model=replace(here.model, name="another"))
     assert scenery(renamed, []).robot == "another"
-
-
-def test_bodies_whose_shapes_were_read_from_files_are_drawn_anew() -> None:
+    # Bodies whose shapes were read from files are drawn anew.
     of_files = replace(scene(), parts={"wall": (BoxPart((1.0, 1.0, 1.0)),)})
     assert scenery(of_files, []) is not scenery(of_files, [])
-
-
-def test_bodies_are_where_they_begin() -> None:
+    # Bodies are where they begin.
     wall, ball, _ = scenery(scene(), ["ball"]).bodies
     assert (wall.name, wall.track, wall.pose) == ("wall", None, (0.0, 0.0, 0.25, 0.0, 0.0, 0.0, 1.0))
     assert (ball.name, ball.track, ball.pose[2]) == ("ball", 0, 0.1)
@@ -98,7 +95,8 @@ def test_bodies_are_where_they_begin() -> None:
     assert shape.half == (0.1, 0.1, 0.1)
 
 
-def test_what_a_model_draws_is_what_is_seen(tmp_path: Path) -> None:
+def test_links_with_and_without_looks(tmp_path: Path) -> None:
+    # What a model draws is what is seen.
     base, hand = seen(tmp_path, BOX.format(material=RED), BOX.format(material=BLUE)).links
     for link, color in ((base, (1.0, 0.0, 0.0)), (hand, (0.0, 0.0, 1.0))):
         (shape,) = link.shapes
@@ -107,19 +105,16 @@ def test_what_a_model_draws_is_what_is_seen(tmp_path: Path) -> None:
     assert [link.shapes[0].opacity for link in (base, hand)] == [0.5, 1.0]
     assert hand.joint is not None
     assert (hand.joint.type, hand.origin[2]) == ("prismatic", 2.0)
-
-
-def test_without_looks_it_is_what_can_be_touched(tmp_path: Path) -> None:
+    # Without looks it is what can be touched.
     base, hand = seen(tmp_path).links
     assert [shape.kind for shape in (*base.shapes, *hand.shapes)] == ["box", "ellipsoid"]
-
-
-def test_a_link_that_is_not_drawn_on_a_robot_that_is_cannot_be_seen(tmp_path: Path) -> None:
+    # A link that is not drawn on a robot that is cannot be seen.
     base, hand = seen(tmp_path, BOX.format(material="")).links
     assert (len(base.shapes), len(hand.shapes)) == (1, 0)
 
 
-def test_meshes_of_one_file_are_one(tmp_path: Path) -> None:
+def test_meshes_and_their_colours(tmp_path: Path) -> None:
+    # Meshes of one file are one.
     found = seen(tmp_path, MESH.format(material=RED), MESH.format(material=BLUE))
     shapes = [shape for link in found.links for shape in link.shapes]
     assert all(isinstance(shape, scene_data.MeshShape) for shape in shapes)
@@ -128,16 +123,18 @@ def test_meshes_of_one_file_are_one(tmp_path: Path) -> None:
     (mesh,) = found.meshes.values()
     assert extents(mesh) == pytest.approx([4 * half for half in HALF], abs=2e-3)
     assert len(mesh.triangles) == 3 * 12
-
-
-def test_a_mesh_without_a_material_in_the_model_has_the_colour_of_its_file(tmp_path: Path) -> None:
+    # A mesh without a material in the model has the colour of its file.
     (tmp_path / "box.obj").write_bytes(b"mtllib box.mtl\nusemtl paint\n" + obj())
     (tmp_path / "box.mtl").write_bytes(b"newmtl paint\nKd 0 0.5 1\n")
-    mesh = MESH.replace("box.stl", "box.obj")
+    text = MESH.replace("box.stl", "box.obj")
     stated, own = (
-        link.shapes[0].color for link in seen(tmp_path, mesh.format(material=RED), mesh.format(material="")).links
+        link.shapes[0].color for link in seen(tmp_path, text.format(material=RED), text.format(material="")).links
     )
     assert (stated, own) == ((1, 0, 0), (0, 0.5, 1))
+    # A colour that is none is grey.
+    odd = BOX.format(material='<material name="x"><color rgba="1 nan"/></material>')
+    (shape,) = seen(tmp_path, odd).links[0].shapes
+    assert shape.color == (0.8, 0.8, 0.8)
 
 
 @pytest.mark.parametrize("data", [b"solid nothing", b"", b"\x00" * 84])
@@ -157,12 +154,6 @@ def test_a_look_that_is_none_is_passed_over(shape: str, tmp_path: Path) -> None:
     odd = f"<visual><geometry>{shape}</geometry></visual>"
     found = seen(tmp_path, odd + BOX.format(material=""))
     assert len(found.links[0].shapes) == 1
-
-
-def test_a_colour_that_is_none_is_grey(tmp_path: Path) -> None:
-    odd = BOX.format(material='<material name="x"><color rgba="1 nan"/></material>')
-    (shape,) = seen(tmp_path, odd).links[0].shapes
-    assert shape.color == (0.8, 0.8, 0.8)
 
 
 WORLD = """\

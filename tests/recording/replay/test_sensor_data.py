@@ -37,7 +37,8 @@ def stored(*several: ReadingLog, end: float = 100.0) -> tuple[ScanData, ...]:
     return stored_scans({log.mounted.name: log for log in several}, LINKS, "base_footprint", end, RATE)
 
 
-def test_scans_are_stored_to_a_centimetre() -> None:
+def test_scans_are_stored_and_thinned() -> None:
+    # Scans are stored to a centimetre.
     (found,) = stored(logs.lidar("front", 3, lambda time: [1.0 + time, math.inf, -math.inf, 2.345], rate=5.0))
     assert (found.sensor, found.link, found.rays, found.count) == ("front", 0, 4, 3)
     assert (found.every_scan, found.every_ray) == (1, 1)
@@ -46,15 +47,11 @@ def test_scans_are_stored_to_a_centimetre() -> None:
     expected = [[1.0 + time, math.inf, -math.inf, 2.345] for time in (0.0, 0.2, 0.4)]
     np.testing.assert_allclose(found.decoded(), expected, atol=0.0051)
     assert ScanData.model_validate_json(found.model_dump_json()) == found
-
-
-def test_a_fast_lidar_keeps_five_scans_per_second() -> None:
+    # A fast lidar keeps five scans per second.
     (found,) = stored(logs.lidar("front", 41, lambda _: [1.0], rate=40.0))
     assert found.every_scan == 8
     np.testing.assert_allclose(found.time.decoded(found.count), [0.0, 0.2, 0.4, 0.6, 0.8, 1.0])
-
-
-def test_scans_after_the_end_and_other_sensors_are_left_out() -> None:
+    # Scans after the end and other sensors are left out.
     (found,) = stored(logs.lidar("front", 10, lambda _: [1.0], rate=5.0), logs.bumper("bumper", {}), end=0.4)
     assert found.count == 3
 
@@ -130,24 +127,20 @@ def test_a_picture_keeps_its_pixels_or_every_nth(size: tuple[int, int], step: in
     np.testing.assert_array_equal(pixels(png_of(taken.rgb)), taken.rgb[::step, ::step])
 
 
-def test_pictures_are_stored_with_their_times() -> None:
+def test_pictures_are_stored_within_their_size() -> None:
+    # Pictures are stored with their times.
     plain = np.full((120, 160, 3), 7, dtype=np.uint8)
     log = logs.log(Camera(), "eye", [image(number / 2, plain) for number in range(5)], rate=2.0)
     (found,) = stored_pictures({"eye": log}, 1.5)
     assert (found.sensor, found.every, [picture.time for picture in found.pictures]) == ("eye", 1, [0.0, 0.5, 1.0, 1.5])
     np.testing.assert_array_equal(pixels(base64.b64decode(found.pictures[0].png)), plain)
     assert type(found).model_validate_json(found.model_dump_json()) == found
-
-
-def test_pictures_that_are_too_large_are_left_out() -> None:
+    # Pictures that are too large are left out.
     log = logs.log(Camera(), "eye", noise(20), rate=2.0)
     (found,) = stored_pictures({"eye": log}, 100.0)
     assert found.every > 1
     assert found.size <= MAX_PICTURE_BYTES
     assert [picture.time for picture in found.pictures] == [number / 2 for number in range(0, 20, found.every)]
-
-
-def test_other_sensors_take_no_pictures() -> None:
     assert stored_pictures({"front": logs.lidar("front", 3, lambda _: [1.0])}, 1.0) == ()
 
 

@@ -44,47 +44,39 @@ def seen(film: Trace, scene: Scene, *several: ReadingLog) -> tuple[ObstacleData,
     return obstacles_of(scene, film, {log.mounted.name: log for log in several})
 
 
-def test_the_first_return_from_a_touched_body_counts() -> None:
+def test_sightings_of_touched_bodies() -> None:
+    # The first return from a touched body counts.
     (found,) = seen(BUMP, where(), logs.lidar("front", 21, ahead(2.0)), logs.lidar("far", 21, ahead(2.5)))
     assert (found.body, found.touched) == (0, 1.95)
     (far, near) = found.seen
     assert (far.sensor, far.kind, far.time, far.distance, far.angle) == ("far", "lidar", 0.4, 2.5, 0.0)
     assert (near.sensor, near.time) == ("front", 0.9)
-
-
-def test_a_bumper_sees_by_touch() -> None:
+    # A bumper sees by touch.
     (found,) = seen(BUMP, where(), logs.bumper("bumper", {0.5: "ground", 0.8: "wall"}))
     assert [(one.sensor, one.kind, one.time, one.distance) for one in found.seen] == [("bumper", "contact", 0.8, None)]
-
-
-def test_a_sighting_says_of_how_many_readings_one_was_looked_at() -> None:
+    # A sighting says of how many readings one was looked at.
     (found,) = seen(BUMP, where(), logs.lidar("front", 121, ahead(2.0), rate=60.0))
     assert [(one.time, one.every) for one in found.seen] == [(0.9, 2)]
+    # Returns after the end of the run do not count.
+    film = replace(BUMP.rows(slice(0, 16)), contacts=BUMP.contacts)
+    (found,) = seen(film, where(), logs.lidar("front", 21, ahead(2.0)))
+    assert found.seen == ()
 
 
-def test_a_body_that_no_sensor_saw_is_said() -> None:
+def test_obstacles_that_were_not_seen_or_touched() -> None:
+    # A body that no sensor saw is said.
     (found,) = seen(BUMP, where(), logs.lidar("front", 21, ahead(0.5)))
     assert (found.touched, found.seen) == (1.95, ())
-
-
-def test_a_body_that_was_only_near_is_an_obstacle() -> None:
+    # A body that was only near is an obstacle.
     nearest = ClearanceRecord.of(
         [Nearness(1.0, 0.8, "base_footprint", "other"), Nearness(2.0, 0.3, "base_scan", "wall")]
     )
     film = replace(DRIVE, clearances={ClearanceWatch(): nearest})
     (found,) = seen(film, where(), logs.lidar("front", 21, ahead(2.0)))
     assert (found.touched, [one.time for one in found.seen]) == (None, [0.9])
-
-
-def test_without_sensors_that_look_there_is_nothing_to_say() -> None:
+    # Without sensors that look there is nothing to say.
     assert seen(BUMP, where()) == ()
     assert seen(DRIVE, where(), logs.lidar("front", 21, ahead(2.0))) == ()
-
-
-def test_returns_after_the_end_of_the_run_do_not_count() -> None:
-    film = replace(BUMP.rows(slice(0, 16)), contacts=BUMP.contacts)
-    (found,) = seen(film, where(), logs.lidar("front", 21, ahead(2.0)))
-    assert found.seen == ()
 
 
 @pytest.mark.parametrize("appears", [None, 1.5])
@@ -98,13 +90,23 @@ def test_moving_bodies_are_seen_where_they_are(appears: float | None) -> None:
     assert [one.time for one in found.seen] == [appears or 1.0]
 
 
-def test_a_noisy_return_from_behind_a_low_body_is_not_from_it() -> None:
+def test_returns_that_are_not_from_a_body() -> None:
+    # A noisy return from behind a low body is not from it.
     low = Body(name="box", box=(0.2, 2.0, 0.1), pose=Placement(x=2.8, z=0.05))
     film = replace(DRIVE, contacts=(traces.contact(1.9, body="box"),))
     scans = [logs.scan(number / 10, [2.9 - number / 10, math.inf]) for number in range(21)]
     lidar = logs.log(Lidar(rays=2, noise=0.03), "front", scans, pose=Pose((0.0, 0.0, 0.15)))
     found = seen(film, where(low, WALL), lidar)
     assert [(one.body, one.seen) for one in found] == [(0, ())]
+    # A return is not from behind the sensor.
+    behind = Body(name="box", box=(0.2, 2.0, 1.0), pose=Placement(x=-0.15))
+    scans = [logs.scan(number / 10, [0.1, math.inf]) for number in range(21)]
+    (unseen,) = seen(standing(0.0, "box"), where(behind), logs.log(Lidar(rays=2, noise=0.05), "front", scans))
+    assert unseen.seen == ()
+    # The nearest part counts.
+    parts = [SpherePart(0.5), SpherePart(0.5, Pose((2.0, 0.0, 0.0)))]
+    assert distance_to(parts, np.array([[1.6, 0.0, 0.0], [0.0, 1.0, 0.0]])) == pytest.approx([-0.1, 0.5])
+    assert len(distance_to(parts, np.empty((0, 3)))) == 0
 
 
 def standing(x: float, body: str) -> Trace:
@@ -119,13 +121,6 @@ def test_a_lidar_on_a_surface_sees_it(noise: float) -> None:
     assert [(one.time, one.distance) for one in found.seen] == [(0.0, 0.0)]
 
 
-def test_a_return_is_not_from_behind_the_sensor() -> None:
-    behind = Body(name="box", box=(0.2, 2.0, 1.0), pose=Placement(x=-0.15))
-    scans = [logs.scan(number / 10, [0.1, math.inf]) for number in range(21)]
-    (found,) = seen(standing(0.0, "box"), where(behind), logs.log(Lidar(rays=2, noise=0.05), "front", scans))
-    assert found.seen == ()
-
-
 def test_lidars_that_saw_nothing_of_a_body_are_named_with_their_share() -> None:
     blind, thinned = (
         logs.lidar(name, round(2 * rate) + 1, lambda _: [math.inf, 0.5], rate=rate)
@@ -138,32 +133,27 @@ def test_lidars_that_saw_nothing_of_a_body_are_named_with_their_share() -> None:
     assert [(one.sensor, one.every) for one in found.blind] == [("blind", 1), ("thinned", 2)]
 
 
-@pytest.mark.parametrize(("noise", "count"), [(0.0, 0), (0.02, 1)])
-def test_noisy_returns_count_within_their_noise(noise: float, count: int) -> None:
+def test_returns_of_noisy_late_and_turning_runs() -> None:
+    # Noisy returns count within their noise.
     scans = [logs.scan(number / 10, [2.0 - 0.05, math.inf]) for number in range(21)]
-    lidar = logs.log(Lidar(rays=2, noise=noise), "front", scans, pose=Pose())
-    (sighting,) = seen(standing(0.9, "wall"), where(), lidar)
-    assert len(sighting.seen) == count
-
-
-def test_a_body_is_found_late_in_a_long_run() -> None:
+    for noise, expected in ((0.0, 0), (0.02, 1)):
+        lidar = logs.log(Lidar(rays=2, noise=noise), "front", scans, pose=Pose())
+        (found,) = seen(standing(0.9, "wall"), where(), lidar)
+        assert len(found.seen) == expected
+    # A body is found late in a long run.
     times = [step / 30 for step in range(301)]
     film = replace(traces.trace(times, x=[0.29 * time for time in times]), contacts=(traces.contact(9.9),))
     log = logs.lidar("front", 101, lambda time: [2.9 - 0.29 * time if time >= 7.6 else math.inf, math.inf])
     (found,) = seen(film, where(), log)
     assert [one.time for one in found.seen] == [7.6]
-
-
-def test_the_nearest_return_from_a_body_counts_with_its_direction() -> None:
+    # The nearest return from a body counts with its direction.
     right = Body(name="wall", box=(4.0, 0.2, 0.5), pose=Placement(y=-1.1))
     angles = (1.4 * math.pi, 1.5 * math.pi, 1.6 * math.pi)
     ranges = np.array([1.0 / abs(math.sin(angle)) for angle in angles])
     scan = LidarScan(0.1, angles[0], 0.1 * math.pi, 0.1, 5.0, ranges)
     (found,) = seen(standing(0.0, "wall"), where(right), logs.log(Lidar(rays=3), "front", [scan]))
     assert [(one.distance, one.angle) for one in found.seen] == [(1.0, round(-math.pi / 2, 4))]
-
-
-def test_a_body_whose_quaternion_changes_sign_is_seen_between_two_moments() -> None:
+    # A body whose quaternion changes sign is seen between two moments.
     long = Body(name="wall", box=(0.2, 2.0, 0.5), mass=1.0)
     rows = np.tile([2.0, 0.0, 0.0], (61, 1)), np.outer([(-1.0) ** step for step in range(61)], [0, 0, 1.0, 0])
     film = replace(standing(0.0, "wall"), bodies={"wall": BodyRecord(DRIVE.time, *rows)})
@@ -197,9 +187,3 @@ TRIANGLE = SurfacePart(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.
 )
 def test_distances(part: Part, point: tuple[float, float, float], expected: float) -> None:
     assert distance_to([part], np.array([point, point])) == pytest.approx([expected, expected])
-
-
-def test_the_nearest_part_counts() -> None:
-    parts = [SpherePart(0.5), SpherePart(0.5, Pose((2.0, 0.0, 0.0)))]
-    assert distance_to(parts, np.array([[1.6, 0.0, 0.0], [0.0, 1.0, 0.0]])) == pytest.approx([-0.1, 0.5])
-    assert len(distance_to(parts, np.empty((0, 3)))) == 0

@@ -42,9 +42,21 @@ def test_a_ball_of_few_triangles_is_a_ball(most: int) -> None:
     assert volume(few) == pytest.approx(4 / 3 * np.pi, rel=0.35)  # and its outside is outside
 
 
-def test_what_has_few_triangles_keeps_them() -> None:
+def test_budgets_of_triangles() -> None:
+    # What has few triangles keeps them.
     few = ball(4)
     assert surfaces.simplified(few, 1_000) is few
+    # Large surfaces get more of a budget.
+    large, small = surfaces.within(surfaces.Budget(3_000, 2_000), [ball(40, 3.0), ball(40, 1.0)])
+    assert len(large) > 2 * len(small) > 200
+    assert (large.stated, small.stated) == (len(ball(40)), len(ball(40)))
+    # A budget is shared by those that need it.
+    small, large = ball(3), ball(40)
+    assert [len(found) for found in surfaces.within(surfaces.Budget(1_000, 1_500), [small])] == [len(small)]
+    kept = surfaces.within(surfaces.Budget(1_000, 1_500), [large, small, large])
+    assert len(kept[1]) == len(small)
+    assert sum(map(len, kept)) <= 1_500
+    assert min(len(kept[0]), len(kept[2])) > 300
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 400), st.integers(1, 50))
@@ -58,12 +70,6 @@ def test_no_surface_is_beyond_its_budget(seed: int, count: int, most: int) -> No
     assert (few.corners >= 0).all()
 
 
-def test_large_surfaces_get_more_of_a_budget() -> None:
-    large, small = surfaces.within(surfaces.Budget(3_000, 2_000), [ball(40, 3.0), ball(40, 1.0)])
-    assert len(large) > 2 * len(small) > 200
-    assert (large.stated, small.stated) == (len(ball(40)), len(ball(40)))
-
-
 @pytest.mark.parametrize("radius", [0.0, np.nan, np.inf])
 def test_a_surface_without_an_extent_takes_nothing_from_the_others(radius: float) -> None:
     with np.errstate(invalid="ignore"):
@@ -72,16 +78,8 @@ def test_a_surface_without_an_extent_takes_nothing_from_the_others(radius: float
     assert len(kept) > 500
 
 
-def test_a_budget_is_shared_by_those_that_need_it() -> None:
-    small, large = ball(3), ball(40)
-    assert [len(found) for found in surfaces.within(surfaces.Budget(1_000, 1_500), [small])] == [len(small)]
-    kept = surfaces.within(surfaces.Budget(1_000, 1_500), [large, small, large])
-    assert len(kept[1]) == len(small)
-    assert sum(map(len, kept)) <= 1_500
-    assert min(len(kept[0]), len(kept[2])) > 300
-
-
-def test_a_stored_mesh_is_where_the_surface_was() -> None:
+def test_stored_meshes() -> None:
+    # A stored mesh is where the surface was.
     surface = surfaces.Triangles(ball(10).points_xyz + np.array([100.0, 0.0, -50.0]), ball(10).corners)
     mesh = surfaces.mesh_data(surface)
     assert mesh is not None
@@ -91,9 +89,7 @@ def test_a_stored_mesh_is_where_the_surface_was() -> None:
     assert there.max(axis=(0, 1)) == pytest.approx([101, 1, -49], abs=2e-3)
     about = surfaces.Triangles(points * np.float64(mesh.scale) - np.array([100.0, 0.0, -50.0]), corners)
     assert volume(about) == pytest.approx(volume(ball(10)), rel=0.01)
-
-
-def test_meshes_that_are_alike_have_one_name() -> None:
+    # Meshes that are alike have one name.
     first, second, other = (surfaces.mesh_data(ball(rings)) for rings in (5, 5, 6))
     assert first is not None
     assert second is not None
@@ -108,11 +104,9 @@ def test_what_cannot_be_seen_is_no_mesh(points: np.ndarray) -> None:
     assert surfaces.mesh_data(surfaces.Triangles(points, np.array([[0, 1, 2]]))) is None
 
 
-def test_a_mirrored_surface_has_its_outside_outside() -> None:
+def test_mirrored_surfaces_and_heightfields() -> None:
     assert volume(ball(10).scaled((-1.0, 2.0, 1.0))) == pytest.approx(2 * volume(ball(10)))
-
-
-def test_a_heightfield_comes_down_to_its_samples_and_keeps_its_edges() -> None:
+    # A heightfield comes down to its samples and keeps its edges.
     x = np.linspace(-1, 1, 300)
     heights = x[None, :] ** 2 + 0.5 * np.linspace(-1, 1, 200)[:, None]
     surface = surfaces.coarse_surface(GridPart((4.0, 2.0), heights))
@@ -121,8 +115,6 @@ def test_a_heightfield_comes_down_to_its_samples_and_keeps_its_edges() -> None:
     assert surface.points_xyz.max(axis=0) == pytest.approx([2, 1, heights.max()], abs=2e-3)
     expected = (surface.points_xyz[:, 0] / 2) ** 2 + 0.5 * surface.points_xyz[:, 1]
     assert surface.points_xyz[:, 2] == pytest.approx(expected, abs=1e-3)
-
-
-def test_a_small_heightfield_stays_as_it_is() -> None:
+    # A small heightfield stays as it is.
     surface = surfaces.coarse_surface(GridPart((1.0, 1.0), np.array([[0.0, 1.0], [2.0, 3.0], [4.0, 5.0]])))
     assert surface.points_xyz[:, 2].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]

@@ -79,13 +79,12 @@ def test_a_complaint_is_one_line_and_on_github_an_annotation() -> None:
     assert on_github == "::error title=sim-action::no scenario in 'a%0A::error::b # #[error]c'"
 
 
-def test_it_says_where_in_the_report_that_is(options: ReportOptions) -> None:
+def test_links_to_the_report(options: ReportOptions) -> None:
+    # It says where in the report that is.
     outcome = like(SAMPLES["cut"].outcomes[0], replay="replays/a.json.gz")
     (cause,) = lines(results_of(outcome), options)
     assert cause.endswith("with 4.1 N (replay at 3.20 s: report.html#scenario=burger%2520hits%2520the%2520wall&t=3.2)")
-
-
-def test_a_crash_leads_to_what_there_is_of_the_run(options: ReportOptions) -> None:
+    # A crash leads to what there is of the run.
     outcome = like(SAMPLES["crash"].outcomes[0], replay="replays/a.json.gz")
     (line,) = lines(results_of(outcome), options)
     assert line.endswith("(replay: report.html#scenario=burger%2520falls%2520apart)")

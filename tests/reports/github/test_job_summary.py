@@ -38,20 +38,13 @@ def test_nothing_without_a_file(options: ReportOptions, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_worst_first(options: ReportOptions) -> None:
+def test_the_summary_fits_the_worst_first(options: ReportOptions) -> None:
+    # Worst first.
     kinds = ("passed", "warning", "failed", "crash")
     outcomes = [like(SAMPLES[kind].outcomes[0], name=kind) for kind in kinds]
     headings = [line for line in summary(results_of(*outcomes), options).splitlines() if line.startswith("### ")]
     assert headings == ["### 💥 crash", "### ❌ failed", "### ⚠️ warning", "### ✅ passed"]
-
-
-def test_details_are_closed(kind: str, options: ReportOptions) -> None:
-    tokens = MarkdownIt("commonmark").enable("table").parse(summary(SAMPLES[kind], options))
-    html = "".join(token.content for token in tokens if token.type == "html_block")
-    assert html.count("<details>") == html.count("</details>")
-
-
-def test_500_scenarios_fit_failures_first(options: ReportOptions) -> None:
+    # 500 scenarios fit failures first.
     passed = like(SAMPLES["passed"].outcomes[0], output="x" * 10_000)
     failed = SAMPLES["failed"].outcomes[0]
     failing = [like(failed, name=f"failing {number}") for number in range(100)]
@@ -61,6 +54,13 @@ def test_500_scenarios_fit_failures_first(options: ReportOptions) -> None:
     assert text.index("### ❌ failing 99") < text.index("### ✅")
     assert "more scenarios are not shown" in text
     assert "<summary>400 scenarios passed</summary>" in text
+    assert summary(SAMPLES["failed"], options, most_bytes=100) == ""
+
+
+def test_details_are_closed(kind: str, options: ReportOptions) -> None:
+    tokens = MarkdownIt("commonmark").enable("table").parse(summary(SAMPLES[kind], options))
+    html = "".join(token.content for token in tokens if token.type == "html_block")
+    assert html.count("<details>") == html.count("</details>")
 
 
 @pytest.mark.parametrize("count", [1, 3, 20_000])
@@ -71,10 +71,6 @@ def test_what_is_huge_fits(count: int, options: ReportOptions, tmp_path: Path) -
     outcome = Outcome(name="n" * 120, file="f", status="error", failures=failures, output="#" * 64_000)
     write_summary(results_of(*[outcome] * count), replace(options, environment={"GITHUB_STEP_SUMMARY": str(file)}))
     assert 500_000 < file.stat().st_size <= MAX_BYTES
-
-
-def test_no_room_is_no_error(options: ReportOptions) -> None:
-    assert summary(SAMPLES["failed"], options, most_bytes=100) == ""
 
 
 @settings(examples(50), suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -105,14 +101,13 @@ def test_golden_with_charts(options: ReportOptions, golden: Callable[[str, str],
     golden("charts.md", summary(with_replays(SAMPLES["failed"], options), replace(options, environment=ON_GITHUB)))
 
 
-def test_what_failed_is_drawn_and_what_held_is_not(options: ReportOptions) -> None:
+def test_failures_are_drawn_up_to_a_number(options: ReportOptions) -> None:
+    # What failed is drawn and what held is not.
     text = summary(with_replays(SAMPLES["failed"], options), options)
     wall, straight = text.split("### ❌ ")[1:]
     assert (wall.count("```mermaid"), straight.count("```mermaid")) == (2, 1)
     assert "mermaid" not in summary(with_replays(SAMPLES["passed"], options), options)
-
-
-def test_a_page_has_few_charts_however_many_fail(options: ReportOptions) -> None:
+    # A page has few charts however many fail.
     failed = SAMPLES["failed"].outcomes[0]
     outcomes = [like(failed, name=f"failing {number}") for number in range(100)]
     text = summary(with_replays(results_of(*outcomes), options), options)

@@ -55,16 +55,15 @@ def test_a_curve_stands_beside_its_limit_and_the_title_says_which_is_which() -> 
     assert limit == [1.5, 1.5]
 
 
-def test_angles_are_in_degrees() -> None:
+def test_units_and_limits_of_a_chart() -> None:
+    # Angles are in degrees.
     text = chart(curve(name="tilt", unit="rad", values=VALUES * math.pi / 18, upper=math.pi / 9))
     assert '"tilt (level line: limit, at most 20 deg)"' in text
     assert '"in deg"' in text
     values, limit = lines(text)
     assert max(values) == 10.0
     assert limit == [20.0, 20.0]
-
-
-def test_both_limits_are_drawn() -> None:
+    # Both limits are drawn.
     text = chart(curve(lower=-1.0, upper=2.0))
     assert "level lines: limits, at least -1 m and at most 2 m" in text
     assert lines(text)[1:] == [[-1.0, -1.0], [2.0, 2.0]]
@@ -101,20 +100,17 @@ def test_one_moment_is_no_curve(count: int) -> None:
     assert chart(curve(time=TIME[:count], values=VALUES[:count])) == ""
 
 
-def test_a_blow_of_one_step_is_seen() -> None:
+def test_peaks_curves_and_moments_are_kept() -> None:
+    # A blow of one step is seen.
     time = np.arange(0, 30, 1 / 240)
     force = np.where(np.arange(len(time)) == 1234, 80.0, 0.0)
     assert max(sampled(time, force)) == 80.0
     assert len(sampled(time, force)) == 60
-
-
-def test_a_smooth_curve_stays_smooth() -> None:
+    # A smooth curve stays smooth.
     time = np.linspace(0.0, 6.0, 601)
     drawn = sampled(time, np.sin(time))
     assert drawn == pytest.approx(np.sin(np.linspace(0.0, 6.0, 60)).tolist(), abs=1e-3)
-
-
-def test_the_moment_of_the_verdict_is_as_it_was() -> None:
+    # The moment of the verdict is as it was.
     time = np.linspace(0.0, 60.0, 6001)
     values = np.where(np.abs(time - 20.3) < 0.005, 0.01, 0.0) + time
     assert np.interp(20.3, time, values) in sampled(time, values, 20.3)
@@ -188,21 +184,21 @@ def test_a_file_from_elsewhere_or_another_one_is_no_replay(name: str | None, opt
     assert load_replay(like(SAMPLES["passed"].outcomes[0], replay=name), options) is None
 
 
-def test_a_curve_is_as_it_was_stored() -> None:
+def test_the_stored_curve_of_a_verdict() -> None:
+    # A curve is as it was stored.
     found = signal_of_verdict(replay(signal("travelled", [0.0, 1.0, 1.12, 1.12], lower=1.5)), 0, SHORT)
     assert found is not None
     assert (found.name, found.unit, found.lower, found.upper, found.start) == ("travelled", "m", 1.5, None, 0.0)
     np.testing.assert_allclose(found.time, [0.0, 1.0, 2.0, 3.0])
     np.testing.assert_allclose(found.values, [0.0, 1.0, 1.12, 1.12])
-
-
-def test_a_curve_may_have_moments_of_its_own() -> None:
+    # A curve may have moments of its own.
     found = signal_of_verdict(replay(signal("travelled", [0.0, 1.0], time=[0.5, 0.75])), 0, SHORT)
     assert found is not None
     np.testing.assert_allclose(found.time, [0.5, 0.75])
 
 
-def test_of_several_it_is_the_one_with_the_unit_the_limit_and_the_value() -> None:
+def test_the_curve_that_fits_a_verdict() -> None:
+    # Of several it is the one with the unit the limit and the value.
     x = signal("x", [0.0, 1.0, 2.0, 3.0], lower=1.5)
     seconds = signal("time at rest", [0.0, 1.0, 1.12, 1.12], unit="s", lower=1.5)
     other = signal("y", [0.0, 1.0, 1.12, 1.12], lower=1.6)
@@ -210,17 +206,13 @@ def test_of_several_it_is_the_one_with_the_unit_the_limit_and_the_value() -> Non
     found = signal_of_verdict(replay(x, seconds, other, wanted), 0, SHORT)
     assert found is not None
     assert found.name == "travelled"
-
-
-def test_of_none_that_fits_it_is_the_first() -> None:
+    # Of none that fits it is the first.
     found = signal_of_verdict(
         replay(signal("x", [0.0] * 4), signal("y", [0.0] * 4)), 0, replace(SHORT, measured=None, limit=None)
     )
     assert found is not None
     assert found.name == "x"
-
-
-def test_curves_belong_to_one_expectation_and_may_have_no_values() -> None:
+    # Curves belong to one expectation and may have no values.
     assert signal_of_verdict(replay(signal("x", [0.0] * 4, expectation=1)), 0, SHORT) is None
     found = signal_of_verdict(replay(signal("x", [np.nan] * 4)), 0, SHORT)
     assert found is not None

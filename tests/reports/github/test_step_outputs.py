@@ -66,12 +66,11 @@ def test_the_report_opens_at_what_decided_why_the_worst_scenario_failed(options:
     assert outputs(flaky, options)["report-fragment"] == "#scenario=burger%20wanders&t=0.3"
 
 
-def test_travelled_of_one_scenario(options: ReportOptions) -> None:
+def test_travelled_and_conclusions(options: ReportOptions) -> None:
+    # Travelled of one scenario.
     assert outputs(SAMPLES["passed"], options)["travelled"] == "1.5012"
     assert outputs(SAMPLES["crash"], options)["travelled"] == ""
-
-
-def test_conclusions(options: ReportOptions) -> None:
+    # Conclusions.
     conclusions = {kind: outputs(results, options)["conclusion"] for kind, results in SAMPLES.items()}
     assert conclusions["passed"] == conclusions["warning"] == "success"
     assert conclusions["crash"] == conclusions["invalid"] == "failure"

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from sim_action.core.errors import Location
-from sim_action.results.gates import judged_gate
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 from sim_action.scenario.source import Varied
-from sim_action.scenario.variations.gate import Gate, PlannedGate
 from sim_action.state.verdict import Verdict
-from tests.outcomes import like
+from tests.outcomes import gate_results, like, planned_gate
 
 FILE = "push.sim.yml"
 PASSES = {"passes": {"at_least": 0.9, "confidence": 0.95}}
@@ -65,22 +63,7 @@ def grid_of_runs() -> list[Outcome]:
 
 def gated(gate: dict[str, Any], *runs: Outcome) -> Results:
     """The results of a gate over runs."""
-    planned = PlannedGate(
-        name="push",
-        file=FILE,
-        location=Location(FILE, 5, 1),
-        group="push",
-        gate=Gate.model_validate(gate),
-        runs=len(runs),
-    )
-    return Results(
-        sim_action="0.1.0",
-        python="3.11.7",
-        platform="Linux",
-        wall_time=1.0,
-        gates=(planned,),
-        outcomes=(judged_gate(planned, runs), *runs),
-    )
+    return gate_results(like(planned_gate(len(runs), "push", **gate), file=FILE, location=Location(FILE, 5, 1)), *runs)
 
 
 def passed_gate() -> Results:

@@ -24,14 +24,12 @@ def with_margin(margin: float) -> Outcome:
     return like(made, expectations=(like(expected, verdict=smaller),))
 
 
-def test_another_verdict_is_the_change() -> None:
+def test_changes_of_verdicts() -> None:
+    # Another verdict is the change.
     found = change(outcome("a.sim.yml"), outcome("a.sim.yml", holds=False))
     assert found.kind == "newly fails"
     assert found.words == "newly fails"
     assert change(outcome("a.sim.yml", holds=False), outcome("a.sim.yml")).kind == "fixed"
-
-
-def test_nothing_changed() -> None:
     assert change(outcome("a.sim.yml"), outcome("a.sim.yml")) == ScenarioChange("unchanged", "it still passes")
 
 
@@ -71,18 +69,15 @@ def test_a_limit_that_is_not_the_reason_of_a_failure_is_not_in_the_table() -> No
     assert change(old, alone).gist == "newly fails"
 
 
-def test_a_slower_run_is_a_change() -> None:
+def test_changes_of_passed_runs() -> None:
+    # A slower run is a change.
     fast, slow = (like(outcome("a.sim.yml"), real_time_factor=factor, sim_time=10.0) for factor in (40.0, 2.0))
     assert change(fast, slow).gist == "slower"
-
-
-def test_a_margin_that_shrinks() -> None:
+    # A margin that shrinks.
     found = change(with_margin(1.0), with_margin(0.1))
     assert found.kind == "less margin"
     assert "margin shrinks" in found.words
-
-
-def test_an_expectation_that_is_gone() -> None:
+    # An expectation that is gone.
     new = with_margin(1.0)
     [expected] = new.expectations
     old = like(new, expectations=(expected, like(expected, name="stays up")))

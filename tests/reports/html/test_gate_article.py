@@ -109,23 +109,21 @@ def test_a_parameter_with_another_value_has_categories(value: Any) -> None:
     assert parameter.packed()["values"] == [0.0, 1.0, 0.0]
 
 
-def test_values_of_different_units_are_categories() -> None:
+def test_values_of_parameters() -> None:
+    # Values of different units are categories.
     (parameter,) = parameters(varied("1 m", "1 s", 3))
     assert parameter.categories == ["1 m", "1 s", "3"]
-
-
-def test_a_number_without_a_unit_is_in_si() -> None:
+    # A number without a unit is in si.
     (parameter,) = parameters(varied("10 cm", 0.2, 0))
     assert (parameter.unit, parameter.numbers) == ("m", (0.1, 0.2, 0.0))
-
-
-def test_a_run_that_lacks_a_key_has_no_value() -> None:
+    # A run that lacks a key has no value.
     lacks = run(9, 0.1, variation=())
     (parameter,) = parameters([*varied(1, 2), lacks])
     assert parameter.packed()["values"] == [1.0, 2.0, None]
 
 
-def test_what_runs_measured_is_packed_with_the_articles() -> None:
+def test_plots_of_what_runs_measured() -> None:
+    # What runs measured is packed with the articles.
     runs = [run(0, 0.15), run(1, -0.3), run(2, None)]
     data = sweep(runs, {id(runs[0]): "s4"}, 0.9)
     assert data is not None
@@ -139,8 +137,7 @@ def test_what_runs_measured_is_packed_with_the_articles() -> None:
     assert data["entries"] == ["s4", None, None]
     assert data["claim"] == 0.9
 
-
-def test_a_goal_that_came_true_has_no_margin() -> None:
+    # A goal that came true has no margin.
     def met(number: int, margin: float) -> Outcome:
         made = run(number, margin)
         [expected] = made.expectations
@@ -150,9 +147,7 @@ def test_a_goal_that_came_true_has_no_margin() -> None:
     data = sweep([met(0, 0.15), met(1, -0.3), met(2, 0.001)], {}, None)
     assert data is not None
     assert json.loads(json.dumps(data))["series"][0]["values"] == [0.0, -20.0, 0.0]
-
-
-def test_values_that_no_browser_reads_are_left_out() -> None:
+    # Values that no browser reads are left out.
     runs = [run(0, math.inf), run(1, math.nan), run(2, 0.1)]
     data = sweep(runs, {}, None)
     json.dumps(data, allow_nan=False)

@@ -47,13 +47,12 @@ def test_failures_have_the_first_right_to_a_replay_and_those_that_count_before_s
     assert [entry.kind for entry in short.entries] == ["gate", "sample", "sample", "scenario"]
 
 
-def test_a_gate_and_a_scenario_of_one_name_have_different_addresses() -> None:
+def test_the_entries_of_gates() -> None:
+    # A gate and a scenario of one name have different addresses.
     gate = failed_gate()
     plan = planned(*gate.outcomes, outcome("push.sim.yml"))
     assert [entry.number for entry in plan.entries if entry.name == "push"] == [1, 2]
-
-
-def test_a_gate_is_one_entry_with_its_runs_in_neutral_marks_below() -> None:
+    # A gate is one entry with its runs in neutral marks below.
     results = failed_gate()
     text = scenario_list(planned(*results.outcomes), results)
     assert "<summary>1 gate</summary>" in text

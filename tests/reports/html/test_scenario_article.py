@@ -132,17 +132,13 @@ def test_a_lidar_that_did_not_see_a_body_is_named(every: int, words: str) -> Non
     assert f"2 deg to the right; <mast> ({words}), rear (lidar) did not see it; the robot" in told
 
 
-def test_sensors_that_nothing_reads_are_named() -> None:
+def test_sensors_of_a_run() -> None:
+    # Sensors that nothing reads are named.
     (words,) = said(unread=("front", "<b>"))
     assert words.endswith("reads it: front, <b>. Add trace: true to a sensor to see here what it measures.")
-
-
-def test_names_are_text() -> None:
+    # Names are text.
     hostile = like(drive(body="<script>"), obstacles=(ObstacleData(body=0, seen=(LIDAR,)),))
     assert "<script>" not in sightings(hostile)
-
-
-def test_without_obstacles_there_is_no_section() -> None:
     assert sightings(drive()) == ""
 
 

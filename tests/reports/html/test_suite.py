@@ -40,7 +40,8 @@ def with_margin(margin: float, limit: float = 2.0, *, goal: bool = False, file: 
     return like(made, expectations=(like(expected, verdict=verdict),))
 
 
-def test_there_is_a_row_for_each_scenario_the_worst_first() -> None:
+def test_the_rows_of_the_table() -> None:
+    # There is a row for each scenario the worst first.
     text = article(outcome("a.sim.yml"), outcome("b.sim.yml", holds=False), crashed("c.sim.yml"), unjudged("d.sim.yml"))
     assert re.findall(r'<th scope="row"><a href="#(s\d)">(\w)</a>', text) == [
         ("s0", "c"),
@@ -49,21 +50,18 @@ def test_there_is_a_row_for_each_scenario_the_worst_first() -> None:
         ("s3", "a"),
     ]
     assert re.findall(r'<tbody data-status="(\w+)"', text) == ["error", "failed", "not_exercised", "passed"]
-
-
-def test_rows_name_the_tags_of_their_scenarios() -> None:
+    # Rows name the tags of their scenarios.
     tagged = like(outcome("a.sim.yml"), tags=("nightly", "slow"))
     assert re.findall(r'data-tags="([^"]*)"', article(tagged, outcome("b.sim.yml"))) == ["nightly slow"]
-
-
-def test_statuses_are_counted_as_the_call_counts_them() -> None:
+    # Statuses are counted as the call counts them.
     varied = [run(number, 0.1 if number else -0.1, gate=None, file="a.sim.yml") for number in range(3)]
     text = article(*failed_gate().outcomes, *varied, crashed("b.sim.yml"), crashed("c.sim.yml"))
     chips = re.findall(r'<li data-status="(\w+)">.*?</span> ([\w ]+)</li>', text)
     assert chips == [("error", "2 errors"), ("failed", "2 failed"), ("passed", "2 passed")]
 
 
-def test_variations_are_folded_below_their_scenario_with_their_parameters() -> None:
+def test_rows_of_variations_gates_and_failures() -> None:
+    # Variations are folded below their scenario with their parameters.
     text = article(*(run(number, 0.1 - number / 20, gate=None) for number in range(4)), outcome("b.sim.yml"))
     assert "<summary>4 variations</summary>" in text
     assert '<th scope="col">friction</th><th scope="col">yaw</th>' in text
@@ -71,16 +69,12 @@ def test_variations_are_folded_below_their_scenario_with_their_parameters() -> N
     assert '<th scope="row"><a href="#s0">push</a>' in text
     # Each variation has a status of its own to filter by.
     assert len(re.findall(r"<tbody data-status", text)) == 1
-
-
-def test_a_gate_has_its_status_its_rate_and_its_runs() -> None:
+    # A gate has its status its rate and its runs.
     text = article(*failed_gate().outcomes, outcome("b.sim.yml"))
     assert "gate: 15 of 30 runs passed (50 %)" in text
     assert "<summary>30 runs</summary>" in text
     assert '<tbody data-status="failed"' in text
-
-
-def test_a_reason_stands_where_a_scenario_did_not_pass() -> None:
+    # A reason stands where a scenario did not pass.
     assert "SIGSEGV: the process ended" in nearest_cell(crashed("a.sim.yml"))
     assert "never checked: sensor &#x27;lidar&#x27; had no reading" in nearest_cell(unjudged("a.sim.yml"))
     assert "travelled 1.5 m" in nearest_cell(outcome("a.sim.yml", holds=False))
@@ -100,34 +94,29 @@ def test_a_bar_shows_a_margin_relative_to_its_limit(relative: float, drawn: str)
     assert drawn in margin_bar(relative)
 
 
-def test_a_bar_of_no_number_is_empty() -> None:
+def test_margins_and_times_of_rows() -> None:
     assert "held" not in margin_bar(float("nan"))
-
-
-def test_scenarios_are_sorted_by_the_relative_margin_and_those_without_a_verdict_come_first() -> None:
+    # Scenarios are sorted by the relative margin and those without a verdict come first.
     assert sort_margin(with_margin(0.5)) == "0.25"
     assert sort_margin(with_margin(-0.5)) == "-0.25"
     assert sort_margin(crashed("a.sim.yml")) == "-2"
     # A goal is always reached exactly at its limit.
     assert sort_margin(with_margin(0.0, goal=True)) is None
     assert "reached at 2.00 s" in nearest_cell(with_margin(0.0, goal=True))
-
-
-def test_wall_times_are_drawn_relative_to_the_longest() -> None:
+    # Wall times are drawn relative to the longest.
     text = article(outcome("a.sim.yml", wall_time=4.0), outcome("b.sim.yml", wall_time=1.0))
     assert re.findall(r'<rect width="([\d.]+)" height="4">', text) == ["100.0", "25.0"]
 
 
-def test_changes_have_a_column_only_if_there_are_some() -> None:
+def test_changes_of_rows() -> None:
+    # Changes have a column only if there are some.
     several = outcome("a.sim.yml"), outcome("b.sim.yml")
     assert "Change" not in article(*several)
     fixed, same = ScenarioChange("fixed", "failed before", "pallet is gone"), ScenarioChange("unchanged", "none")
     text = article(*several, changes={id(several[0]): fixed, id(several[1]): same})
     assert re.findall(r'<td class="change" data-title="Change">(.*?)</td>', text) == ["fixed; pallet is gone", ""]
     assert re.findall(r'data-change="(\d+)"', text) == ["9", "14"]
-
-
-def test_a_group_has_its_most_important_change() -> None:
+    # A group has its most important change.
     varied = [run(number, 0.1, gate=None) for number in range(3)]
     new, fails = ScenarioChange("new", "was not there"), ScenarioChange("newly fails", "passed before")
     text = article(*varied, outcome("b.sim.yml"), changes={id(varied[0]): new, id(varied[1]): fails})
@@ -135,7 +124,8 @@ def test_a_group_has_its_most_important_change() -> None:
     assert 'data-change="0"' in text
 
 
-def test_a_small_path_fits_its_frame_whatever_the_robot_did() -> None:
+def test_small_paths() -> None:
+    # A small path fits its frame whatever the robot did.
     for distance in (0.0, 0.01, 1000.0):
         drawn = small_path(drive(distance=distance), "passed")
         numbers = [int(number) for number in re.findall(r'c[xy]="(-?\d+)"', drawn)]
@@ -143,9 +133,7 @@ def test_a_small_path_fits_its_frame_whatever_the_robot_did() -> None:
         assert all(0 <= number <= 640 for number in numbers)
     assert drawn.count(",") == 40
     assert "polyline" not in small_path(drive(distance=0.0), "passed")
-
-
-def test_a_small_path_runs_from_its_start_to_its_end() -> None:
+    # A small path runs from its start to its end.
     assert re.findall(r'cx="(\d+)" cy="(\d+)" r="30" class="(\w+)"', small_path(drive(distance=2.0), "passed")) == [
         ("50", "200", "start"),
         ("590", "200", "end"),
@@ -210,7 +198,8 @@ def test_a_change_of_all_worlds_is_said(worlds: list[str], words: str) -> None:
     assert told.startswith(f"2 scenarios touched box{words}")
 
 
-def test_the_sensor_that_saw_the_body_first_is_named_for_each_run() -> None:
+def test_failures_that_look_alike() -> None:
+    # The sensor that saw the body first is named for each run.
     three = [failed(f"{name}.sim.yml", "box", unit="contacts") for name in "abc"]
     [told] = said(*three, seen=[look("skirt", 1.4), RunLook(Html(""), {}), look("mast", 0.0)])
     assertion = three[0].expectations[0].assertion
@@ -218,28 +207,23 @@ def test_the_sensor_that_saw_the_body_first_is_named_for_each_run() -> None:
         f"a at 1.50 s ({assertion}, first seen by skirt (lidar) at 1.40 s); b at 1.50 s ({assertion}); "
         f"c at 1.50 s ({assertion}, first seen by mast (lidar) at 0.00 s)"
     )
-
-
-def test_scenarios_that_missed_the_same_expectation_stand_together() -> None:
+    # Scenarios that missed the same expectation stand together.
     several = [failed(f"{number}.sim.yml", time=None) for number in range(14)]
     [words] = said(*several, failed("cut.sim.yml", cut_off=True))
     assert words.startswith(f"14 scenarios failed {several[0].expectations[0].name}: 0; 1; 2")
     assert words.endswith("11 and 2 more")
-
-
-def test_the_expectation_that_failed_first_is_the_cause() -> None:
+    # The expectation that failed first is the cause.
     late, early = failed("a.sim.yml", "wall", 9.0), failed("a.sim.yml", time=2.0)
     both = like(late, expectations=(*late.expectations, *early.expectations))
     [words] = said(both, failed("b.sim.yml", time=2.5))
     assert words.endswith("a at 2.00 s; b at 2.50 s")
 
 
-def test_runs_of_a_gate_and_single_failures_are_not_listed() -> None:
+def test_failures_that_are_not_listed_or_counted() -> None:
+    # Runs of a gate and single failures are not listed.
     assert not alike(grouped_scenarios(failed_gate().outcomes), {}, {}, {})
     assert not said(failed("a.sim.yml", "wall", 9.0), failed("b.sim.yml"), outcome("c.sim.yml"))
-
-
-def test_variations_of_one_scenario_are_not_listed_but_count() -> None:
+    # Variations of one scenario are not listed but count.
     varied = [run(number, -0.1, gate=None, file="a.sim.yml") for number in range(3)]
     assert not said(*varied)
     other = run(1, -0.2, gate=None, group=None, name="b", file="b.sim.yml")

@@ -8,9 +8,9 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from sim_action.core.geometry import quaternion_from_rpy, rotate
+from sim_action.core.geometry import quaternion_from_rpy
 from sim_action.recording.replay import scene_data
-from sim_action.reports.html.top_view import Frame, SceneOutlines, drawing, outline
+from sim_action.reports.html.top_view import SceneOutlines, drawing, outline, pose_of
 from tests.outcomes import like, outcome
 from tests.replays import GREY, HERE, MESH, drive, passed_by
 
@@ -24,22 +24,19 @@ def points(svg: ET.Element, kind: str) -> list[list[tuple[float, ...]]]:
     return [[tuple(map(float, pair.split(","))) for pair in shape.attrib["points"].split()] for shape in found]
 
 
-def test_the_way_is_drawn_from_its_beginning_to_its_end() -> None:
+def test_the_parts_of_a_drawing() -> None:
+    # The way is drawn from its beginning to its end.
     [way] = points(drawn(), "way")
     assert (way[0], way[-1]) == ((0.0, 0.0), (1.0, 0.0))
     assert len(way) <= 120
-
-
-def test_all_of_the_way_and_of_what_it_was_about_is_in_view() -> None:
+    # All of the way and of what it was about is in view.
     x, y, width, height = map(float, drawn(distance=5.0).attrib["viewBox"].split())
     assert x < -0.2
     assert x + width > 5.2
     assert y < -0.8
     assert y + height > 0.1
     assert width <= 3.001 * height
-
-
-def test_what_the_robot_met_is_there_and_what_it_touched() -> None:
+    # What the robot met is there and what it touched.
     svg = drawn()
     assert len(points(svg, "body")) == 2
     assert [float(shape.attrib["cx"]) for shape in svg if shape.get("class") == "touch"] == [1.0]
@@ -99,25 +96,12 @@ def test_bodies_that_move_are_in_view_where_they_are_near(y: float, appears: flo
     assert -float(svg.attrib["viewBox"].split()[1]) == pytest.approx(highest + margin, abs=0.35)
 
 
-ORIGIN = Frame.of(HERE)
+ORIGIN = pose_of(HERE)
 LYING = (0.0, 0.0, 0.0, 0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
 
 
 def extent(corners: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[float]:
     return [*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist()]
-
-
-def test_a_frame_turns_as_quaternions_do() -> None:
-    rotation = quaternion_from_rpy(0.3, -0.4, 1.2)
-    frame = Frame.of((1.0, 2.0, 3.0, *rotation))
-    expected = np.add(rotate(rotation, (0.1, 0.2, 0.3)), (1.0, 2.0, 3.0))
-    assert frame.transform(np.array([(0.1, 0.2, 0.3)]))[0] == pytest.approx(expected)
-
-
-def test_frames_follow_each_other() -> None:
-    outer = Frame.of((1.0, 0.0, 0.0, *quaternion_from_rpy(0.0, 0.0, math.pi / 2)))
-    inner = Frame.of((1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
-    assert inner.after(outer).position == pytest.approx([1.0, 1.0, 0.0])
 
 
 @pytest.mark.parametrize(
@@ -135,22 +119,17 @@ def test_a_solid_covers_the_ground_below_it(shape: scene_data.BoxShape, half: tu
     assert extent(outline(shape, ORIGIN, {})) == pytest.approx([-x, -y, x, y], abs=1e-3)
 
 
-def test_a_turned_box_is_as_wide_as_its_diagonal() -> None:
+def test_outlines_of_shapes_and_links() -> None:
+    # A turned box is as wide as its diagonal.
     turned = (1.0, 0.0, 0.0, *quaternion_from_rpy(0.0, 0.0, math.pi / 4))
-    corners = outline(
-        scene_data.BoxShape(kind="box", pose=HERE, color=GREY, size=(2.0, 2.0, 1.0)), Frame.of(turned), {}
-    )
+    corners = outline(scene_data.BoxShape(kind="box", pose=HERE, color=GREY, size=(2.0, 2.0, 1.0)), pose_of(turned), {})
     assert len(corners) == 4
     assert extent(corners) == pytest.approx([1 - math.sqrt(2), -math.sqrt(2), 1 + math.sqrt(2), math.sqrt(2)], abs=1e-3)
-
-
-def test_a_mesh_is_its_points() -> None:
+    # A mesh is its points.
     meshes = drive().scene.meshes
     corners = outline(scene_data.MeshShape(kind="mesh", pose=HERE, color=GREY, mesh=MESH), ORIGIN, meshes)
     assert extent(corners) == pytest.approx([0.0, 0.0, 0.3, 0.3])
-
-
-def test_links_go_where_the_base_goes() -> None:
+    # Links go where the base goes.
     replay = drive(distance=2.0)
     svg = ET.fromstring(drawing(replay, outcome("a.sim.yml")))
     # The y axis of a drawing points down.
@@ -158,9 +137,7 @@ def test_links_go_where_the_base_goes() -> None:
     assert base == pytest.approx([-0.2, -0.1, 0.2, 0.1])
     assert wheel == pytest.approx([0.0, -0.17, 0.2, -0.13], abs=1e-3)
     assert extent(np.array(points(svg, "robot")[0])) == pytest.approx([1.8, -0.1, 2.2, 0.1])
-
-
-def test_drawings_that_share_outlines_are_those_made_alone() -> None:
+    # Drawings that share outlines are those made alone.
     shared = SceneOutlines()
     first = drive(distance=1.0)
     again = like(drive(distance=2.0), scene=first.scene)
@@ -174,7 +151,7 @@ def test_drawings_that_share_outlines_are_those_made_alone() -> None:
 def test_outlines_are_rounded_as_python_rounds(middle: float) -> None:
     half = 2 * middle
     box = scene_data.BoxShape(kind="box", pose=HERE, color=GREY, size=(abs(half), abs(half), 1.0))
-    corners = outline(box, Frame.of(HERE), {})
+    corners = outline(box, pose_of(HERE), {})
     assert {abs(value) for value in corners.ravel().tolist()} == {round(abs(half) / 2, 4)}
 
 
@@ -182,5 +159,5 @@ def test_each_point_of_a_shape_is_rounded_as_python_rounds() -> None:
     # The products of some coordinates with 1e4 are near the middle of two whole numbers, those of others are not.
     x, y = 1.00015, 0.77777
     box = scene_data.BoxShape(kind="box", pose=HERE, color=GREY, size=(2 * x, 2 * y, 1.0))
-    corners = {(abs(x), abs(y)) for x, y in outline(box, Frame.of(HERE), {}).tolist()}
+    corners = {(abs(x), abs(y)) for x, y in outline(box, pose_of(HERE), {}).tolist()}
     assert corners == {(round(2 * x / 2, 4), round(2 * y / 2, 4))}

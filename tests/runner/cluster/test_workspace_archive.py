@@ -79,9 +79,8 @@ def test_a_second_copy_changes_nothing(root: Path, tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "copies").iterdir()] == [archive.copied.digest]
 
 
-def test_a_workspace_that_is_too_large_is_refused_with_its_largest_part(
-    root: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_limits_of_a_workspace(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # A workspace that is too large is refused with its largest part.
     monkeypatch.setattr(module, "MAX_BYTES", 1 << 20)
     (root / "robots/mesh.stl").write_bytes(b"0" * (2 << 20))
     with pytest.raises(UsageError, match=r"is larger than 1 MiB.*\(robots: 2 MiB\); let \.gitignore name"):

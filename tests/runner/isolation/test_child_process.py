@@ -127,14 +127,13 @@ def test_processes_of_this_user_count(all_tasks: float, monkeypatch: pytest.Monk
     assert most_children(LinuxChild, 256) == (100 - 50 - child_process._RESERVED_TASKS) // LinuxChild.tasks
 
 
-def test_a_far_limit_needs_no_count(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_limits_that_need_no_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    # A far limit needs no count.
     limited(monkeypatch, tasks=90_000)
     monkeypatch.setattr(child_process, "_tasks_of", lambda _: pytest.fail("/proc is read"))
     monkeypatch.setattr(child_process, "_all_tasks", lambda: 500.0)
     assert most_children(LinuxChild, 256) == 256
-
-
-def test_root_has_no_limit_of_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Root has no limit of processes.
     limited(monkeypatch, tasks=1)
     monkeypatch.setattr(os, "getuid", lambda: 0)
     assert most_children(LinuxChild, 256) == 256

@@ -35,13 +35,12 @@ def open_descriptors() -> int:
     return len(list(Path("/proc/self/fd").iterdir()))
 
 
-def test_what_was_not_written_is_empty(files: MemoryFiles) -> None:
+def test_outcomes_that_are_missing_or_cut_off(files: MemoryFiles) -> None:
+    # What was not written is empty.
     report = files.read()
     assert (report.outcome, report.output, report.stack_dump) == (b"", b"", b"")
     assert files.printed == 0
-
-
-def test_an_outcome_that_is_cut_off_leaves_the_earlier(files: MemoryFiles) -> None:
+    # An outcome that is cut off leaves the earlier.
     OutcomeWriter(files.inherited.outcome).write(b"first")
     # Its length comes last.
     os.pwrite(outcome_descriptor(files), b"the sec", 2 * LENGTH.size + len(b"first"))

@@ -63,13 +63,11 @@ def forks(
     return len(count)
 
 
-def test_runs_share_one_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runs_share_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Runs share one process.
     scenarios = loaded(tmp_path, [""] * 4)
     assert forks(scenarios, tmp_path, monkeypatch) == 1
     assert forks(scenarios, tmp_path, monkeypatch, shares=False) == 4
-
-
-def test_runs_share_as_many_processes_as_may_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert forks(loaded(tmp_path, [""] * 5), tmp_path, monkeypatch, jobs=2) == 2
 
 
@@ -78,13 +76,11 @@ def test_a_process_is_replaced_after_some_runs(tmp_path: Path, monkeypatch: pyte
     assert forks(loaded(tmp_path, [""] * 5), tmp_path, monkeypatch) == 3
 
 
-def test_runs_with_different_memory_limits_share_no_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runs_that_share_no_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Runs with different memory limits share no process.
     other = LIMIT.replace("1024", "1025")
     limits = ["", other, other, ""]
     assert forks(loaded(tmp_path, limits), tmp_path, monkeypatch) == 3
-
-
-def test_repeats_share_no_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert forks(loaded(tmp_path, [""]), tmp_path, monkeypatch, repeat=2) == 0
 
 

@@ -63,7 +63,8 @@ def added(mutant: Mutant) -> Body:
     return body
 
 
-def test_a_box_stands_in_the_way_of_the_hand_and_touches_nothing_at_the_start(tmp_path: Path) -> None:
+def test_the_box_in_the_way_of_a_hand(tmp_path: Path) -> None:
+    # A box stands in the way of the hand and touches nothing at the start.
     run = swinging(tmp_path)
     assert run.moving_link is not None
     link, way = run.moving_link
@@ -73,16 +74,21 @@ def test_a_box_stands_in_the_way_of_the_hand_and_touches_nothing_at_the_start(tm
     assert (box.pose.x, box.pose.y) == pytest.approx((reach * math.cos(angle), reach * math.sin(angle)), abs=0.05)
     assert mutant.words.startswith(f"a box of 0.3 m stands in the way of link '{link}', after 0.")
     assert not touches(body_box(run, box), robot_boxes(run))
-
-
-def test_a_hand_that_hardly_moves_has_a_small_box_or_none(tmp_path: Path) -> None:
+    # A hand that hardly moves has a small box or none.
     (mutant,) = of_kind(swinging(tmp_path, 0.35), "wall")
     assert added(mutant).box is not None
     assert max(added(mutant).box or ()) < 0.3
     assert not of_kind(swinging(tmp_path, 0.05), "wall")
+    # The box is not inside an object that can move.
+    (free,) = of_kind(swinging(tmp_path), "wall")
+    at = added(free).pose
+    run = swinging(tmp_path, x=at.x + 0.15, y=at.y + 0.15, mass=", mass: 1")
+    for mutant in of_kind(run, "wall"):
+        assert not touches(body_box(run, added(mutant)), [body_box(run, run.scenario.world.objects[0])])
 
 
-def test_an_object_moves_towards_the_way_of_the_hand_and_not_into_the_arm(tmp_path: Path) -> None:
+def test_objects_near_the_way_of_a_hand(tmp_path: Path) -> None:
+    # An object moves towards the way of the hand and not into the arm.
     (mutant,) = of_kind(swinging(tmp_path, x=0.8, y=0.8), "moved")
     moved = mutant.loaded.scenario.world.objects[0].pose
     assert 0.1 < math.dist((moved.x, moved.y), (0.8, 0.8)) < 0.15
@@ -90,9 +96,7 @@ def test_an_object_moves_towards_the_way_of_the_hand_and_not_into_the_arm(tmp_pa
     assert moved.x < 0.8
     run = swinging(tmp_path, x=0.4, y=0.4)
     assert not touches(body_box(run, of_kind(run, "moved")[0].loaded.scenario.world.objects[0]), robot_boxes(run))
-
-
-def test_an_object_on_the_way_of_the_hand_moves_away_from_the_arm(tmp_path: Path) -> None:
+    # An object on the way of the hand moves away from the arm.
     link = swinging(tmp_path).moving_link
     assert link is not None
     x, y = link[1][10, :2].tolist()
@@ -107,11 +111,3 @@ def test_an_arm_has_no_faults_of_robots_that_drive(tmp_path: Path) -> None:
     assert run.is_fixed
     assert not of_kind(run, "slippery")
     assert not of_kind(run, "shoved")
-
-
-def test_the_box_is_not_inside_an_object_that_can_move(tmp_path: Path) -> None:
-    (free,) = of_kind(swinging(tmp_path), "wall")
-    at = added(free).pose
-    run = swinging(tmp_path, x=at.x + 0.15, y=at.y + 0.15, mass=", mass: 1")
-    for mutant in of_kind(run, "wall"):
-        assert not touches(body_box(run, added(mutant)), [body_box(run, run.scenario.world.objects[0])])

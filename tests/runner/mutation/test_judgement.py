@@ -77,27 +77,33 @@ def test_a_mutant_is_noticed_by_verdicts_that_change(
     assert (result.name, result.status, result.noticed_by) == ("silenced", status, noticed)
 
 
-def test_an_expectation_that_failed_before_notices_nothing(run: Original, tmp_path: Path) -> None:
+def test_what_is_no_notice(run: Original, tmp_path: Path) -> None:
+    # An expectation that failed before notices nothing.
     failing = replace(run, outcome=judged_run(HOLDS, FAILS, digest="ours"))
     each = judgement.judged(failing, silenced(run), judged_run(FAILS, FAILS), tmp_path)
     assert each.result.noticed_by == (0,)
     found = judgement.proven(failing, [each], 0).expectations
     assert [(one.finding, one.passed) for one in found] == [("notices", True), ("unknown", False)]
-
-
-def test_a_crash_is_no_notice(run: Original, tmp_path: Path) -> None:
+    # A crash is no notice.
     failure = Failure(kind="crash", title="SIGSEGV", message="the process ended")
     crashed = Outcome(name="a", file="a.sim.yml", status="error", failures=(failure,))
     result = judgement.judged(run, silenced(run), crashed, tmp_path).result
     assert (result.status, result.reason) == ("could not run", "SIGSEGV: the process ended")
 
 
-def test_the_reason_of_an_error_counts_further_problems() -> None:
+def test_reasons_of_scenarios_that_did_not_pass() -> None:
+    # The reason of an error counts further problems.
     here = Location("a.sim.yml", 3, 9)
     one = Failure(kind="invalid", title="invalid scenario", message="unknown key 'x'", location=here)
     broken = Outcome(name="a", file="a.sim.yml", status="error", failures=(one, one, one))
     told = judgement.not_mutated(broken)
     assert (told.reason, told.location) == ("invalid scenario: unknown key 'x'; and 2 more problems", here)
+    # A scenario that did not pass says why.
+    told = judgement.not_mutated(judged_run(FAILS))
+    assert (told.is_proven, told.exit_code) == (False, 1)
+    assert told.reason.startswith("failed")
+    assert told.location == Location("a.sim.yml", 8, 5)
+    assert judgement.not_mutated(judged_run(HOLDS)).reason == "it left no trace"
 
 
 def test_findings_count_mutants_that_changed_the_run(run: Original, tmp_path: Path) -> None:
@@ -114,14 +120,13 @@ def test_findings_count_mutants_that_changed_the_run(run: Original, tmp_path: Pa
     assert [each.finding for each in judgement.proven(run, same, 0).expectations] == ["unknown", "unknown"]
 
 
-def test_nothing_is_blamed_before_all_mutants_ran(run: Original, tmp_path: Path) -> None:
+def test_findings_on_unfinished_and_equal_mutants(run: Original, tmp_path: Path) -> None:
+    # Nothing is blamed before all mutants ran.
     several = [judgement.judged(run, silenced(run), judged_run(HOLDS, FAILS), tmp_path)]
     for scenario in (judgement.proven(run, several, 3), judgement.proven(run, several, 0, 3)):
         assert [(each.finding, each.changed) for each in scenario.expectations] == [("unknown", 1), ("notices", 1)]
         assert (scenario.left_out, scenario.unfinished) in ((3, 0), (0, 3))
-
-
-def test_a_mutant_with_the_same_motion_counts_for_the_verdict_that_it_changed(run: Original, tmp_path: Path) -> None:
+    # A mutant with the same motion counts for the verdict that it changed.
     reading = judgement.judged(run, silenced(run), judged_run(HOLDS, FAILS, digest="ours"), tmp_path)
     other, reader = judgement.proven(run, [reading], 0).expectations
     assert (other.finding, other.changed, other.missed) == ("unknown", 0, ())
@@ -156,14 +161,6 @@ def test_a_trace_that_is_missing_or_damaged_is_none(tmp_path: Path) -> None:
     assert stored_trace(judged_run(HOLDS), tmp_path) is None
 
 
-def test_a_scenario_that_did_not_pass_says_why() -> None:
-    told = judgement.not_mutated(judged_run(FAILS))
-    assert (told.is_proven, told.exit_code) == (False, 1)
-    assert told.reason.startswith("failed")
-    assert told.location == Location("a.sim.yml", 8, 5)
-    assert judgement.not_mutated(judged_run(HOLDS)).reason == "it left no trace"
-
-
 TIME = [0.0, 1.0, 2.0]
 
 
@@ -192,19 +189,16 @@ def test_the_greatest_change_is_told(mutant: Trace, told: str) -> None:
     assert change.text == told
 
 
-def test_directions_are_those_of_the_robot() -> None:
+def test_the_words_of_a_change() -> None:
+    # Directions are those of the robot.
     north = moved(y=[0, 1, 2], yaw=[math.pi / 2] * 3)
     change = judgement.path_change(north, moved(y=[0, 1, 2], x=[0, 0, -0.4], yaw=[math.pi / 2] * 3))
     assert change is not None
     assert "0.40 m further left" in change.text
-
-
-def test_small_changes_do_not_count() -> None:
+    # Small changes do not count.
     assert judgement.path_change(AHEAD, AHEAD) is None
     assert judgement.path_change(AHEAD, moved(x=[0, 1.09, 2], yaw=[0, 0.08, 0])) is None
-
-
-def test_a_longer_run_counts_where_it_ends() -> None:
+    # A longer run counts where it ends.
     change = judgement.path_change(AHEAD, trace([*TIME, 3.0], x=[0, 1, 2, 3]))
     assert change is not None
     assert change.text == "the robot was 1.00 m further ahead at the end"

@@ -89,16 +89,15 @@ def only(run: Original, kind: str) -> Mutant:
     return mutant
 
 
-def test_a_robot_that_drives_by_itself_has_mutants_of_commands_motors_and_world(tmp_path: Path) -> None:
+def test_mutants_of_commands_and_motors(tmp_path: Path) -> None:
+    # A robot that drives by itself has mutants of commands motors and world.
     assert names(original(tmp_path)) == [
         *("silenced", "swapped", "wall", "reversed:linear", "reversed:angular", "reversed:wheel_left_joint"),
         *("turned", "scaled:x0.5", "scaled:x2", "swapped-wheels"),
         *("motor-off:wheel_left_joint", "removed:crate", "removed:far crate", "slippery", "shoved"),
         *("moved:crate", "moved:far crate", "delayed:0.5s", "heavier:x2"),
     ]
-
-
-def test_without_commands_there_are_none_of_commands(tmp_path: Path) -> None:
+    # Without commands there are none of commands.
     run = original(tmp_path, commands="")
     assert {"silenced", "swapped", "scaled:x2", "reversed:linear", "swapped-wheels", "delayed:0.5s"}.isdisjoint(
         names(run)
@@ -134,33 +133,28 @@ def test_faults_at_the_seams(name: str, mutation: Mutation, tmp_path: Path) -> N
     assert mutant.loaded.scenario.expect == run.scenario.expect
 
 
-def test_a_delay_adds_to_that_of_the_scenario(tmp_path: Path) -> None:
+def test_strengths_and_calm_runs(tmp_path: Path) -> None:
+    # A delay adds to that of the scenario.
     run = original(tmp_path, commands="commands: [{twist: [{linear: 0.2}], latency: 0.1}]")
     late = only(run, "delayed")
     latencies = [strength.loaded.scenario.commands[0].latency for strength in late.strengths]
     assert latencies == [0.1 + delay for delay in planning.DELAYS_S]
     assert late.loaded.mutation == Mutation()
-
-
-def test_strengths_of_a_fault(tmp_path: Path) -> None:
+    # Strengths of a fault.
     run = original(tmp_path)
     slippery, faster = only(run, "slippery"), of_kind(run, "scaled")[1]
     assert [strength.loaded.scenario.world.ground.friction for strength in slippery.strengths] == [0.2, ICE]
     assert [strength.name for strength in faster.stronger] == ["scaled:x10", "scaled:x57.3"]
     (chosen,) = planning.planned([run], ["scaled:x57.3"])[0].chosen
     assert (chosen.name, chosen.strengths[1:]) == ("scaled:x57.3", ())
-
-
-def test_a_calm_run_has_no_chance_and_no_disturbance(tmp_path: Path) -> None:
+    # A calm run has no chance and no disturbance.
     assert not of_kind(original(tmp_path), "calm")
     rough = "commands: [{twist: [{linear: 0.2}], latency: 0.1, jitter: 0.1, dropouts: 0.1}]"
     calm = only(original(tmp_path, sensors="{lidar: {noise: 0.1}}", commands=rough), "calm").loaded.scenario
     (source,), (lidar,) = calm.commands, calm.sensors
     assert isinstance(lidar.sensor, Lidar)
     assert (source.latency, source.jitter, source.dropouts, lidar.sensor.noise) == (0.1, 0.0, 0.0, 0.0)
-
-
-def test_a_turned_robot_begins_with_another_heading(tmp_path: Path) -> None:
+    # A turned robot begins with another heading.
     pose = only(original(tmp_path), "turned").loaded.scenario.robot.pose
     assert pose.yaw == pytest.approx(math.pi / 2)
 
@@ -178,13 +172,12 @@ def test_a_shove_hits_the_upper_edge_from_the_right_halfway_through_the_run(tmp_
     assert math.atan2(shove.force[1], shove.force[0]) == pytest.approx(math.radians(135), abs=0.05)
 
 
-def test_a_robot_that_is_bolted_down_is_not_shoved(tmp_path: Path) -> None:
+def test_walls_and_robots_that_are_bolted_down(tmp_path: Path) -> None:
+    # A robot that is bolted down is not shoved.
     run = original(tmp_path)
     bolted = run.scenario.model_copy(update={"robot": run.scenario.robot.model_copy(update={"base": "fixed"})})
     assert not of_kind(replace(run, loaded=replace(run.loaded, scenario=bolted)), "shoved")
-
-
-def test_a_wall_stands_across_the_way(tmp_path: Path) -> None:
+    # A wall stands across the way.
     wall = only(original(tmp_path), "wall").loaded.scenario.world.objects[-1]
     assert wall.name == WALL
     assert (wall.pose.x, wall.pose.y, wall.pose.yaw) == pytest.approx((1.2, 0.0, 0.0))
@@ -230,15 +223,14 @@ def test_objects_move_by_their_own_size_but_not_beyond_the_way(tmp_path: Path) -
     assert moved["crate"].words == "the object 'crate' stands 0.40 m nearer to the robot's way"
 
 
-def test_an_object_never_moves_into_the_robot(tmp_path: Path) -> None:
+def test_objects_that_move_or_have_mutants(tmp_path: Path) -> None:
+    # An object never moves into the robot.
     behind = "- {name: behind, box: [0.4, 0.4, 0.4], pose: {x: -0.7}}"
     (mutant,) = (each for each in of_kind(original(tmp_path, objects=behind), "moved") if each.subject == "behind")
     assert mutant.loaded.scenario.world.objects[-1].pose.x == pytest.approx(-0.55)
     at_it = behind.replace("-0.7", "-0.4")
     assert "moved:behind" not in names(original(tmp_path, objects=at_it))
-
-
-def test_only_the_nearest_objects_have_mutants(tmp_path: Path) -> None:
+    # Only the nearest objects have mutants.
     several = "\n    ".join(f"- {{name: box{n}, box: [0.1, 0.1, 0.1], pose: {{x: {n}, y: 2}}}}" for n in range(6))
     found = [mutant.subject for mutant in of_kind(original(tmp_path, objects=several), "removed")]
     assert found == ["crate", "box0", "box1", "box2", "box3"]

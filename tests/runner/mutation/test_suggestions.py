@@ -41,7 +41,8 @@ def _judged(expected: ExpectationOutcome, holds: bool) -> ExpectationOutcome:
     return expected.model_copy(update={"verdict": verdict})
 
 
-def test_candidates_are_valid_in_the_scenario(tmp_path: Path) -> None:
+def test_candidates_in_the_scenario_and_in_a_mutant(tmp_path: Path) -> None:
+    # Candidates are valid in the scenario.
     offer = found(tmp_path, curve())
     assert len(offer.entries) == len(keys(offer))
     assert {"no_collision", "stay_within", "final_pose", "clearance", "follow_path", "reach", "max_speed"} <= set(
@@ -49,9 +50,7 @@ def test_candidates_are_valid_in_the_scenario(tmp_path: Path) -> None:
     )
     assert offer.loaded.mutation == Mutation()
     assert offer.loaded.scenario.name == "burger drives"
-
-
-def test_a_mutant_gets_the_same_candidates_and_keeps_its_fault(tmp_path: Path) -> None:
+    # A mutant gets the same candidates and keeps its fault.
     run, offer = original(tmp_path), found(tmp_path)
     (silenced,) = TABLE[0].mutants(run)
     added = offer.added_to(silenced.loaded)
