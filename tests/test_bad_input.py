@@ -73,6 +73,7 @@ def test_a_file_that_is_no_strict_yaml(text: str | bytes, problem: str, tmp_path
             f"{MODEL}\n  pose: {{yow: 1}}",
             "4:10: robot.pose.yow: unknown key; did you mean 'yaw'? (allowed: pitch, ",
         ),
+        ("time_limit:", "version: 2\ntime_limit:", "10:1: version: expected 1, found 2"),
         # Wrong types
         ("burger drives straight", "12", "1:1: name: expected text, found 12; put it in quotes"),
         (MODEL, "model: [a]", "3:3: robot.model: expected text, found a list of 1"),
@@ -91,6 +92,20 @@ def test_a_file_that_is_no_strict_yaml(text: str | bytes, problem: str, tmp_path
         ("1.5 m", ".nan", "9:14: expect.0.travel.at_least: expected a finite length such as '1 m', found nan"),
         # Units
         ("10 Hz", "10 s", "5:3: commands.rate: 's' is not a unit of frequency; use one of: Hz, kHz"),
+        (
+            MODEL,
+            f"{MODEL}\n  joints: {{wheel_left_joint: 5 cm}}",
+            "4:12: robot.joints.wheel_left_joint: 'cm' is not a unit of angle; use one of: rad, deg",
+        ),
+        # Joints of the model
+        (
+            MODEL,
+            f"{MODEL}\n  joints: {{wheel_lft_joint: 1}}",
+            (
+                "4:12: robot.joints.wheel_lft_joint: the model has no moving joint 'wheel_lft_joint'; "
+                f"did you mean 'wheel_left_joint'? {JOINTS}"
+            ),
+        ),
         # Rates, windows, claims
         ("10 Hz", "7 kHz", "5:3: commands.rate: 7000 Hz does not divide physics.rate, 240 Hz; nearest: 240 Hz; or set"),
         ("10 Hz", "1e-323", "5:3: commands.rate: 9.88131e-324 Hz does not divide physics.rate, 240 Hz; nearest: 1 Hz"),
@@ -112,10 +127,6 @@ def test_a_file_that_is_no_strict_yaml(text: str | bytes, problem: str, tmp_path
 def test_a_key_or_value_that_cannot_be(old: str, new: str, problem: str, tmp_path: Path) -> None:
     assert old in LEAST
     assert only(tmp_path, LEAST.replace(old, new, 1)).startswith(problem)
-
-
-def test_a_version_of_the_format_that_is_not_there_yet(tmp_path: Path) -> None:
-    assert only(tmp_path, LEAST + "version: 2\n") == "11:1: version: expected 1, found 2"
 
 
 @pytest.mark.parametrize(
@@ -174,21 +185,6 @@ def test_a_drive_that_does_not_fit_the_model(drive: str, problem: str, tmp_path:
     assert len(found) == (2 if "right: []" in drive else 1)
 
 
-def test_a_joint_that_turns_begins_at_no_length(tmp_path: Path) -> None:
-    text = LEAST.replace(MODEL, f"{MODEL}\n  joints: {{wheel_left_joint: 5 cm}}")
-    assert only(tmp_path, text) == (
-        "4:12: robot.joints.wheel_left_joint: 'cm' is not a unit of angle; use one of: rad, deg"
-    )
-
-
-def test_joints_to_begin_with_are_those_of_the_model(tmp_path: Path) -> None:
-    text = LEAST.replace(MODEL, f"{MODEL}\n  joints: {{wheel_lft_joint: 1}}")
-    assert only(tmp_path, text) == (
-        "4:12: robot.joints.wheel_lft_joint: the model has no moving joint 'wheel_lft_joint'; "
-        f"did you mean 'wheel_left_joint'? {JOINTS}"
-    )
-
-
 @pytest.mark.parametrize(
     ("name", "why"),
     [
@@ -219,15 +215,13 @@ def refusal(path: Path) -> str:
     return problem.message
 
 
-def test_a_missing_file(tmp_path: Path) -> None:
+def test_what_is_no_file(tmp_path: Path) -> None:
+    assert refusal(tmp_path) == "cannot be read: it is a folder"
+    assert refusal(Path("/dev/zero")) == "cannot be read: it is not a regular file"
     assert refusal(tmp_path / "absent.sim.yml") == (
         f"there is no file or folder '{tmp_path}/absent.sim.yml'; "
         "correct the path on the command line, or in the input of the action"
     )
-
-
-def test_a_folder(tmp_path: Path) -> None:
-    assert refusal(tmp_path) == "cannot be read: it is a folder"
 
 
 @pytest.mark.parametrize("size", [1_000_001, 100_000_000])
@@ -236,10 +230,6 @@ def test_a_huge_file_is_refused_unread(size: int, tmp_path: Path) -> None:
     with path.open("wb") as file:
         file.truncate(size)
     assert refusal(path) == "a scenario of more than 1000 kB cannot be read; check that this is the right file"
-
-
-def test_a_file_without_an_end() -> None:
-    assert refusal(Path("/dev/zero")) == "cannot be read: it is not a regular file"
 
 
 @pytest.mark.parametrize("script", ["absent.py", "broken.py", "nameless.py", "../../x.py"])
