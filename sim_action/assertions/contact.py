@@ -29,7 +29,7 @@ from sim_action.state.trace_records import Channels, ClearanceWatch, Nearness
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world import MAX_PHYSICS_RATE_HZ
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
-from sim_action.world.ground import GROUND
+from sim_action.world.physics import GROUND
 from sim_action.world.scene import Scene
 
 _PATTERN: Final = re.compile(r"[*?\[]")

@@ -26,8 +26,7 @@ from sim_action.state.trace import Trace
 from sim_action.state.trace_records import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
-from sim_action.world.ground import GROUND
-from sim_action.world.physics import Disturbance
+from sim_action.world.physics import GROUND, Disturbance
 from sim_action.world.scene import Scene
 
 _SETTLE: Final = "; without physics.settle the robot is still in the air at t = 0: set 'after'"

@@ -28,7 +28,7 @@ from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict, VerdictStatus
-from sim_action.world.ground import GROUND
+from sim_action.world.physics import GROUND
 from sim_action.world.scene import Scene
 
 Kind = Literal["end", "invariant", "goal"]

@@ -16,8 +16,17 @@ from sim_action.core.geometry import Vector3
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.state.timeline import TimeMark
 from sim_action.world.body import Body, Inertia, PathPoint, Shape, path_of, placed
-from sim_action.world.ground import GROUND, Ground, Patch
-from sim_action.world.physics import GRAVITY, MAX_PHYSICS_RATE_HZ, MAX_SPEED, Disturbance, Gravity, Physics
+from sim_action.world.physics import (
+    GRAVITY,
+    GROUND,
+    MAX_PHYSICS_RATE_HZ,
+    MAX_SPEED,
+    Disturbance,
+    Gravity,
+    Ground,
+    Patch,
+    Physics,
+)
 from sim_action.world.shapes import Cylinder, File, Heightfield, MeshFile, OccupancyMap, Ramp, Sphere, Stairs
 
 __all__ = [

@@ -15,9 +15,8 @@ from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy, symmetric
 from sim_action.core.records import dataclass
 from sim_action.core.units import first_step
 from sim_action.state.timeline import TimeMark
-from sim_action.world.ground import Friction
 from sim_action.world.parts import BoxPart, CylinderPart, Part, SpherePart, lowest, moved
-from sim_action.world.physics import MAX_MASS, MAX_SPEED
+from sim_action.world.physics import MAX_MASS, MAX_SPEED, Friction
 from sim_action.world.shapes import (
     MAX_LENGTH_M,
     Cylinder,

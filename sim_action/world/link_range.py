@@ -23,8 +23,8 @@ from sim_action.state.timeline import TimeMark
 from sim_action.state.trace import Trace
 from sim_action.world.body import Body, placed
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, beyond
-from sim_action.world.ground import Patch
 from sim_action.world.parts import lowest, reach
+from sim_action.world.physics import Patch
 from sim_action.world.scene import Scene
 
 _SLACK: Final = 1.05  # limits of sliding joints give way a little; models and sums round

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.workspace import Workspace
-from sim_action.engines.body_control import Target
-from sim_action.engines.world_events import WorldEvents
+from sim_action.engines.body_control import Target, WorldEvents
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
 from sim_action.world import Physics, World

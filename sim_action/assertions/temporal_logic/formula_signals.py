@@ -26,7 +26,7 @@ from sim_action.robot.model.joint_selection import links_with_shapes
 from sim_action.robot.model.robot_model import READINGS, Reading, RobotModel
 from sim_action.state.readings import READING_COLUMNS, columns_of
 from sim_action.state.trace_records import Channels, ClearanceWatch
-from sim_action.world.ground import GROUND
+from sim_action.world.physics import GROUND
 from sim_action.world.scene import Scene
 
 BASE_SIGNALS: Final = MappingProxyType(

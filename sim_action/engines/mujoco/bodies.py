@@ -321,34 +321,29 @@ class Contacts:
 
     def of_step(self, time: float, *, ground: bool) -> Iterator[Contact]:
         """Yield the present contacts of the robot, with or without the ground."""
+        for touch, distance in self._points():
+            if ground or touch.body != GROUND:
+                place, depth = touch.position_xyz, max(0.0, -distance)
+                yield Contact(
+                    time, touch.link, touch.body, place, touch.force, depth=depth, normal_xyz=touch.normal_xyz
+                )
+
+    def of_links(self) -> Iterator[LinkTouch]:
+        """Yield the present contact points of links with bodies of the world and the ground."""
+        return (touch for touch, _ in self._points())
+
+    def _points(self) -> Iterator[tuple[LinkTouch, float]]:
+        """Yield the present contact points, each with the distance of the surfaces in m, negative inside."""
         contacts, forces = self._data.contact, self._data.efc_force
         columns = contacts.geom, contacts.efc_address, contacts.pos, contacts.dist, contacts.frame
         rows = zip(*(column.tolist() for column in columns), strict=True)
         for (one, other), row, (x, y, z), distance, (nx, ny, nz, *_) in rows:
-            link, body = (one, other) if one in self._links else (other, one)
-            if link not in self._links or row < 0 or body in self._links:
-                continue
-            if not ground and self._bodies[body] == GROUND:
-                continue
-            names, depth = (self._links[link], self._bodies[body]), max(0.0, -distance)
-            # The normal points from the first geom to the second.
-            sign = -1.0 if link == one else 1.0
-            normal = (sign * nx, sign * ny, sign * nz)
-            yield Contact(time, *names, (x, y, z), float(forces[row]), depth=depth, normal_xyz=normal)
-
-    def of_links(self) -> Iterator[LinkTouch]:
-        """Yield the present contact points of links with bodies of the world and the ground."""
-        contacts, forces = self._data.contact, self._data.efc_force
-        columns = contacts.geom, contacts.efc_address, contacts.pos, contacts.frame
-        for (one, other), row, (x, y, z), (nx, ny, nz, *_) in zip(
-            *(column.tolist() for column in columns), strict=True
-        ):
             if row < 0 or (one in self._links) == (other in self._links):
                 continue
             # The normal points from the first geom to the second.
             link, body, sign = (one, other, -1.0) if one in self._links else (other, one, 1.0)
             normal = (sign * nx, sign * ny, sign * nz)
-            yield LinkTouch(self._links[link], self._bodies[body], (x, y, z), normal, float(forces[row]))
+            yield LinkTouch(self._links[link], self._bodies[body], (x, y, z), normal, float(forces[row])), distance
 
     def touching(self) -> Iterator[Overlap | Clash]:
         """Yield the contacts of the last step, as `Engine.touching` does."""

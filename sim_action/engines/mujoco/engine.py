@@ -27,7 +27,7 @@ from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import replace
 from sim_action.engines import named_version
-from sim_action.engines.body_control import HeldWrenches
+from sim_action.engines.body_control import HeldWrenches, WorldEvents
 from sim_action.engines.clearances import ClearanceRecorder, RobotMotionBound
 from sim_action.engines.engine import NO_CHANNELS, Engine, RobotQueries, link_of
 from sim_action.engines.joint_stops import JointStops
@@ -37,7 +37,6 @@ from sim_action.engines.mujoco.motors import Motors
 from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.engines.mujoco.sliding import SlidingContacts
 from sim_action.engines.observers import LazyContacts, PathContacts, Recorders, path_contacts
-from sim_action.engines.world_events import WorldEvents
 from sim_action.robot.model.kinematics import LinkStates
 from sim_action.robot.model.robot_model import RobotModel, ball_angles
 from sim_action.state.command import JointTargets

@@ -26,7 +26,6 @@ from sim_action.core.geometry import Pose, Quaternion
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.robot.model.robot_model import ENGINE_MARGIN_M, Surface
 from sim_action.world import GROUND, Body, World
-from sim_action.world.ground import ground_tiles
 from sim_action.world.parts import (
     BoxPart,
     CylinderPart,
@@ -38,6 +37,7 @@ from sim_action.world.parts import (
     SurfacePart,
     mass_properties_of,
 )
+from sim_action.world.physics import ground_tiles
 from sim_action.world.scene import Scene
 
 

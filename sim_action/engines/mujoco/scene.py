@@ -30,12 +30,13 @@ from sim_action.engines.mujoco.geoms import (
     lowest_geom,
     object_name,
     soften,
+    weigh,
     wxyz,
 )
-from sim_action.robot.documents.urdf_elements import child_of
+from sim_action.robot.documents.urdf_elements import MOMENTS, child_of, number, origin
 from sim_action.robot.model.robot_model import WORLD, Joint, Mimic, RobotModel, Surface, ball_orientation
 from sim_action.world import Disturbance, placed
-from sim_action.world.parts import symmetric, turned_tensor
+from sim_action.world.parts import MassProperties, symmetric, turned_tensor
 from sim_action.world.scene import EGO, MAX_RAISED_M, Scene
 
 IMPEDANCE: Final = 0.9999
@@ -440,47 +441,30 @@ def _limits(joint: Joint) -> dict[str, Any]:
 def _fill(spec: Any, body: Any, link: Element, model: RobotModel) -> list[Collider]:
     inertial = link.find("inertial")
     if inertial is not None and _number(inertial.find("mass"), "value") > 0:
-        _weigh(body, inertial)
+        weigh(body, _mass_properties(inertial))
     name = link.attrib["name"]
     surface = model.links_by_name[name].surface
     colliders = []
-    for number, collision in enumerate(link.iterfind("collision")):
+    for index, collision in enumerate(link.iterfind("collision")):
         shape = collision.find("geometry/*")
         assert shape is not None
         added = add_collision(
-            spec, body, f"robot/{name}/{number}", shape, _origin(collision), hull_files=model.hull_files
+            spec, body, f"robot/{name}/{index}", shape, origin(collision), hull_files=model.hull_files
         )
         colliders += [Collider(geom, name, surface) for geom in added]
     return colliders
 
 
-def _weigh(body: Any, inertial: Element) -> None:
-    pose, inertia = _origin(inertial), inertial.find("inertia")
-    stated = symmetric(_number(inertia, name) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
-    # MuJoCo accepts a full tensor only in the axes of the link.
-    tensor = turned_tensor(stated, pose.orientation_xyzw)
-    body.explicitinertial = True
-    body.mass = _number(inertial.find("mass"), "value")
-    body.ipos = list(pose.position_xyz)
-    body.fullinertia = tensor[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)].tolist()
-
-
-def _origin(element: Element) -> Pose:
-    stated = element.find("origin")
-    position, rpy = (
-        (0.0, 0.0, 0.0) if stated is None or name not in stated.attrib else _vector(stated.attrib[name])
-        for name in ("xyz", "rpy")
-    )
-    return Pose(position, geometry.quaternion_from_rpy(*rpy))
-
-
-def _vector(text: str) -> geometry.Vector3:
-    x, y, z = map(float, text.split())
-    return (x, y, z)
+def _mass_properties(inertial: Element) -> MassProperties:
+    """Return the mass properties in the axes of the link: MuJoCo accepts a full tensor in no others."""
+    pose, inertia = origin(inertial), inertial.find("inertia")
+    tensor = symmetric(_number(inertia, name) for name in MOMENTS)
+    mass = _number(inertial.find("mass"), "value")
+    return MassProperties(mass, pose.position_xyz, turned_tensor(tensor, pose.orientation_xyzw))
 
 
 def _number(element: Element | None, name: str) -> float:
-    return 0.0 if element is None else float(element.get(name, 0.0))
+    return number(element, name) or 0.0
 
 
 def add_native_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Collider]:

@@ -278,8 +278,8 @@ class PyBulletBodyControl(BodyControl):
     @override
     def pose(self, body: str) -> Pose:
         number, piece = self._objects[body][0]
-        found = Pose(*pybullet.getBasePositionAndOrientation(number, self._client))
-        return geometry.compose(found, geometry.inverse(piece))
+        middle = Pose(*pybullet.getBasePositionAndOrientation(number, self._client))
+        return geometry.compose(middle, geometry.inverse(piece)) if piece != Pose() else middle
 
     @override
     def set_pose(self, body: str, pose: Pose, twist: Twist) -> None:

@@ -17,6 +17,7 @@ from sim_action.core.errors import BadStart, EngineError
 from sim_action.core.records import replace
 from sim_action.core.wording import system_reason
 from sim_action.engines import named_version
+from sim_action.engines.body_control import WorldEvents
 from sim_action.engines.clearances import ClearanceRecorder
 from sim_action.engines.engine import NO_CHANNELS, Engine
 from sim_action.engines.observers import ReadPoses, Recorders, path_contacts
@@ -31,7 +32,6 @@ from sim_action.engines.pybullet.loaded_bodies import (
     release,
 )
 from sim_action.engines.pybullet.robot import LoadedRobot
-from sim_action.engines.world_events import WorldEvents
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Clash, Overlap
 from sim_action.state.trace import Trace
@@ -85,13 +85,13 @@ class PyBulletEngine(LoadedRobot, Engine):
         self._watches_contacts = channels.contacts and (channels.ground or bool(bodies))
         notes_of_actors = (f"'{name}': {note}" for name, actor in actors.items() for note in actor.notes)
         self.notes = (*self.notes, *belt_notes(scene.world), *notes_of_actors)
-        control = self.meet(scene, bodies, names, *tiles)
+        self.meet(scene, bodies, names, *tiles)
         for name, actor in actors.items():
             others = {number: other for number, other in names.items() if other != name}
             actor.meet(scene.actors[name], bodies, {**others, self._robot: EGO})
             actor.others = {EGO: self, **actors}
         self.others = actors
-        self._events = WorldEvents.of(scene, control, drives_surfaces=True)
+        self._events = WorldEvents.of(scene, self._control, drives_surfaces=True)
         distances = Distances(client, self._robot, self._link_names, names)
         shaped = [link.name for link in scene.model.links if link.collisions]
         self._path_contacts = path_contacts(scene, shaped, distances.nearest)

@@ -31,8 +31,8 @@ from sim_action.core.records import dataclass, field
 from sim_action.robot.audit.joints import beyond_pybullet
 from sim_action.robot.model.robot_model import Surface
 from sim_action.world import MAX_SPEED, Body, World, placed
-from sim_action.world.ground import ground_tiles
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart
+from sim_action.world.physics import ground_tiles
 from sim_action.world.scene import Scene
 
 

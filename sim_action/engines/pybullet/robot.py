@@ -15,7 +15,6 @@ import pybullet
 from numpy.typing import NDArray
 from typing_extensions import override
 
-from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.records import replace
 from sim_action.drives.wheels import held_joints
@@ -77,20 +76,19 @@ class LoadedRobot(RobotQueries):
 
     def meet(
         self, scene: Scene, objects: Mapping[str, Sequence[tuple[int, Pose]]], names: Mapping[int, str], *tiles: int
-    ) -> PyBulletBodyControl:
-        """Take what the robot can touch, and return the control of all bodies, as seen by the robot.
+    ) -> None:
+        """Take what the robot can touch, which gives it the control of all bodies.
 
         `objects`: body -> the number and pose of each of its pieces; `names`: number -> name of the body; `tiles`: of
         the ground.
         """
         self._objects, self._body_names = objects, names
         self._sliding = self._sliding_wheels(scene) if scene.scrubbing else None
-        control = PyBulletBodyControl(
+        self._control = PyBulletBodyControl(
             self._client, self._robot, self._links, objects, tiles=tiles, sliding=self._sliding
         )
-        self._wrenches = HeldWrenches(control, self.link_pose, scene.model)
+        self._wrenches = HeldWrenches(self._control, self.link_pose, scene.model)
         self._contacts = Contacts(self._client, self._robot, self._link_names, names)
-        return control
 
     @override
     def observe(self, step: int, *, contacts: bool) -> Observation:
@@ -109,11 +107,7 @@ class LoadedRobot(RobotQueries):
 
     @override
     def body_pose(self, body: str) -> Pose:
-        if (of_link := link_of(body, self.others)) is not None:
-            return of_link
-        number, piece = self._objects[body][0]
-        found = Pose(*pybullet.getBasePositionAndOrientation(number, self._client))
-        return geometry.compose(found, geometry.inverse(piece)) if piece != Pose() else found
+        return link_of(body, self.others) or self._control.pose(body)
 
     @override
     def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from sim_action.core.errors import ModelError, Problem, RefusedModel
 from sim_action.core.records import replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.workspace import PathError, Workspace, similar_name
-from sim_action.robot.audit.unsupported_parts import unread_parts_of_srdf
+from sim_action.robot.audit.elements import unread_parts_of_srdf
 from sim_action.robot.built_in import BUILT_IN, FOLDER
 from sim_action.robot.documents.packages import (
     PackageError,

@@ -18,7 +18,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Box, Vector3
 from sim_action.core.records import replace
 from sim_action.core.workspace import Workspace
-from sim_action.robot.audit import elements, joints, unsupported_parts
+from sim_action.robot.audit import elements, joints
 from sim_action.robot.audit import links as link_rules
 from sim_action.robot.audit.joints import is_free_base, mimic_problem, still_position
 from sim_action.robot.audit.links import (
@@ -76,7 +76,7 @@ Check = Callable[[ModelDocument], Iterator[Finding]]
 # A stage relies on the facts that the stages before it have established.
 STAGES: Final[tuple[tuple[Check, ...], ...]] = (
     (elements.root, elements.required_attributes, elements.required_children),
-    (elements.default_expressions, elements.numbers, unsupported_parts.coefficients),
+    (elements.default_expressions, elements.numbers, elements.coefficients),
     (joints.names, joints.joint_types, joints.tree, joints.joint_counts, link_rules.kinds),
     (
         joints.axes,
@@ -91,9 +91,9 @@ STAGES: Final[tuple[tuple[Check, ...], ...]] = (
         link_rules.masses,
         link_rules.tensors,
         link_rules.inertials,
-        unsupported_parts.references,
-        unsupported_parts.frictions,
-        unsupported_parts.unread_parts,
+        elements.references,
+        elements.frictions,
+        elements.unread_parts,
         elements.restitutions,
         link_rules.angles,
         joints.limit_units,

@@ -21,7 +21,7 @@ from sim_action.core.errors import Location
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Quaternion, Vector3, rpy_from_quaternion
 from sim_action.core.records import dataclass, field
-from sim_action.robot.audit.unsupported_parts import ALL_CONTACTS, ContactBits
+from sim_action.robot.audit.elements import ALL_CONTACTS, ContactBits
 from sim_action.robot.documents.packages import PackageError, Packages
 from sim_action.robot.documents.sdf_elements import (
     Notes,

@@ -1,8 +1,10 @@
-"""Geoms of MuJoCo: hulls get back the size of their meshes, and surfaces become thin convex pieces."""
+"""Geoms of MuJoCo: hulls as large as their meshes, surfaces as thin pieces, and messages with names of the user."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import pytest
@@ -11,7 +13,11 @@ from hypothesis import strategies as st
 
 from sim_action.meshes import clean_mesh
 from sim_action.robot.model.robot_model import ENGINE_MARGIN_M
+from sim_action.world import Body, World
+from sim_action.world.parts import HullPart
+from sim_action.world.scene import Scene
 from tests.mesh_files import CORNERS, obj, stl, two_objects
+from tests.traces import scene
 
 geoms = pytest.importorskip("sim_action.engines.mujoco.geoms", reason="mujoco is not installed")
 
@@ -90,3 +96,41 @@ def test_a_piece_stays_behind_its_triangle_however_small(seed: int, size: float)
     for start, end in ((0, 1), (1, 2), (2, 0)):
         inward = np.cross(normal, corners[end] - corners[start])
         assert ((piece - corners[start]) @ inward >= -1e-9 * size**2).all()
+
+
+NAMES: Final = ("h", "h f/2", "hut")
+
+
+def made() -> Scene:
+    return replace(scene(), world=World(objects=tuple(Body(name=name, box=(1, 1, 1)) for name in NAMES)))
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        ("Error: volume of mesh object/h/0.3 is 0", "Error: volume of mesh 'h' is 0"),
+        ("Error: bad\nElement name 'object/h f/2/0', id 4", "Error: bad Element name 'h f/2', id 4"),
+        ("object/hut and 'object/h'", "'hut' and 'h'"),
+        (
+            "body 'robot/base_footprint', joint robot/wheel_left_joint",
+            "body 'base_footprint', joint 'wheel_left_joint'",
+        ),
+        ("object/hall/0", "object/hall/0"),
+        ("nothing of ours", "nothing of ours"),
+    ],
+)
+def test_names_are_those_of_the_user(said: str, told: str) -> None:
+    assert geoms.with_user_names(said, made()) == told
+
+
+def test_so_is_what_it_says_of_a_hull_that_it_refuses() -> None:
+    import mujoco
+
+    spec = mujoco.MjSpec()
+    flat = HullPart(((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 1.0, 0.0)))
+    list(geoms.add_object(spec, Body(name="h", box=(1, 1, 1), mass=1.0), [flat]))
+    with pytest.raises(ValueError, match="object/h") as refused:
+        spec.compile()
+    told = geoms.with_user_names(str(refused.value), made())
+    assert "'h'" in told
+    assert "object/" not in told

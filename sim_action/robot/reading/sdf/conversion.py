@@ -16,7 +16,7 @@ from typing import Final
 from sim_action.core import geometry
 from sim_action.core.geometry import ZERO, Pose
 from sim_action.core.records import dataclass
-from sim_action.robot.audit.unsupported_parts import note_parts
+from sim_action.robot.audit.elements import note_parts
 from sim_action.robot.documents.packages import NEWEST, Packages
 from sim_action.robot.documents.sdf_elements import Notes
 from sim_action.robot.documents.xml_document import ModelDocument

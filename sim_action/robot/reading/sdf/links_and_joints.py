@@ -18,7 +18,7 @@ from sim_action.core import geometry
 from sim_action.core.errors import Location
 from sim_action.core.geometry import ZERO, Pose, Quaternion, Vector3
 from sim_action.core.records import dataclass
-from sim_action.robot.audit.unsupported_parts import note_contact, note_parts, note_sensors
+from sim_action.robot.audit.elements import note_contact, note_parts, note_sensors
 from sim_action.robot.documents.sdf_elements import (
     MODEL_FRAME,
     Notes,

@@ -7,7 +7,7 @@ from itertools import combinations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.world.ground import GROUND_REACH_M, Ground, Patch, Tile, ground_tiles
+from sim_action.world.physics import GROUND_REACH_M, Ground, Patch, Tile, ground_tiles
 
 
 def bounds(tile: Tile) -> tuple[float, float, float, float]:
