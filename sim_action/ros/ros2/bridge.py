@@ -76,7 +76,7 @@ def _filler(spelled: str) -> Callable[[Any, memoryview], Any]:
         return lambda value, blob: _numbers(code, value, blob)
     one = _single(element)
     if is_sequence or length:
-        return lambda value, blob: [one(each, blob) for each in value]
+        return lambda value, blob: [one(entry, blob) for entry in value]
     return one
 
 
@@ -137,7 +137,7 @@ class _Plain:
             return value[0] if len(value) == 1 else list(value)
         if hasattr(value, "dtype"):
             return part_of(self.blob, value.dtype.char, value.size, value.tobytes())
-        return [self._value(each) for each in value]
+        return [self._value(entry) for entry in value]
 
 
 class _Bridge:
@@ -153,24 +153,24 @@ class _Bridge:
 
     def types(self, request: Json) -> Json:
         """Return those of the types whose packages are installed."""
-        known = []
+        types = []
         for name in request["names"]:
             with suppress(ImportError, AttributeError):
                 _message_class(name)
-                known.append(name)
-        return {"types": known}
+                types.append(name)
+        return {"types": types}
 
     def open(self, request: Json) -> Json:
         """Create publishers and subscriptions; their numbers are their places in all requests."""
-        for each in request["publishers"]:
-            kind = _message_class(each["type"])
-            publisher = self._node.create_publisher(kind, each["topic"], _profile(each["qos"]))
-            self._publishers.append((publisher, kind, each["type"]))
-        for each in request["subscriptions"]:
-            kind = _message_class(each["type"])
-            subscription = self._node.create_subscription(kind, each["topic"], _ignore, _profile(each["qos"]))
+        for endpoint in request["publishers"]:
+            kind = _message_class(endpoint["type"])
+            publisher = self._node.create_publisher(kind, endpoint["topic"], _profile(endpoint["qos"]))
+            self._publishers.append((publisher, kind, endpoint["type"]))
+        for endpoint in request["subscriptions"]:
+            kind = _message_class(endpoint["type"])
+            subscription = self._node.create_subscription(kind, endpoint["topic"], _ignore, _profile(endpoint["qos"]))
             self._subscriptions.append(subscription)
-            self._least.append(each["least"])
+            self._least.append(endpoint["least"])
         return {}
 
     def matched(self, _: Json) -> Json:
@@ -187,24 +187,24 @@ class _Bridge:
 
     def take(self, request: Json) -> tuple[Json, bytes]:
         """Return all messages since the last time, one topic after the other: no order of topics is fixed."""
-        found, plain = [], _Plain()
+        messages, plain = [], _Plain()
         for number, subscription in enumerate(self._subscriptions):
             while (taken := _taken(subscription)) is not None:
                 message = taken[0]
                 least = self._least[number]
                 if least is None or getattr(message, least[0]) >= least[1]:
-                    found.append((number, plain.of(message)))
+                    messages.append((number, plain.of(message)))
         clocks = [self._publishers[number][0].get_subscription_count() for number in request["clocks"]]
-        return {"messages": found, "clocks": clocks}, bytes(plain.blob)
+        return {"messages": messages, "clocks": clocks}, bytes(plain.blob)
 
     def graph(self, request: Json) -> Json:
         """Return the names of nodes, and who publishes and subscribes to topics."""
         node = self._node
-        known = dict(node.get_topic_names_and_types())
+        topic_types = dict(node.get_topic_names_and_types())
         topics = request["topics"]
         return {
             "nodes": sorted({_full(name, space) for name, space in node.get_node_names_and_namespaces()}),
-            "types": {topic: list(types) for topic, types in known.items()},
+            "types": {topic: list(types) for topic, types in topic_types.items()},
             "publishers": {topic: _ends(node.get_publishers_info_by_topic(topic)) for topic in topics},
             "subscriptions": {topic: _ends(node.get_subscriptions_info_by_topic(topic)) for topic in topics},
         }
@@ -228,8 +228,9 @@ class _Bridge:
                     with client.handle:
                         header, answer = client.handle.take_response(GetParameters.Response)
                     if header is not None and answer is not None:
-                        found = answer.values
-                        values[name] = found[0].bool_value if found and found[0].type == 1 else None  # else no bool
+                        parameters = answer.values
+                        # Type 1 is bool.
+                        values[name] = parameters[0].bool_value if parameters and parameters[0].type == 1 else None
             time.sleep(_POLL_S)
         return {"values": values}
 
@@ -260,27 +261,27 @@ def _profile(qos: Json) -> QoSProfile:
     )
 
 
-def _ends(found: Any) -> list[Json]:
+def _ends(endpoints: Any) -> list[Json]:
     """Return the nodes at one side of a topic, with the types and the QoS that they chose."""
     return [
         {
-            "node": _full(each.node_name, each.node_namespace),
-            "type": each.topic_type,
-            "reliability": each.qos_profile.reliability.name.lower(),
-            "durability": each.qos_profile.durability.name.lower(),
-            "demands": _demands(each.qos_profile),
+            "node": _full(endpoint.node_name, endpoint.node_namespace),
+            "type": endpoint.topic_type,
+            "reliability": endpoint.qos_profile.reliability.name.lower(),
+            "durability": endpoint.qos_profile.durability.name.lower(),
+            "demands": _demands(endpoint.qos_profile),
         }
-        for each in found
+        for endpoint in endpoints
     ]
 
 
 def _demands(qos: Any) -> list[str]:
     """Return what else an end asks for; the usual periods are infinite."""
-    found = ["a deadline"] if 0 < qos.deadline.nanoseconds < _INFINITE_NS else []
+    demands = ["a deadline"] if 0 < qos.deadline.nanoseconds < _INFINITE_NS else []
     is_usual = qos.liveliness in (LivelinessPolicy.AUTOMATIC, LivelinessPolicy.SYSTEM_DEFAULT)
     if not is_usual or 0 < qos.liveliness_lease_duration.nanoseconds < _INFINITE_NS:
-        found.append("a liveliness")
-    return found
+        demands.append("a liveliness")
+    return demands
 
 
 def main(descriptor: int) -> None:

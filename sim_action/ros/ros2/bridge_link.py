@@ -108,7 +108,10 @@ class Bridge:
         answer, _ = self._ask(op="graph", topics=list(topics))
         own = f"/{_NAME}"
         ends = (
-            {topic: [TopicEnd(**end) for end in found if end["node"] != own] for topic, found in answer[side].items()}
+            {
+                topic: [TopicEnd(**end) for end in topic_ends if end["node"] != own]
+                for topic, topic_ends in answer[side].items()
+            }
             for side in ("publishers", "subscriptions")
         )
         return Graph(tuple(name for name in answer["nodes"] if name != own), answer["types"], *ends)
@@ -154,9 +157,9 @@ def _plain(endpoint: Endpoint) -> dict[str, Any]:
 def _packed(value: Any, blob: bytearray) -> Any:
     """Return plain data for JSON; arrays of numbers go into the blob."""
     if isinstance(value, dict):
-        return {key: _packed(each, blob) for key, each in value.items()}
+        return {key: _packed(entry, blob) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_packed(each, blob) for each in value]
+        return [_packed(entry, blob) for entry in value]
     if isinstance(value, array):
         return part_of(blob, value.typecode, len(value), value.tobytes())
     if isinstance(value, bytes):
@@ -167,5 +170,5 @@ def _packed(value: Any, blob: bytearray) -> Any:
 def _unpacked(value: Any, blob: memoryview) -> Any:
     """Return plain data with the arrays of a blob."""
     if isinstance(value, dict) and "$array" not in value:
-        return {key: _unpacked(each, blob) for key, each in value.items()}
-    return [_unpacked(each, blob) for each in value] if isinstance(value, list) else array_in(value, blob)
+        return {key: _unpacked(entry, blob) for key, entry in value.items()}
+    return [_unpacked(entry, blob) for entry in value] if isinstance(value, list) else array_in(value, blob)

@@ -162,9 +162,11 @@ def _started(spec: Ros2Nodes, rate: float, scene: Scene, session: Session) -> No
 
 def robot_topics(spec: Ros2Nodes, rate: float, scene: Scene) -> RobotTopics:
     """Return the names of the topics of the robot."""
-    found = channels(scene, spec.topics, rate, spec.controllers, space=spec.space)
-    published = {each.topic for each in found.publishers} | {CLOCK}
-    return RobotTopics(frozenset(each.topic for each in found.subscriptions), frozenset(published))
+    robot_channels = channels(scene, spec.topics, rate, spec.controllers, space=spec.space)
+    published = {publisher.topic for publisher in robot_channels.publishers} | {CLOCK}
+    return RobotTopics(
+        frozenset(subscription.topic for subscription in robot_channels.subscriptions), frozenset(published)
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,7 +285,7 @@ class DrivenNodes:
 
     @property
     def _published(self) -> frozenset[str]:
-        return frozenset(each.topic for each in self._bridge.published)
+        return frozenset(endpoint.topic for endpoint in self._bridge.published)
 
     def close(self) -> None:
         """End the nodes, and collect notes."""
@@ -327,7 +329,7 @@ class DrivenNodes:
             if number == self._log:
                 # The logger of the node /robot2/driver is robot2.driver.
                 node = f"/{message['name']}/".replace(".", "/")
-                spaces = [len(each.space) * node.startswith(f"{each.space}/") for each in self._session.robots]
+                spaces = [len(robot.space) * node.startswith(f"{robot.space}/") for robot in self._session.robots]
                 self._session.robots[spaces.index(max(spaces))].errors.take(message, seconds)
 
     def _admit_new_nodes(self) -> None:
@@ -347,7 +349,7 @@ class DrivenNodes:
         for _ in range(_MORE_CALMS if self._spec.launch and not self._is_realtime else 0):
             self.lockstep.settle(max(0.0, self.seconds))
             readiness.await_connections(watched)
-        self.lockstep.losses += (each for each in readiness.losses if each not in self.lockstep.losses)
+        self.lockstep.losses += (loss for loss in readiness.losses if loss not in self.lockstep.losses)
         self._first.listeners = self.lockstep.listeners()
 
     def _open_topics(self) -> None:
@@ -355,39 +357,52 @@ class DrivenNodes:
         stated, scene = self._spec.topics, self._scene
         description = self.space + DESCRIPTION
         described = bool(self._bridge.graph([description]).publishers[description])
-        found = channels(scene, stated, self._rate, self._spec.controllers, described=described, space=self.space)
-        self.topics = {each.topic for each in found.publishers} | {each.topic for each in found.subscriptions}
+        robot_channels = channels(
+            scene, stated, self._rate, self._spec.controllers, described=described, space=self.space
+        )
+        self.topics = {publisher.topic for publisher in robot_channels.publishers} | {
+            subscription.topic for subscription in robot_channels.subscriptions
+        }
         for robot in self._session.robots[:-1]:
             if both := sorted(self.topics & robot.topics - TRANSFORM_TOPICS):
                 raise SourceProblem(f"'{both[0]}' is already a topic of another robot; change 'topics' of one", _KEY)
-        wanted = {each.type for each in found.publishers} | {
-            kind for each in found.subscriptions for kind in each.types
+        types = {publisher.type for publisher in robot_channels.publishers} | {
+            kind for subscription in robot_channels.subscriptions for kind in subscription.types
         }
-        known = self._bridge.known_types(wanted)
-        for kind in sorted(wanted - known):
-            topics = [each.topic for each in found.publishers if each.type == kind]
+        available = self._bridge.known_types(types)
+        for kind in sorted(types - available):
+            topics = [publisher.topic for publisher in robot_channels.publishers if publisher.type == kind]
             if topics:
                 self.notes.append(f"not published, because ROS 2 has no {kind}: {', '.join(topics)}")
-        publishers = [each for each in found.publishers if each.type in known]
+        publishers = [publisher for publisher in robot_channels.publishers if publisher.type in available]
         graph = self._bridge.graph(
-            [ROSOUT, *(each.topic for each in found.publishers), *(each.topic for each in found.subscriptions)]
+            [
+                ROSOUT,
+                *(publisher.topic for publisher in robot_channels.publishers),
+                *(subscription.topic for subscription in robot_channels.subscriptions),
+            ]
         )
-        heard = [each for each in found.subscriptions if known.intersection(each.types)]
-        subscriptions = [each.matched(graph.publishers[each.topic]) for each in heard]
-        for each in publishers:
-            self._misfits += subscriber_problems(each.topic, each.type, each.qos, graph.subscriptions[each.topic])
+        heard = [
+            subscription for subscription in robot_channels.subscriptions if available.intersection(subscription.types)
+        ]
+        subscriptions = [subscription.matched(graph.publishers[subscription.topic]) for subscription in heard]
+        for publisher in publishers:
+            self._misfits += subscriber_problems(
+                publisher.topic, publisher.type, publisher.qos, graph.subscriptions[publisher.topic]
+            )
         self.notes += self._misfits
         self._senders = [
-            (each.topic, next((end.node for end in graph.publishers[each.topic]), "a node")) for each in subscriptions
+            (subscription.topic, next((end.node for end in graph.publishers[subscription.topic]), "a node"))
+            for subscription in subscriptions
         ]
         self._subscriptions = subscriptions
         self._commands = ReceivedCommands(subscriptions)
         self._first_heard = len(self._bridge.heard)
         self._log = self._first_heard + len(subscriptions)
         first = self._bridge.open(
-            [Endpoint(each.topic, each.type, each.qos) for each in publishers],
+            [Endpoint(publisher.topic, publisher.type, publisher.qos) for publisher in publishers],
             [
-                *(Endpoint(each.topic, each.type, each.qos) for each in subscriptions),
+                *(Endpoint(subscription.topic, subscription.type, subscription.qos) for subscription in subscriptions),
                 *([errors_endpoint(graph.publishers[ROSOUT])] if self._first is self else ()),
             ],
         )

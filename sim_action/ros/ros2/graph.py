@@ -121,11 +121,11 @@ def _heard_from(
     senders: Mapping[str, frozenset[str]], hearers: Mapping[str, frozenset[str]]
 ) -> dict[str, frozenset[str]]:
     """Return node -> the other nodes that send to it."""
-    found: dict[str, frozenset[str]] = {}
+    sources: dict[str, frozenset[str]] = {}
     for topic, nodes in hearers.items():
         for node in nodes:
-            found[node] = found.get(node, frozenset()) | (senders.get(topic, frozenset()) - {node})
-    return found
+            sources[node] = sources.get(node, frozenset()) | (senders.get(topic, frozenset()) - {node})
+    return sources
 
 
 def unheard(graph: Graph, published: frozenset[str]) -> Iterator[str]:

@@ -78,12 +78,12 @@ class SetUp:
 
 def packages_of_prefix(prefix: Path) -> list[str]:
     """Return the names of the packages that are installed in a prefix, each after its dependencies."""
-    found: dict[str, set[str]] = {}
+    dependencies: dict[str, set[str]] = {}
     for index in _INDEXES:
         for file in _files(prefix / index):
             text = content_or_empty(file, _MAX_FILE_BYTES).decode(errors="replace")
-            found.setdefault(file.name, set()).update(text.replace(os.pathsep, ";").split(";"))
-    graph = {name: sorted(found[name] & found.keys() - {name}) for name in sorted(found)}
+            dependencies.setdefault(file.name, set()).update(text.replace(os.pathsep, ";").split(";"))
+    graph = {name: sorted(dependencies[name] & dependencies.keys() - {name}) for name in sorted(dependencies)}
     try:
         return list(TopologicalSorter(graph).static_order())
     except CycleError:
@@ -117,7 +117,7 @@ class _Changes:
 
     def add(self, name: str, path: str, *, first: bool = True) -> None:
         """Put a path first or last in a variable, unless it is there."""
-        before = [known for known in self._value(name).split(os.pathsep) if known]
+        before = [entry for entry in self._value(name).split(os.pathsep) if entry]
         after = [path, *before] if first else [*before, path]
         self.variables[name] = os.pathsep.join(before if path in before else after)
 
@@ -139,8 +139,8 @@ class _Changes:
             hook = script.with_name(f"{script.name}.dsv")
             if hook.is_file() and depth:
                 self._read(prefix, hook, depth - 1)
-            elif found := sorted(suffixes & _SHELLS, reverse=True):
-                self.unread.append(f"{script}{found[0]}")
+            elif shells := sorted(suffixes & _SHELLS, reverse=True):
+                self.unread.append(f"{script}{shells[0]}")
 
     def _change(self, prefix: Path, kind: str, words: list[str]) -> None:
         name, *values = words
@@ -256,16 +256,16 @@ def _of_named(python: Path, sourced: _Place, users: tuple[Path, ...]) -> _Place:
 def _checked(place: _Place, variables: Mapping[str, str]) -> Ros2:
     """Return the installation of a place. Raise UsageError if it cannot be used."""
     prefix = next(filter(_has_rclpy, place.prefixes))
-    found = f"{prefix} (from {place.source})"
+    location = f"{prefix} (from {place.source})"
     distribution, version = _distribution(prefix)
     if distribution not in DISTRIBUTIONS:
         name = distribution or "of an unknown distribution"
         raise UsageError(
-            f"the ROS 2 in {found} is {name} (rclpy {version}), and sim-action supports {', '.join(DISTRIBUTIONS)}; "
+            f"the ROS 2 in {location} is {name} (rclpy {version}), and sim-action supports {', '.join(DISTRIBUTIONS)}; "
             f"use one of them: {INSTALLING}"
         )
-    python = place.python or _python(prefix, found)
-    _check_parts(place, found, distribution)
+    python = place.python or _python(prefix, location)
+    _check_parts(place, location, distribution)
     base = _wheel_variables(prefix, variables) if _is_of_wheels(prefix) else _inherited(variables)
     hooked = [path for path in place.prefixes if path != prefix] if _is_of_wheels(prefix) else place.prefixes
     sourced = set_up(hooked, {**variables, **base})
@@ -274,7 +274,7 @@ def _checked(place: _Place, variables: Mapping[str, str]) -> Ros2:
     return Ros2(place.prefixes, python, distribution, RMW, place.source, changed, sourced.unread)
 
 
-def _check_parts(place: _Place, found: str, distribution: str) -> None:
+def _check_parts(place: _Place, location: str, distribution: str) -> None:
     """Raise UsageError if messages or Fast DDS are missing."""
     prefix = next(filter(_has_rclpy, place.prefixes))
     shares = [prefix / "share" for prefix in place.prefixes]
@@ -283,7 +283,7 @@ def _check_parts(place: _Place, found: str, distribution: str) -> None:
         wheels = f"{prefix}/bin/python -m pip install {' '.join(WHEELS.get(distribution, ()))}"
         apt = f"sudo apt-get install {' '.join(f'ros-{distribution}-{name}' for name in missing).replace('_', '-')}"
         fix = wheels if _is_of_wheels(prefix) else apt
-        raise UsageError(f"the ROS 2 {distribution} in {found} has no {', no '.join(missing)}; run {fix}")
+        raise UsageError(f"the ROS 2 {distribution} in {location} has no {', no '.join(missing)}; run {fix}")
 
 
 def _prefixes(variables: Mapping[str, str]) -> tuple[Path, ...]:
@@ -305,11 +305,11 @@ def _distribution(prefix: Path) -> tuple[str | None, str]:
     return _RELEASES.get(major, named), f"{major}.{rest}"
 
 
-def _python(prefix: Path, found: str) -> Path:
+def _python(prefix: Path, location: str) -> Path:
     """Return the interpreter that the rclpy of a prefix was built for. Raise UsageError."""
     modules = next(iter(sorted(prefix.glob("lib/python3*/*-packages/rclpy"))), None)
     if modules is None:
-        raise UsageError(f"the ROS 2 in {found} has no Python module rclpy; install it again")
+        raise UsageError(f"the ROS 2 in {location} has no Python module rclpy; install it again")
     name = modules.parents[1].name
     for path in (prefix / "bin" / name, Path("/usr/bin") / name):
         if path.is_file() and os.access(path, os.X_OK):
@@ -317,7 +317,7 @@ def _python(prefix: Path, found: str) -> Path:
     on_path = program_on_path(name, Path.cwd())
     if on_path is None:
         raise UsageError(
-            f"the ROS 2 in {found} needs {name}, which is not on PATH; install it, or set {PYTHON_VARIABLE} to it"
+            f"the ROS 2 in {location} needs {name}, which is not on PATH; install it, or set {PYTHON_VARIABLE} to it"
         )
     return on_path
 

@@ -133,7 +133,7 @@ class Lockstep:
         if self._known and not self._has_changed():
             return
         # A process between a root and a node, such as a shell, may start the node later.
-        alive = {*self._roots, *(each for pid in self._roots for each in descendants(pid))}
+        alive = {*self._roots, *(descendant for pid in self._roots for descendant in descendants(pid))}
         self._children = {pid: self._children.get(pid) or ChildProcesses(pid) for pid in alive}
         self._known = {pid: children.look() for pid, children in self._children.items()}
         self._watched.watch({*alive, self._bridge.process.pid, os.getpid()})

@@ -94,9 +94,9 @@ class ProcessFolder:
     ) -> NodeProcess:
         """Start a program; `kept`: descriptors for it; `forwards`: its output is for the user. Raise ScriptError."""
         output = self.path / f"output-{len(self._started)}.txt"
-        given = self.path / f"input-{len(self._started)}.txt"
-        given.write_text(stdin, encoding="utf-8")
-        with output.open("ab") as file, given.open("rb") as source:
+        stdin_path = self.path / f"input-{len(self._started)}.txt"
+        stdin_path.write_text(stdin, encoding="utf-8")
+        with output.open("ab") as file, stdin_path.open("rb") as source:
             try:
                 process = subprocess.Popen(  # noqa: S603 - what the user asks for; no shell is used
                     words,

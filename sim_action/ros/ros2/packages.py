@@ -176,70 +176,72 @@ class _Setup:
         self.is_computed = False
         self._names: dict[str, ast.expr] = {}
         self._given: dict[str, ast.expr] = {}
-        for node in module.body:
-            if isinstance(node, ast.Assign):
-                self._names |= {target.id: node.value for target in node.targets if isinstance(target, ast.Name)}
-        for each in ast.walk(module):
-            if isinstance(each, ast.Call) and ast.unparse(each.func).rpartition(".")[2] == "setup":
-                self._given |= {keyword.arg: keyword.value for keyword in each.keywords if keyword.arg}
+        for statement in module.body:
+            if isinstance(statement, ast.Assign):
+                self._names |= {
+                    target.id: statement.value for target in statement.targets if isinstance(target, ast.Name)
+                }
+        for node in ast.walk(module):
+            if isinstance(node, ast.Call) and ast.unparse(node.func).rpartition(".")[2] == "setup":
+                self._given |= {keyword.arg: keyword.value for keyword in node.keywords if keyword.arg}
                 # Arguments in a dictionary.
-                self.is_computed |= any(keyword.arg is None for keyword in each.keywords)
+                self.is_computed |= any(keyword.arg is None for keyword in node.keywords)
 
     def entries(self) -> list[str]:
         """Return the console scripts."""
-        found = self._value(self._given.get("entry_points"))
-        if isinstance(found, str):
+        entry_points = self._value(self._given.get("entry_points"))
+        if isinstance(entry_points, str):
             parser = configparser.ConfigParser(interpolation=None, strict=False)
             try:
-                parser.read_string(found)
+                parser.read_string(entry_points)
             except configparser.Error:
                 return []
             return [f"{name} = {entry}" for name, entry in parser[_GROUP].items()] if _GROUP in parser else []
-        group = found.get(_GROUP, []) if isinstance(found, dict) else []
+        group = entry_points.get(_GROUP, []) if isinstance(entry_points, dict) else []
         lines = group.splitlines() if isinstance(group, str) else group
         return [line for line in lines if isinstance(line, str)] if isinstance(lines, list) else []
 
     def scripts(self) -> list[str]:
         """Return the paths of the programs that are installed as they are."""
-        found = self._value(self._given.get("scripts"))
-        return [path for path in found if isinstance(path, str)] if isinstance(found, list) else []
+        scripts = self._value(self._given.get("scripts"))
+        return [path for path in scripts if isinstance(path, str)] if isinstance(scripts, list) else []
 
     def package_root(self) -> str:
         """Return the folder of the modules, from the folder of the package."""
-        found = self._value(self._given.get("package_dir"))
-        root = found.get("", "") if isinstance(found, dict) else ""
+        package_dir = self._value(self._given.get("package_dir"))
+        root = package_dir.get("", "") if isinstance(package_dir, dict) else ""
         return root if isinstance(root, str) else ""
 
     def _value(self, node: ast.expr | None, depth: int = 20) -> object:
         """Return the value of an expression; None if it would have to be run."""
-        found: object = None
+        literal: object = None
         if depth == 0 or node is None:
-            return found
+            return literal
         match node:
             case ast.Constant(value=value):
-                found = value
+                literal = value
             case ast.Name(id=name) if name in self._names:
-                found = self._value(self._names[name], depth - 1)
+                literal = self._value(self._names[name], depth - 1)
             case ast.List(elts=parts) | ast.Tuple(elts=parts):
-                found = [self._value(part, depth - 1) for part in parts]
+                literal = [self._value(part, depth - 1) for part in parts]
             case ast.Dict(keys=keys, values=values):
                 pairs = zip(keys, values, strict=True)
-                found = {str(self._value(key, depth - 1)): self._value(value, depth - 1) for key, value in pairs}
+                literal = {str(self._value(key, depth - 1)): self._value(value, depth - 1) for key, value in pairs}
             case ast.JoinedStr(values=parts):
-                found = self._joined([self._value(part, depth - 1) for part in parts])
+                literal = self._joined([self._value(part, depth - 1) for part in parts])
             case ast.FormattedValue(value=inner, conversion=-1, format_spec=None):
-                found = self._value(inner, depth - 1)
+                literal = self._value(inner, depth - 1)
             case ast.BinOp(left=left, op=ast.Add(), right=right):
-                found = self._joined([self._value(left, depth - 1), self._value(right, depth - 1)])
+                literal = self._joined([self._value(left, depth - 1), self._value(right, depth - 1)])
             case _:
                 self.is_computed = True
-        return found
+        return literal
 
     def _joined(self, parts: list[object]) -> object:
         if all(isinstance(part, str) for part in parts):
             return "".join(map(str, parts))
         if all(isinstance(part, list) for part in parts):
-            return [each for part in parts if isinstance(part, list) for each in part]
+            return [entry for part in parts if isinstance(part, list) for entry in part]
         self.is_computed = True
         return None
 
@@ -417,20 +419,20 @@ def _source_folders(workspace: Path) -> dict[str, Path]:
 
 def packages_below(folder: Path) -> dict[str, Path]:
     """Return name -> folder of the packages in a folder and below it. Raise PathError for two with the same name."""
-    found = folders_below(folder, inside_packages=False).packages
-    for name, folders in found.items():
+    packages = folders_below(folder, inside_packages=False).packages
+    for name, folders in packages.items():
         if len(folders) > 1:
             places = " and ".join(map(str, folders[:3]))
             raise PathError(f"there are {len(folders)} packages '{name}': {places}; remove or rename one")
-    return {name: folders[0] for name, folders in found.items()}
+    return {name: folders[0] for name, folders in packages.items()}
 
 
 def _by_name(prefixes: Sequence[Path]) -> dict[str, Path]:
-    found: dict[str, Path] = {}
+    packages: dict[str, Path] = {}
     for prefix in prefixes:
         for name in packages_of_prefix(prefix):
-            found.setdefault(name, prefix)
-    return found
+            packages.setdefault(name, prefix)
+    return packages
 
 
 def _outdated(name: str, folder: Path, prefix: Path) -> Iterator[Path]:

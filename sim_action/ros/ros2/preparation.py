@@ -162,10 +162,10 @@ def _lacking(sources: Mapping[str, Source], prefixes: Iterable[Path]) -> dict[st
 def _wanted(sources: Mapping[str, Source], names: Collection[str] | None) -> list[Source]:
     """Return the packages to build, with their needs: those in `names`; None: with messages, or needed in Python."""
     first = [source for source in sources.values() if source.has_messages or not source.is_built]
-    wanted = {source.name for source in first} if names is None else {*names} & sources.keys()
+    selected = {source.name for source in first} if names is None else {*names} & sources.keys()
     for source in reversed(list(sources.values())):
-        wanted |= source.needs & sources.keys() if source.name in wanted else set()
-    return [source for source in sources.values() if source.name in wanted and source.is_built]
+        selected |= source.needs & sources.keys() if source.name in selected else set()
+    return [source for source in sources.values() if source.name in selected and source.is_built]
 
 
 def _problems_of_file(
@@ -209,11 +209,11 @@ def prepare(
     `names`: the packages to build, with those that they need; None: all.
     """
     sources = sources_in(workspace)
-    if found := [f"{place}: {message}" for message, place in problems(sources, ros.prefixes)]:
-        raise UsageError("; ".join(found[:5]))
+    if messages := [f"{place}: {message}" for message, place in problems(sources, ros.prefixes)]:
+        raise UsageError("; ".join(messages[:5]))
     install, lacks = workspace / INSTALL, _lacking(sources, ros.prefixes)
-    wanted = _wanted(sources, names)
-    built = [source.name for source in wanted if source.name not in lacks]
+    selected = _wanted(sources, names)
+    built = [source.name for source in selected if source.name not in lacks]
     for name in built:
         if (install / name).exists() and not (install / name / _STAMP).is_file():
             raise UsageError(f"{install / name} was built by another tool; build it with that, or remove the folder")
@@ -225,12 +225,12 @@ def prepare(
     stamps: dict[str, str] = {}
     wheels: Path | None = None
     yield from (
-        _why_not(source, lacks, wanted) for source in sources.values() if names is None and source not in wanted
+        _why_not(source, lacks, selected) for source in sources.values() if names is None and source not in selected
     )
-    for source in wanted:
+    for source in selected:
         name = source.name
         if name in lacks:
-            yield _why_not(source, lacks, wanted)
+            yield _why_not(source, lacks, selected)
             continue
         stamps[name] = stamp = _stamp(source, ros, [stamps[need] for need in sorted(source.needs & stamps.keys())])
         if content_or_empty(install / name / _STAMP, _MAX_FILE_BYTES) == stamp.encode():
@@ -245,16 +245,16 @@ def prepare(
         yield f"{name}: built"
 
 
-def _why_not(source: Source, lacks: Mapping[str, str], wanted: Collection[Source]) -> str:
+def _why_not(source: Source, lacks: Mapping[str, str], selected: Collection[Source]) -> str:
     reason = "it needs no build" if not source.is_built else "no package in Python needs it"
-    if source in wanted:
+    if source in selected:
         reason = f"it needs '{lacks[source.name]}', which is not there or cannot be built"
     return f"{source.name}: not built, because {reason}"
 
 
 def needed_by(scenarios: Iterable[Path]) -> dict[Path, set[str]]:
     """Return workspace -> packages to build that programs of readable scenarios import; a run names the others."""
-    wanted = dict[Path, set[str]]()
+    packages = dict[Path, set[str]]()
     for path in scenarios:
         with suppress(YAMLError, UnicodeDecodeError, PathError, UsageError):
             for nodes in _nodes_of(yaml.safe_load(content_or_empty(path, _MAX_FILE_BYTES))):
@@ -268,8 +268,8 @@ def needed_by(scenarios: Iterable[Path]) -> dict[Path, set[str]]:
                 programs.update(file for source in sources.values() for file in source.folder.rglob("*.py"))
                 built = {name for name, source in sources.items() if source.is_built}
                 names = {name.partition(".")[0] for program in programs for name in imported(program)}
-                wanted.setdefault(folder, set()).update(built & names)
-    return {folder: names for folder, names in wanted.items() if names}
+                packages.setdefault(folder, set()).update(built & names)
+    return {folder: names for folder, names in packages.items() if names}
 
 
 def _nodes_of(content: Any) -> Iterator[dict[str, Any]]:

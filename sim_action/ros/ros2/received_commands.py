@@ -95,13 +95,13 @@ class Subscription:
         is_reliable = all(end.reliability == "reliable" for end in publishers)
         qos = self.qos if is_reliable else replace(self.qos, reliability="best_effort")
         kind = types[0] if types else self.type
-        return replace(self, type=kind, alternatives=tuple(each for each in self.types if each != kind), qos=qos)
+        return replace(self, type=kind, alternatives=tuple(other for other in self.types if other != kind), qos=qos)
 
 
 def unsent(graph: Graph, subscriptions: Sequence[Subscription]) -> Iterator[str]:
     """Yield that no command arrived, and the topics of nodes that may have been meant."""
-    yield f"no node sent a message on {' or '.join(each.topic for each in subscriptions)}"
-    own = {each.topic for each in subscriptions}
+    yield f"no node sent a message on {' or '.join(subscription.topic for subscription in subscriptions)}"
+    own = {subscription.topic for subscription in subscriptions}
     for subscription in subscriptions:
         others = [
             (topic, kind)
@@ -110,8 +110,8 @@ def unsent(graph: Graph, subscriptions: Sequence[Subscription]) -> Iterator[str]
             if topic not in own and any(end.type == kind for end in ends)
         ]
         if others:
-            found = ", ".join(f"{topic} ({kind})" for topic, kind in others)
-            yield f"nodes publish {found}; to use it, set topics: {{{subscription.key}: {others[0][0]}}}"
+            topics = ", ".join(f"{topic} ({kind})" for topic, kind in others)
+            yield f"nodes publish {topics}; to use it, set topics: {{{subscription.key}: {others[0][0]}}}"
 
 
 class ReceivedCommands:
@@ -242,14 +242,14 @@ def _points(message: Mapping[str, Any], names: Sequence[str], begins: float) -> 
         raise BadMessage("a trajectory without points")
     before = -math.inf
     for number, point in enumerate(message["points"]):
-        found = [list(point[group]) for group in ("positions", "velocities", "accelerations")]
-        for group, values in zip(("positions", "velocities", "accelerations"), found, strict=True):
+        motion = [list(point[group]) for group in ("positions", "velocities", "accelerations")]
+        for group, values in zip(("positions", "velocities", "accelerations"), motion, strict=True):
             if values and len(values) != len(names):
                 raise BadMessage(
                     f"a trajectory whose points[{number}] has {len(values)} {group} for {len(names)} joints"
                 )
             _check_finite(values, f"points[{number}].{group}")
-        if not found[0]:
+        if not motion[0]:
             raise BadMessage(f"a trajectory whose points[{number}] has no positions")
         if list(point.get("effort", ())):
             raise BadMessage(f"a trajectory whose points[{number}] has efforts, which no joint follows")
@@ -260,7 +260,7 @@ def _points(message: Mapping[str, Any], names: Sequence[str], begins: float) -> 
                 f"{before:g} s"
             )
         before = time
-        yield TrajectoryPoint(begins + time, *found)
+        yield TrajectoryPoint(begins + time, *motion)
 
 
 def _check_end(last: TrajectoryPoint, names: Sequence[str]) -> None:

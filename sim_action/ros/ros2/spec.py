@@ -97,13 +97,13 @@ def _check_value(name: str, value: JsonValue) -> None:
     if value is None:
         raise ValueError(f"'{name}' has no value; remove it, or give it one")
     values = value if isinstance(value, list) else [value]
-    kinds = {type(each) for each in values}
+    kinds = {type(entry) for entry in values}
     if len(kinds) > 1 or not kinds <= {bool, int, float, str}:
-        wanted = "a list of a parameter has values of one type: bool, integer, float or text"
-        raise ValueError(f"{wanted}; '{name}' has {', '.join(map(shown, values[:5]))}")
-    for each in values:
-        if isinstance(each, int) and not _MIN_INTEGER <= each <= _MAX_INTEGER:
-            raise ValueError(f"an integer has 64 bits in ROS 2; '{name}' has {shown(each)}")
+        rule = "a list of a parameter has values of one type: bool, integer, float or text"
+        raise ValueError(f"{rule}; '{name}' has {', '.join(map(shown, values[:5]))}")
+    for entry in values:
+        if isinstance(entry, int) and not _MIN_INTEGER <= entry <= _MAX_INTEGER:
+            raise ValueError(f"an integer has 64 bits in ROS 2; '{name}' has {shown(entry)}")
 
 
 NodeName = Annotated[str, AfterValidator(_node_name)]
@@ -145,9 +145,9 @@ class Ros2NodeSpec(ListedNode):
             return {"file": text}
         package, slash, executable = text.partition("/")
         if not (package and slash and executable) or "/" in executable:
-            wanted = "the short form of a node is package/executable, or a file such as ./mover.py"
+            rule = "the short form of a node is package/executable, or a file such as ./mover.py"
             hint = f"; did you mean './{text}'?" if text.endswith(".py") else ""
-            raise ValueError(f"{wanted}, found '{text}'{hint}")
+            raise ValueError(f"{rule}, found '{text}'{hint}")
         return {"package": package, "executable": executable}
 
     @model_validator(mode="after")
@@ -157,8 +157,8 @@ class Ros2NodeSpec(ListedNode):
             raise ValueError("a node has either a 'file', or a 'package' and an 'executable'; remove one of them")
         if self.file is None and (self.package is None or self.executable is None):
             missing = "'package'" if self.package is None else "'executable'"
-            wanted = "a node needs a 'package' and an 'executable', or a 'file'"
-            raise ValueError(f"{wanted}; add {missing}" if self.package or self.executable else wanted)
+            rule = "a node needs a 'package' and an 'executable', or a 'file'"
+            raise ValueError(f"{rule}; add {missing}" if self.package or self.executable else rule)
         return self
 
     @property
@@ -214,8 +214,8 @@ class JointController(FrozenModel):
 
     def joints(self, model: RobotModel) -> tuple[str, ...]:
         """Return its joints, in the order of the names, and in that of the model for patterns and groups."""
-        found = joints_set_by(model, dict.fromkeys(self.names))
-        return tuple(dict.fromkeys(joint for name in self.names for joint in found[name]))
+        matches = joints_set_by(model, dict.fromkeys(self.names))
+        return tuple(dict.fromkeys(joint for name in self.names for joint in matches[name]))
 
 
 class Ros2Nodes(Nodes[Ros2NodeSpec]):
@@ -310,11 +310,11 @@ class Ros2Commands(CommandSource):
                 return
             for key in ("workspace", "pace"):
                 if (own := getattr(nodes, key)) != (first := getattr(other.ros2, key)):
-                    wanted = f"'{key}' must be {first!r}, as for the first one, not {own!r}"
-                    yield ("ros2",), f"the nodes of all robots share one lock-step: {wanted}"
+                    rule = f"'{key}' must be {first!r}, as for the first one, not {own!r}"
+                    yield ("ros2",), f"the nodes of all robots share one lock-step: {rule}"
             if other.rate != self.rate:
-                wanted = f"'rate' must be {other.rate:g} Hz, as for the first one, not {self.rate:g} Hz"
-                yield (), f"the nodes of all robots share one clock: {wanted}"
+                rule = f"'rate' must be {other.rate:g} Hz, as for the first one, not {self.rate:g} Hz"
+                yield (), f"the nodes of all robots share one clock: {rule}"
 
     @property
     @override
@@ -336,8 +336,8 @@ class Ros2Commands(CommandSource):
 
     def joints(self, scene: Scene) -> frozenset[str]:
         """See CommandSource.joints: those of controllers."""
-        each = (controller.joints(scene.model) for controller in self.ros2.controllers.values())
-        return frozenset(joint for joints in each for joint in joints)
+        groups = (controller.joints(scene.model) for controller in self.ros2.controllers.values())
+        return frozenset(joint for joints in groups for joint in joints)
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises SourceProblem if ROS 2 is not installed, ScriptError."""

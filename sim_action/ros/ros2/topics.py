@@ -173,11 +173,11 @@ def topic_problems(
     """Yield problems of stated topics, by their keys: unknown names, and topics that are used twice."""
     topics = topics_of(scene, stated, controllers, space)
     yield from robot_topics.topic_problems(stated, topics)
-    for name in (each for each in stated if each in topics):
+    for name in (name for name in stated if name in topics):
         if topics[name] in _OF_ALL_ROBOTS:
             yield (name,), f"'{topics[name]}' is a topic that every robot has; choose another one"
     cameras = {sensor.name: _beside_images(topics[sensor.name]) for sensor in scene.sensors if sensor.kind == "camera"}
-    for name in (each for each in stated if each in topics):
+    for name in (name for name in stated if name in topics):
         mine = {topics[name], *cameras.get(name, ())}
         for other, beside in cameras.items():
             if other != name and (shared := sorted(mine.intersection(beside))):
@@ -291,25 +291,27 @@ def _transforms(scene: Scene, frames: RobotFrames, schedule: Schedule, *, links:
     measured = None
     if odometry is not None:
         frame = frames.odom, frames.base
-        measured = each_reading(odometry, lambda each: transforms_message(each.time, [(*frame, each.pose)]))
+        measured = each_reading(odometry, lambda reading: transforms_message(reading.time, [(*frame, reading.pose)]))
 
     def message(tick: int, seen: Observation) -> Message | None:
-        found: list[Message] = []
+        transforms: list[Message] = []
         is_due = schedule.is_due(tick)
         if measured is not None:
-            found += (measured(tick, seen) or {"transforms": []})["transforms"]
+            transforms += (measured(tick, seen) or {"transforms": []})["transforms"]
         elif is_due and not scene.bolted:
-            found += _placed(seen.time, [(frames.odom, frames.base, seen.pose)])
+            transforms += _placed(seen.time, [(frames.odom, frames.base, seen.pose)])
         if is_due and links:
-            found += _placed(seen.time, frames.links.at({name: joint.position for name, joint in seen.joints.items()}))
-        return {"transforms": found} if found else None
+            transforms += _placed(
+                seen.time, frames.links.at({name: joint.position for name, joint in seen.joints.items()})
+            )
+        return {"transforms": transforms} if transforms else None
 
     return message
 
 
 def _placed(time: float, frames: Iterable[PlacedFrame]) -> list[Message]:
-    found: list[Message] = transforms_message(time, frames)["transforms"]
-    return found
+    transforms: list[Message] = transforms_message(time, frames)["transforms"]
+    return transforms
 
 
 def _beside_images(topic: str) -> tuple[str, str, str]:
@@ -329,22 +331,30 @@ def _messages_of(sensor: Fitting, frames: RobotFrames) -> Sequence[tuple[str, Ca
     frame, keys, odometry = frames.sensors[sensor.name], cast(Any, sensor.keys), (frames.odom, frames.base)
     image, info = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
     rows: Mapping[str, Sequence[tuple[str, Callable[[Any], Message]]]] = {
-        "lidar": [("sensor_msgs/msg/LaserScan", lambda each: scan_message(each.time, frame, each, 1 / sensor.rate))],
+        "lidar": [
+            ("sensor_msgs/msg/LaserScan", lambda reading: scan_message(reading.time, frame, reading, 1 / sensor.rate))
+        ],
         "imu": [
             (
                 "sensor_msgs/msg/Imu",
-                lambda each: imu_message(each.time, frame, each, (keys.gyro_noise, keys.accelerometer_noise)),
+                lambda reading: imu_message(reading.time, frame, reading, (keys.gyro_noise, keys.accelerometer_noise)),
             )
         ],
         "odometry": [
-            ("nav_msgs/msg/Odometry", lambda each: odometry_message(each.time, odometry, each.pose, each.twist))
+            (
+                "nav_msgs/msg/Odometry",
+                lambda reading: odometry_message(reading.time, odometry, reading.pose, reading.twist),
+            )
         ],
-        "contact": [("std_msgs/msg/Bool", lambda each: {"data": each.touching})],
+        "contact": [("std_msgs/msg/Bool", lambda reading: {"data": reading.touching})],
         "camera": [
-            (image, lambda each: image_message(each.time, frame, each.rgb)),
-            (info, lambda each: camera_info_message(each.time, frame, keys)),
-            (image, lambda each: image_message(each.time, frame, each.depth.astype("<f4", copy=False), "32FC1")),
-            (info, lambda each: camera_info_message(each.time, frame, keys)),
+            (image, lambda reading: image_message(reading.time, frame, reading.rgb)),
+            (info, lambda reading: camera_info_message(reading.time, frame, keys)),
+            (
+                image,
+                lambda reading: image_message(reading.time, frame, reading.depth.astype("<f4", copy=False), "32FC1"),
+            ),
+            (info, lambda reading: camera_info_message(reading.time, frame, keys)),
         ],
     }
     return rows[sensor.kind]

@@ -50,11 +50,11 @@ class LaunchError(Exception):
         return refusal
 
 
-def stand_in_of(known: Mapping[str, list[str]], program: str) -> list[str] | None:
+def stand_in_of(stand_ins: Mapping[str, list[str]], program: str) -> list[str] | None:
     """Return the command that runs instead of a program: by PACKAGE/PROGRAM, by its package, or by its name."""
     package, is_of_package, _ = program.partition("/")
     keys = (program, package) if is_of_package and package else (Path(program).name,)
-    return next((known[key] for key in keys if key in known), None)
+    return next((stand_ins[key] for key in keys if key in stand_ins), None)
 
 
 def unsupported(what: str) -> LaunchError:

@@ -95,15 +95,15 @@ def spawned_robot(programs: Sequence[LeftOutProgram], bridge: Bridge, folder: Pa
 
 def _options(args: Sequence[str]) -> Mapping[str, str]:
     """Return the options of `create` with their values; both `-x 1` and `--x=1` are allowed."""
-    found: dict[str, str] = {}
+    options: dict[str, str] = {}
     words = iter(args)
     for word in words:
         if word == "--ros-args":
             break
         if word.startswith("-"):
             name, sign, value = word.partition("=")
-            found["-" + name.lstrip("-")] = value if sign else next(words, "")
-    return found
+            options["-" + name.lstrip("-")] = value if sign else next(words, "")
+    return options
 
 
 def _pose(options: Mapping[str, str]) -> Placement:
@@ -295,5 +295,7 @@ def _measured(run: SimulationRun | None, where: Location) -> dict[str, Any]:
         "engine": run.engine,
         "notes": run.notes,
         "model_notes": run.model_notes,
-        "warnings": tuple(AuditWarning(rule=each.rule, message=each.message, location=where) for each in run.findings),
+        "warnings": tuple(
+            AuditWarning(rule=finding.rule, message=finding.message, location=where) for finding in run.findings
+        ),
     }

@@ -171,8 +171,8 @@ class LaunchedNodes(NodeGroup):
         super().__init__([self._launcher.pid])
 
     def _start(self, folder: ProcessFolder) -> NodeProcess:
-        known = folder.environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-        has_frames = any(Path(path, "lib", FRAMES_PROGRAM).exists() for path in known if path)
+        ament_prefixes = folder.environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+        has_frames = any(Path(path, "lib", FRAMES_PROGRAM).exists() for path in ament_prefixes if path)
         left_out = {key: list(command) for key, command in STAND_INS.items() if key != FRAMES_PROGRAM or not has_frames}
         task: dict[str, Any] = {
             "events": str(folder.path / "events"),
@@ -204,7 +204,7 @@ class LaunchedNodes(NodeGroup):
             raise SourceProblem(f"{'; '.join(losses)}; to run without it, {remedy}", _KEY)
         self.losses += losses
         if self._left_out:
-            left = ", ".join(dict.fromkeys(each.program for each in self._left_out))
+            left = ", ".join(dict.fromkeys(left_out.program for left_out in self._left_out))
             self.notes.append(f"not started, because sim-action is the simulator: {left}")
         self.notes += unheard_bridges(self._left_out, self.topics.published)
 
@@ -225,8 +225,8 @@ class LaunchedNodes(NodeGroup):
     def new_nodes(self) -> list[Node]:
         self.refuse_ended()
         # In the order of the names of nodes and programs.
-        found, self._new = sorted(self._new, key=lambda each: each[0]), []
-        return [node for _, node in found]
+        entries, self._new = sorted(self._new, key=lambda entry: entry[0]), []
+        return [node for _, node in entries]
 
     @override
     def refuse_ended(self) -> None:
@@ -275,7 +275,7 @@ class LaunchedNodes(NodeGroup):
             self._processes[event.pid].code = event.exit_code
         elif event.clock is not None:
             self._add(event)
-        elif event.event == "process" and not any(each.program == event.program for each in self._left_out):
+        elif event.event == "process" and not any(left_out.program == event.program for left_out in self._left_out):
             self.notes.append(
                 f"the process '{event.process}' of the launch file is no node for launch: it gets no clock of its own, "
                 "and use_sim_time is not set for it"
@@ -396,8 +396,8 @@ def _types_in(value: Any, name: str) -> Iterator[tuple[str, str]]:
         return
     if isinstance(value.get("type"), str):
         yield name, value["type"]
-    for key, each in value.items():
-        yield from _types_in(each, name if key == "ros__parameters" else str(key).rpartition("/")[2])
+    for key, child in value.items():
+        yield from _types_in(child, name if key == "ros__parameters" else str(key).rpartition("/")[2])
 
 
 def _parameters(path: Path) -> Any:

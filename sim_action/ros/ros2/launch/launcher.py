@@ -144,8 +144,8 @@ class _Launcher:
         self._owes_calm = False
         # A launch test reads its arguments by itself, too.
         is_checked = not self._has_started and not self._task["results"]
-        given = {argument.partition(":=")[0] for argument in self._task["arguments"]}
-        unknown = sorted(given - self._declared - self._read) if is_checked else []
+        names = {argument.partition(":=")[0] for argument in self._task["arguments"]}
+        unknown = sorted(names - self._declared - self._read) if is_checked else []
         self._has_started = True
         if unknown:
             self._events.tell("refused", kind="argument", name=unknown[0], names=sorted(self._declared))
@@ -230,7 +230,7 @@ class _Launcher:
         number = self._clocks
         parameter = Parameter("use_sim_time", Parameter.Type.BOOL, True)
         request.remap_rules = [self._next_clock(), *request.remap_rules]
-        others = [each for each in request.parameters if each.name != "use_sim_time"]
+        others = [other for other in request.parameters if other.name != "use_sim_time"]
         request.parameters = [*others, parameter.to_parameter_msg()]
         self._events.tell("composed", node=request.node_name, program=request.plugin_name, clock=number)
         return request
@@ -295,7 +295,7 @@ def _explained(error: BaseException) -> dict[str, Any]:
 
 def _launched(task: dict[str, Any]) -> int:
     """Launch a file, and return the exit code once the launch has ended."""
-    arguments = [(name, value) for name, _, value in (each.partition(":=") for each in task["arguments"])]
+    arguments = [(name, value) for name, _, value in (argument.partition(":=") for argument in task["arguments"])]
     file = IncludeLaunchDescription(AnyLaunchDescriptionSource(task["file"]), launch_arguments=arguments)
     service = LaunchService(argv=task["arguments"], noninteractive=True)
     service.include_launch_description(LaunchDescription([file]))
