@@ -143,8 +143,8 @@ def joint_curves(
         raise ValueError("the times of its points do not increase")
     count = len(names)
     fit = (
-        len(each.positions) == count and {len(each.velocities), len(each.accelerations)} <= {0, count}
-        for each in points
+        len(point.positions) == count and {len(point.velocities), len(point.accelerations)} <= {0, count}
+        for point in points
     )
     if not all(fit):
         raise ValueError(f"each point needs {len(names)} positions, and as many velocities and accelerations or none")

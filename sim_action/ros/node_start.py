@@ -202,8 +202,8 @@ class _Finder(importlib.abc.MetaPathFinder):
 
 def _read_next() -> None:
     """Run the `sitecustomize` that this one hides, if there is one."""
-    here = os.path.dirname(__file__)  # noqa: PTH120 - as above
-    spec = PathFinder.find_spec("sitecustomize", [path for path in sys.path if path != here])
+    folder = os.path.dirname(__file__)  # noqa: PTH120 - as above
+    spec = PathFinder.find_spec("sitecustomize", [path for path in sys.path if path != folder])
     if spec is not None and spec.loader is not None:
         spec.loader.exec_module(importlib.util.module_from_spec(spec))
 

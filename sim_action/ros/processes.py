@@ -65,22 +65,22 @@ class ChildProcesses:
 
 def children(pid: int) -> frozenset[int]:
     """Return the ids of the current children of a process."""
-    found: set[int] = set()
+    pids: set[int] = set()
     with suppress(OSError):
         for thread in (_PROC / str(pid) / "task").iterdir():
-            found.update(map(int, (thread / "children").read_text().split()))
-    return frozenset(found)
+            pids.update(map(int, (thread / "children").read_text().split()))
+    return frozenset(pids)
 
 
 def descendants(pid: int) -> frozenset[int]:
     """Return the ids of all current descendants of a process."""
-    found: set[int] = set()
+    pids: set[int] = set()
     waiting = [pid]
     while waiting:
-        new = children(waiting.pop()) - found
-        found |= new
+        new = children(waiting.pop()) - pids
+        pids |= new
         waiting += new
-    return frozenset(found)
+    return frozenset(pids)
 
 
 def command_line(pid: int) -> bytes:
@@ -161,10 +161,10 @@ class WatchedProcesses:
 
     def watch(self, pids: Iterable[int]) -> None:
         """Watch exactly these processes from now on."""
-        wanted = set(pids)
-        for pid in set(self._threads) - wanted:
+        watched = set(pids)
+        for pid in set(self._threads) - watched:
             self._forget(pid)
-        for pid in wanted - set(self._threads):
+        for pid in watched - set(self._threads):
             self._threads[pid] = {}
 
     def wait(self, patience: float) -> bool:
@@ -177,12 +177,12 @@ class WatchedProcesses:
 
     def stirred(self) -> frozenset[WatchedThread]:
         """Return the threads that have run since all processes waited last, although nothing was sent to them."""
-        found = set[WatchedThread]()
+        threads = set[WatchedThread]()
         for thread, ran in self.at_rest.items():
             with suppress(OSError):
                 if thread.ran() != ran:
-                    found.add(thread)
-        return frozenset(found)
+                    threads.add(thread)
+        return frozenset(threads)
 
     def busy(self, seconds: float) -> frozenset[int]:
         """Return the processes that run for a notable part of some s of wall time, or else those that do not sleep.
@@ -192,17 +192,17 @@ class WatchedProcesses:
         before = dict(self._run_times())
         time.sleep(seconds)
         least, after = _BUSY_PART * seconds * _NANOSECONDS, list(self._run_times())
-        found = frozenset(thread.pid for thread, ran in after if ran - before.get(thread, 0) >= least)
-        return found or frozenset(thread.pid for thread, _ in after if _is_awake(thread))
+        pids = frozenset(thread.pid for thread, ran in after if ran - before.get(thread, 0) >= least)
+        return pids or frozenset(thread.pid for thread, _ in after if _is_awake(thread))
 
     def awakenings(self) -> dict[int, int]:
         """Return how often processes ran since the last `wait` found all quiet: id -> runs of its busiest thread."""
-        found: dict[int, int] = {}
+        runs: dict[int, int] = {}
         for thread, ran in self.at_rest.items():
             with suppress(OSError):
                 if (now := thread.ran()) != ran:
-                    found[thread.pid] = max(found.get(thread.pid, 0), _runs(now) - _runs(ran))
-        return found
+                    runs[thread.pid] = max(runs.get(thread.pid, 0), _runs(now) - _runs(ran))
+        return runs
 
     def _run_times(self) -> Iterable[tuple[WatchedThread, int]]:
         for thread in [thread for pid in tuple(self._threads) for thread in self._threads_of(pid)]:
@@ -254,13 +254,13 @@ class WatchedProcesses:
         return entries == _OWN_LINKS + len(self._threads[pid]) + (pid == os.getpid())
 
     def _find_threads(self, pid: int) -> None:
-        found = {int(name) for name in os.listdir(f"/proc/{pid}/task")} - {self._spared}  # noqa: PTH208 - strings
-        known = self._threads[pid]
-        for tid in set(known) - found:
-            self._forget_thread(known[tid])
-        for tid in found - set(known):
+        tids = {int(name) for name in os.listdir(f"/proc/{pid}/task")} - {self._spared}  # noqa: PTH208 - strings
+        threads = self._threads[pid]
+        for tid in set(threads) - tids:
+            self._forget_thread(threads[tid])
+        for tid in tids - set(threads):
             with suppress(*_ENDED):
-                known[tid] = WatchedThread(pid, tid)
+                threads[tid] = WatchedThread(pid, tid)
 
     def _forget_thread(self, thread: WatchedThread) -> None:
         self._threads[thread.pid].pop(thread.tid).close()

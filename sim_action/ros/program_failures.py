@@ -99,21 +99,21 @@ def ending_of(output: str, directory: Path) -> Ending:
 
 def _endings(output: str, directory: Path) -> Iterator[Ending]:
     for pattern in (_TRACEBACK, _SYNTAX):
-        if found := list(pattern.finditer(output)):
-            said = found[-1]["said"].strip()
-            yield Ending(f": {said}{_HINTS.get(said.partition(':')[0], '')}", _place(found[-1]["frames"], directory))
-    if found := list(_CRASH.finditer(output)):
-        frames = re.sub(r"(, line [0-9]+) in ", r"\1, in ", found[-1]["frames"]).splitlines(keepends=True)
-        yield Ending(f": {found[-1]['said'].strip()}", _place("".join(reversed(frames)), directory))
-    if found := list(_TERMINATED.finditer(output)):
-        kind, said = found[-1]["kind"], found[-1]["said"]
+        if matches := list(pattern.finditer(output)):
+            said = matches[-1]["said"].strip()
+            yield Ending(f": {said}{_HINTS.get(said.partition(':')[0], '')}", _place(matches[-1]["frames"], directory))
+    if matches := list(_CRASH.finditer(output)):
+        frames = re.sub(r"(, line [0-9]+) in ", r"\1, in ", matches[-1]["frames"]).splitlines(keepends=True)
+        yield Ending(f": {matches[-1]['said'].strip()}", _place("".join(reversed(frames)), directory))
+    if matches := list(_TERMINATED.finditer(output)):
+        kind, said = matches[-1]["kind"], matches[-1]["said"]
         yield Ending(f": {kind}: {said.strip()}" if said else f": {kind}")
-    if found := list(_UNLOADED.finditer(output)):
+    if matches := list(_UNLOADED.finditer(output)):
         yield Ending(
-            f": there is no {found[-1]['said']}; build it again for this ROS 2, or use one that has this library"
+            f": there is no {matches[-1]['said']}; build it again for this ROS 2, or use one that has this library"
         )
-    if found := list(_LOGGED.finditer(output)):
-        yield Ending(f" after it logged the error: {found[-1]['said'].strip()}")
+    if matches := list(_LOGGED.finditer(output)):
+        yield Ending(f" after it logged the error: {matches[-1]['said'].strip()}")
 
 
 def _place(frames: str, directory: Path) -> Location | None:

@@ -81,7 +81,7 @@ def read_suite(path: Path) -> Suite | None:
         return None
     cases = islice(root.iter("testcase"), _MAX_CASES)
     output = "\n".join(filter(None, (_plain(root.findtext(f"system-{name}") or "") for name in ("out", "err"))))
-    topics = (known.get("value", "") for known in root.iter("property") if known.get("name") == UNPUBLISHED)
+    topics = (tag.get("value", "") for tag in root.iter("property") if tag.get("name") == UNPUBLISHED)
     return Suite(tuple(map(_case, cases)), output, tuple(islice(topics, _MAX_CASES)))
 
 
@@ -110,5 +110,5 @@ def _case(element: ET.Element) -> Case:
 
 
 def _plain(text: str) -> str:
-    found = _CDATA.match(text)
-    return (found[1] if found else text).strip("\n")
+    match = _CDATA.match(text)
+    return (match[1] if match else text).strip("\n")

@@ -46,9 +46,9 @@ def topics_of(
 ) -> dict[str, str]:
     """Return the topics of a robot by the keys of `robot` (`odom` if not measured) and the names of sensors."""
     measured = any(sensor.kind == "odometry" for sensor in sensors)
-    found = {name: topic for name, topic in robot.items() if name != ODOMETRY or not measured}
-    found |= {sensor.name: _topic(sensor, sensors) for sensor in sensors if sensor.kind in _SENSOR_TOPICS}
-    return {name: f"/{stated.get(name, topic).lstrip('/')}" for name, topic in found.items()}
+    topics = {name: topic for name, topic in robot.items() if name != ODOMETRY or not measured}
+    topics |= {sensor.name: _topic(sensor, sensors) for sensor in sensors if sensor.kind in _SENSOR_TOPICS}
+    return {name: f"/{stated.get(name, topic).lstrip('/')}" for name, topic in topics.items()}
 
 
 def topic_problems(stated: Mapping[str, str], topics: Mapping[str, str]) -> SpecProblems:
@@ -127,7 +127,7 @@ class LinkFrames:
         moving = {child for _, child, joints in series if any(joint.moves for joint in joints)}
         return cls(
             tuple((parent, child, joints[0].origin) for parent, child, joints in series if child not in moving),
-            tuple(each for each in series if each[1] in moving),
+            tuple(edge for edge in series if edge[1] in moving),
         )
 
     def at(self, positions: Mapping[str, float]) -> Iterator[PlacedFrame]:

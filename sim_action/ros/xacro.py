@@ -24,10 +24,10 @@ _FALLBACKS: Final = Path(__file__).parent / "ros1/launch/packages"
 def main(words: Sequence[str] | None = None) -> int:
     """Expand a file, and return the exit code. An error is one line on standard error that begins with `xacro:`."""
     asked, others = _parser().parse_known_args(words)
-    given = dict(word.split(":=", 1) for word in others if ":=" in word)
+    arguments = dict(word.split(":=", 1) for word in others if ":=" in word)
     path = Path(asked.file)
     try:
-        text = _expanded(path, {name: value for name, value in given.items() if not name.startswith("_")}).text
+        text = _expanded(path, {name: value for name, value in arguments.items() if not name.startswith("_")}).text
     except (ModelError, XacroError) as error:
         sys.stderr.write(f"xacro: {escaped_line(str(error))}\n")
         return 2

@@ -23,28 +23,28 @@ def packages_below(folder: Path) -> dict[str, Path]:
 
     A package whose name cannot be that of a folder has the name of its folder; the first of a name counts.
     """
-    found: dict[str, Path] = {}
+    packages: dict[str, Path] = {}
     for name, folders in folders_below(folder, inside_packages=False).packages.items():
         for package in folders:
-            found.setdefault(name if _NAME.fullmatch(name) else package.name.strip(), package)
-    return found
+            packages.setdefault(name if _NAME.fullmatch(name) else package.name.strip(), package)
+    return packages
 
 
 def packages_of(paths: Iterable[Path | str]) -> dict[str, Path]:
     """Return name -> folder of the packages that are these folders or right below them; the first of a name counts."""
-    found: dict[str, Path] = {}
+    packages: dict[str, Path] = {}
     for path in map(Path, paths):
         for package in sorted([path / PACKAGE_FILE, *path.glob(f"*/{PACKAGE_FILE}")]):
             if package.is_file():
-                found.setdefault(package.parent.name, package.parent)
-    return found
+                packages.setdefault(package.parent.name, package.parent)
+    return packages
 
 
 def find_launch_file(package: Path, name: str) -> Path | None:
     """Return a launch file of a package: by its path in the package, else by its name in any subfolder."""
     named = [package / name, *sorted(package.rglob(Path(name).name))]
-    found = (path for path in named if path.is_file() and path.resolve().is_relative_to(package.resolve()))
-    return next(found, None)
+    files = (path for path in named if path.is_file() and path.resolve().is_relative_to(package.resolve()))
+    return next(files, None)
 
 
 def exported_models(packages: Iterable[Path]) -> Iterator[str]:

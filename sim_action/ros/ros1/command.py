@@ -77,8 +77,8 @@ class LaunchCall:
             hint = did_you_mean(package_name, packages)
             place = self.request.workspace.resolve()
             raise self._invalid(f"there is no package '{package_name}' in {place} or ROS{hint}")
-        if (found := find_launch_file(package, file)) is not None:
-            return found
+        if (launch_file := find_launch_file(package, file)) is not None:
+            return launch_file
         files = {path.name for path in package.rglob("*") if path.suffix in (".test", ".launch")}
         raise self._invalid(f"the package has no file '{file}'{did_you_mean(file, files)}")
 
@@ -173,16 +173,16 @@ def _outcomes(call: LaunchCall, options: ReportOptions, interruption: Interrupti
     try:
         files = call.files()
     except InvalidScenario as error:
-        known = {"name": f"{request.package}/{request.file}", "call": request.words}
-        yield Outcome.of_invalid(request.file, error).model_copy(update=known)
+        fields = {"name": f"{request.package}/{request.file}", "call": request.words}
+        yield Outcome.of_invalid(request.file, error).model_copy(update=fields)
         return
     findings = call.launched(files, interruption, partial(make_ready, options))
     tags = LaunchTags.read(files, call.overlay.packages)
     mask = Mask.of(os.environ, request.pass_env)
-    found = Judge(request, tags, time.monotonic() - started).outcomes(findings)
+    outcomes = Judge(request, tags, time.monotonic() - started).outcomes(findings)
     if request.strict:
-        found = [(outcome.judged_strictly(NOT_SIMULATED), run) for outcome, run in found]
-    judged = [(mask.outcome(outcome, names=True, states=False), run) for outcome, run in found]
+        outcomes = [(outcome.judged_strictly(NOT_SIMULATED), run) for outcome, run in outcomes]
+    judged = [(mask.outcome(outcome, names=True, states=False), run) for outcome, run in outcomes]
     paths = trace_paths([outcome.name for outcome, _ in judged], results)
     for (outcome, run), path in zip(judged, paths, strict=True):
         stored = _stored(outcome, run, path, results)

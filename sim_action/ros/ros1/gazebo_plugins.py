@@ -63,15 +63,15 @@ class Tags:
     def text(self, *names: str, default: str = "") -> str:
         """Return the text of the first of these tags that has one; a path such as `scan/horizontal` is allowed."""
         for name in names:
-            found = self.element.find(name) if self.element is not None else None
-            if found is not None and (found.text or "").strip():
-                return (found.text or "").strip()
+            tag = self.element.find(name) if self.element is not None else None
+            if tag is not None and (tag.text or "").strip():
+                return (tag.text or "").strip()
         return default
 
     def texts(self, name: str) -> tuple[str, ...]:
         """Return the texts of all tags of a name. A list with commas or spaces in one tag is several texts."""
-        found = self.element.findall(name) if self.element is not None else []
-        return tuple(word for tag in found for word in (tag.text or "").replace(",", " ").split())
+        tags = self.element.findall(name) if self.element is not None else []
+        return tuple(word for tag in tags for word in (tag.text or "").replace(",", " ").split())
 
     def number(self, *names: str, default: float) -> float:
         """Return the text of the first of these tags as a number."""

@@ -58,16 +58,16 @@ def loss_failures(losses: Iterable[Loss]) -> tuple[Failure, ...]:
 
 def loss_warnings(losses: Iterable[Loss], otherwise: Location) -> tuple[AuditWarning, ...]:
     """Return a warning for each of the first losses, and one that counts the rest; `otherwise`: for unknown places."""
-    found = _first(losses)
+    reported = _first(losses)
     return tuple(
-        AuditWarning(rule=NOT_SIMULATED, message=loss.message, location=loss.location or otherwise) for loss in found
+        AuditWarning(rule=NOT_SIMULATED, message=loss.message, location=loss.location or otherwise) for loss in reported
     )
 
 
 def _first(losses: Iterable[Loss]) -> Iterator[Loss]:
-    found = [Loss(message=escaped_line(loss.message), location=loss.location) for loss in dict.fromkeys(losses)]
-    yield from found[:_MAX_REPORTED]
-    if more := found[_MAX_REPORTED:]:
+    unique = [Loss(message=escaped_line(loss.message), location=loss.location) for loss in dict.fromkeys(losses)]
+    yield from unique[:_MAX_REPORTED]
+    if more := unique[_MAX_REPORTED:]:
         yield Loss(message=f"{counted(len(more), 'more part')} of the launch", location=more[0].location)
 
 

@@ -198,7 +198,7 @@ class Lockstep:
         self._patience = _SETTLE_AFTER_LOSS_S
 
     def _name(self, pid: int) -> str:
-        nodes = sorted(name for name, each in self._pids.items() if each == pid)
+        nodes = sorted(name for name, node_pid in self._pids.items() if node_pid == pid)
         return f"the node '{nodes[0].removeprefix('/')}'" if nodes else f"'{process_name(pid)}'"
 
     def _look_for_polls(self) -> None:
@@ -211,7 +211,7 @@ class Lockstep:
             self._awakenings[pid] += runs
             rate = self._awakenings[pid] / self._stood_s
             if self._awakenings[pid] >= _MIN_POLLS and rate >= _MIN_POLLS_HZ:
-                for node in (name for name, each in self._pids.items() if each == pid and name != self._node):
+                for node in (name for name, node_pid in self._pids.items() if node_pid == pid and name != self._node):
                     self.suspect(
                         node, f"it wakes up {rate:.0f} times per second of wall time while the clock stands still"
                     )

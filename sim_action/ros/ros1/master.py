@@ -68,8 +68,8 @@ class Master:
         """Return True if every subscriber is connected to all publishers of its topics."""
         for node in graph.pids:
             heard = Counter(self._heard(node))
-            wanted = (topic for topic, nodes in graph.subscribers.items() if node in nodes)
-            if any(heard[topic] < len(graph.publishers.get(topic, ())) for topic in wanted):
+            topics = (topic for topic, nodes in graph.subscribers.items() if node in nodes)
+            if any(heard[topic] < len(graph.publishers.get(topic, ())) for topic in topics):
                 return False
         return True
 

@@ -55,22 +55,22 @@ class Transmissions:
 
     def why_not(self, joint: str, reading: Reading) -> str | None:
         """Return the reason why a joint cannot take this kind of command; None if it can."""
-        wanted = INTERFACES[reading]
+        interface = INTERFACES[reading]
         if joint not in self.interfaces:
             hint = did_you_mean(joint, self.interfaces)
-            return f"joint '{joint}' has no <transmission> with {wanted} in the robot's description{hint}"
-        if wanted not in self.interfaces[joint]:
+            return f"joint '{joint}' has no <transmission> with {interface} in the robot's description{hint}"
+        if interface not in self.interfaces[joint]:
             there = ", ".join(sorted(self.interfaces[joint])) or "no interface"
-            return f"the <transmission> of joint '{joint}' has {there}, but the controller needs {wanted}"
+            return f"the <transmission> of joint '{joint}' has {there}, but the controller needs {interface}"
         return None
 
 
 def transmissions_of(description: Element) -> Transmissions:
     """Return the transmissions of a robot in URDF."""
-    found: dict[str, frozenset[str]] = {}
+    interfaces: dict[str, frozenset[str]] = {}
     for transmission in description.iter("transmission"):
         for joint in transmission.findall("joint"):
             named = frozenset(interfaces_of(transmission, joint))
             name = joint.get("name", "")
-            found[name] = found.get(name, frozenset()) | named
-    return Transmissions(found)
+            interfaces[name] = interfaces.get(name, frozenset()) | named
+    return Transmissions(interfaces)

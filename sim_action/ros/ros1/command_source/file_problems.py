@@ -129,7 +129,7 @@ def _programs(package: str, packages: Packages) -> Iterator[tuple[str, bool]]:
     built = [packages.workspace / space / "lib" / package for space in ("devel", "install")]
     built += [packages.ros.prefix / "lib" / package] if packages.ros else []
     folder = packages.folder(package)
-    for path in [*_files(folder), *(each for place in built for each in _files(place))]:
+    for path in [*_files(folder), *(file for place in built for file in _files(place))]:
         yield path.name, os.access(path, os.X_OK)
 
 
@@ -137,7 +137,7 @@ def _files(folder: Path | None) -> list[Path]:
     return sorted(path for path in folder.rglob("*") if path.is_file()) if folder is not None else []
 
 
-def argument_problems(file: Path, given: Sequence[str]) -> Iterator[tuple[int | None, str]]:
+def argument_problems(file: Path, arguments: Sequence[str]) -> Iterator[tuple[int | None, str]]:
     """Yield problems of launch arguments, by their index; None: of the file. roslaunch ignores misspelt names."""
     try:
         root = ET.fromstring(read_at_most(file, _MAX_LAUNCH_FILE_BYTES) or b"")  # noqa: S314 - of the user's own package
@@ -145,7 +145,7 @@ def argument_problems(file: Path, given: Sequence[str]) -> Iterator[tuple[int | 
         yield None, f"'{file.name}' is not a launch file: {error}"
         return
     own = dict(_own(root))
-    for index, argument in enumerate(given):
+    for index, argument in enumerate(arguments):
         name = argument.partition(":=")[0]
         if problem := argument_problem(argument):
             yield index, problem
@@ -153,7 +153,7 @@ def argument_problems(file: Path, given: Sequence[str]) -> Iterator[tuple[int | 
             yield index, f"'{file.name}' has no argument '{name}'{did_you_mean(name, own)}"
         elif own[name].get("value") is not None:
             yield index, f"'{name}' has a fixed value in '{file.name}'; only an argument with a default can be set"
-    stated = {argument.partition(":=")[0] for argument in given}
+    stated = {argument.partition(":=")[0] for argument in arguments}
     for name, tag in own.items():
         if name not in stated and set(tag.attrib) <= {"name", "doc"}:
             yield None, f"'{file.name}' needs the argument '{name}': give it as {name}:=VALUE"

@@ -122,10 +122,10 @@ class LaunchedNodes:
             own.write_text(launch_text(self._spec.nodes or ()), encoding="utf-8")
             return own
         package = Packages.around(self._workspace).folder(launch[0])
-        found = find_launch_file(package, launch[1]) if package else None
-        if package is None or found is None:
+        file = find_launch_file(package, launch[1]) if package else None
+        if package is None or file is None:
             raise SourceProblem(f"'{'/'.join(launch[:2])}' does not exist any more", KEY)
-        return Path(self.overlay.variables["ROS_PACKAGE_PATH"]) / launch[0] / found.relative_to(package)
+        return Path(self.overlay.variables["ROS_PACKAGE_PATH"]) / launch[0] / file.relative_to(package)
 
     def _of_master(self) -> dict[str, str]:
         return {"ROS_MASTER_URI": f"http://localhost:{self.port}", "ROS_LOG_DIR": str(self._logs)}
@@ -142,8 +142,8 @@ class LaunchedNodes:
 
     def await_exits(self, pids: Iterable[int]) -> None:
         """Wait until the exit codes of these processes are known. Raises ScriptError for a failed one."""
-        wanted = set(pids)
-        self._wait(lambda: wanted <= self._exited, _MAX_NOTICE_S, "")
+        awaited = set(pids)
+        self._wait(lambda: awaited <= self._exited, _MAX_NOTICE_S, "")
 
     @property
     def exit_count(self) -> int:

@@ -192,8 +192,8 @@ def _write_program(path: Path, line: str) -> None:
     path.chmod(0o755)
 
 
-def generate_messages(packages: Mapping[str, Path], known: Mapping[str, Path], modules: Path, ros: Ros) -> None:
-    """Generate the modules of messages and services of packages, which may use all `known` ones. Raises UsageError."""
+def generate_messages(packages: Mapping[str, Path], available: Mapping[str, Path], modules: Path, ros: Ros) -> None:
+    """Generate the message and service modules of packages, which may use the `available` ones. Raises UsageError."""
     definitions = {
         name: {kind: [str(file) for file in sorted((folder / kind).glob(f"*.{kind}"))] for kind in _MESSAGE_KINDS}
         for name, folder in packages.items()
@@ -202,7 +202,7 @@ def generate_messages(packages: Mapping[str, Path], known: Mapping[str, Path], m
     for name in written:
         (modules / name).mkdir()
         (modules / name / "__init__.py").write_text(_INIT)
-    includes = {name: [str(folder / "msg")] for name, folder in known.items() if (folder / "msg").is_dir()}
+    includes = {name: [str(folder / "msg")] for name, folder in available.items() if (folder / "msg").is_dir()}
     folders = {"modules": str(modules), "definitions": str(modules.with_name("definitions"))}
     made = subprocess.run(  # noqa: S603 - the distribution's Python and a program of ours
         [str(ros.python), "-c", _GENERATE_MESSAGES],

@@ -178,12 +178,12 @@ def open_camera(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
             images.send(image_message(seconds, frame, picture.rgb[:, :, :: 1 if encoding == "rgb8" else -1], encoding))
             within = (picture.depth > nearest) & (picture.depth < farthest)
             depth = np.where(within, picture.depth, np.float32(np.nan))
-            for each in (each for each in depths if each.has_subscribers):
-                each.send(image_message(seconds, frame, depth, "32FC1"))
-            for each in (each for each in clouds if each.has_subscribers):
-                each.send(points_message(seconds, frame, camera, depth, picture.rgb))
-        for each in infos:
-            each.send(camera_info_message(seconds, frame, camera, baseline))
+            for output in (output for output in depths if output.has_subscribers):
+                output.send(image_message(seconds, frame, depth, "32FC1"))
+            for output in (output for output in clouds if output.has_subscribers):
+                output.send(points_message(seconds, frame, camera, depth, picture.rgb))
+        for output in infos:
+            output.send(camera_info_message(seconds, frame, camera, baseline))
 
     pictures = (images, *depths, *clouds)
     on_schedule = wiring.on_schedule(camera, schedule, *pictures)

@@ -45,10 +45,10 @@ class EpisodeRecord:
     @property
     def claims(self) -> dict[str, str]:
         """The findings of the audit of claims that all runs have: rule -> message."""
-        found = self._claims or {}
+        claims = self._claims or {}
         if self.first_command is None:
             return {}
-        return {rule: _ZEROS if rule == _SILENT else message for rule, message in found.items()}
+        return {rule: _ZEROS if rule == _SILENT else message for rule, message in claims.items()}
 
     @property
     def digest(self) -> str | None:
@@ -81,9 +81,9 @@ class EpisodeRecord:
             # An episode that ended at once, by a change of the world, has no motion.
             if run.sim_time > 0:
                 self._digests.append(run.digest)
-                found = {finding.rule: finding.message for finding in run.findings if finding.rule in _CLAIMS}
-                earlier = found if self._claims is None else self._claims
-                self._claims = {rule: message for rule, message in found.items() if rule in earlier}
+                claims = {finding.rule: finding.message for finding in run.findings if finding.rule in _CLAIMS}
+                earlier = claims if self._claims is None else self._claims
+                self._claims = {rule: message for rule, message in claims.items() if rule in earlier}
 
     def store(self, folder: Path) -> None:
         """Write trace and replay of the last episode."""

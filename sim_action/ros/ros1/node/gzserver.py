@@ -135,12 +135,12 @@ class _Server:
         path = find_world(str(rospy.get_param("/gazebo/world_name", argument)))
         if path is None:
             return WorldModels(World())
-        found = read_world(path)
-        self._losses += (loss for loss in found.losses if not loss.is_remark)
-        if (robot := found.robot) is None:
-            return WorldModels(found.world)
+        world_file = read_world(path)
+        self._losses += (loss for loss in world_file.losses if not loss.is_remark)
+        if (robot := world_file.robot) is None:
+            return WorldModels(world_file.world)
         file = f"{path.resolve()}{IN_WORLD}{robot.name}"
-        return WorldModels(found.world, SpawnedRobot(robot.name, robot.entry.whole_model, robot.pose, file=file))
+        return WorldModels(world_file.world, SpawnedRobot(robot.name, robot.entry.whole_model, robot.pose, file=file))
 
     def _simulate(self) -> End:
         """Simulate to the end. Raises RunError; ControllersFinished if all nodes leave before a robot is spawned."""

@@ -84,8 +84,8 @@ class WorldStatesSensor(Sensor):
                 for body, pose in poses.items()
             }
             before.update(poses)
-            wanted = links if self._wants_links() else ()
-            placed = {link: (probe.link_pose(link), probe.link_twist(link)) for link in wanted}
+            measured_links = links if self._wants_links() else ()
+            placed = {link: (probe.link_pose(link), probe.link_twist(link)) for link in measured_links}
             return WorldStates(sight.time, placed, moved)
 
         return measure

@@ -41,7 +41,7 @@ def _value(message: Any, field: str, value: Any) -> Any:
         return Time(value["sec"], value["nanosec"]) if is_time else filled(type(getattr(message, field)), value)
     if isinstance(value, list) and value and isinstance(value[0], dict):
         kind = get_message_class(message._slot_types[message.__slots__.index(field)].rstrip("[]"))  # noqa: SLF001 - genpy has no other way
-        return [filled(kind, each) for each in value]
+        return [filled(kind, fields) for fields in value]
     return value.tobytes() if isinstance(value, array) and value.typecode == "B" else value
 
 

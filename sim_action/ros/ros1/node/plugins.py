@@ -84,7 +84,7 @@ class Wiring:
 
     def unsubscribe(self, subscription: Subscription) -> None:
         """Close a subscription."""
-        self.commands.subscriptions = tuple(each for each in self.commands.subscriptions if each is not subscription)
+        self.commands.subscriptions = tuple(other for other in self.commands.subscriptions if other is not subscription)
         subscription.close()
 
     def add_mover(self, mover: Mover) -> None:

@@ -55,11 +55,14 @@ _ODOMETRY_FRAME: Final = "odom"
 _TRANSFORMS: Final = "/tf"
 
 _MESSAGES: Final[Mapping[str, tuple[type[Any], Callable[[Fitting, tuple[str, str], Any], Message]]]] = {
-    "lidar": (LaserScan, lambda sensor, _, each: scan_message(each.time, sensor.link, each, 1 / sensor.rate)),
-    "imu": (Imu, lambda sensor, _, each: imu_message(each.time, sensor.link, each, (0.0, 0.0))),
-    "odometry": (Odometry, lambda _, frames, each: odometry_message(each.time, frames, each.pose, each.twist)),
-    "camera": (Image, lambda sensor, _, each: image_message(each.time, sensor.link, each.rgb)),
-    "contact": (Bool, lambda _sensor, _frames, each: {"data": each.touching}),
+    "lidar": (LaserScan, lambda sensor, _, reading: scan_message(reading.time, sensor.link, reading, 1 / sensor.rate)),
+    "imu": (Imu, lambda sensor, _, reading: imu_message(reading.time, sensor.link, reading, (0.0, 0.0))),
+    "odometry": (
+        Odometry,
+        lambda _, frames, reading: odometry_message(reading.time, frames, reading.pose, reading.twist),
+    ),
+    "camera": (Image, lambda sensor, _, reading: image_message(reading.time, sensor.link, reading.rgb)),
+    "contact": (Bool, lambda _sensor, _frames, reading: {"data": reading.touching}),
 }
 """Kind of a sensor -> message type and conversion of a reading; the frames are those of odometry."""
 

@@ -187,11 +187,11 @@ class GazeboServices:
         return ()
 
     def _get_state(self, request: Any) -> Any:
-        known, other = self._current.model_states, request.relative_entity_name
-        if request.model_name not in known:
+        states, other = self._current.model_states, request.relative_entity_name
+        if request.model_name not in states:
             why = unknown_model_message(request.model_name, self._current.world_models)
             return {"success": False, "status_message": why}
-        pose, twist = known[request.model_name]
+        pose, twist = states[request.model_name]
         if other not in WORLD_FRAMES:
             try:
                 pose = geometry.compose(geometry.inverse(self._frame_of(other)), pose)
@@ -371,8 +371,11 @@ def _short(name: str) -> str:
 
 def _inertia(model: RobotModel, link: Link) -> tuple[geometry.Quaternion, dict[str, float]]:
     """Return the rotation of the inertia axes in the link, and the moments about them, from the model's URDF."""
-    links = (each for each in description_of(model.urdf).iter("link") if each.get("name") == link.name)
-    inertial = next((found for each in links if (found := each.find("inertial")) is not None), Element("inertial"))
+    links = (link_tag for link_tag in description_of(model.urdf).iter("link") if link_tag.get("name") == link.name)
+    inertial = next(
+        (inertial_tag for link_tag in links if (inertial_tag := link_tag.find("inertial")) is not None),
+        Element("inertial"),
+    )
     stated, origin = (next(inertial.iter(tag), Element(tag)) for tag in ("inertia", "origin"))
     moments = {name: float(stated.get(name, 0.0)) for name in _INERTIA_KEYS}
     return quaternion_from_rpy(*map(float, origin.get("rpy", "0 0 0").split())), moments

@@ -51,11 +51,11 @@ def robot_state_publisher() -> int:
     def publish(message: Any) -> None:
         nonlocal last
         seconds = message.header.stamp.to_sec()
-        found = list(frames.at(dict(zip(message.name, message.position, strict=False))))
+        transforms = list(frames.at(dict(zip(message.name, message.position, strict=False))))
         # A time that goes back is that of a simulation that starts again.
-        if found and (seconds >= last + interval or seconds < last):
+        if transforms and (seconds >= last + interval or seconds < last):
             last = seconds
-            moving.publish(_transforms(seconds, found))
+            moving.publish(_transforms(seconds, transforms))
 
     rospy.Subscriber("joint_states", JointState, publish)
     rospy.spin()

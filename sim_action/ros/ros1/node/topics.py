@@ -87,7 +87,7 @@ class Traffic:
         """Add the messages that were heard since the last call to a transcript, in an order that does not vary."""
         heard, self._heard = self._heard, []
         self._stands_still = True
-        for _, topic, node, message in sorted(heard, key=lambda each: each[:3]):
+        for _, topic, node, message in sorted(heard, key=lambda entry: entry[:3]):
             transcript.add(seconds, f"{topic} {node}", message)
 
     def unasked(self) -> frozenset[str]:

@@ -84,7 +84,7 @@ class WorldModels:
         spawn_poses = {model: pose for model, pose in self.spawn_poses.items() if model != name}
         if self.robot is not None and self.robot.name == name:
             return replace(self, robot=None, spawn_poses=spawn_poses)
-        others = tuple(each for each in self.world.objects if each.name != name)
+        others = tuple(body for body in self.world.objects if body.name != name)
         return replace(self.with_world(objects=others), spawn_poses=spawn_poses)
 
     def moved(self, poses: Mapping[str, Pose], joints: Mapping[str, float] | None = None) -> Self:
@@ -122,7 +122,9 @@ class WorldModels:
     def without_wrench(self, body: str | None, link: str) -> Self:
         """Return the models without the wrenches on a body; body None: on a link of the robot, "" its base link."""
         left = tuple(
-            each for each in self.world.disturbances if (each.body, each.link or "") != (body, "" if body else link)
+            disturbance
+            for disturbance in self.world.disturbances
+            if (disturbance.body, disturbance.link or "") != (body, "" if body else link)
         )
         return self.with_world(disturbances=left)
 

@@ -57,8 +57,8 @@ class LaunchTags:
 
     def node(self, package: str, program: str) -> LaunchTag | None:
         """Return the first tag of a node."""
-        wanted = {"pkg": package, "type": program}
-        return next((tag for tag in self.tags if tag.name == "node" and wanted.items() <= tag.given.items()), None)
+        attributes = {"pkg": package, "type": program}
+        return next((tag for tag in self.tags if tag.name == "node" and attributes.items() <= tag.given.items()), None)
 
     def world(self, path: str) -> Location:
         """Return the place that names a world file; without one, the launch file."""
@@ -86,25 +86,25 @@ def _tags(path: Path, packages: Mapping[str, Path], seen: set[Path]) -> Iterator
 
 def _own_tags(path: Path) -> list[LaunchTag]:
     """Return the tags of a file itself; in broken XML, those before the error."""
-    found: list[LaunchTag] = []
+    tags: list[LaunchTag] = []
     parser = xml.parsers.expat.ParserCreate()
     file = shown_file(path)
 
-    def begin(name: str, given: dict[str, str]) -> None:
-        found.append(LaunchTag(name, given, Location(file, parser.CurrentLineNumber)))
+    def begin(name: str, attributes: dict[str, str]) -> None:
+        tags.append(LaunchTag(name, attributes, Location(file, parser.CurrentLineNumber)))
 
     parser.StartElementHandler = begin
     # roslaunch reports what is wrong with the file.
     with suppress(xml.parsers.expat.ExpatError):
         parser.Parse(content_or_empty(path, _MAX_LAUNCH_FILE_BYTES), True)
-    return found
+    return tags
 
 
 def _found(stated: str, packages: Mapping[str, Path]) -> Path | None:
     names = _FIND.findall(stated)
     if any(name not in packages for name in names):
         return None
-    path = _FIND.sub(lambda found: str(packages[found[1]]), stated)
+    path = _FIND.sub(lambda match: str(packages[match[1]]), stated)
     return Path(path) if "$(" not in path and Path(path).is_file() else None
 
 
@@ -128,12 +128,12 @@ def test_tags(path: Path) -> tuple[TestTag, ...]:
     return tuple(_tag(tag.place.line or 0, tag.given) for tag in _own_tags(path) if tag.name == "test")
 
 
-def _tag(line: int, given: Mapping[str, str]) -> TestTag:
+def _tag(line: int, attributes: Mapping[str, str]) -> TestTag:
     return TestTag(
         line,
-        given.get("test-name", ""),
-        _number(given.get("time-limit"), DEFAULT_TIME_LIMIT_S),
-        int(_number(given.get("retry"), 0)),
+        attributes.get("test-name", ""),
+        _number(attributes.get("time-limit"), DEFAULT_TIME_LIMIT_S),
+        int(_number(attributes.get("retry"), 0)),
     )
 
 
@@ -219,9 +219,9 @@ def _process(run: Run | None) -> str | None:
 
 
 def _runs_of(names: Sequence[str], written: dict[str, Path], runs: Sequence[Run]) -> dict[str, Run]:
-    found = {name: run for name, path in written.items() for run in runs if _began(run) <= path.stat().st_mtime}
-    left = (run for run in runs if run not in found.values())
-    return {**dict(zip((name for name in names if name not in found), left, strict=False)), **found}
+    matched = {name: run for name, path in written.items() for run in runs if _began(run) <= path.stat().st_mtime}
+    left = (run for run in runs if run not in matched.values())
+    return {**dict(zip((name for name in names if name not in matched), left, strict=False)), **matched}
 
 
 def _began(run: Run) -> float:

@@ -70,16 +70,16 @@ class Judge:
     tags: LaunchTags
     wall_time: float
 
-    def outcomes(self, found: Findings) -> list[tuple[Outcome, Run | None]]:
+    def outcomes(self, findings: Findings) -> list[tuple[Outcome, Run | None]]:
         """Return the outcome and the run of each test, or of the whole launch if there is no test."""
-        if self.request.program == "rostest" and found.tests:
-            judged = [(self._test(test, found), test) for test in found.tests]
+        if self.request.program == "rostest" and findings.tests:
+            judged = [(self._test(test, findings), test) for test in findings.tests]
         else:
-            run = found.runs[-1] if found.runs else None
-            whole = TestFindings(PurePath(self.tags.file).name, run=run, callbacks=found.callbacks)
+            run = findings.runs[-1] if findings.runs else None
+            whole = TestFindings(PurePath(self.tags.file).name, run=run, callbacks=findings.callbacks)
             judge = self._launch if self.request.program == "roslaunch" else self._no_test
-            judged = [(judge(whole, found), whole)]
-        absent = AbsentNodes.of(found.text, self.tags, self.request.workspace)
+            judged = [(judge(whole, findings), whole)]
+        absent = AbsentNodes.of(findings.text, self.tags, self.request.workspace)
         return [(self._with_losses(outcome, test.run, absent), test.run) for outcome, test in judged]
 
     def _with_losses(self, outcome: Outcome, run: Run | None, absent: AbsentNodes) -> Outcome:
@@ -89,8 +89,8 @@ class Judge:
         refused = (*absent.failures, *(() if self.request.allows_losses else loss_failures(losses)))
         if refused:
             # rostest stops at the first node that cannot be started.
-            known = {TITLE, LAUNCH_ERROR} if absent.failures or absent.losses else {TITLE}
-            others = tuple(failure for failure in outcome.failures if failure.title not in known)
+            titles = {TITLE, LAUNCH_ERROR} if absent.failures or absent.losses else {TITLE}
+            others = tuple(failure for failure in outcome.failures if failure.title not in titles)
             failures = (*refused, *others)
             return outcome.model_copy(update={"status": "error", "failures": failures, "expectations": ()})
         if outcome.status == "error":
@@ -100,15 +100,15 @@ class Judge:
         audited = (AuditWarning(rule=rule, message=message, location=where) for rule, message in claims.items())
         return outcome.model_copy(update={"warnings": (*outcome.warnings, *loss_warnings(losses, where), *audited)})
 
-    def _test(self, test: TestFindings, found: Findings) -> Outcome:
+    def _test(self, test: TestFindings, findings: Findings) -> Outcome:
         where = Location(self.tags.file, test.tag.line if test.tag else None)
-        expectations = (*_accepting_skips(self._expectations(test, found, where)), *self._unpublished(test, where))
+        expectations = (*_accepting_skips(self._expectations(test, findings, where)), *self._unpublished(test, where))
         failed = any(expected.failed for expected in expectations)
-        dead = [death for death in deaths(found.text) if death.node not in (test.name, _SIMULATION_NODE)]
-        failed_nodes = [_described(death, found) for death in dead if not _is_window(death)]
+        dead = [death for death in deaths(findings.text) if death.node not in (test.name, _SIMULATION_NODE)]
+        failed_nodes = [_described(death, findings) for death in dead if not _is_window(death)]
         has_command = test.run is None or test.run.result is None or test.run.result.first_command is not None
-        printed = "\n".join(filter(None, (test.methods.output if test.methods else "", output_tail(found.text))))
-        has_written = test.methods is not None and found.ending == "over" and not _has_failed(test.run)
+        printed = "\n".join(filter(None, (test.methods.output if test.methods else "", output_tail(findings.text))))
+        has_written = test.methods is not None and findings.ending == "over" and not _has_failed(test.run)
         if has_written and not expectations:
             rule = "the names of its methods must begin with 'test', and its setUpClass must not raise"
             message = escaped_line(f"the test '{test.name}' ran no method: {rule}")
@@ -116,16 +116,16 @@ class Judge:
             about: dict[str, Any] = {"status": "error", "failures": (failure,)}
         elif (
             not expectations
-            or found.ending == "interrupted"
-            or (failed and (_has_failed(test.run) or _is_cut(test, found)))
+            or findings.ending == "interrupted"
+            or (failed and (_has_failed(test.run) or _is_cut(test, findings)))
             or _is_invalid(test.run)
         ):
-            about = {"status": "error", "failures": (cause_of(test, found, where),)}
+            about = {"status": "error", "failures": (cause_of(test, findings, where),)}
         elif failed_nodes and not failed and not has_command and not self.request.allows_losses:
             message = (
                 f"{failed_nodes[0]}; the robot received no command in the whole test; to run without it: {ALLOW_LOSSES}"
             )
-            about = {"status": "error", "failures": (_failure("script", "a node died", message, where, found),)}
+            about = {"status": "error", "failures": (_failure("script", "a node died", message, where, findings),)}
         else:
             own = (raised for raised in test.callbacks if raised.is_of(test.name) and not raised.is_assertion)
             noted = [(text, where) for text in failed_nodes] + [(str(raised), raised.location) for raised in own]
@@ -136,7 +136,7 @@ class Judge:
             about = {"status": status_of(expectations), "expectations": expectations, "warnings": tuple(warnings)}
         return self._outcome(test, {**about, "line": where.line, "output": printed})
 
-    def _expectations(self, test: TestFindings, found: Findings, where: Location) -> Iterator[ExpectationOutcome]:
+    def _expectations(self, test: TestFindings, findings: Findings, where: Location) -> Iterator[ExpectationOutcome]:
         late = time_out(test)
         cases = test.methods.cases if test.methods else ()
         for case in cases:
@@ -146,7 +146,7 @@ class Judge:
             yield expectation(test.name, "rostest", _place(test) or where, verdict)
 
         # rospy goes on after a callback that raised, so methods may hold although an assertion of the test does not.
-        own = [each for each in test.callbacks if each.is_assertion and each.is_of(test.name)] if cases else []
+        own = [error for error in test.callbacks if error.is_assertion and error.is_of(test.name)] if cases else []
         if own:
             verdict = Verdict(passed=False, time=_sim_time(test.run), message="; ".join(map(str, own[:_MAX_CALLBACKS])))
             yield expectation("callbacks", "rostest", own[0].location or where, verdict)
@@ -167,25 +167,25 @@ class Judge:
         said = late or f"{exception_line(case.type, case.text)}; {how_far(test.run)}"
         return expectation_of(case, "rostest", place, time, _with_callbacks(said, test))
 
-    def _launch(self, whole: TestFindings, found: Findings) -> Outcome:
+    def _launch(self, whole: TestFindings, findings: Findings) -> Outcome:
         """Return the outcome of roslaunch: passed if it ran to its limit, or all nodes ended without an error."""
         where, run = Location(self.tags.file), whole.run
         is_simulated = run is not None and run.result is not None and run.result.travelled is not None
-        if not is_simulated or _has_failed(run) or found.ending != "over":
-            failures = (cause_of(whole, found, where),)
-            return self._outcome(whole, {"status": "error", "failures": failures, "output": output_tail(found.text)})
-        dead = "; ".join(str(death) for death in deaths(found.text) if not _is_window(death))
+        if not is_simulated or _has_failed(run) or findings.ending != "over":
+            failures = (cause_of(whole, findings, where),)
+            return self._outcome(whole, {"status": "error", "failures": failures, "output": output_tail(findings.text)})
+        dead = "; ".join(str(death) for death in deaths(findings.text) if not _is_window(death))
         verdict = Verdict(passed=not dead, time=_sim_time(run), message=escaped_line(dead or how_far(run)))
         about = {
             "status": "failed" if dead else "passed",
             "expectations": (expectation("nodes live", "roslaunch", where, verdict),),
-            "output": output_tail(found.text),
+            "output": output_tail(findings.text),
         }
         return self._outcome(whole, about)
 
-    def _no_test(self, whole: TestFindings, found: Findings) -> Outcome:
-        failure = cause_of(whole, found, Location(self.tags.file))
-        if found.exit_code == 0:
+    def _no_test(self, whole: TestFindings, findings: Findings) -> Outcome:
+        failure = cause_of(whole, findings, Location(self.tags.file))
+        if findings.exit_code == 0:
             message = "the file has no <test>; add one, or use sim-action roslaunch"
             failure = failure.model_copy(update={"kind": "invalid", "title": "no test", "message": message})
         return self._outcome(whole, {"status": "error", "failures": (failure,)})
@@ -237,9 +237,9 @@ def _has_failed(run: Run | None) -> bool:
     return run is not None and (run.result is None or run.result.end == "failed")
 
 
-def _is_cut(test: TestFindings, found: Findings) -> bool:
+def _is_cut(test: TestFindings, findings: Findings) -> bool:
     """Return True if the wall limit has ended this test, which says nothing about its robot."""
-    return found.ending == "wall limit" and (not found.runs or test.run == found.runs[-1])
+    return findings.ending == "wall limit" and (not findings.runs or test.run == findings.runs[-1])
 
 
 def _is_invalid(run: Run | None) -> bool:
@@ -253,10 +253,10 @@ def _sim_time(run: Run | None) -> float | None:
 
 def _accepting_skips(expectations: Iterable[ExpectationOutcome]) -> tuple[ExpectationOutcome, ...]:
     """Return the expectations of a test; skipped cases are warnings, unless the test skipped all of them."""
-    found = tuple(expectations)
-    if all(expected.verdict.status == "not_exercised" for expected in found):
-        return found
-    return tuple(expected.model_copy(update={"unexercised": "warn"}) for expected in found)
+    outcomes = tuple(expectations)
+    if all(expected.verdict.status == "not_exercised" for expected in outcomes):
+        return outcomes
+    return tuple(expected.model_copy(update={"unexercised": "warn"}) for expected in outcomes)
 
 
 def how_far(run: Run | None) -> str:
@@ -280,88 +280,88 @@ def time_out(test: TestFindings) -> str | None:
     return None
 
 
-def cause_of(test: TestFindings, found: Findings, where: Location | None) -> Failure:
+def cause_of(test: TestFindings, findings: Findings, where: Location | None) -> Failure:
     """Return the reason why a test or a whole launch has no verdict; `where`: its place in the launch file."""
-    return next(_causes(test, found, where))
+    return next(_causes(test, findings, where))
 
 
-def _causes(test: TestFindings, found: Findings, where: Location | None) -> Iterator[Failure]:
-    if found.ending == "interrupted":
+def _causes(test: TestFindings, findings: Findings, where: Location | None) -> Iterator[Failure]:
+    if findings.ending == "interrupted":
         yield Failure(kind="interrupted", title="interrupted", message="the call was interrupted", location=where)
-    if found.ending == "wall limit":
+    if findings.ending == "wall limit":
         message = (
             f"the call was still running at its wall limit: {how_far(test.run)}; look what the nodes wait for, or "
             "raise --wall-limit"
         )
-        yield _failure("wall limit", "wall limit", message, where, found)
-    if found.ending == "output limit":
+        yield _failure("wall limit", "wall limit", message, where, findings)
+    if findings.ending == "output limit":
         message = "the nodes printed more than the allowed 100 MB"
-        yield _failure("crash", "output limit", message, where, found)
-    if found.ending == "over" and found.exit_code is not None and found.exit_code < 0:
-        message = f"the launcher was ended by {signal_name(-found.exit_code)}; {how_far(test.run)}"
-        yield _failure("crash", "launcher ended", message, where, found)
+        yield _failure("crash", "output limit", message, where, findings)
+    if findings.ending == "over" and findings.exit_code is not None and findings.exit_code < 0:
+        message = f"the launcher was ended by {signal_name(-findings.exit_code)}; {how_far(test.run)}"
+        yield _failure("crash", "launcher ended", message, where, findings)
     if test.launched is not None:
         yield from _of_launch(test.launched.text, where)
     run = test.run
     if run is not None and run.result is not None and run.result.failure is not None:
         yield run.result.failure
-    yield from _of_file(found, where)
+    yield from _of_file(findings, where)
     if run is not None and run.result is None:
-        yield from _of_simulation(found, where)
-    yield from _of_processes(test, found, where)
+        yield from _of_simulation(findings, where)
+    yield from _of_processes(test, findings, where)
     far = how_far(run)
-    yield _failure("crash", "no result", f"the test left no result; {far}", where, found)
+    yield _failure("crash", "no result", f"the test left no result; {far}", where, findings)
 
 
 def _of_launch(text: str, where: Location | None) -> Iterator[Failure]:
     """Yield failures that rostest finds before it starts anything."""
-    if found := _NO_NODE.search(text):
-        package, node = found.groups()
+    if match := _NO_NODE.search(text):
+        package, node = match.groups()
         message = (
             f"the test '{node}' does not exist in the package '{package}', or is not executable: run chmod +x {node} "
             f"and git update-index --chmod=+x {node}"
         )
         yield Failure(kind="invalid", title="no such test", message=escaped_line(message), location=where)
-    if found := _NO_PACKAGE.search(text):
-        message = f"there is no package '{found[1]}' in the workspace or in ROS"
+    if match := _NO_PACKAGE.search(text):
+        message = f"there is no package '{match[1]}' in the workspace or in ROS"
         yield Failure(kind="invalid", title="no such package", message=escaped_line(message), location=where)
     if "Duplicate tests named" in text:
         message = "several tests of this file have this name; give each test its own test-name"
         yield Failure(kind="invalid", title="duplicate test name", message=message, location=where)
 
 
-def _of_file(found: Findings, where: Location | None) -> Iterator[Failure]:
-    if wrong := xacro_error(found.text):
-        yield _failure("invalid", "xacro error", wrong, where, found)
-    if name := missing_package(found.text):
+def _of_file(findings: Findings, where: Location | None) -> Iterator[Failure]:
+    if wrong := xacro_error(findings.text):
+        yield _failure("invalid", "xacro error", wrong, where, findings)
+    if name := missing_package(findings.text):
         message = f"the launch file needs the package '{name}', which is neither in the workspace nor in ROS"
-        yield _failure("invalid", "no such package", message, where, found)
-    if wrong := refusal(found.text):
-        yield _failure("invalid", LAUNCH_ERROR, wrong, where, found)
+        yield _failure("invalid", "no such package", message, where, findings)
+    if wrong := refusal(findings.text):
+        yield _failure("invalid", LAUNCH_ERROR, wrong, where, findings)
 
 
-def _of_simulation(found: Findings, where: Location | None) -> Iterator[Failure]:
-    for death in deaths(found.text):
+def _of_simulation(findings: Findings, where: Location | None) -> Iterator[Failure]:
+    for death in deaths(findings.text):
         if death.node == _SIMULATION_NODE:
-            yield _failure("crash", "simulation ended", _described(death, found), where, found)
+            yield _failure("crash", "simulation ended", _described(death, findings), where, findings)
 
 
-def _of_processes(test: TestFindings, found: Findings, where: Location | None) -> Iterator[Failure]:
-    for death in required_deaths(found.text):
-        message = f"{_described(death, found)}; it is required"
-        yield _failure("script", "a required node died", message, where, found)
-    for death in deaths(found.text):
+def _of_processes(test: TestFindings, findings: Findings, where: Location | None) -> Iterator[Failure]:
+    for death in required_deaths(findings.text):
+        message = f"{_described(death, findings)}; it is required"
+        yield _failure("script", "a required node died", message, where, findings)
+    for death in deaths(findings.text):
         if death.node == test.name:
-            yield _failure("script", "the test died", _described(death, found), where, found)
+            yield _failure("script", "the test died", _described(death, findings), where, findings)
 
 
-def _described(death: Death, found: Findings) -> str:
-    exception = last_exception(found.text, death.program)
+def _described(death: Death, findings: Findings) -> str:
+    exception = last_exception(findings.text, death.program)
     return f"{death}: {exception}" if exception else str(death)
 
 
-def _failure(kind: str, title: str, message: str, where: Location | None, found: Findings) -> Failure:
-    details = output_tail(found.text)
+def _failure(kind: str, title: str, message: str, where: Location | None, findings: Findings) -> Failure:
+    details = output_tail(findings.text)
     return Failure.model_validate(
         {"kind": kind, "title": title, "message": escaped_line(message), "location": where, "details": details}
     )

@@ -92,7 +92,7 @@ class NotLaunched:
 
 def nodes_not_launched(text: str) -> tuple[NotLaunched, ...]:
     """Return the nodes that roslaunch could not start. It goes on without them, also without a required one."""
-    return tuple(NotLaunched(*found) for found in dict.fromkeys(_NOT_LAUNCHED.findall(text)))
+    return tuple(NotLaunched(*groups) for groups in dict.fromkeys(_NOT_LAUNCHED.findall(text)))
 
 
 def missing_package(text: str) -> str | None:
@@ -111,15 +111,15 @@ def xacro_error(text: str) -> str | None:
 
 
 def _first(pattern: re.Pattern[str], text: str) -> str | None:
-    return found[1].strip() if (found := pattern.search(text)) else None
+    return match[1].strip() if (match := pattern.search(text)) else None
 
 
 def last_exception(text: str, program: str) -> str | None:
     """Return the last exception of a Python program: the one after the last mention of its file."""
     name = PurePath(program).name
     place = text.rfind(f'/{name}", line ') if name else -1
-    found = _EXCEPTION.search(text, place) if place >= 0 else None
-    return found[0] if found else None
+    match = _EXCEPTION.search(text, place) if place >= 0 else None
+    return match[0] if match else None
 
 
 def output_tail(text: str) -> str:

@@ -45,10 +45,10 @@ class Parameters:
     def names(self, name: str) -> tuple[str, ...]:
         """Return a parameter with one name or a list of names. Raises BadController."""
         value = self.get(name)
-        found = (value,) if isinstance(value, str) else value
-        if not isinstance(found, list | tuple) or not found or not all(isinstance(each, str) for each in found):
+        joints = (value,) if isinstance(value, str) else value
+        if not isinstance(joints, list | tuple) or not joints or not all(isinstance(joint, str) for joint in joints):
             raise BadController(f"{self.space}/{name} is {value!r}: expected the name of a joint, or a list of names")
-        return tuple(found)
+        return tuple(joints)
 
 
 @dataclass(frozen=True, slots=True)

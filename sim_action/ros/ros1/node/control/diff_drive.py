@@ -34,10 +34,10 @@ class Limit:
         """Return the limits in parameters below a name; each applies only if `has_..._limits` is set."""
         return cls(_range(parameters, name, "velocity"), _range(parameters, name, "acceleration"))
 
-    def next(self, wanted: float, value: float) -> float:
+    def next(self, command: float, value: float) -> float:
         """Return the speed after one tick."""
         (least, most), (slower, faster) = self.speed, self.change
-        aim = max(least, min(most, wanted))
+        aim = max(least, min(most, command))
         return value + max(slower / TICKS, min(faster / TICKS, aim - value))
 
 
@@ -104,7 +104,7 @@ def _measures(setup: ControllerSetup, left: str, right: str) -> tuple[float, flo
     parameters, model = setup.parameters, setup.wiring.model
     first, second = wheel(model, left), wheel(model, right)
     separation = parameters.number("wheel_separation", math.dist(first.position_xyz, second.position_xyz))
-    radii = [parameters.get("wheel_radius", default=found.radius) for found in (first, second)]
+    radii = [parameters.get("wheel_radius", default=drive_wheel.radius) for drive_wheel in (first, second)]
     if not separation or not all(radii):
         raise BadController(
             f"{parameters.space} needs wheel_separation and wheel_radius: the model does not define them"

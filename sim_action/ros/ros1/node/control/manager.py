@@ -133,31 +133,31 @@ class ControllerManager:
 
     def _switch(self, asked: Any) -> tuple[bool]:
         try:
-            wanted = self._switched(
+            controllers = self._switched(
                 asked.start_controllers, asked.stop_controllers, strictly=asked.strictness == _STRICT
             )
         except BadController as error:
             self._complain(f"the controllers were not switched: {error}")
             return (False,)
-        for name, loaded in wanted.items():
+        for name, loaded in controllers.items():
             if loaded.runs and not self._loaded[name].runs:
                 loaded.controller.begin()
-        self._loaded = wanted
+        self._loaded = controllers
         return (True,)
 
     def _switched(self, started: Iterable[str], stopped: Iterable[str], *, strictly: bool) -> dict[str, Loaded]:
         """Return all controllers as they will be after a switch. Raises BadController."""
-        wanted = dict(self._loaded)
+        controllers = dict(self._loaded)
         for names, state, runs in ((stopped, "stopped", True), (started, "running", False)):
             for name in names:
                 if strictly:
                     self._refuse_unknown(name)
-                    if wanted[name].runs != runs:
+                    if controllers[name].runs != runs:
                         raise BadController(f"the controller '{name}' is {'not' if runs else 'already'} running")
-                if name in wanted and wanted[name].runs == runs:
-                    wanted[name] = replace(wanted[name], state=state)
-        _refuse_conflicts(wanted)
-        return wanted
+                if name in controllers and controllers[name].runs == runs:
+                    controllers[name] = replace(controllers[name], state=state)
+        _refuse_conflicts(controllers)
+        return controllers
 
     def _refuse_unknown(self, name: str) -> None:
         if name not in self._loaded:
@@ -177,10 +177,10 @@ def _claims(controller: Controller) -> HardwareInterfaceResources:
     return HardwareInterfaceResources(controller.interface.replace("/", "::"), list(controller.joints))
 
 
-def _refuse_conflicts(wanted: dict[str, Loaded]) -> None:
+def _refuse_conflicts(controllers: dict[str, Loaded]) -> None:
     """Raise BadController if two running controllers would move the same joint."""
     owners: dict[str, str] = {}
-    running = {name: loaded.controller.joints for name, loaded in wanted.items() if loaded.runs}
+    running = {name: loaded.controller.joints for name, loaded in controllers.items() if loaded.runs}
     for name, joint in ((name, joint) for name, joints in running.items() for joint in joints):
         owner = owners.setdefault(joint, name)
         if owner != name:

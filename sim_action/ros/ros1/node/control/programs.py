@@ -126,9 +126,9 @@ def _print_list(manager: _Manager, action: str) -> None:
     if action == "list-types":
         sys.stdout.write("\n".join(manager.ask("list_controller_types", ListControllerTypes).types) + "\n")
         return
-    for each in manager.ask("list_controllers", ListControllers).controller:
-        claimed = ", ".join(resource.hardware_interface for resource in each.claimed_resources)
-        sys.stdout.write(f"{each.name} - {claimed} ( {each.state} )\n")
+    for controller in manager.ask("list_controllers", ListControllers).controller:
+        claimed = ", ".join(resource.hardware_interface for resource in controller.claimed_resources)
+        sys.stdout.write(f"{controller.name} - {claimed} ( {controller.state} )\n")
 
 
 def _spawner_parser() -> argparse.ArgumentParser:
