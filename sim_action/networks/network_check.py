@@ -43,8 +43,8 @@ def checked_network(workspace: Workspace, file: str, feeds: Mapping[str, Feed]) 
     status = path.stat()
     stamps = (status.st_mtime_ns, status.st_size, path.parent.stat().st_mtime_ns)
     place = [str(workspace.directory), str(workspace.root), workspace.allow_outside, workspace.packages]
-    given = {name: [each.size, each.frames, each.shape, each.value] for name, each in feeds.items()}
-    answer = json.loads(_answer(json.dumps([place, file, given]), stamps))
+    feed_fields = {name: [feed.size, feed.frames, feed.shape, feed.value] for name, feed in feeds.items()}
+    answer = json.loads(_answer(json.dumps([place, file, feed_fields]), stamps))
     if "problem" in answer:
         raise NetworkProblem(answer["problem"])
     inputs, outputs = (
@@ -99,7 +99,7 @@ def _allow(base: int, more: int, seconds: float) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (limit, most))
 
 
-def answer_of(place: list[Any], file: str, given: Mapping[str, list[Any]]) -> dict[str, Any]:
+def answer_of(place: list[Any], file: str, feed_fields: Mapping[str, list[Any]]) -> dict[str, Any]:
     """Return the answer of the process to a question."""
     directory, root, allow_outside, packages = place
     workspace = Workspace(
@@ -107,7 +107,7 @@ def answer_of(place: list[Any], file: str, given: Mapping[str, list[Any]]) -> di
     )
     feeds = {
         name: Feed(size, frames, shape and tuple(shape), tuple(value) if isinstance(value, list) else value)
-        for name, (size, frames, shape, value) in given.items()
+        for name, (size, frames, shape, value) in feed_fields.items()
     }
     base = list[int]()
 
@@ -119,7 +119,7 @@ def answer_of(place: list[Any], file: str, given: Mapping[str, list[Any]]) -> di
 
     try:
         session = Session(workspace, file, limit)
-        values = sum(math.prod(each.shape or ()) for each in feeds.values())
+        values = sum(math.prod(feed.shape or ()) for feed in feeds.values())
         memory = _OPEN_BYTES + _BYTES_PER_NETWORK_BYTE * session.size + _RUN_BYTES + _BYTES_PER_INPUT_VALUE * values
         _allow(base[0], memory, _RUN_CPU_S)
         network = session.network
@@ -137,7 +137,10 @@ def answer_of(place: list[Any], file: str, given: Mapping[str, list[Any]]) -> di
         return {"problem": f"cannot be read: onnxruntime cannot be imported: {error}"}
     tensors = {"inputs": network.inputs, "outputs": network.outputs}
     return {
-        **{key: [[each.name, each.type, each.shape] for each in of.values()] for key, of in tensors.items()},
+        **{
+            key: [[tensor.name, tensor.type, tensor.shape] for tensor in group.values()]
+            for key, group in tensors.items()
+        },
         "metadata": dict(network.metadata),
         "results": network.results,
     }

@@ -77,29 +77,29 @@ class Tensor:
 
     def shapes(self, feed: Feed) -> list[tuple[int, ...]]:
         """Return the shapes in which it may be given the values of a feed; none if no shape fits, or none is known."""
-        known = tuple(each or 1 for each in self.shape)
+        minimal_shape = tuple(dimension or 1 for dimension in self.shape)
         if feed.shape is not None:
             return [feed.shape]
         if feed.value is not None and not isinstance(feed.value, tuple):
-            return [known] if self.shape else [(), (1,), (1, 1)]
+            return [minimal_shape] if self.shape else [(), (1,), (1, 1)]
         size = len(feed.value) if feed.value is not None else feed.size
         if size is None:
-            return [known] if self.shape and None not in self.shape[1:] else []
+            return [minimal_shape] if self.shape and None not in self.shape[1:] else []
         if not self.shape:
             return [(1, size), (size,), *([()] if size == 1 else [])]
         filled = _filled(self.shape, size, feed.frames)
         return [] if filled is None else [filled]
 
     def __str__(self) -> str:
-        return " x ".join("any" if each is None else str(each) for each in self.shape) or "any shape"
+        return " x ".join("any" if dimension is None else str(dimension) for dimension in self.shape) or "any shape"
 
 
 def _filled(shape: tuple[int | None, ...], size: int, frames: int) -> tuple[int, ...] | None:
     """Return the shape of one sample of `size` values; a first dimension from the training repeats the sample."""
-    filled = [each or 1 for each in shape]
+    filled = [dimension or 1 for dimension in shape]
     rest, remainder = divmod(size, math.prod(filled))
     # The first of several is that of the samples.
-    free = [index for index, each in enumerate(shape) if each is None and (index or len(shape) == 1)]
+    free = [index for index, dimension in enumerate(shape) if dimension is None and (index or len(shape) == 1)]
     if remainder == 0 and (rest == 1 or free):
         if len(free) > 1 and rest % frames == 0:
             filled[free[0]], rest = frames, rest // frames
@@ -175,11 +175,11 @@ class Session:
             self._session = onnxruntime.InferenceSession(source, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # noqa: BLE001 - its errors have no common class
             raise NetworkProblem(_reason(error)) from None
-        results = {each.name: _tensor(each) for each in self._session.get_outputs()}
-        self.hidden = [name for name, each in results.items() if name in selections.watched and each.type in FLOATS]
+        results = {argument.name: _tensor(argument) for argument in self._session.get_outputs()}
+        self.hidden = [name for name, tensor in results.items() if name in selections.watched and tensor.type in FLOATS]
         self.network = Network(
-            {each.name: _tensor(each) for each in self._session.get_inputs()},
-            {name: each for name, each in results.items() if name not in added},
+            {argument.name: _tensor(argument) for argument in self._session.get_inputs()},
+            {name: tensor for name, tensor in results.items() if name not in added},
             dict(self._session.get_modelmeta().custom_metadata_map),
         )
         self.shapes: Mapping[str, tuple[int, ...]] = {}
@@ -191,8 +191,8 @@ class Session:
         It is not run if the shape of an input is not known.
         """
         inputs = self.network.inputs
-        given = {name: feeds.get(name, Feed()) for name in inputs}
-        choices = {name: tensor.shapes(given[name]) for name, tensor in inputs.items()}
+        input_feeds = {name: feeds.get(name, Feed()) for name in inputs}
+        choices = {name: tensor.shapes(input_feeds[name]) for name, tensor in inputs.items()}
         names = [name for name, tensor in self.network.outputs.items() if tensor.type in NUMERIC]
         if (
             not names
@@ -204,15 +204,15 @@ class Session:
         for place in range(max(map(len, choices.values()), default=1)):
             self.shapes = {name: shapes[min(place, len(shapes) - 1)] for name, shapes in choices.items()}
             try:
-                zeros = {name: self.constant(name, each.value or 0) for name, each in given.items()}
+                zeros = {name: self.constant(name, feed.value or 0) for name, feed in input_feeds.items()}
                 results = self.run(zeros, names)
             except NetworkProblem as error:
                 problem = problem or error
                 continue
             values = {name: math.prod(self.shapes[name]) for name in inputs}
-            self.batch = max((values[name] // each.size for name, each in given.items() if each.size), default=1)
-            rows = [self.batch if each.shape[:1] == (self.batch,) else 1 for each in results]
-            sizes = {name: each.size // count for name, each, count in zip(names, results, rows, strict=True)}
+            self.batch = max((values[name] // feed.size for name, feed in input_feeds.items() if feed.size), default=1)
+            rows = [self.batch if output.shape[:1] == (self.batch,) else 1 for output in results]
+            sizes = {name: output.size // count for name, output, count in zip(names, results, rows, strict=True)}
             return replace(self.network, results=sizes)
         raise problem or NetworkProblem("has no outputs")
 
@@ -244,7 +244,9 @@ def _tensor(argument: Any) -> Tensor:
         if argument.type.startswith("tensor(")
         else argument.type
     )
-    shape = tuple(each if isinstance(each, int) and each > 0 else None for each in argument.shape or ())
+    shape = tuple(
+        dimension if isinstance(dimension, int) and dimension > 0 else None for dimension in argument.shape or ()
+    )
     return Tensor(argument.name, _TYPE_NAMES.get(kind, kind), shape)
 
 
@@ -328,17 +330,17 @@ def _hiding(nodes: list[memoryview]) -> list[memoryview]:
     return [node for node in everywhere if not _HIDING.isdisjoint(_fields(node, _NODE_OPERATION))]
 
 
-def _named(graph: memoryview, wanted: int) -> Iterator[str]:
+def _named(graph: memoryview, number: int) -> Iterator[str]:
     """Yield the names of the inputs, outputs or weights of a graph."""
-    for part in _fields(graph, wanted):
-        yield from _texts(part, _TENSOR_NAME if wanted == _GRAPH_TENSOR else 1)
+    for part in _fields(graph, number):
+        yield from _texts(part, _TENSOR_NAME if number == _GRAPH_TENSOR else 1)
 
 
-def _texts(message: memoryview, wanted: int) -> list[str]:
-    return [str(text, "utf-8") for text in _fields(message, wanted)]
+def _texts(message: memoryview, number: int) -> list[str]:
+    return [str(text, "utf-8") for text in _fields(message, number)]
 
 
-def _fields(message: memoryview, wanted: int) -> list[memoryview]:
+def _fields(message: memoryview, number: int) -> list[memoryview]:
     """Return the texts or messages of one number in a protocol buffer. Raise NetworkProblem.
 
     Raise IndexError, KeyError if it is damaged.
@@ -350,7 +352,7 @@ def _fields(message: memoryview, wanted: int) -> list[memoryview]:
         key, begin = _varint(message, place)
         size, begin = _varint(message, begin) if key & 7 in {0, 2} else ({1: 8, 5: 4}[key & 7], begin)
         place = begin + (size if key & 7 else 0)
-        if key == wanted << 3 | 2:
+        if key == number << 3 | 2:
             contents.append(message[begin:place])
     raise NetworkProblem(f"has more than {_MAX_FIELDS:,} fields in one message beside an operation such as ArgMax")
 
