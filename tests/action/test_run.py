@@ -437,3 +437,9 @@ def test_the_input_margins_varies_factors_in_place_of_the_run(monkeypatch: pytes
         run("run", {**inputs, "repeat": "2"})
     with pytest.raises(InputError, match="has 'all' and other lines"):
         run("run", {**inputs, "margins": "all\nfriction=20%"})
+
+
+@pytest.mark.parametrize(("code", "forgiven"), [(0, 0), (1, 0), (2, 2), (3, 3), (5, 5), (130, 130)])
+def test_only_failures_can_be_forgiven(monkeypatch: pytest.MonkeyPatch, code: int, forgiven: int) -> None:
+    monkeypatch.setattr("action.run.call", lambda *_: code)
+    assert (run("run", INPUTS), run("run", {**INPUTS, "fail-on-failure": "false"})) == (code, forgiven)

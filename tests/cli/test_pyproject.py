@@ -182,7 +182,9 @@ def test_what_cannot_be_said_there_is_told_with_its_line(folder: Path, table: st
     assert found.startswith(f"pyproject.toml:{problem}")
 
 
-@pytest.mark.parametrize(("key", "option"), [("allow-scripts", "--allow-scripts"), ("packages", "--package")])
+@pytest.mark.parametrize(
+    ("key", "option"), [("allow-scripts", "--allow-scripts"), ("packages", "--package"), ("resume", "--resume")]
+)
 def test_a_key_that_only_the_caller_may_set_names_the_option(folder: Path, key: str, option: str) -> None:
     (found,) = told(folder, f"{key} = true")
     assert found.endswith(f"; remove it here, and use {option} instead")
