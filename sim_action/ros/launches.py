@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Generic, Literal, TypeVar
@@ -37,7 +38,8 @@ class EventFile(Generic[_Event]):
         if not (data := self._file.read()):
             return []
         *lines, self._unread = (self._unread + data).split(b"\n")
-        return [self._kind.model_validate_json(line) for line in lines]
+        # Unlike pydantic, json reads the bytes of file names that are not UTF-8; its lists become tuples.
+        return [self._kind.model_validate(json.loads(line), strict=False) for line in lines]
 
     def close(self) -> None:
         """Close the file."""

@@ -93,6 +93,9 @@ def test_an_event_is_read_once_its_line_is_complete(tmp_path: Path) -> None:
         assert events.new() == [Event(event="calm", time=0.5, pid=7)]
         file.write(b"3]]}\n")
         assert events.new() == [Event(event="refused", places=(("a.py", 3),))]
+        # A file name that is not UTF-8.
+        file.write(b'{"event": "left out", "args": ["\\udcff"]}\n')
+        assert events.new() == [Event(event="left out", args=("\udcff",))]
     events.close()
 
 
