@@ -362,9 +362,6 @@ class ProblemList:
         return where.file != self._document.file, where.line or 0, where.column or 0
 
 
-# Text that needs no quotes in a YAML list.
-
-
 class NoSuchKey(Exception):
     """A dotted key that leads nowhere."""
 

@@ -1,4 +1,4 @@
-"""Drives: they convert a twist of the base to targets for its wheel and steering joints."""
+"""Drives: they convert a twist of the base to targets for its wheel and steering joints; and keys that they share."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The undercarriage of a model: its wheels on the ground, those that are driven or steered, casters, and layouts.
 
 <ros2_control>, <transmission> and gz-sim's controllers of single joints decide which wheels have motors, if they name
-at least one wheel.
+at least one wheel. Other statements of the model about its drive are ignored, each with a note.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The wheels of a robot model: joints, radii, positions, axles, rolling direction and ground contact.
+"""The wheels of a robot model: joints, tyres, radii, positions, axles, rolling direction and ground contact.
 
 Forward is the base's x axis (REP 103), unless the wheels roll another way: r2d2 of `pybullet_data` rolls along its y
 axis.

@@ -1,4 +1,4 @@
-"""Read the parts whose class depends on a key: drive, commands, sensors, expectations; before, turn roles round."""
+"""Read the parts whose class depends on a key: drive, commands, sensors, expectations; and exchange robots by `ego`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Variations of a scenario. Here: the ways to draw the values of a key.
+"""Variations of a scenario, and the ways to draw the values of a key.
 
 These are distributions, choices, an even sample, and the rows of a CSV file. Each distribution turns numbers from 0 to
 1 into values, by the inverse of its cumulative distribution. So samples depend on nothing else, and `sobol` differs
