@@ -108,9 +108,10 @@ class _Call:
 
     def _note_runs(self) -> None:
         """Say how many runs there were, how many the earlier call had, and what has changed since if it had none."""
-        runs = counted(sum(self._turns.values()), "run")
+        count = sum(self._turns.values())
+        runs = counted(count, "run")
         if not self._request.resume:
-            if self._request.reports.verbosity != "quiet":
+            if count and self._request.reports.verbosity != "quiet":
                 note(f"{runs} in all")
             return
         keys = {

@@ -232,6 +232,18 @@ def test_a_scenario_that_fails_has_no_margins(tmp_path: Path) -> None:
 
 
 @pytest.mark.process
+@pytest.mark.parametrize(("text", "code", "note"), [(PUSHED, 1, "sim-action: 1 run in all\n"), ("", 2, "")])
+def test_runs_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, code: int, note: str) -> None:
+    pytest.importorskip("mujoco")
+    path = tmp_path / "one.sim.yml"
+    path.write_text(f"name: one\n{text.replace('friction: 0.5', 'friction: 0.1')}")
+    words = ["margins", str(path), "--allow-outside", "--no-report", "--output-dir", str(tmp_path), "--factor", "mass"]
+    assert call(words) == code
+    notes = capsys.readouterr().err.splitlines(keepends=True)
+    assert "".join(line for line in notes if " in all" in line) == note
+
+
+@pytest.mark.process
 def test_an_interrupted_search_leaves_reports_and_no_pass_and_goes_on_with_resume(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
