@@ -124,9 +124,9 @@ class InternalError(SimActionError):
         """Return the error that reports an unexpected exception, by its cause: the system, a package, or us."""
         if is_refusal(error):
             return SystemRefusal(error)
-        from traceback import format_exception  # a usual run does without it
+        from traceback import format_exception  # only an error needs it
 
-        from sim_action.core.registry import blame  # a usual run does without it
+        from sim_action.core.registry import blame  # only an error needs it
 
         details = "".join(format_exception(error))
         if (found := blame(error)) is not None:

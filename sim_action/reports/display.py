@@ -58,8 +58,8 @@ STATUS_DISPLAYS: Final[Mapping[DisplayStatus, StatusDisplay]] = MappingProxyType
             level="error",
         ),
         "inconclusive": StatusDisplay(
-            *("inconclusive", "Inconclusive: too few runs to tell"),
-            "the runs of a gate neither show nor refute what it claims",
+            *("inconclusive", "Inconclusive: neither shown nor refuted"),
+            "the runs of a gate, or the repetitions of a scenario, neither show nor refute what is claimed",
             *("≈", "~", "⚖️", "bold yellow"),
             junit="failure",
             level="error",

@@ -81,7 +81,7 @@ def warm_up(
     for model in (Scope, ExpectationOutcome, Outcome):
         model.model_rebuild()
     if replays:
-        from sim_action.recording.replay import build  # a usual run does without it
+        from sim_action.recording.replay import build  # a run without a report does without it
 
         build.warm_up(loaded.model for loaded in scenarios if loaded.model is not None)
     with muted():

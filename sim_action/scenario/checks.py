@@ -19,7 +19,7 @@ from sim_action.core.wording import FirstFew, did_you_mean, quoted
 from sim_action.core.yaml_document import KeyPath, SpecProblems, dotted
 from sim_action.drives import recognise, why_not_recognised
 from sim_action.robot.model.findings import ALLOWABLE, RULES
-from sim_action.robot.model.joint_selection import joints_set_by, setting_problems
+from sim_action.robot.model.joint_selection import groups_of, joints_set_by, setting_problems, tolerance_problems
 from sim_action.robot.model.kinematics import beyond_limits, why_no_link
 from sim_action.robot.model.robot_model import NO_PAIRS, WORLD, Link, RobotModel, rigid_bodies, touchable_pairs
 from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, Expectation, Scenario, common_rate
@@ -158,9 +158,6 @@ def compared_body_problems(scenario: Scenario) -> SpecProblems:
 
 def agreement_problems(scene: Scene, agreement: Agreement) -> SpecProblems:
     """Yield joints and links in `agreement` that the robot does not have, and units that do not fit the joints."""
-    # Few scenarios have an agreement.
-    from sim_action.robot.model.joint_selection import groups_of, tolerance_problems
-
     for path, message in tolerance_problems(scene.model, agreement.joints):
         yield ("agreement", "joints", *path), message
     for name in groups_of(scene.model).keys() & agreement.joints.keys() - scene.model.joints_by_name.keys():

@@ -14,6 +14,7 @@ from sim_action.core.geometry import Pose, rpy_from_quaternion
 from sim_action.core.lazy_numpy import Generator, np
 from sim_action.core.records import dataclass, field
 from sim_action.core.workspace import Workspace
+from sim_action.robot.model.joint_selection import joints_set_by
 from sim_action.robot.model.kinematics import Mobility, link_poses, why_no_link
 from sim_action.robot.model.robot_model import WORLD, Keyframe, RobotModel, keyframe_of
 from sim_action.robot.model.robot_spec import Robot
@@ -202,8 +203,6 @@ class Scene:
     def _stated_positions(self) -> dict[str, float]:
         if not self.robot.joints:
             return {}
-        from sim_action.robot.model.joint_selection import joints_set_by  # a usual run does without it
-
         joints, written = self.model.joints_by_name, self.robot.joints
         return {
             joint: units.parse(written[name], joints[joint].dimension("position"))

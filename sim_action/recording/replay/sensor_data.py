@@ -1,6 +1,7 @@
 """The readings that a replay shows: scans of lidars and pictures of cameras.
 
-There are at most 5 scans per second of 360 rays each, in whole steps of 1 cm.
+There are at most 5 scans per second of 360 rays each, in whole steps of 1 cm, and at most 2 pictures per second of
+160 x 120 pixels each, as PNG.
 """
 
 from __future__ import annotations

@@ -162,7 +162,7 @@ _ENDING_TIMEOUT_S: Final = 5.0
 _ENDING_POLL_S: Final = 0.001
 MAX_RUNS: Final = 500  # the most runs of one shared child process: each of them may leave a few kilobytes behind
 _MAX_ORDER_BYTES: Final = 32
-# Later environments and engines have a fresh interpreter for each run: the caller waits for the start of these.
+# Later environments and engines have a fresh interpreter for each run: these stay in memory to the end of the call.
 _MOST_INTERPRETERS: Final = 4
 
 
