@@ -26,8 +26,8 @@ from sim_action.state.trace_records import Channels, ClearanceRecord, ClearanceW
 from sim_action.state.verdict import Judged, Mark, Polyline, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.distance_lines import distance_lines
-from sim_action.world.link_range import out_of_reach
 from sim_action.world.physics import GROUND
+from sim_action.world.robot_reach import out_of_reach
 from sim_action.world.scene import Scene
 
 

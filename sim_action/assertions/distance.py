@@ -27,7 +27,7 @@ from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Circle, Mark, Signal
 from sim_action.world.claims import UNSTABLE, Ceiling, Findings, JudgedRun
-from sim_action.world.link_range import ROUNDING_M, LinkRange
+from sim_action.world.robot_reach import ROUNDING_M, LinkRange
 from sim_action.world.scene import Scene
 
 

@@ -31,7 +31,7 @@ from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
-from sim_action.world.link_range import joint_range
+from sim_action.world.robot_reach import joint_range
 from sim_action.world.scene import Scene
 
 

@@ -31,7 +31,7 @@ from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Circle, Mark, Polyline, Signal, Verdict
 from sim_action.world.claims import COVERED_SHARE, ClaimFinding, Findings, JudgedRun
-from sim_action.world.link_range import LinkRange
+from sim_action.world.robot_reach import LinkRange
 from sim_action.world.scene import Scene
 
 _MAX_POINTS: Final = 10_000

@@ -29,8 +29,8 @@ from sim_action.state.trace import Trace
 from sim_action.state.trace_records import Channels
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
-from sim_action.world.link_range import least_distance, out_of_reach
 from sim_action.world.physics import GROUND
+from sim_action.world.robot_reach import least_distance, out_of_reach
 from sim_action.world.scene import Scene
 
 

@@ -32,7 +32,7 @@ from sim_action.state.trace import Trace
 from sim_action.state.trace_records import Channels
 from sim_action.state.verdict import Judged, Mark, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
-from sim_action.world.link_range import passed_by
+from sim_action.world.robot_reach import passed_by
 from sim_action.world.scene import Scene
 
 _OF_ROBOT: Final = Without(frozenset({"link"}))

@@ -22,7 +22,7 @@ from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Mark, Signal, Verdict, goal, line
 from sim_action.world.claims import HEADINGS, ORIENTATIONS, Ceiling, Findings, JudgedRun
-from sim_action.world.link_range import ROUNDING_M, LinkRange
+from sim_action.world.robot_reach import ROUNDING_M, LinkRange
 from sim_action.world.scene import Scene
 
 

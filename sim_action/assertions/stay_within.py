@@ -19,7 +19,7 @@ from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Mark, box, line, rectangle
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
-from sim_action.world.link_range import LinkRange
+from sim_action.world.robot_reach import LinkRange
 from sim_action.world.scene import Scene
 
 Range = tuple[Metres, Metres]

@@ -59,7 +59,7 @@ STATUS_DISPLAYS: Final[Mapping[DisplayStatus, StatusDisplay]] = MappingProxyType
         ),
         "inconclusive": StatusDisplay(
             *("inconclusive", "Inconclusive: neither shown nor refuted"),
-            "the runs of a gate, or the repetitions of a scenario, neither show nor refute what is claimed",
+            "runs of a gate, or repetitions, neither show nor refute the claim",
             *("≈", "~", "⚖️", "bold yellow"),
             junit="failure",
             level="error",

@@ -48,8 +48,8 @@ from sim_action.state.trace import Digest, Trace
 from sim_action.state.trace_records import BodyRecord, Channels
 from sim_action.state.verdict import Verdict
 from sim_action.world.claims import LOGGED_ERROR, NOT_REPRODUCIBLE, NOT_SIMULATED, ClaimFinding
-from sim_action.world.link_range import reached_patches
 from sim_action.world.physics import GROUND
+from sim_action.world.robot_reach import reached_patches
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from sim_action.world import World
 from sim_action.world.claims import IN_RANGE, ClaimFinding, JudgedRun, nothing_in_range
-from sim_action.world.link_range import is_untouched
+from sim_action.world.robot_reach import is_untouched
 from sim_action.world.scene import Scene
 
 _MIN_COMMAND: Final = 1e-6  # m/s, rad/s, N and N m: a smaller command is that of a robot at rest

@@ -27,7 +27,7 @@ from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Mark, Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
-from sim_action.world.link_range import LinkRange, joints_between, range_of
+from sim_action.world.robot_reach import LinkRange, joints_between, range_of
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:

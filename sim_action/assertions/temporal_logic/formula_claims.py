@@ -50,7 +50,7 @@ from sim_action.state.readings import DISTANCES, ReadingColumn
 from sim_action.state.trace import Trace
 from sim_action.world import GROUND, Physics
 from sim_action.world.claims import IN_RANGE, ClaimFinding, Findings, JudgedRun, Setting
-from sim_action.world.link_range import ROUNDING_M, joint_range, joint_range_in, range_of
+from sim_action.world.robot_reach import ROUNDING_M, joint_range, joint_range_in, range_of
 from sim_action.world.scene import Scene
 
 _AXES: Final = "xyz"

@@ -12,7 +12,7 @@ from sim_action.assertions.temporal_logic.formula import Interval
 from sim_action.assertions.temporal_logic.formula_claims import bare_numbers, premises
 from sim_action.assertions.temporal_logic.parser import parse
 from tests.scenarios import load
-from tests.world.test_link_range import ARMS, refused, scenario
+from tests.world.test_robot_reach import ARMS, refused, scenario
 
 WORLD: Final = (
     "world: {objects: [{name: wall, box: [0.1, 1, 1], pose: {x: 9, z: 0.5}},\n"

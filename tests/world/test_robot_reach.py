@@ -20,7 +20,7 @@ from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
 from sim_action.world import Physics, World
-from sim_action.world.link_range import range_of
+from sim_action.world.robot_reach import range_of
 from sim_action.world.scene import Scene
 from tests.scenario.test_claims import INERTIAL
 from tests.scenarios import load
