@@ -146,6 +146,12 @@ def test_a_run_that_its_interpreter_does_not_fork_can_be_ended(tmp_path: Path, m
     starter = linux_child.SharingStarter(lambda _: Job(run, tmp_path / "t.npz", tmp_path))
     children = [starter.start(0, Job(run, tmp_path / "t.npz", tmp_path), alone=False, most_waiting=0) for _ in "ab"]
     assert [child.poll() for child in children] == [None, None]
+    first = children[0]
+    assert isinstance(first, linux_child.LinuxChild)
+    for line in (b"forked 7", b"forked 8"):  # user code may write the second one
+        first._take(line)
+    assert first._pid == 7
+    first._pid = 0
     for child in children:
         child.kill()
         child.close()
