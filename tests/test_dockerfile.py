@@ -135,7 +135,6 @@ def test_the_image_runs_a_scenario_for_any_user(image: Path) -> None:
     assert {"--require-hashes", "--no-deps", f"{image}/opt/sim-action/requirements.lock"} <= set(asked)
     assert asked[asked.index("--only-binary") + 1] == ":all:"
     assert not (site / "pybullet_data").exists()
-
     work = image / "work"
     work.mkdir()
     shutil.copy(ROOT / "examples/turtlebot3/straight_line.sim.yml", work)

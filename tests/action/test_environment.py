@@ -102,20 +102,18 @@ def test_the_plan_survives_as_one_line() -> None:
     assert Plan.parse(plan.text()) == plan
 
 
-def test_a_scenario_without_an_engine_needs_the_default_one_alone(
-    packages: list[Entry], temp: Path, variables: dict[str, str], downloads: list[list[str]]
-) -> None:
-    folder = made(packages, temp, variables)
-    assert downloads == [["click", "pybullet"]]
+def test_a_scenario_without_an_engine_needs_the_default_one_alone(packages: list[Entry], job: Job) -> None:
+    folder = made(packages, job.temp, job.variables)
+    assert job.downloads == [["click", "pybullet"]]
     assert (folder / "requirements.lock").read_text() == text_of([packages[0], packages[2]])
 
 
 def test_nothing_is_searched_for_a_lock_without_engines(
-    packages: list[Entry], temp: Path, variables: dict[str, str], monkeypatch: pytest.MonkeyPatch
+    packages: list[Entry], job: Job, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     searched: list[object] = []
     monkeypatch.setattr("action.environment.asked_engines", searched.append)
-    look(packages[:1], temp, variables)
+    look(packages[:1], job.temp, job.variables)
     assert searched == []
 
 
@@ -130,11 +128,9 @@ def test_the_engine_of_the_input_is_installed(
     assert job.downloads == [["click", *present]]
 
 
-def test_systems_with_one_engine_get_it(
-    packages: list[Entry], temp: Path, variables: dict[str, str], downloads: list[list[str]]
-) -> None:
-    made(packages[:2], temp, {**variables, "INPUT_BACKEND": "pybullet"})
-    assert downloads == [["click", "mujoco-core"]]
+def test_systems_with_one_engine_get_it(packages: list[Entry], job: Job) -> None:
+    made(packages[:2], job.temp, {**job.variables, "INPUT_BACKEND": "pybullet"})
+    assert job.downloads == [["click", "mujoco-core"]]
 
 
 def test_the_key_names_the_content_and_depends_on_all_of_it(
@@ -150,18 +146,18 @@ def test_the_key_names_the_content_and_depends_on_all_of_it(
 
 
 def test_no_absolute_path_is_part_of_a_cache(
-    packages: list[Entry], temp: Path, variables: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    packages: list[Entry], job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two runners with other folders share a cache, if the home folder has the same place seen from the workspace."""
-    variables["GITHUB_WORKSPACE"] = str(tmp_path / "home/work/robots/robots")
-    here = look(packages, temp, variables)
+    job.variables["GITHUB_WORKSPACE"] = str(tmp_path / "home/work/robots/robots")
+    here = look(packages, job.temp, job.variables)
     monkeypatch.setenv("HOME", str(tmp_path / "elsewhere/someone"))
-    variables["GITHUB_WORKSPACE"] = str(tmp_path / "elsewhere/someone/work/other/other")
-    there = look(packages, temp, variables)
+    job.variables["GITHUB_WORKSPACE"] = str(tmp_path / "elsewhere/someone/work/other/other")
+    there = look(packages, job.temp, job.variables)
     assert [here[name] for name in ("wheels", "key", "plan")] == [there[name] for name in ("wheels", "key", "plan")]
     assert str(here["wheels"]).startswith("~/")
-    variables["GITHUB_WORKSPACE"] = str(tmp_path / "volume/robots")
-    assert look(packages, temp, variables)["key"] != here["key"], "restored files would land elsewhere"
+    job.variables["GITHUB_WORKSPACE"] = str(tmp_path / "volume/robots")
+    assert look(packages, job.temp, job.variables)["key"] != here["key"], "restored files would land elsewhere"
 
 
 @pytest.mark.parametrize(
@@ -193,21 +189,19 @@ def test_a_missing_working_directory_is_named_before_anything_is_downloaded(name
     assert folder_problem(" . ") is folder_problem("") is None
 
 
-def test_cache_is_true_or_false(packages: list[Entry], temp: Path, variables: dict[str, str]) -> None:
+def test_cache_is_true_or_false(packages: list[Entry], job: Job) -> None:
     with pytest.raises(LockError, match="cache must be true or false"):
-        look(packages, temp, {**variables, "INPUT_CACHE": "maybe"})
+        look(packages, job.temp, {**job.variables, "INPUT_CACHE": "maybe"})
 
 
-def test_kept_wheels_are_used_again_without_a_cache_service(
-    packages: list[Entry], temp: Path, variables: dict[str, str], downloads: list[list[str]], tmp_path: Path
-) -> None:
-    made(packages, temp, variables)
+def test_kept_wheels_are_used_again_without_a_cache_service(packages: list[Entry], job: Job, tmp_path: Path) -> None:
+    made(packages, job.temp, job.variables)
     other = tmp_path / "other temp"
     other.mkdir()
-    found = look(packages, other, variables)
+    found = look(packages, other, job.variables)
     assert not found["cache"]
     assert install(packages, Plan.parse(str(found["plan"])), other)["fetched"] is False
-    assert len(downloads) == 1
+    assert len(job.downloads) == 1
 
 
 def test_extras_have_a_cache_of_their_own_and_share_the_other_one(
@@ -281,113 +275,101 @@ def test_kept_wheels_that_no_job_has_used_for_a_month_are_removed(
 
 
 def test_wheels_that_cannot_be_kept_fail_nothing(
-    packages: list[Entry], temp: Path, variables: dict[str, str], home: Path, capsys: pytest.CaptureFixture[str]
+    packages: list[Entry], job: Job, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    home.write_text("a file")
-    assert install(packages, planned(packages, temp, variables), temp)["fetched"] is False
+    job.home.write_text("a file")
+    assert install(packages, planned(packages, job.temp, job.variables), job.temp)["fetched"] is False
     assert "not cached" in capsys.readouterr().out
 
 
 def test_without_a_home_folder_nothing_is_cached(
-    packages: list[Entry], temp: Path, variables: dict[str, str], monkeypatch: pytest.MonkeyPatch
+    packages: list[Entry], job: Job, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("os.path.expanduser", lambda path: path)
-    found = look(packages, temp, variables)
+    found = look(packages, job.temp, job.variables)
     assert (found["cache"], found["wheels"]) == (False, "")
 
 
-def test_a_second_use_in_a_job_finds_the_environment(
-    packages: list[Entry], temp: Path, variables: dict[str, str], downloads: list[list[str]]
-) -> None:
-    first = made(packages, temp, variables)
-    found = look(packages, temp, variables)
+def test_a_second_use_in_a_job_finds_the_environment(packages: list[Entry], job: Job) -> None:
+    first = made(packages, job.temp, job.variables)
+    found = look(packages, job.temp, job.variables)
     assert found["cache"] is False
-    assert made(packages, temp, variables) == first
-    assert len(downloads) == 1
+    assert made(packages, job.temp, job.variables) == first
+    assert len(job.downloads) == 1
 
 
-def test_an_environment_with_more_packages_does_and_the_smallest_is_taken(
-    packages: list[Entry], temp: Path, variables: dict[str, str], downloads: list[list[str]]
-) -> None:
-    whole = made(packages, temp, {**variables, "INPUT_BACKEND": "all"})
-    assert made(packages[:1], temp, variables) == whole
+def test_an_environment_with_more_packages_does_and_the_smallest_is_taken(packages: list[Entry], job: Job) -> None:
+    whole = made(packages, job.temp, {**job.variables, "INPUT_BACKEND": "all"})
+    assert made(packages[:1], job.temp, job.variables) == whole
     (whole / "requirements.lock").rename(whole / "hidden")
-    small = made(packages[:1], temp, variables)
+    small = made(packages[:1], job.temp, job.variables)
     (whole / "hidden").rename(whole / "requirements.lock")
-    assert made(packages[:1], temp, variables) == small
-    assert made(packages, temp, {**variables, "INPUT_BACKEND": "all"}) == whole
-    assert len(downloads) == 2
+    assert made(packages[:1], job.temp, job.variables) == small
+    assert made(packages, job.temp, {**job.variables, "INPUT_BACKEND": "all"}) == whole
+    assert len(job.downloads) == 2
 
 
-def test_environments_of_other_versions_stay_apart(
-    packages: list[Entry], temp: Path, variables: dict[str, str], make_wheel: MakeWheel
-) -> None:
-    first = made(packages[:1], temp, variables)
+def test_environments_of_other_versions_stay_apart(packages: list[Entry], job: Job, make_wheel: MakeWheel) -> None:
+    first = made(packages[:1], job.temp, job.variables)
     newer = make_wheel("click", "1.1")
-    (temp.parent / "wheels/click-1.0-py3-none-any.whl").unlink()
-    assert made([newer], temp, variables) != first
+    (job.temp.parent / "wheels/click-1.0-py3-none-any.whl").unlink()
+    assert made([newer], job.temp, job.variables) != first
 
 
-def test_an_environment_that_appears_after_the_plan_is_not_used(
-    packages: list[Entry], temp: Path, variables: dict[str, str], downloads: list[list[str]]
-) -> None:
+def test_an_environment_that_appears_after_the_plan_is_not_used(packages: list[Entry], job: Job) -> None:
     """It can come from a cache."""
-    plan = planned(packages, temp, variables)
-    planted = made(packages, temp, variables)
-    done = install(packages, plan, temp)
+    plan = planned(packages, job.temp, job.variables)
+    planted = made(packages, job.temp, job.variables)
+    done = install(packages, plan, job.temp)
     assert Path(str(done["python"])).parent.parent != planted
 
 
 def test_a_killed_installation_is_not_taken_for_complete(
-    packages: list[Entry], temp: Path, variables: dict[str, str], monkeypatch: pytest.MonkeyPatch
+    packages: list[Entry], job: Job, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patched:
         patched.setattr(environment, "_complete", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
         with pytest.raises(KeyboardInterrupt):
-            made(packages, temp, variables)
-    [left] = temp.glob("sim-action-*")
-    assert not planned(packages, temp, variables).ready
-    assert made(packages, temp, variables) != left
+            made(packages, job.temp, job.variables)
+    [left] = job.temp.glob("sim-action-*")
+    assert not planned(packages, job.temp, job.variables).ready
+    assert made(packages, job.temp, job.variables) != left
 
 
-def test_a_failed_installation_leaves_nothing(
-    packages: list[Entry], temp: Path, variables: dict[str, str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_installation_leaves_nothing(packages: list[Entry], job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object) -> None:
         raise InstallError
 
     monkeypatch.setattr(wheels, "download", fail)
     with pytest.raises(InstallError):
-        made(packages, temp, variables)
-    assert not list(temp.iterdir())
+        made(packages, job.temp, job.variables)
+    assert not list(job.temp.iterdir())
 
 
-def test_broken_markers_are_passed_over(packages: list[Entry], temp: Path, variables: dict[str, str]) -> None:
+def test_broken_markers_are_passed_over(packages: list[Entry], job: Job) -> None:
     for number, content in enumerate([b"\xff", b"no package", b""]):
-        folder = temp / f"sim-action-{number}"
+        folder = job.temp / f"sim-action-{number}"
         folder.mkdir()
         (folder / "requirements.lock").write_bytes(content)
-    assert not planned(packages, temp, variables).ready
+    assert not planned(packages, job.temp, job.variables).ready
 
 
-def test_two_installations_at_the_same_time_do_not_share_a_folder(
-    packages: list[Entry], temp: Path, variables: dict[str, str]
-) -> None:
-    plan = planned(packages, temp, variables)
-    folders = {install(packages, plan, temp)["python"] for _ in range(2)}
+def test_two_installations_at_the_same_time_do_not_share_a_folder(packages: list[Entry], job: Job) -> None:
+    plan = planned(packages, job.temp, job.variables)
+    folders = {install(packages, plan, job.temp)["python"] for _ in range(2)}
     assert len(folders) == 2
 
 
-def test_jobs_that_share_all_folders_do_not_disturb_each_other(
-    packages: list[Entry], temp: Path, variables: dict[str, str], home: Path
-) -> None:
-    plan = planned(packages, temp, variables)
+def test_jobs_that_share_all_folders_do_not_disturb_each_other(packages: list[Entry], job: Job) -> None:
+    plan = planned(packages, job.temp, job.variables)
     with ThreadPoolExecutor(4) as pool:
-        pythons = [Path(str(done["python"])) for done in pool.map(lambda _: install(packages, plan, temp), range(8))]
+        pythons = [
+            Path(str(done["python"])) for done in pool.map(lambda _: install(packages, plan, job.temp), range(8))
+        ]
     assert len(set(pythons)) == 8
     assert all(list(python.parent.parent.rglob("click/__init__.py")) for python in pythons)
     assert all((python.parent.parent / "requirements.lock").is_file() for python in pythons)
-    assert sorted(path.name[:5] for path in next(home.glob(".cache/sim-action-wheels/*")).iterdir()) == [
+    assert sorted(path.name[:5] for path in next(job.home.glob(".cache/sim-action-wheels/*")).iterdir()) == [
         "click",
         "pybul",
     ]
@@ -421,9 +403,9 @@ def run_python(folder: Path, program: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.fixture
-def by_default(packages: list[Entry], temp: Path, variables: dict[str, str], tmp_path: Path) -> Path:
+def by_default(packages: list[Entry], job: Job, tmp_path: Path) -> Path:
     """An environment without MuJoCo, whose placeholder installs it from the folder `wheels`."""
-    folder = made(packages, temp, variables)
+    folder = made(packages, job.temp, job.variables)
     [module] = folder.rglob("mujoco.py")
     program = f"""
 import shutil, sys
@@ -445,15 +427,15 @@ environment.add(folder, folder / "left-out.lock", "mujoco")
 
 @pytest.mark.process
 def test_an_engine_that_was_left_out_is_installed_when_it_is_imported(
-    by_default: Path, packages: list[Entry], temp: Path, variables: dict[str, str]
+    job: Job, by_default: Path, packages: list[Entry]
 ) -> None:
     first = run_python(by_default, PROGRAM)
     assert (first.stdout, first.returncode) == ("wheel\n", 0), first.stderr
     assert "mujoco is installed now" in first.stderr
     second = run_python(by_default, PROGRAM)
     assert (second.stdout, second.stderr) == ("wheel\n", "")
-    whole = {**variables, "INPUT_BACKEND": "all"}
-    assert planned(packages, temp, whole).ready == str(by_default)
+    whole = {**job.variables, "INPUT_BACKEND": "all"}
+    assert planned(packages, job.temp, whole).ready == str(by_default)
 
 
 @pytest.mark.process
@@ -477,21 +459,19 @@ def test_an_engine_that_cannot_be_installed_is_an_import_error_with_the_reason(
 
 
 def test_the_placeholder_runs_this_script_with_the_interpreter_of_the_installation(
-    packages: list[Entry], temp: Path, variables: dict[str, str]
+    packages: list[Entry], job: Job
 ) -> None:
-    folder = made(packages, temp, variables)
+    folder = made(packages, job.temp, job.variables)
     [module] = folder.rglob("mujoco.py")
     script = str(ROOT / "action/environment.py")
     assert repr([sys.executable, "-I", script, "add", str(folder), "mujoco"]) in module.read_text()
     assert not list(folder.rglob("pybullet-*/PLACEHOLDER"))
 
 
-def test_an_engine_is_added_from_the_lock_file_of_those_left_out(
-    packages: list[Entry], temp: Path, variables: dict[str, str], downloads: list[list[str]]
-) -> None:
-    folder = made(packages, temp, variables)
+def test_an_engine_is_added_from_the_lock_file_of_those_left_out(packages: list[Entry], job: Job) -> None:
+    folder = made(packages, job.temp, job.variables)
     add(folder, folder / "left-out.lock", "mujoco")
-    assert downloads[1:] == [["mujoco-core"]]
+    assert job.downloads[1:] == [["mujoco-core"]]
     assert not list(folder.glob("adding-*"))
     [found] = folder.rglob("mujoco/__init__.py")
     assert found.read_text() == "ORIGIN = 'wheel'\n"

@@ -39,7 +39,6 @@ def test_each_distribution_has_its_lock_file() -> None:
 @pytest.mark.parametrize(("wanted", "lock"), [("true", "jazzy"), ("jazzy", "jazzy"), ("kilted", "kilted")])
 def test_without_ros_the_wheels_are_installed(wanted: str, lock: str, tmp_path: Path) -> None:
     found = look(FOLDER, variables(tmp_path, wanted))
-
     assert (found["lock"], found["cache"]) == (FOLDER / LOCKS[lock], False)
     assert environment.Plan.parse(str(found["plan"])).ready == ""
 
@@ -61,7 +60,6 @@ def test_the_ros_of_the_runner_is_used_and_named(
     prefix = ros_prefix(tmp_path / "kilted", KILTED)
     # Such as a container on a runner that has no wheels.
     found = look(FOLDER, variables(tmp_path, wanted, AMENT_PREFIX_PATH=str(prefix), RUNNER_ARCH="ARM64"))
-
     assert found == {"lock": "", "cache": False}
     assert capsys.readouterr().out.startswith(f"ROS 2: kilted in {prefix} (from the sourced environment), Fast DDS")
 
@@ -69,7 +67,6 @@ def test_the_ros_of_the_runner_is_used_and_named(
 @pytest.mark.parametrize("version", [HUMBLE, KILTED])
 def test_a_named_distribution_is_installed_although_the_runner_has_another_one(version: str, tmp_path: Path) -> None:
     prefix = ros_prefix(tmp_path / "other", version)
-
     assert look(FOLDER, variables(tmp_path, "jazzy", AMENT_PREFIX_PATH=str(prefix)))["lock"] == FOLDER / LOCKS["jazzy"]
 
 
@@ -109,7 +106,6 @@ def test_the_installation_is_checked_and_named(
     monkeypatch.setattr(environment, "install", lambda *_: {"python": prefix / "bin/python"})
     plan = json.dumps({"ready": "", "left_out": [], "kept": ""})
     outputs = install(FOLDER / LOCKS["jazzy"], variables(tmp_path, "jazzy", PLAN=plan))
-
     assert outputs == {"python": prefix / "bin/python"}
     assert capsys.readouterr().out.startswith(f"ROS 2: jazzy in {prefix}")
     (prefix / "share/rclpy/package.xml").unlink()

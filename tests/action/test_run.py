@@ -49,8 +49,9 @@ INPUTS = {
 
 
 def test_inputs_become_a_command_line() -> None:
-    assert list(SUBCOMMANDS["run"].command_line(INPUTS)) == [
+    assert list(SUBCOMMANDS["run"].command_line({**INPUTS, "unexercised": " warn "})) == [
         "--output-dir=what came out",
+        "--unexercised=warn",
         "--shard=2/3",
         "--record=tum, csv",
         "--allow-scripts=auto",
@@ -72,11 +73,6 @@ def test_inputs_of_a_proof_select_mutants() -> None:
     told = list(SUBCOMMANDS["prove"].command_line(inputs))
     assert {"--only=wall", "--only=motor-off:left", "--strict", "--budget=10 min", "--no-report"} <= {*told}
     assert told[-2:] == ["--", "value-of-scenario"]
-
-
-@pytest.mark.parametrize("effect", ["error", "warn"])
-def test_the_effect_of_an_unjudged_expectation_is_an_option(effect: str) -> None:
-    assert f"--unexercised={effect}" in list(SUBCOMMANDS["run"].command_line({**INPUTS, "unexercised": f" {effect} "}))
 
 
 SWITCHES = [(name, switch) for name, subcommand in SUBCOMMANDS.items() for switch in subcommand.switches]
@@ -393,24 +389,11 @@ def test_one_use_of_the_action_is_one_rostest(name: str, value: str, problem: st
         list(SUBCOMMANDS["rostest"].command_line({**ROSTEST, name: value}))
 
 
-def test_losses_are_allowed_only_if_the_input_says_so() -> None:
-    for stated in ("true", "false"):
-        inputs = {**ROSTEST, "allow-losses": stated}
-        assert ("--allow-losses" in SUBCOMMANDS["rostest"].command_line(inputs)) == (stated == "true")
-
-
 @pytest.mark.parametrize("name", ["rostest", "sim-time-limit", "allow-losses"])
 def test_a_removed_input_names_the_action_that_has_it(name: str) -> None:
     removed = f"the input {name} was removed: .* sim-action/sim-action/rostest@v0, with the inputs package, file and"
     with pytest.raises(InputError, match=removed):
         run("run", {**INPUTS, name: "false"})
-
-
-@pytest.mark.parametrize(("name", "inputs"), [("run", INPUTS), ("rostest", ROSTEST)])
-def test_names_of_passed_variables_are_an_option_for_each_line(name: str, inputs: dict[str, str]) -> None:
-    line = list(SUBCOMMANDS[name].command_line({**inputs, "pass-env": "MAP_URL\n\n ROBOT_KEY \n"}))
-    assert [word for word in line if word.startswith("--pass-env")] == ["--pass-env=MAP_URL", "--pass-env=ROBOT_KEY"]
-    assert not any(word.startswith("--pass-env") for word in SUBCOMMANDS[name].command_line(inputs))
 
 
 def test_the_input_margins_varies_factors_in_place_of_the_run(monkeypatch: pytest.MonkeyPatch) -> None:

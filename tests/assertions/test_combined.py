@@ -287,16 +287,13 @@ def test_places_that_are_never_reached_together_fail_although_each_is_reached() 
         "at most 1 of 2 were true at the same moment in 3.0 s, first at 1.00 s; "
         "not true then: reach (1.5, 0) within 0.05 m"
     )
+    assert judged(at_once(Reach(x=9, y=9), Reach(x=8, y=8)), WAY).message.startswith("at most none of 2")
 
 
 def test_it_comes_true_at_the_first_moment_at_which_all_are_true() -> None:
     verdict = judged(at_once(Travel(at_least=1.0), Upright(), NoCollision()), WAY)
     assert (verdict.passed, verdict.time) == (True, 2.0)
     assert verdict.message == "all 3 were true at 2.00 s"
-
-
-def test_nothing_true_is_said_in_words() -> None:
-    assert judged(at_once(Reach(x=9, y=9), Reach(x=8, y=8)), WAY).message.startswith("at most none of 2")
 
 
 def test_an_invariant_that_broke_before_may_be_true_again() -> None:
@@ -306,12 +303,9 @@ def test_an_invariant_that_broke_before_may_be_true_again() -> None:
     assert judged(at_once(HERE, Negation(part=NoCollision())), seen).passed
 
 
-def test_the_robot_is_at_rest_at_a_moment_without_a_time_to_hold() -> None:
+def test_parts_that_are_true_at_the_same_moment() -> None:
     assert judged(at_once(THERE, Settled()), WAY).passed
     assert not judged(at_once(HERE, Settled()), WAY).passed
-
-
-def test_one_of_several_at_the_same_moment() -> None:
     assert judged(at_once(HERE, AnyOf(parts=(THERE, Travel(at_most=0.6)))), WAY).passed
     assert not judged(at_once(HERE, AnyOf(parts=(THERE, Travel(at_least=0.6)))), WAY).passed
 

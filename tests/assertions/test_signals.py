@@ -72,21 +72,6 @@ def told(signal: Signal) -> Curve:
             [("speed", "m/s", [0.0, 3.0, 4.0], None, 3.5), ("turn rate", "rad/s", [0.0, 0.0, 0.0], None, 1.0)],
         ),
         (StayWithin(y=(-1.0, 2.0)), [("y", "m", [0.0, 0.0, 4.0], -1.0, 2.0)]),
-    ],
-    ids=lambda value: value.title if isinstance(value, Assertion) else "",
-)
-def test_curves_have_names_units_values_and_limits(assertion: Assertion, curves: list[Curve]) -> None:
-    found = signals(assertion)
-    assert [told(signal) for signal in found] == curves
-    assert all(signal.time.tolist() == [0.0, 1.0, 2.0] for signal in found)
-
-
-DRIVEN = trace([0.0, 0.5, 1.0], position=[0.0, 1.0, 3.0], velocity=[0.0, 2.0, -4.0], effort=[0.0, -3.0, 0.0])
-
-
-@pytest.mark.parametrize(
-    ("assertion", "curves"),
-    [
         (PathLength(at_most=6.0), [("path length", "m", [0.0, 3.0, 7.0], None, 6.0)]),
         (FinalPose(y=0.0, tolerance=0.25), [("distance to y = 0 m", "m", [0.0, 0.0, 4.0], None, 0.25)]),
         (FinalPose(yaw=0.5, yaw_tolerance=0.25), [("heading error", "rad", [0.5, 0.0, 0.5], None, 0.25)]),
@@ -130,8 +115,15 @@ DRIVEN = trace([0.0, 0.5, 1.0], position=[0.0, 1.0, 3.0], velocity=[0.0, 2.0, -4
     ],
     ids=lambda value: value.title if isinstance(value, Assertion) else "",
 )
-def test_what_adds_up_is_shown_up_to_each_moment(assertion: Assertion, curves: list[Curve]) -> None:
-    assert [told(signal) for signal in signals(assertion)] == curves
+def test_curves_have_names_units_limits_and_the_values_up_to_each_moment(
+    assertion: Assertion, curves: list[Curve]
+) -> None:
+    found = signals(assertion)
+    assert [told(signal) for signal in found] == curves
+    assert all(signal.time.tolist() == [0.0, 1.0, 2.0] for signal in found)
+
+
+DRIVEN = trace([0.0, 0.5, 1.0], position=[0.0, 1.0, 3.0], velocity=[0.0, 2.0, -4.0], effort=[0.0, -3.0, 0.0])
 
 
 @pytest.mark.parametrize(

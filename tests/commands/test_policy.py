@@ -250,18 +250,12 @@ def test_soft_motors_act_at_every_physics_step(folder: Path) -> None:
     assert spec.tick_rate(240.0) == 120.0
 
 
-@pytest.mark.parametrize(
-    ("bias", "message"),
-    [
-        (math.nan, "the network returned nan for joint 'shoulder'; its inputs are finite, at most 0.3"),
-        (math.inf, "the network returned inf for joint 'shoulder'; its inputs are finite, at most 0.3"),
-    ],
-)
-def test_an_output_that_is_not_finite_is_an_error(bias: float, message: str, folder: Path) -> None:
+@pytest.mark.parametrize("bias", [math.nan, math.inf])
+def test_an_output_that_is_not_finite_is_an_error(bias: float, folder: Path) -> None:
     controller = opened(folder, linear([[1, 1, 1]], [0, bias, 0]), observation=("time",), action={"joints": "effort"})
     with pytest.raises(ScriptError) as raised:
         controller.command(NOW)
-    assert str(raised.value) == message
+    assert str(raised.value) == f"the network returned {bias} for joint 'shoulder'; its inputs are finite, at most 0.3"
 
 
 @pytest.mark.parametrize("bias", [math.nan, -math.inf, 0.0])
@@ -509,13 +503,9 @@ def test_what_does_not_fit_is_told_on_its_line(network: bytes | None, keys: str,
     assert all(each.startswith("3:") for each in found), found
 
 
-def test_a_joint_that_is_not_there_has_one_problem(folder: Path) -> None:
+def test_a_joint_or_gravity_that_is_not_there_has_one_problem(folder: Path) -> None:
     (folder / "a.onnx").write_bytes(identity(3))
     (found,) = told(folder, text(f"observation: [gravity], order: ['k*'], {EFFORT}"))
     assert "no moving joint" in found
-
-
-def test_a_world_without_gravity_has_no_direction_of_it(folder: Path) -> None:
-    (folder / "a.onnx").write_bytes(identity(3))
     (found,) = told(folder, text(f"observation: [gravity], {ALL}, {EFFORT}") + "world: {gravity: 0}\n")
     assert "observation.0.term: the world has no gravity; change world.gravity" in found

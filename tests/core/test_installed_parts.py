@@ -66,8 +66,9 @@ def test_its_names_come_after_ours_which_alone_are_iterated(site: Path) -> None:
 def test_a_scenario_that_uses_it_runs_user_code(site: Path, tmp_path: Path) -> None:
     install_wobble(site)
     path = tmp_path / "a.sim.yml"
-    path.write_text(TEXT.format(expect="{wobble: {at_most: 5 deg}}"))
-    assert load_scenario(path).scenario.runs_user_code
+    for expect in ("{wobble: {at_most: 5 deg}}", "{any_of: [upright, wobble]}"):
+        path.write_text(TEXT.format(expect=expect))
+        assert load_scenario(path).scenario.runs_user_code
     path.write_text(TEXT.format(expect="upright") + "sensors: [inclinometer]\n")
     assert load_scenario(path).scenario.runs_user_code
     path.write_text(TEXT.format(expect="upright") + "sensors: [imu]\n")
@@ -137,13 +138,6 @@ def test_its_names_and_keys_are_in_messages(site: Path, tmp_path: Path) -> None:
     ]
     (two,) = problems(tmp_path, "{upright: {}, wobble: {}}")
     assert two == "expect.0.wobble: 'upright' and 'wobble' in one entry; begin each with '- '"
-
-
-def test_it_may_be_a_part_of_others(site: Path, tmp_path: Path) -> None:
-    install_wobble(site)
-    path = tmp_path / "a.sim.yml"
-    path.write_text(TEXT.format(expect="{any_of: [upright, wobble]}"))
-    assert load_scenario(path).scenario.runs_user_code
 
 
 @pytest.mark.parametrize("hook", ["title", "problems"])

@@ -137,17 +137,11 @@ class Model(BaseModel):
     at: Point
 
 
-def test_a_record_inherits_fields() -> None:
+def test_a_record_inherits_fields_and_can_be_sent_to_another_process() -> None:
     assert repr(Named(1, 2, "a")) == "Named(x=1, y=2, name='a')"
     assert [*Named.__slots__] == ["name"]
     assert Named(1, 2) != Point(1, 2)
-
-
-def test_a_class_variable_is_no_field() -> None:
-    assert (Point(1).unit, [each.name for each in dataclasses.fields(Point)]) == ("m", ["x", "y"])
-
-
-def test_a_record_can_be_sent_to_another_process() -> None:
+    assert (Point(1).unit, [each.name for each in dataclasses.fields(Point)]) == ("m", ["x", "y"])  # not ClassVar
     assert pickle.loads(pickle.dumps(Named(1, 2, "a"))) == Named(1, 2, "a")
 
 
@@ -218,9 +212,6 @@ def test_instances_share_no_default_that_can_change() -> None:
 def test_a_required_field_after_an_optional_one_is_refused_where_it_is_defined(kind: str) -> None:
     with pytest.raises(TypeError, match=r"^f1, without a default, follows f0, which has one$"):
         made([kind, "none"])
-
-
-def test_a_required_field_may_follow_one_that_is_not_an_argument() -> None:
     assert made(["not taken", "none"])(3).f1 == 3
 
 

@@ -7,6 +7,7 @@ import random
 import sys
 from collections.abc import Callable, Iterator
 from fractions import Fraction
+from functools import partial
 from itertools import product
 from math import comb, log, nextafter
 
@@ -93,9 +94,13 @@ def test_bounds_are_quantiles_of_the_beta_distribution(passes: int, runs: int, l
     assert upper_bound(passes, runs, 0.95) == pytest.approx(upper, abs=1e-7)
 
 
-def test_nothing_is_known_without_a_run() -> None:
+def test_what_no_run_or_any_run_proves() -> None:
     assert (lower_bound(0, 0, 0.95), upper_bound(0, 0, 0.95)) == (0.0, 1.0)
     assert (passes_needed(0, 0.9, 0.95), passes_refuting(0, 0.9, 0.95)) == (None, None)
+    assert passes_needed(5, 0.0, 0.95) == 0
+    assert passes_refuting(5, 0.0, 0.95) is None
+    assert passes_needed(MAX_RUNS, 1.0, 0.95) is None
+    assert passes_refuting(5, 1.0, 0.95) == 4
 
 
 @given(_counts(1_000), st.sampled_from(CONFIDENCES))
@@ -193,9 +198,6 @@ def test_the_runs_for_a_power_are_the_least_ones(true_rate: float, rate: float) 
 def test_more_runs_can_have_less_power() -> None:
     assert runs_for_power(0.95, 0.9, 0.95, 0.46) == 76
     assert chances(0.95, 75, 0.9, 0.95).passed < 0.46 > chances(0.95, 100, 0.9, 0.95).passed
-
-
-def test_many_runs_for_a_power() -> None:
     runs = runs_for_power(0.91, 0.9, 0.95, 0.8)
     assert runs == 5_354
     assert chances(0.91, runs, 0.9, 0.95).passed >= 0.8
@@ -206,34 +208,6 @@ def test_many_runs_for_a_power() -> None:
 def test_no_number_of_runs_has_the_power(true_rate: float) -> None:
     assert runs_for_power(true_rate, 0.9, 0.95, 0.8) is None
     assert chances(true_rate, MAX_RUNS, 0.9, 0.95).passed < 0.8
-
-
-def test_a_rate_of_zero_needs_no_pass_and_a_rate_of_one_cannot_be_proven() -> None:
-    assert passes_needed(5, 0.0, 0.95) == 0
-    assert passes_refuting(5, 0.0, 0.95) is None
-    assert passes_needed(MAX_RUNS, 1.0, 0.95) is None
-    assert passes_refuting(5, 1.0, 0.95) == 4
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: lower_bound(6, 5, 0.95), "6 passes of 5 runs"),
-        (lambda: upper_bound(-1, 5, 0.95), "-1 passes of 5 runs"),
-        (lambda: passes_needed(5, 1.1, 0.95), "a rate lies between 0 and 1: 1.1"),
-        (lambda: passes_needed(5, float("nan"), 0.95), "a rate lies between 0 and 1: nan"),
-        (lambda: at_least(1, 2, -0.1), "a rate lies between 0 and 1: -0.1"),
-        (lambda: chances(0.5, 5, 0.9, 1.0), "below 1: 1.0"),
-        (lambda: lower_bound(1, 5, 0.49), "at least 0.5 and below 1: 0.49"),
-        (lambda: runs_needed(1.0, 0.95), "no number of runs proves the rate 1.0"),
-        (lambda: runs_needed(0.9, 0.95, -1), "with -1 failures"),
-        (lambda: runs_for_power(0.95, 0.9, 0.95, 1.0), "a power lies between 0 and 1"),
-    ],
-)
-def test_arguments_out_of_range_are_refused(call: object, message: str) -> None:
-    assert callable(call)
-    with pytest.raises(ValueError, match=message):
-        call()
 
 
 PAIRS = 100
@@ -388,24 +362,6 @@ def test_adjusted_p_values_are_those_of_holm() -> None:
     assert (holm([0.04]), holm([0.7, 0.7]), holm([])) == ([0.04], [1.0, 1.0], [])
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: mcnemar(-1, 3), "-1 worse and 3 better pairs: neither"),
-        (lambda: rate_change(3, 3, 5, 0.95), "3 worse and 3 better pairs are not part of 5 pairs"),
-        (lambda: rate_change(-1, 3, 5, 0.95), "-1 worse and 3 better pairs are not part"),
-        (lambda: rate_change(0, 0, 0, 0.95), "of 0 pairs"),
-        (lambda: rate_change(1, 1, 5, 1.0), "below 1: 1.0"),
-        (lambda: paired_bootstrap([1.0], 0.95), "at least two differences, and finite ones: 1 are given"),
-        (lambda: paired_bootstrap([1.0, float("nan")], 0.95), "finite"),
-        (lambda: paired_bootstrap([1.0, 2.0], 0.4), "at least 0.5 and below 1: 0.4"),
-    ],
-)
-def test_invalid_counts_of_pairs_are_refused(call: Callable[[], object], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        call()
-
-
 GATE = SequentialTest(reject=0.85, accept=0.95, confidence=0.95, most=200)
 rates = st.floats(0.01, 0.99)
 tests = st.builds(
@@ -461,18 +417,12 @@ def test_decisions_stop_at_the_first_verdict() -> None:
     assert len(list(results)) == 3
 
 
-def test_too_few_results_decide_nothing() -> None:
+def test_too_few_or_mixed_results_decide_nothing_and_runs_without_a_verdict_count_against_both() -> None:
     assert GATE.decision([]) == Decision(None, 0)
     assert GATE.decision([True] * 26) == Decision(None, 26)
-
-
-def test_the_last_run_can_leave_the_test_open() -> None:
     mixed = ([True] * 9 + [False]) * 30
     assert GATE.decision(mixed) == Decision(None, 200)
     assert SequentialTest(0.85, 0.95, 0.95, 20).decision([True] * 30) == Decision(None, 20)
-
-
-def test_a_run_without_a_verdict_counts_against_both() -> None:
     assert GATE.decision([None] * 200) == Decision(None, 200)
     assert GATE.decision([None] + [True] * 199) == Decision("accepted", 38)
     assert GATE.decision([None] + [False] * 199) == Decision("rejected", 4)
@@ -517,30 +467,6 @@ def test_error_rates_are_within_the_bounds_of_wald(test: SequentialTest) -> None
     wrongly_accepted, wrongly_rejected = test.exact(test.reject).accepted, test.exact(test.accept).rejected
     assert max(wrongly_accepted, wrongly_rejected) <= error / test.confidence + 1e-9
     assert wrongly_accepted + wrongly_rejected <= 2.0 * error + 1e-9
-
-
-@pytest.mark.parametrize(
-    ("reject", "accept", "confidence", "most", "message"),
-    [
-        (0.95, 0.85, 0.95, 200, "the rates 0.95 and 0.85 must grow"),
-        (0.9, 0.9, 0.95, 200, "must grow"),
-        (0.9, 1.0, 0.95, 200, "lie between 0 and 1"),
-        (0.0, 0.9, 0.95, 200, "lie between 0 and 1"),
-        (0.8, 0.9, 0.5, 200, "above 0.5 and below 1: 0.5"),
-        (0.8, 0.9, 1.0, 200, "above 0.5 and below 1: 1.0"),
-        (0.8, 0.9, 0.95, 0, "at least one run, not 0"),
-    ],
-)
-def test_a_test_that_cannot_be_is_refused(
-    reject: float, accept: float, confidence: float, most: int, message: str
-) -> None:
-    with pytest.raises(ValueError, match=message):
-        SequentialTest(reject, accept, confidence, most)
-
-
-def test_a_true_rate_out_of_range_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"a rate lies between 0 and 1: 1\.5"):
-        GATE.exact(1.5)
 
 
 def _fewer_than(r: int, n: int, q: Fraction) -> Fraction:
@@ -594,11 +520,46 @@ def test_a_run_without_a_value_counts_against_each_bound() -> None:
     assert quantile_bounds([1.0] * 58, 0.05, 0.95, missing=1) == QuantileBounds(lower=None, upper=1.0)
 
 
-@pytest.mark.parametrize("q", [0.0, 1.0, -0.1, float("nan")])
-def test_a_quantile_out_of_range_is_refused(q: float) -> None:
-    with pytest.raises(ValueError, match="a quantile lies between 0 and 1"):
-        upper_rank(10, q, 0.95)
-    with pytest.raises(ValueError, match="a quantile lies between 0 and 1"):
-        lower_rank(10, q, 0.95)
-    with pytest.raises(ValueError, match="a quantile lies between 0 and 1"):
-        runs_needed_for_quantile(q, 0.95, "at_least")
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: lower_bound(6, 5, 0.95), "6 passes of 5 runs"),
+        (lambda: upper_bound(-1, 5, 0.95), "-1 passes of 5 runs"),
+        (lambda: passes_needed(5, 1.1, 0.95), "a rate lies between 0 and 1: 1.1"),
+        (lambda: passes_needed(5, math.nan, 0.95), "a rate lies between 0 and 1: nan"),
+        (lambda: at_least(1, 2, -0.1), "a rate lies between 0 and 1: -0.1"),
+        (lambda: chances(0.5, 5, 0.9, 1.0), "below 1: 1.0"),
+        (lambda: lower_bound(1, 5, 0.49), "at least 0.5 and below 1: 0.49"),
+        (lambda: runs_needed(1.0, 0.95), "no number of runs proves the rate 1.0"),
+        (lambda: runs_needed(0.9, 0.95, -1), "with -1 failures"),
+        (lambda: runs_for_power(0.95, 0.9, 0.95, 1.0), "a power lies between 0 and 1"),
+        (lambda: mcnemar(-1, 3), "-1 worse and 3 better pairs: neither"),
+        (lambda: rate_change(3, 3, 5, 0.95), "3 worse and 3 better pairs are not part of 5 pairs"),
+        (lambda: rate_change(-1, 3, 5, 0.95), "-1 worse and 3 better pairs are not part"),
+        (lambda: rate_change(0, 0, 0, 0.95), "of 0 pairs"),
+        (lambda: rate_change(1, 1, 5, 1.0), "below 1: 1.0"),
+        (lambda: paired_bootstrap([1.0], 0.95), "at least two differences, and finite ones: 1 are given"),
+        (lambda: paired_bootstrap([1.0, math.nan], 0.95), "finite"),
+        (lambda: paired_bootstrap([1.0, 2.0], 0.4), "at least 0.5 and below 1: 0.4"),
+        (lambda: SequentialTest(0.95, 0.85, 0.95, 200), "the rates 0.95 and 0.85 must grow"),
+        (lambda: SequentialTest(0.9, 0.9, 0.95, 200), "must grow"),
+        (lambda: SequentialTest(0.9, 1.0, 0.95, 200), "lie between 0 and 1"),
+        (lambda: SequentialTest(0.0, 0.9, 0.95, 200), "lie between 0 and 1"),
+        (lambda: SequentialTest(0.8, 0.9, 0.5, 200), "above 0.5 and below 1: 0.5"),
+        (lambda: SequentialTest(0.8, 0.9, 1.0, 200), "above 0.5 and below 1: 1.0"),
+        (lambda: SequentialTest(0.8, 0.9, 0.95, 0), "at least one run, not 0"),
+        (lambda: GATE.exact(1.5), "a rate lies between 0 and 1: 1.5"),
+        *(
+            (call, "a quantile lies between 0 and 1")
+            for q in (0.0, 1.0, -0.1, math.nan)
+            for call in (
+                partial(upper_rank, 10, q, 0.95),
+                partial(lower_rank, 10, q, 0.95),
+                partial(runs_needed_for_quantile, q, 0.95, "at_least"),
+            )
+        ),
+    ],
+)
+def test_arguments_out_of_range_are_refused(call: Callable[[], object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        call()

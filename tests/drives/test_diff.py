@@ -17,7 +17,7 @@ from sim_action.drives import recognise, why_not_recognised
 from sim_action.drives.diff import DiffDrive
 from sim_action.robot.model.robot_model import RobotModel, Shape
 from sim_action.state.command import JointTargets
-from tests.drives.carts import FOUR, cart, wheel
+from tests.drives.carts import FOUR, Part, cart, wheel
 from tests.traces import WHEELS, burger
 
 LEFT, RIGHT = WHEELS
@@ -149,18 +149,33 @@ def test_turning_left_is_the_right_wheel_forward() -> None:
     assert rims(targets) == pytest.approx((-SEPARATION / 2, SEPARATION / 2))
 
 
-def test_all_wheels_of_a_side_roll_alike() -> None:
-    four = DiffDrive(left=("a", "b"), right=("c", "d"))
-    model = cart(*FOUR[:1], wheel("b", -0.2, 0.3, radius=0.2), *FOUR[2:])
-    (targets,) = four.open(model, 0.1).targets(Twist.planar(1.0), 1)
-    assert list(targets.velocity) == ["a", "b", "c", "d"]
-    assert [targets.velocity[name] for name in "abcd"] == pytest.approx([10, 5, 10, 10])
-
-
-def test_a_wheel_whose_axis_points_the_other_way_turns_the_other_way() -> None:
-    model = cart(wheel("a", 0.0, 0.3), wheel("b", 0.0, -0.3, axis=(0.0, -1.0, 0.0)))
-    (targets,) = DiffDrive(left=("a",), right=("b",)).open(model, 0.1).targets(Twist.planar(1.0), 1)
-    assert targets.velocity == {"a": pytest.approx(10), "b": pytest.approx(-10)}
+@pytest.mark.parametrize(
+    ("wheels", "drive", "velocity"),
+    [
+        (
+            (*FOUR[:1], wheel("b", -0.2, 0.3, radius=0.2), *FOUR[2:]),
+            DiffDrive(left=("a", "b"), right=("c", "d")),
+            {"a": 10, "b": 5, "c": 10, "d": 10},
+        ),
+        (
+            (wheel("a", 0.0, 0.3), wheel("b", 0.0, -0.3, axis=(0.0, -1.0, 0.0))),
+            DiffDrive(left=("a",), right=("b",)),
+            {"a": 10, "b": -10},
+        ),
+        (
+            (wheel("a", 0.0, 0.3), wheel("b", 0.0, -0.3)),
+            DiffDrive(left=("b",), right=("a",), heading=math.pi),
+            {"b": -10, "a": -10},
+        ),
+    ],
+    ids=["all wheels of a side roll alike", "an axis the other way", "a stated heading"],
+)
+def test_how_wheels_turn(wheels: tuple[Part, ...], drive: DiffDrive, velocity: dict[str, float]) -> None:
+    model = cart(*wheels)
+    assert problems(drive, model) == []
+    (targets,) = drive.open(model, 0.1).targets(Twist.planar(1.0), 1)
+    assert list(targets.velocity) == list(velocity)
+    assert targets.velocity == pytest.approx(velocity)
 
 
 def test_forward_is_where_wheels_roll_with_the_left_ones_on_their_left() -> None:
@@ -172,14 +187,6 @@ def test_forward_is_where_wheels_roll_with_the_left_ones_on_their_left() -> None
     (targets,) = drive.open(model, 0.1).targets(Twist.planar(1.0), 1)
     # A wheel that turns forward about x rolls along -y.
     assert targets.velocity == {"a": pytest.approx(-10), "b": pytest.approx(10)}
-
-
-def test_a_heading_that_is_stated_wins() -> None:
-    model = cart(wheel("a", 0.0, 0.3), wheel("b", 0.0, -0.3))
-    drive = DiffDrive(left=("b",), right=("a",), heading=math.pi)
-    assert problems(drive, model) == []
-    (targets,) = drive.open(model, 0.1).targets(Twist.planar(1.0), 1)
-    assert targets.velocity == {"a": pytest.approx(-10), "b": pytest.approx(-10)}
 
 
 def test_names_against_places_are_no_drive_but_lead_to_one() -> None:

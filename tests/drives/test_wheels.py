@@ -74,16 +74,14 @@ def test_the_burgers_wheels_are_as_published() -> None:
     assert right.position_xyz == pytest.approx((0, -0.08, 0.033))
 
 
-def test_a_wheel_is_placed_through_all_the_joints_above_it(nested: RobotModel) -> None:
+def test_a_wheel_is_placed_through_all_the_joints_above_it_and_has_the_radius_of_its_first_round_shape(
+    nested: RobotModel,
+) -> None:
     assert wheel(nested, "spin").position_xyz == pytest.approx((2, 1, 0.5))
-
-
-def test_the_first_round_shape_tells_the_radius(nested: RobotModel) -> None:
-    assert wheel(nested, "spin").radius == 0.25
-
-
-def test_a_block_has_no_radius(nested: RobotModel) -> None:
-    assert wheel(nested, "drag").radius is None
+    assert (wheel(nested, "spin").radius, wheel(nested, "drag").radius) == (0.25, None)
+    assert centre_of_mass(nested) == (0.0, 0.0, 0.0)  # no mass is stated
+    with pytest.raises(KeyError):
+        wheel(nested, "absent")
 
 
 def test_a_wheel_is_where_the_joints_above_it_begin(tmp_path: Path) -> None:
@@ -100,15 +98,6 @@ def test_the_mass_is_where_the_links_have_theirs() -> None:
     ahead = (0.826 * -0.032 + 0.005 * -0.081 + 0.114 * -0.032) / 1.002
     x, y, _ = centre_of_mass(burger())
     assert [x, y] == pytest.approx([ahead, 0.0])
-
-
-def test_what_states_no_mass_has_none(nested: RobotModel) -> None:
-    assert centre_of_mass(nested) == (0.0, 0.0, 0.0)
-
-
-def test_an_unknown_joint_is_a_key_error(nested: RobotModel) -> None:
-    with pytest.raises(KeyError):
-        wheel(nested, "absent")
 
 
 def test_a_model_is_walked_through_once_however_often_a_drive_asks(

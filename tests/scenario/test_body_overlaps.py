@@ -72,14 +72,11 @@ def test_bodies_of_a_world_file_are_one_problem_with_the_first_three() -> None:
     wall = {**WALL, "box": (1, 20, 1)}
     world = World(objects=tuple(Body.model_validate(body) for body in (wall, *bodies)))
     places = {name: Location("w.world", line) for line, name in enumerate(["wall", *names], 10)}
-
     found = Clashes.of(world, clashes(world), places)
-
     assert list(found.problems()) == []
     (problem,) = found.problems_of_file()
     assert str(problem).startswith("w.world:14: 4 bodies begin more than 0.02 m deep in others, which would throw")
     assert str(problem).endswith(f"'b' begins 0.2 m deep in 'wall' and 1 more; move them, {REMEDY}")
-
     allowed = Clashes.of(world, clashes(world), places, ["overlapping-bodies"])
     assert list(allowed.problems_of_file()) == []
     (note,) = allowed.notes()
@@ -88,9 +85,7 @@ def test_bodies_of_a_world_file_are_one_problem_with_the_first_three() -> None:
 
 def test_a_body_of_the_scenario_in_one_of_a_world_file_is_its_own_problem() -> None:
     world = World(objects=tuple(Body.model_validate(body) for body in (WALL, ball(pose={"x": 2.49, "z": 0.5}))))
-
     found = Clashes.of(world, clashes(world), {"ball": Location("w.world", 3)})
-
     rest = f"move 'wall', {REMEDY}"
     assert list(found.problems_of_file()) == []
     assert list(found.problems()) == [

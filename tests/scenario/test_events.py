@@ -18,7 +18,7 @@ from sim_action.simulation.loop import SimulationRun
 from sim_action.state.verdict import Judged
 from sim_action.world import PathPoint
 from sim_action.world.body import Pace, PosePath
-from tests.scenarios import told
+from tests.scenarios import LEAST, told
 from tests.simulated import simulated
 
 ENGINES = ("pybullet", "mujoco")
@@ -482,13 +482,6 @@ time_limit: 8 s
 
 def test_a_refused_event_shifts_no_other(tmp_path: Path) -> None:
     events = "[{when: {at: 1 s}, do: []}, {name: a, when: {event: b}, do: [{remove: box}]}]"
-    text = f"""
-name: burger
-robot: {{model: turtlebot3_burger}}
-commands: {{twist: [{{linear: 0.2}}]}}
-events: {events}
-expect: [{{travel: {{at_least: 1}}}}]
-time_limit: 8 s
-"""
+    text = LEAST.replace("name: burger drives straight\n", f"name: a\nevents: {events}\n")
     [problem] = told(tmp_path, text)
     assert problem.endswith("events.0.do: must not be empty")

@@ -70,7 +70,6 @@ def test_packages_of_nodes_are_watched(ros1: str) -> None:
     of_package = [f"ws/src/driver/{name}" for name in ("launch/drive.launch", "mover.py", "package.xml")]
     for name in of_package:
         write(name, "<package><name>driver</name></package>")
-
     assert set(of_package) <= set(found(f"commands: {{ros1: {ros1}}}"))
     assert set(of_package) <= set(found(f"commands: [{{ros1: {ros1}}}]"))
 
@@ -94,7 +93,6 @@ def test_packages_of_nodes_of_ros_2_are_watched(ros2: str) -> None:
     for name in of_package:
         write(name, "<package><name>driver</name></package>" if name.endswith("package.xml") else "")
     write("ws/src/driver/scripts/mover.pyc")
-
     for commands in (f"{{ros2: {ros2}}}", f"[{{ros2: {ros2}}}]"):
         listed = found(f"commands: {commands}")
         assert set(of_package) <= set(listed)

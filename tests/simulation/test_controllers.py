@@ -76,25 +76,19 @@ def script(function: str) -> str:
     return f"{{script: ctl.py, function: {function}, rate: 10}}"
 
 
-def controls(folder: Path, *sources: str) -> Controls:
+def controls(folder: Path, *sources: str, heard: list[tuple[float, Command]] | None = None) -> Controls:
     (folder / "ctl.py").write_text(SCRIPT)
     loaded = load(folder, scenario_of(*sources))
     scene = build_scene(loaded)
-    drive = recognise(scene.model)
+    drive, told = recognise(scene.model), list[tuple[float, Command]]() if heard is None else heard
     assert drive is not None
-    return Controls(loaded.scenario, scene, drive.open(scene.model, 240.0))
+    motion = drive.open(scene.model, 240.0)
+    return Controls(loaded.scenario, scene, motion, lambda time, twist: told.append((time, twist)))
 
 
 def test_every_twist_is_told_when_it_is_given(tmp_path: Path) -> None:
-    loaded = load(tmp_path, scenario_of("{twist: [{linear: 1, for: 0.1}, {angular: 2}], rate: 20}"))
-    scene, heard = build_scene(loaded), list[tuple[float, Command]]()
-    drive = recognise(scene.model)
-    assert drive is not None
-    motion = drive.open(scene.model, 240.0)
-    found = Controls(loaded.scenario, scene, motion, lambda time, twist: heard.append((time, twist)))
-    step = 0
-    while step < 48:
-        step += len(found.plan(step, 48, look))
+    heard = list[tuple[float, Command]]()
+    applied(controls(tmp_path, "{twist: [{linear: 1, for: 0.1}, {angular: 2}], rate: 20}", heard=heard), 48)
     turning = Twist.planar(angular=2.0)
     assert heard == [
         (0.0, Twist.planar(1.0)),
@@ -344,6 +338,7 @@ def test_a_late_command_takes_effect_between_ticks(tmp_path: Path) -> None:
 def test_a_latency_may_be_longer_than_a_period(tmp_path: Path) -> None:
     found = controls(tmp_path, "{script: ctl.py, function: left, rate: 10, latency: 0.25}")
     assert list(applied(found, 120)) == [60, 84, 108]
+    assert list(applied(controls(tmp_path, script("left")), 48)) == [0, 24]  # by default there is none
 
 
 def test_wrenches_are_late_too(tmp_path: Path) -> None:
@@ -353,10 +348,6 @@ def test_wrenches_are_late_too(tmp_path: Path) -> None:
     assert given == {24: (wrench,), 48: (wrench,)}
 
 
-def test_nothing_of_it_is_there_by_default(tmp_path: Path) -> None:
-    assert list(applied(controls(tmp_path, script("left")), 48)) == [0, 24]
-
-
 def test_the_same_answer_of_a_source_that_repeats_itself_is_one_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -364,17 +355,9 @@ def test_the_same_answer_of_a_source_that_repeats_itself_is_one_command(
     answers = iter([None, first, first, first, second, second])
     repeating = ClosedLoop(lambda _: next(answers), repeats=True)
     monkeypatch.setattr(ScriptCommands, "open", lambda *_: repeating)
-    (tmp_path / "ctl.py").write_text(SCRIPT)
-    loaded = load(tmp_path, scenario_of("{script: ctl.py, function: nothing, rate: 10, latency: 0.1}"))
-    scene, told = build_scene(loaded), list[tuple[float, Command]]()
-    drive = recognise(scene.model)
-    assert drive is not None
-    motion = drive.open(scene.model, 240.0)
-    found = Controls(loaded.scenario, scene, motion, lambda time, twist: told.append((time, twist)))
-    step = 0
-    while step < 144:
-        step += len(found.plan(step, 144, look))
-    assert told == [(0.2, first), (0.5, second)]
+    heard = list[tuple[float, Command]]()
+    applied(controls(tmp_path, "{script: ctl.py, function: nothing, rate: 10, latency: 0.1}", heard=heard), 144)
+    assert heard == [(0.2, first), (0.5, second)]
 
 
 @pytest.mark.parametrize(

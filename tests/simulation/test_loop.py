@@ -215,6 +215,15 @@ def ends(*expected: Expectation, time_limit: float = 10.0, duration: float | Non
         # An invariant outside its window.
         ([expectation(Travel(at_most=5.0), before=5.0)], "time limit", 10.0),
         ([expectation(Travel(at_most=5.0), after=8.0)], "expectation failed", 8.0),
+        # A warning ends no run.
+        ([expectation(Travel(at_most=5.0), severity="warning")], "time limit", 10.0),
+        ([FAR_GOAL, expectation(Travel(at_most=5.0), severity="warning")], "time limit", 10.0),
+        ([expectation(Travel(at_least=100.0), before=4.0, severity="warning")], "time limit", 10.0),
+        # Nor does a warning that comes true cut short what an invariant has to hold for.
+        ([HOLDS, expectation(Travel(at_least=3.0), severity="warning")], "time limit", 10.0),
+        # A goal that can only warn gets its time all the same.
+        ([GOAL, expectation(Travel(at_least=7.0), severity="warning")], "goals met", 7.0),
+        ([GOAL, expectation(Travel(at_least=100.0), before=7.0, severity="warning")], "goals met", 7.0),
     ],
 )
 def test_a_run_ends_with_what_decides_it(expected: list[Expectation], end: End, time: float) -> None:
@@ -235,23 +244,6 @@ def test_a_duration_is_what_a_run_lasts_at_least(
     expected: list[Expectation], duration: float, end: End, time: float
 ) -> None:
     assert ends(*expected, duration=duration) == (end, time)
-
-
-@pytest.mark.parametrize(
-    ("expected", "end", "time"),
-    [
-        ([expectation(Travel(at_most=5.0), severity="warning")], "time limit", 10.0),
-        ([FAR_GOAL, expectation(Travel(at_most=5.0), severity="warning")], "time limit", 10.0),
-        ([expectation(Travel(at_least=100.0), before=4.0, severity="warning")], "time limit", 10.0),
-        # Nor does a warning that comes true cut short what an invariant has to hold for.
-        ([HOLDS, expectation(Travel(at_least=3.0), severity="warning")], "time limit", 10.0),
-        # A goal that can only warn gets its time all the same.
-        ([GOAL, expectation(Travel(at_least=7.0), severity="warning")], "goals met", 7.0),
-        ([GOAL, expectation(Travel(at_least=100.0), before=7.0, severity="warning")], "goals met", 7.0),
-    ],
-)
-def test_warnings_do_not_end_a_run(expected: list[Expectation], end: End, time: float) -> None:
-    assert ends(*expected) == (end, time)
 
 
 def test_no_expectation_is_left_that_has_seen_nothing() -> None:
@@ -359,7 +351,6 @@ def test_the_end_is_the_same_however_the_blocks_are_cut(
     made = scenario(*expected, duration=duration)
     panel, _ = seen_by(made, ridden)
     assert panel.end is not None
-
     cut = Panel.open(made, scene(), START)
     for start, end in pairwise(sorted({0, *at, 100})):
         if cut.end is None:
@@ -367,33 +358,25 @@ def test_the_end_is_the_same_however_the_blocks_are_cut(
     assert (cut.end, cut.time, cut.verdicts()) == (panel.end, panel.time, panel.verdicts())
 
 
-def test_a_goal_that_something_else_cut_short_says_so() -> None:
+def test_a_goal_that_something_else_cut_short_says_so_once() -> None:
     panel, _ = seen_by(scenario(FAR_GOAL, BREAKS), ride())
     undecided, broken = panel.verdicts()
     assert undecided.message == "travelled 6 m of 100 m in 6.0 s, when the run ended"
     assert broken.message == "travelled 6 m at 6.00 s, more than 5 m"
     assert (undecided.cut_off, broken.cut_off) == (True, False)
-
-
-def test_that_the_run_was_over_is_told_once() -> None:
     panel, _ = seen_by(scenario(expectation(Stl(formula="eventually travel > 99 m")), BREAKS), ride())
     assert [verdict.message.count("the run ended") for verdict in panel.verdicts()] == [1, 0]
-
-
-def test_a_goal_whose_window_never_opened_says_once_that_the_run_was_over() -> None:
+    # Its window never opened.
     panel, _ = seen_by(scenario(expectation(Travel(at_least=100.0), after=9.0), BREAKS), ride())
     unopened, _ = panel.verdicts()
     assert unopened.message == ("never checked: the run ended before 9 s (after); run for longer, or lower 'after'")
     assert (unopened.status, unopened.cut_off) == ("not_exercised", True)
 
 
-def test_a_goal_that_the_time_limit_cut_short_is_itself_to_blame() -> None:
+def test_a_goal_that_the_time_limit_or_its_window_cut_short_is_itself_to_blame() -> None:
     panel, _ = seen_by(scenario(FAR_GOAL), ride())
     (missed,) = panel.verdicts()
     assert (missed.message, missed.cut_off) == ("travelled 10 m of 100 m in 10.0 s", False)
-
-
-def test_a_goal_whose_window_had_closed_was_cut_short_by_nothing() -> None:
     closed = expectation(Travel(at_least=100.0), severity="warning", before=3.0)
     panel, _ = seen_by(scenario(closed, BREAKS), ride())
     assert panel.end == "expectation failed"

@@ -93,24 +93,16 @@ def told(*overlaps: Overlap, base: str = "free", z: float | None = 0.1, clashes:
     return []
 
 
-def test_what_touches_may_begin() -> None:
+def test_what_touches_may_begin_and_what_is_inside_is_told_with_what_to_move() -> None:
     assert told() == []
     assert told(Overlap("base", "wall", DEPTH), Overlap("hand", GROUND, DEPTH)) == []
-
-
-def test_what_is_inside_an_object_is_told_with_what_to_move() -> None:
     assert told(Overlap("hand", "wall", 0.12)) == [
         "robot.pose: the robot's link 'hand' starts 0.12 m inside 'wall'; move it, or world.objects[1].pose"
     ]
-
-
-def test_what_is_below_the_ground_is_told_how_to_stand_on_it() -> None:
     (message,) = told(Overlap("base", GROUND, 0.3))
     assert "0.3 m inside the ground" in message
     assert "leave z out" in message
-
-
-def test_what_is_bolted_at_the_height_of_the_world_has_no_z_to_leave_out() -> None:
+    # What is bolted at the height of the world has no z to leave out.
     (message,) = told(Overlap("hand", GROUND, 0.3), base="fixed", z=None)
     assert message.endswith("inside the ground; raise its z")
 
@@ -209,7 +201,6 @@ def lifted(top: float, z: float | None, place: Location | None = None, base: str
 
 def test_a_robot_without_z_stands_on_a_fixed_body_below_it() -> None:
     z, (note,) = lifted(0.05, None)
-
     assert z == pytest.approx(0.05)
     assert note.startswith("the robot starts on 'wall', 0.05 m above the ground")
     assert lifted(0.09, None)[0] == pytest.approx(0.09)
@@ -217,7 +208,6 @@ def test_a_robot_without_z_stands_on_a_fixed_body_below_it() -> None:
 
 def test_a_robot_of_a_world_file_starts_on_top_with_a_note_on_its_line() -> None:
     z, (note,) = lifted(0.03, 0.01, HERE_IN_WORLD)
-
     assert z == pytest.approx(0.03)
     assert note.startswith("the pose of the robot in the world file puts it 0.02 m into 'wall'")
     assert note.endswith("(office.world:7)")
@@ -265,7 +255,6 @@ def test_bodies_of_the_world_file_may_begin_a_little_in_each_other() -> None:
         Robot(model="arm.urdf"), ARM, World(objects=(CRATE, WALL)), Physics(), HERE, places=WorldPlaces(places)
     )
     (note,) = start_checks.refuse_bad_start(scene, Pose(), (), [Clash("crate", "wall", 0.02)])
-
     assert note == (
         "1 body of the world file begins a little inside others, and the engine moves them apart: "
         "'crate' begins 0.02 m deep in 'wall' (office.world:3)"
@@ -294,20 +283,10 @@ def arrivals(tmp_path: Path) -> start_checks.Spawns:
     return start_checks.Spawns.of(load(tmp_path, TEXT).scenario)
 
 
-def test_steps_are_the_first_at_or_after_a_time(arrivals: start_checks.Spawns) -> None:
+def test_arrivals_are_at_the_first_step_of_their_time_and_end_a_period(arrivals: start_checks.Spawns) -> None:
     assert arrivals.names == {120: ("first",), 121: ("second", "third")}
-
-
-def test_the_next_arrival_ends_a_period_that_it_falls_in(arrivals: start_checks.Spawns) -> None:
-    assert [arrivals.next(step, step + 24) for step in (0, 95, 96, 97, 119, 120, 121)] == [
-        24,
-        119,
-        120,
-        120,
-        120,
-        121,
-        145,
-    ]
+    ends = {0: 24, 95: 119, 96: 120, 97: 120, 119: 120, 120: 121, 121: 145}
+    assert {step: arrivals.next(step, step + 24) for step in ends} == ends
 
 
 @dataclass
@@ -335,9 +314,7 @@ def test_engines_are_asked_only_when_something_appears(arrivals: start_checks.Sp
     for step in range(100, 130):
         refuse(arrivals, step, engine)
     assert engine.asked == 2
-
-
-def test_what_was_there_before_is_not_told(arrivals: start_checks.Spawns) -> None:
+    # What was there before is not told.
     links = (Overlap("base", "first", 0.1), Overlap("base", "ever", 0.1), Overlap("base", "third", 0.004))
     refuse(arrivals, 121, Inside(links, (Clash("first", "ever", 0.1),)))
 
