@@ -80,10 +80,10 @@ def controls(folder: Path, *sources: str, heard: list[tuple[float, Command]] | N
     (folder / "ctl.py").write_text(SCRIPT)
     loaded = load(folder, scenario_of(*sources))
     scene = build_scene(loaded)
-    drive, told = recognise(scene.model), list[tuple[float, Command]]() if heard is None else heard
+    drive, noted = recognise(scene.model), [] if heard is None else heard
     assert drive is not None
     motion = drive.open(scene.model, 240.0)
-    return Controls(loaded.scenario, scene, motion, lambda time, twist: told.append((time, twist)))
+    return Controls(loaded.scenario, scene, motion, lambda time, twist: noted.append((time, twist)))
 
 
 def test_every_twist_is_told_when_it_is_given(tmp_path: Path) -> None:
