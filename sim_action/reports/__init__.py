@@ -89,7 +89,7 @@ class ReportRequest:
         return [path for path in (self.folder, self.junit) if path is not None]
 
 
-def workspace_of(environment: Mapping[str, str], here: Path) -> Path:
+def workspace_of(environment: Mapping[str, str], current_folder: Path) -> Path:
     """Return the folder to which paths in reports are relative: that of the CI service, else the current folder.
 
     A variable may come from another machine, or from another program. A value that is no absolute path of an existing
@@ -100,5 +100,5 @@ def workspace_of(environment: Mapping[str, str], here: Path) -> Path:
         with suppress(OSError, ValueError):
             if Path(name).is_absolute() and Path(name).is_dir():
                 return Path(name)
-    above = (folder for folder in (here, *here.parents) if (folder / ".git").exists())
-    return next(above, here) if any(stated) else here
+    above = (folder for folder in (current_folder, *current_folder.parents) if (folder / ".git").exists())
+    return next(above, current_folder) if any(stated) else current_folder

@@ -88,8 +88,8 @@ def headline(comparison: Comparison) -> str:
         (comparison.count("new"), "new", "new"),
         (comparison.count("still passes"), "still passes", "still pass"),
     )
-    told = [f"{count} {one if count == 1 else several}" for count, one, several in named if count]
-    return ", ".join(told) or "no scenarios"
+    counts = [f"{count} {one if count == 1 else several}" for count, one, several in named if count]
+    return ", ".join(counts) or "no scenarios"
 
 
 def _warning_kinds(comparison: Comparison) -> str:
@@ -125,8 +125,8 @@ def rows_of(change: Change) -> Iterator[Row]:
         yield _row("warned", "margin shrinks", change.outcome, _margins_text(smaller))
     elsewhere = "" if change.processors is None else " (different CPUs: before {}, now {})".format(*change.processors)
     if slower := change.slower:
-        told = f"{speed_text(slower.old)}, now {speed_text(slower.new)}{elsewhere}"
-        yield _row("information" if elsewhere else "warned", "slower", change.outcome, told)
+        speeds = f"{speed_text(slower.old)}, now {speed_text(slower.new)}{elsewhere}"
+        yield _row("information" if elsewhere else "warned", "slower", change.outcome, speeds)
     for was, now in change.stricter:
         # A default name has the limit.
         is_known = now.name == was.name or quantity(was.verdict.limit, was.verdict.unit) in was.name
@@ -176,8 +176,8 @@ def _detail(change: Change) -> str:
     reason = first_reason(change.outcome).removeprefix(f"{change.kind}: ")
     if change.kind == "fails differently" and change.old:
         return f"was: {_word(change.old)}; {reason}"
-    told = (reason, before_text(change) if change.kind == "newly fails" else "")
-    return "; ".join(filter(None, told))
+    parts = (reason, before_text(change) if change.kind == "newly fails" else "")
+    return "; ".join(filter(None, parts))
 
 
 def _word(outcome: Outcome | None) -> str:
@@ -195,9 +195,9 @@ def before_text(change: Change) -> str:
         return ""
     name = "" if held.name == failed.name else f" ({held.name})"
     # The margin of a goal that came true says little.
-    told = f"came true at {moment(held.verdict.time)}" if held.verdict.goal else measurements(held.verdict)
+    measured = f"came true at {moment(held.verdict.time)}" if held.verdict.goal else measurements(held.verdict)
     # The margin of a gate is that of a bound, not of the measured rate.
-    return f"before{name}: {held.verdict.message if held.assertion == GATE else told}"
+    return f"before{name}: {held.verdict.message if held.assertion == GATE else measured}"
 
 
 def _weaker_text(weaker: weaker_checks.WeakerCheck) -> str:
@@ -288,10 +288,10 @@ def comparison_markdown(comparison: Comparison) -> str:
 def _title(comparison: Comparison) -> str:
     flaky, failing, fell = comparison.count("flaky"), comparison.count("newly fails"), _rates(comparison, "fell")
     if failing or fell:
-        told = [f"{failing} {'scenario newly fails' if failing == 1 else 'scenarios newly fail'}"] if failing else []
-        told += [f"{fell} pass {'rate' if fell == 1 else 'rates'} fell"] if fell else []
-        told += [f"{flaky} flaky"] if flaky else []
-        return f"❌ {', '.join(told)}"
+        parts = [f"{failing} {'scenario newly fails' if failing == 1 else 'scenarios newly fail'}"] if failing else []
+        parts += [f"{fell} pass {'rate' if fell == 1 else 'rates'} fell"] if fell else []
+        parts += [f"{flaky} flaky"] if flaky else []
+        return f"❌ {', '.join(parts)}"
     if comparison.is_empty:
         return "❌ Every scenario was removed"
     if flaky:
@@ -306,8 +306,8 @@ _SMALLEST_P: Final = 0.0001  # a smaller p-value is shown as a bound
 
 def rate_change_text(rate: RateChange) -> str:
     """Return a text such as "the pass rate fell by 15 points (from 95 % to 80 % of 100 runs; ...; p = 0.0003)"."""
-    change, found = rate.new.share - rate.old.share, rate.interval
-    ends = (found.low, found.high) if change > 0 else (-found.high, -found.low)
+    change, bounds = rate.new.share - rate.old.share, rate.interval
+    ends = (bounds.low, bounds.high) if change > 0 else (-bounds.high, -bounds.low)
     interval = " to ".join(_points(end) for end in ends)
     points = _points(abs(change))
     return (

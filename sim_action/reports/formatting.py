@@ -37,8 +37,8 @@ def measured_text(measurement: Measurement) -> tuple[str, str]:
 
 def user_output(outcome: Outcome) -> str:
     """Return the output of the user's code; empty if a failure shows the same text as its details."""
-    told = any(failure.details == outcome.output for failure in outcome.failures)
-    return "" if told else outcome.output.strip("\n")
+    is_shown = any(failure.details == outcome.output for failure in outcome.failures)
+    return "" if is_shown else outcome.output.strip("\n")
 
 
 def first_message(outcome: Outcome, most: int) -> str:
@@ -92,9 +92,9 @@ def counts_text(results: Results) -> str:
     warnings = sum(1 for _ in _warnings(results))
     warned = f", {counted(warnings, 'warning')}" if warnings else ""
     counts = ((results.count(status), STATUS_DISPLAYS[status].word) for status in _COUNTED)
-    told = [f"{count} {'errors' if count > 1 and word == 'error' else word}" for count, word in counts if count]
+    parts = [f"{count} {'errors' if count > 1 and word == 'error' else word}" for count, word in counts if count]
     nothing = "no verdicts here" if results.outcomes else "no scenarios"
-    return "; ".join(((", ".join(told) or nothing) + warned, *_runs_of_gates(results), *_repetitions(results)))
+    return "; ".join(((", ".join(parts) or nothing) + warned, *_runs_of_gates(results), *_repetitions(results)))
 
 
 def _warnings(results: Results) -> Iterator[object]:
@@ -103,7 +103,7 @@ def _warnings(results: Results) -> Iterator[object]:
         yield from outcome.warnings
         yield from (expected for expected in outcome.expectations if expected.warned)
     samples = [outcome for outcome in results.outcomes if outcome.is_sample]
-    keys = [((run.file, run.gate), each.rule, each.location) for run in samples for each in run.warnings]
+    keys = [((run.file, run.gate), warning.rule, warning.location) for run in samples for warning in run.warnings]
     soft = ((run, expected) for run in samples for expected in run.expectations if expected.warned)
     keys += [((run.file, run.gate), expected.name, expected.location) for run, expected in soft]
     yield from dict.fromkeys(keys)
@@ -113,9 +113,9 @@ def _runs_of_gates(results: Results) -> Iterator[str]:
     """Yield the numbers of runs that gates judge here, and of those that `merge` judges together with others."""
     judged = {(outcome.file, outcome.gate) for outcome in results.outcomes if outcome.statistics is not None}
     samples = [outcome for outcome in results.outcomes if outcome.is_sample and outcome.status != "skipped"]
-    here = [(run.file, run.gate) for run in samples if (run.file, run.gate) in judged]
-    if here:
-        yield f"{counted(len(here), 'run')} of {counted(len(set(here)), 'gate')}"
+    judged_runs = [(run.file, run.gate) for run in samples if (run.file, run.gate) in judged]
+    if judged_runs:
+        yield f"{counted(len(judged_runs), 'run')} of {counted(len(set(judged_runs)), 'gate')}"
     left = [run for run in samples if (run.file, run.gate) not in judged]
     if left:
         gates = len({(run.file, run.gate) for run in left})

@@ -74,7 +74,9 @@ def claim_text(gate: Gate) -> str:
 
 def gate_listing(scenarios: Iterable[Source | Refused]) -> list[str]:
     """Return one line for each gate of scenarios, for `run --list`."""
-    gates = {(each.gate.file, each.gate.name): each.gate for each in scenarios if each.gate is not None}
+    gates = {
+        (scenario.gate.file, scenario.gate.name): scenario.gate for scenario in scenarios if scenario.gate is not None
+    }
     return [f"gate {gate.name}: {claim_text(gate.gate)}, {counted(gate.runs, 'run')}" for gate in gates.values()]
 
 
@@ -134,24 +136,30 @@ def _chances(gate: Gate, runs: int, names: Sequence[str]) -> ChanceTable:
 
 
 def _of_rate(claim: Passes, runs: int, rates: Sequence[float]) -> tuple[tuple[str, ...], ...]:
-    found = [statistics.chances(rate, runs, claim.at_least, claim.confidence) for rate in rates]
+    chances_by_rate = [statistics.chances(rate, runs, claim.at_least, claim.confidence) for rate in rates]
     passing = statistics.passes_needed(runs, claim.at_least, claim.confidence)
     failing = statistics.passes_refuting(runs, claim.at_least, claim.confidence)
     return (
-        (f"passes{'' if passing is None else f' ({passing} or more)'}", *(chance(each.passed) for each in found)),
-        ("inconclusive", *(chance(each.inconclusive) for each in found)),
-        (f"fails{'' if failing is None else f' ({failing} or fewer)'}", *(chance(each.failed) for each in found)),
+        (
+            f"passes{'' if passing is None else f' ({passing} or more)'}",
+            *(chance(chances.passed) for chances in chances_by_rate),
+        ),
+        ("inconclusive", *(chance(chances.inconclusive) for chances in chances_by_rate)),
+        (
+            f"fails{'' if failing is None else f' ({failing} or fewer)'}",
+            *(chance(chances.failed) for chances in chances_by_rate),
+        ),
     )
 
 
 def _of_test(claim: StopEarly, runs: int, rates: Sequence[float]) -> tuple[tuple[str, ...], ...]:
     test = SequentialTest(claim.reject, claim.accept, claim.confidence, runs)
-    found = [test.exact(rate) for rate in rates]
+    expected_by_rate = [test.exact(rate) for rate in rates]
     return (
-        ("passes", *(chance(each.accepted) for each in found)),
-        ("inconclusive", *(chance(each.undecided) for each in found)),
-        ("fails", *(chance(each.rejected) for each in found)),
-        ("mean number of runs", *(f"{each.mean_runs:.0f}" for each in found)),
+        ("passes", *(chance(expected.accepted) for expected in expected_by_rate)),
+        ("inconclusive", *(chance(expected.undecided) for expected in expected_by_rate)),
+        ("fails", *(chance(expected.rejected) for expected in expected_by_rate)),
+        ("mean number of runs", *(f"{expected.mean_runs:.0f}" for expected in expected_by_rate)),
     )
 
 
@@ -199,9 +207,9 @@ def plan_lines(gate: PlannedGate, wish: float, duration: Duration, *, is_refused
     stated = f"{counted(gate.runs, 'run')}{', too few' if is_refused else ''}"
     yield f"{gate.name}  {gate.location}  {claim_text(gate.gate)}; {stated}"
     if not is_refused:
-        (told,) = chance_tables([gate])
+        (table,) = chance_tables([gate])
         yield ""
-        yield from (f"  {line}" for line in told.lines())
+        yield from (f"  {line}" for line in table.lines())
     if gate.gate.passes is not None:
         yield from _rate_plan(gate.gate.passes, gate.runs, wish, duration)
     if gate.gate.stop_early is not None:
@@ -252,9 +260,9 @@ def _test_plan(claim: StopEarly, runs: int, wish: float, duration: Duration) -> 
     rates = sorted({*true_rates(claim), wish})
     rows = [("at most", *percents_apart(*rates), "mean runs", *_heading(duration))]
     for number in sorted(numbers):
-        found = [_exact(claim, number, rate) for rate in rates]
-        mean = found[rates.index(wish)].mean_runs
-        chances = (chance(each.accepted) for each in found)
+        expected_by_rate = [_exact(claim, number, rate) for rate in rates]
+        mean = expected_by_rate[rates.index(wish)].mean_runs
+        chances = (chance(expected.accepted) for expected in expected_by_rate)
         rows.append((_marked(number, runs), *chances, f"{mean:.0f}", *_cell(duration(mean))))
     yield ""
     yield f"  probability to pass, by the largest number of runs and the true rate; mean runs at {percent(wish)}:"
@@ -273,8 +281,8 @@ def _test_plan(claim: StopEarly, runs: int, wish: float, duration: Duration) -> 
 def _most_for_power(claim: StopEarly, wish: float, power: float) -> int | None:
     """Return the least limit of runs at which a robot passes with a probability, or None if no limit does."""
     low, high = claim.least_runs - 1, claim.least_runs
-    while (found := _exact(claim, high, wish)).accepted < power:
-        if found.undecided < _NEGLIGIBLE or high == MAX_RUNS_OF_GATE:
+    while (expected := _exact(claim, high, wish)).accepted < power:
+        if expected.undecided < _NEGLIGIBLE or high == MAX_RUNS_OF_GATE:
             return None
         low, high = high, min(2 * high, MAX_RUNS_OF_GATE)
     return statistics.first(low + 1, high, lambda runs: _exact(claim, runs, wish).accepted >= power)

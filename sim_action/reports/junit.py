@@ -64,8 +64,8 @@ class _Document:
         """Return the encoded document in parts."""
         suites, totals = PackedParts(), Counter(dict.fromkeys(("tests", "failures", "errors"), 0))
         for group in grouped_scenarios(self._results.outcomes, self._results.gates):
-            found = self._suite(group, suites)
-            totals.update({name: found[name] for name in totals})
+            suite_totals = self._suite(group, suites)
+            totals.update({name: suite_totals[name] for name in totals})
         root = element("testsuites", {"name": JUNIT_NAME, **totals, "time": _seconds(self._results.wall_time)})
         declaration = b"<?xml version='1.0' encoding='utf-8'?>\n"
         if not self._results.outcomes:
@@ -90,7 +90,7 @@ class _Document:
         time = sum(outcome.wall_time for outcome in group.outcomes)
         started = self._results.started_at
         timestamp = None if started is None else started.isoformat(timespec="seconds")
-        host = next((each.provenance.host for each in group.outcomes if each.provenance is not None), None)
+        host = next((member.provenance.host for member in group.outcomes if member.provenance is not None), None)
         ran = {"time": _seconds(time), "timestamp": timestamp, "hostname": host}
         suite = element("testsuite", {"name": _name(group.name), **totals, **ran, "file": file})
         inner = INDENT * 2
@@ -136,11 +136,11 @@ class _Document:
 
     def _gate(self, group: ScenarioGroup) -> ET.Element:
         """Return the testcase of a gate; it is skipped if another call judges the gate."""
-        told = group.gate or next(iter(group.could_not_run), group.outcomes[0])
+        shown = group.gate or next(iter(group.could_not_run), group.outcomes[0])
         claims = () if group.gate is None else group.gate.causes or group.gate.expectations
-        stated = told.location if group.planned is None else group.planned.location
+        stated = shown.location if group.planned is None else group.planned.location
         location = next((claim.location for claim in claims), stated)
-        case = self._case(group, told, GATE, location)
+        case = self._case(group, shown, GATE, location)
         case.set("time", _seconds(sum(outcome.wall_time for outcome in group.outcomes)))
         if not self._options.junit_strict:
             add_properties(case, _counts(group))
@@ -304,7 +304,7 @@ def _counts(group: ScenarioGroup) -> dict[str, object]:
 
 def _of_variation(outcome: Outcome) -> dict[str, object]:
     values = {f"variation: {varied.key}": json.dumps(varied.value) for varied in outcome.variation}
-    return values | {name: told for name, told in _ran(outcome).items() if name in _OF_EACH}
+    return values | {name: entry for name, entry in _ran(outcome).items() if name in _OF_EACH}
 
 
 def _add_output(outcome: Outcome, cases: list[ET.Element]) -> None:
@@ -361,8 +361,10 @@ def _measured(group: ScenarioGroup, outcome: Outcome, cases: list[ET.Element]) -
     }
     # They are no testcases: a testcase without a failure would be a pass.
     unjudged = {
-        f"{INFORMATION.word}: {one_line(f'{each.name} {values}'.rstrip())}": f"{each.measured:.9g} {each.unit}".rstrip()
-        for each in outcome.measurements
+        f"{INFORMATION.word}: {one_line(f'{measurement.name} {values}'.rstrip())}": (
+            f"{measurement.measured:.9g} {measurement.unit}".rstrip()
+        )
+        for measurement in outcome.measurements
     }
     events = {
         f"event: {one_line(name)}": ", ".join(f"{time:.3f} s" for time in times) or "never"
@@ -452,7 +454,7 @@ def _properties(values: Mapping[str, object]) -> Iterator[ET.Element]:
 
 def property_lines(values: Mapping[str, object]) -> str:
     """Return the lines of the properties of a suite."""
-    return "".join([element_lines(each, INDENT * 3) for each in _properties(values)])
+    return "".join([element_lines(child, INDENT * 3) for child in _properties(values)])
 
 
 INDENT: Final = "  "

@@ -147,8 +147,8 @@ def _inside(workspace: Path, file: str | Path) -> str | None:
 
 @lru_cache(maxsize=1024)
 def _below(path: str, folder: str, _here: str) -> str | None:
-    found, root = Path(os.path.abspath(path)), Path(os.path.abspath(folder))  # noqa: PTH100 - links are kept
-    return found.relative_to(root).as_posix() if found.is_relative_to(root) else None
+    target, root = Path(os.path.abspath(path)), Path(os.path.abspath(folder))  # noqa: PTH100 - links are kept
+    return target.relative_to(root).as_posix() if target.is_relative_to(root) else None
 
 
 def file_and_line(workspace: Path, location: Location) -> str:

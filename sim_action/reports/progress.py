@@ -125,8 +125,8 @@ class ProgressListener:
         word = self._word_of(ended)
         took = f"{simulated}{outcome.wall_time:.1f} s"
         if self._gate is not None:
-            found = "passed" if outcome.status == "passed" else f"did not pass ({word.strip()})"
-            return f"{counter} {one_line(outcome.name)} {found}  {took}"
+            verdict = "passed" if outcome.status == "passed" else f"did not pass ({word.strip()})"
+            return f"{counter} {one_line(outcome.name)} {verdict}  {took}"
         return f"{counter} {word}  {one_line(outcome.name)}  {took}"
 
     def _rewrite(self, line: str) -> None:

@@ -42,19 +42,19 @@ def print_proof(proof: Proof, environment: Mapping[str, str], stream: TextIO | N
 
 def headline(proof: Proof) -> str:
     """Return the counts, such as "1 expectation checks nothing, 5 notice something; 2 scenarios do not pass"."""
-    every = [each for scenario in proof.scenarios for each in scenario.expectations]
-    notices = sum(each.finding == "notices" for each in every)
-    unknown = sum(each.finding == "unknown" for each in every)
-    told = [f"{counted(proof.useless, 'expectation')} {'checks' if proof.useless == 1 else 'check'} nothing"]
-    told += [f"{notices} {'notices' if notices == 1 else 'notice'} something"]
-    told += [f"{unknown} unknown"] if unknown else []
-    told += [f"{counted(proof.survivors, 'other motion')} unnoticed"] if proof.survivors else []
+    every = [expectation for scenario in proof.scenarios for expectation in scenario.expectations]
+    notices = sum(expectation.finding == "notices" for expectation in every)
+    unknown = sum(expectation.finding == "unknown" for expectation in every)
+    parts = [f"{counted(proof.useless, 'expectation')} {'checks' if proof.useless == 1 else 'check'} nothing"]
+    parts += [f"{notices} {'notices' if notices == 1 else 'notice'} something"]
+    parts += [f"{unknown} unknown"] if unknown else []
+    parts += [f"{counted(proof.survivors, 'other motion')} unnoticed"] if proof.survivors else []
     unproven = sum(not scenario.is_proven for scenario in proof.scenarios)
     left = sum(scenario.unfinished for scenario in proof.scenarios)
     start = (
         f"interrupted before {counted(left, 'mutant')} had ended: " if left else "interrupted: "
     ) * proof.interrupted
-    return start + ", ".join(told) + (f"; {counted(unproven, 'scenario')} not mutated" if unproven else "")
+    return start + ", ".join(parts) + (f"; {counted(unproven, 'scenario')} not mutated" if unproven else "")
 
 
 def _of_scenario(scenario: ProvenScenario, shown: Console) -> Iterator[Line]:
@@ -94,11 +94,11 @@ def other_mutants(scenario: ProvenScenario) -> Iterator[tuple[str, str]]:
     groups = {
         "noticed": scenario.with_status("noticed"),
         "unnoticed, with little other motion": [
-            each for each in scenario.with_status("survived") if each.change is None
+            mutant for mutant in scenario.with_status("survived") if mutant.change is None
         ],
         "no effect": scenario.with_status("no effect"),
     }
-    yield from ((words, ", ".join(each.name for each in mutants)) for words, mutants in groups.items() if mutants)
+    yield from ((words, ", ".join(mutant.name for mutant in mutants)) for words, mutants in groups.items() if mutants)
     for mutant in scenario.with_status("could not run"):
         yield "could not run", f"{mutant.name}: {shortened(mutant.reason, _MOST_TEXT)}"
     counts = {"left out": scenario.left_out, "not ended": scenario.unfinished}
@@ -107,10 +107,10 @@ def other_mutants(scenario: ProvenScenario) -> Iterator[tuple[str, str]]:
 
 def by_suggestion(scenario: ProvenScenario) -> list[tuple[str, list[MutantResult]]]:
     """Return the survivors of a scenario by the expectation that would have noticed them; empty if there is none."""
-    found: dict[str, list[MutantResult]] = {}
+    survivors_by_suggestion: dict[str, list[MutantResult]] = {}
     for survivor in scenario.survivors:
-        found.setdefault(survivor.suggestion, []).append(survivor)
-    return list(found.items())
+        survivors_by_suggestion.setdefault(survivor.suggestion, []).append(survivor)
+    return list(survivors_by_suggestion.items())
 
 
 def survivor_text(survivor: MutantResult) -> str:
@@ -205,7 +205,7 @@ def _summary_title(proof: Proof) -> str:
 def _has_remark(scenario: ProvenScenario) -> bool:
     return (
         not scenario.is_proven
-        or any(each.finding != "notices" for each in scenario.expectations)
+        or any(expectation.finding != "notices" for expectation in scenario.expectations)
         or bool(scenario.survivors)
     )
 
@@ -225,7 +225,8 @@ def _survivors(scenario: ProvenScenario) -> Iterator[str]:
     """Yield each group of survivors, followed by the expectation to paste."""
     for suggestion, survivors in by_suggestion(scenario):
         yield "\n".join(
-            f"- {markdown.code(each.name)}: {markdown.message_text(survivor_text(each))}" for each in survivors
+            f"- {markdown.code(survivor.name)}: {markdown.message_text(survivor_text(survivor))}"
+            for survivor in survivors
         )
         yield suggestion_title(suggestion, survivors).capitalize()
         if suggestion:

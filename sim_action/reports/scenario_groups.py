@@ -52,8 +52,8 @@ class ScenarioGroup:
             whole = "a gate" if self.planned is None else f"the {counted(self.planned.runs, 'run')} of the gate"
             several = len(self.outcomes) != 1
             passed = sum(outcome.status == "passed" for outcome in self.outcomes)
-            here = f"{len(self.outcomes)} of {whole} {'are' if several else 'is'} in this part, {passed} passed"
-            return f"{here}; sim-action merge judges {'them' if several else 'it'}"
+            presence = f"{len(self.outcomes)} of {whole} {'are' if several else 'is'} in this part, {passed} passed"
+            return f"{presence}; sim-action merge judges {'them' if several else 'it'}"
         counts = self.gate.statistics
         if counts.runs < counts.planned:
             return f"gate, {counts.runs} of {counted(counts.planned, 'run')}"
@@ -89,20 +89,24 @@ class ScenarioGroup:
         statuses = [outcome.status for outcome in self.not_passed]
         kinds = dict.fromkeys(sorted(statuses, key=lambda status: (status == "error", statuses.index(status))))
         counts = ((statuses.count(kind), STATUS_DISPLAYS[kind].word) for kind in kinds)
-        told = ", ".join(f"{count} {'errors' if count > 1 and word == 'error' else word}" for count, word in counts)
+        breakdown = ", ".join(
+            f"{count} {'errors' if count > 1 and word == 'error' else word}" for count, word in counts
+        )
         if len(kinds) == 1 and "failed" in kinds:
             return f"{counted(len(statuses), 'run')} failed"
-        return f"{counted(len(statuses), 'run')} did not pass: {told}" if statuses else ""
+        return f"{counted(len(statuses), 'run')} did not pass: {breakdown}" if statuses else ""
 
     @property
     def warned(self) -> tuple[tuple[ExpectationOutcome, str], ...]:
         """The expectations that did not hold but may: the worst of each, and the number of runs with the worst one."""
-        found: dict[tuple[str, Location], list[tuple[ExpectationOutcome, Outcome]]] = {}
+        runs_by_expectation: dict[tuple[str, Location], list[tuple[ExpectationOutcome, Outcome]]] = {}
         for outcome in self.outcomes:
             for expected in outcome.expectations:
                 if expected.warned:
-                    found.setdefault((expected.name, expected.location), []).append((expected, outcome))
-        worst = ((*min(same, key=lambda pair: relative_margin(pair[0])), len(same)) for same in found.values())
+                    runs_by_expectation.setdefault((expected.name, expected.location), []).append((expected, outcome))
+        worst = (
+            (*min(same, key=lambda pair: relative_margin(pair[0])), len(same)) for same in runs_by_expectation.values()
+        )
         return tuple(
             (expected, f"not in {runs} of {len(self.outcomes)} runs; the worst, {self.values(run)}: {expected.message}")
             for expected, run, runs in worst
@@ -122,8 +126,8 @@ class ScenarioGroup:
         verdict = expected.verdict
         if expected.status == "not_exercised":
             return f"{self.values(self.worst)}, not exercised ({expected.name})"
-        known = f"margin {quantity(verdict.margin, verdict.unit)}" if verdict.margin is not None else ""
-        text = f"at {moment(verdict.time)}" if verdict.status == "passed" and verdict.goal else known
+        margin_text = f"margin {quantity(verdict.margin, verdict.unit)}" if verdict.margin is not None else ""
+        text = f"at {moment(verdict.time)}" if verdict.status == "passed" and verdict.goal else margin_text
         return f"{self.values(self.worst)}, {text} ({expected.name})" if text else self.values(self.worst)
 
     @property
@@ -153,11 +157,13 @@ class ScenarioGroup:
     @property
     def warnings(self) -> tuple[tuple[AuditWarning, int], ...]:
         """The warnings of the audit in file order: the first one of each rule and place, and its number of runs."""
-        found: dict[tuple[str, Location], list[AuditWarning]] = {}
+        warnings_by_place: dict[tuple[str, Location], list[AuditWarning]] = {}
         for outcome in self.outcomes:
             for warning in outcome.warnings:
-                found.setdefault((warning.rule, warning.location), []).append(warning)
-        ordered = sorted(found.values(), key=lambda same: (same[0].location.line or 0, same[0].location.column or 0))
+                warnings_by_place.setdefault((warning.rule, warning.location), []).append(warning)
+        ordered = sorted(
+            warnings_by_place.values(), key=lambda same: (same[0].location.line or 0, same[0].location.column or 0)
+        )
         return tuple((same[0], len(same)) for same in ordered)
 
     def warning_text(self, warning: AuditWarning, runs: int) -> str:
@@ -181,17 +187,17 @@ class ScenarioGroup:
 def grouped_scenarios(outcomes: Iterable[Outcome], gates: Iterable[PlannedGate] = ()) -> list[ScenarioGroup]:
     """Group outcomes: variations of a scenario, runs of a gate; of `gates` without an outcome as in a part."""
     planned = {(gate.file, gate.name): gate for gate in gates}
-    found: list[ScenarioGroup] = []
+    groups: list[ScenarioGroup] = []
     for (file, name), several in groupby(_with_gates(outcomes), _group_of):
         if name is None:
-            found += [ScenarioGroup(outcome.name, False, (outcome,)) for outcome in several]
+            groups += [ScenarioGroup(outcome.name, False, (outcome,)) for outcome in several]
             continue
         together = tuple(several)
         gate = next((outcome for outcome in together if outcome.statistics is not None), None)
         runs = tuple(outcome for outcome in together if outcome.statistics is None)
         stated = planned.get((file, name)) if gate is not None or runs[0].is_sample else None
-        found.append(ScenarioGroup(name, True, runs, gate, stated))
-    return found
+        groups.append(ScenarioGroup(name, True, runs, gate, stated))
+    return groups
 
 
 def _group_of(outcome: Outcome) -> tuple[str, str | None]:
@@ -212,9 +218,9 @@ def _with_gates(outcomes: Iterable[Outcome]) -> Iterator[Outcome]:
             yield from of_gates.pop(_group_of(outcome), ())
 
 
-def worst_first(found: Iterable[ScenarioGroup]) -> list[ScenarioGroup]:
+def worst_first(groups: Iterable[ScenarioGroup]) -> list[ScenarioGroup]:
     """Sort groups, the worst first, otherwise in call order."""
-    return sorted(found, key=lambda group: WORST_FIRST.index(group.status))
+    return sorted(groups, key=lambda group: WORST_FIRST.index(group.status))
 
 
 def _badness(outcome: Outcome) -> tuple[float, float, float]:

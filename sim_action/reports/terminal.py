@@ -120,7 +120,7 @@ class _Printer:
             for outcome in group.outcomes
             if verbose
             or outcome.status not in ("passed", "skipped")
-            or any(each.warned for each in outcome.expectations)
+            or any(expected.warned for expected in outcome.expectations)
         ]
         most = len(shown) if verbose else _MAX_VARIATIONS
         for outcome in shown[:most]:
@@ -137,14 +137,14 @@ class _Printer:
             self._line("  ", (" ".join(outcome.notes), "dim"))
             return
         is_quiet = self._verbosity == "quiet"
-        shown = [each for each in outcome.causes_first if not is_quiet or each in outcome.causes]
+        shown = [expected for expected in outcome.causes_first if not is_quiet or expected in outcome.causes]
         self._table(expectation_rows(outcome, shown))
         if not is_quiet:
             self._table(
                 [
-                    Row("information", f"{bar} {message}") if bar else Row("information", each.name, message)
-                    for each in outcome.measurements
-                    for bar, message in [formatting.measured_text(each)]
+                    Row("information", f"{bar} {message}") if bar else Row("information", measurement.name, message)
+                    for measurement in outcome.measurements
+                    for bar, message in [formatting.measured_text(measurement)]
                 ]
             )
         for failure in outcome.failures:

@@ -244,15 +244,15 @@ def _refuse_other_file(junit: Path, folder: Path) -> None:
 
 def _refuse_links(path: Path) -> None:
     """Raise UsageError if a part of a path below the current folder is a link: its author would choose the target."""
-    here = Path.cwd()
+    current_folder = Path.cwd()
     absolute = Path(os.path.abspath(path))  # noqa: PTH100 - links are what is looked for
-    if not absolute.is_relative_to(here):
+    if not absolute.is_relative_to(current_folder):
         return
     for place in (absolute, *absolute.parents):
-        if place == here:
+        if place == current_folder:
             return
         if place.is_symlink():
-            shown = place.relative_to(here)
+            shown = place.relative_to(current_folder)
             raise UsageError(escaped_line(f"'{shown}' is a link, and results are not written through links; remove it"))
 
 

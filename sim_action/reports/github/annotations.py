@@ -56,14 +56,14 @@ def write_annotations(results: Results, options: ReportOptions) -> None:
     if options.environment.get("GITHUB_ACTIONS") != "true":
         return
     ordered = worst_first(grouped_scenarios(results.outcomes, results.gates))
-    found = [annotation for group in ordered for annotation in _of_group(group, options)]
-    print_annotations(found, options)
+    all_annotations = [annotation for group in ordered for annotation in _of_group(group, options)]
+    print_annotations(all_annotations, options)
 
 
-def print_annotations(found: Sequence[Annotation], options: ReportOptions) -> None:
+def print_annotations(all_annotations: Sequence[Annotation], options: ReportOptions) -> None:
     """Print errors, then warnings: as many as GitHub shows. The last one of each counts those that are missing."""
     encoding = sys.stdout.encoding or "utf-8"
-    for annotation in (*_limited(found, "error"), *_limited(found, "warning")):
+    for annotation in (*_limited(all_annotations, "error"), *_limited(all_annotations, "warning")):
         sys.stdout.write(log_text(annotation.command(options.workspace), encoding) + "\n")
     sys.stdout.flush()
 
@@ -103,7 +103,7 @@ def _of_variations(group: ScenarioGroup, options: ReportOptions) -> Iterator[Ann
             alike = same.setdefault((annotation.level, annotation.title, annotation.location), [])
             alike.append((margin, group.values(outcome), annotation))
     for alike in same.values():
-        _, values, worst = min(alike, key=lambda each: each[0])
+        _, values, worst = min(alike, key=lambda run: run[0])
         count = f"{len(alike)} of {len(group.outcomes)} variations"
         message = f"{count}; the worst, {values}: {worst.message}" if len(alike) > 1 else f"{values}: {worst.message}"
         yield replace(worst, message=message)
@@ -132,9 +132,9 @@ def _replayed(outcome: Outcome, options: ReportOptions, time: float | None) -> s
     return f" (replay{'' if time is None else f' at {moment(time)}'}: {link})" if link else ""
 
 
-def _limited(found: Sequence[Annotation], level: Level) -> list[Annotation]:
+def _limited(all_annotations: Sequence[Annotation], level: Level) -> list[Annotation]:
     """Return at most as many annotations as GitHub shows; the last one counts those that are missing."""
-    chosen = [annotation for annotation in found if annotation.level == level]
+    chosen = [annotation for annotation in all_annotations if annotation.level == level]
     if len(chosen) <= _MAX_ANNOTATIONS:
         return chosen
     shown = chosen[: _MAX_ANNOTATIONS - 1]

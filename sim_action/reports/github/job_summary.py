@@ -63,25 +63,25 @@ def append_summary(text: Callable[[int], str], environment: Mapping[str, str]) -
 
 def summary(results: Results, options: ReportOptions, most_bytes: int = MAX_BYTES) -> str:
     """Return the summary in at most `most_bytes`; the least important sections are omitted if they do not fit."""
-    found = worst_first(grouped_scenarios(results.outcomes, results.gates))
+    groups = worst_first(grouped_scenarios(results.outcomes, results.gates))
     room = most_bytes - _FRAME
     if room < 0:
         return ""
-    overview = (markdown_row(_OVERVIEW, _overview_row(group), options) for group in found)
+    overview = (markdown_row(_OVERVIEW, _overview_row(group), options) for group in groups)
     rows = fitting(overview, int(room * _OVERVIEW_SHARE))
-    written = (_scenario_section(group, options, drawn=number < _MAX_DRAWN) for number, group in enumerate(found))
+    written = (_scenario_section(group, options, drawn=number < _MAX_DRAWN) for number, group in enumerate(groups))
     sections = fitting(written, room - size_of(rows))
-    unfolded = sum(group.status != "passed" for group in found[: len(sections)])
+    unfolded = sum(group.status != "passed" for group in groups[: len(sections)])
     measured = "gates and scenarios" if results.gates else "scenarios"
     parts = [
         f"## {' '.join(formatting.run_headline(results))}",
         _counts(results, options.taken_over),
-        *_overview(found, rows),
+        *_overview(groups, rows),
         *sections[:unfolded],
         folded(f"Measurements of passed {measured} ({len(sections) - unfolded})", "\n\n".join(sections[unfolded:]))
         if len(sections) > unfolded
         else "",
-        _unshown_scenarios(len(found) - len(sections)),
+        _unshown_scenarios(len(groups) - len(sections)),
     ]
     return paragraphs(*parts) + "\n\n"
 
@@ -98,16 +98,16 @@ def _counts(results: Results, taken_over: int | None) -> str:
     return f"**{formatting.counts_text(results)}** in {results.wall_time:.1f} s{speed}{part}{earlier} · {version}"
 
 
-def _overview(found: list[ScenarioGroup], rows: list[str]) -> Iterable[str]:
+def _overview(groups: list[ScenarioGroup], rows: list[str]) -> Iterable[str]:
     """Yield a table of all scenarios; if there are many, the passed ones are folded."""
     unfolded = len(rows)
     if unfolded > _MAX_UNFOLDED:
-        unfolded = sum(group.status != "passed" for group in found[:unfolded])
+        unfolded = sum(group.status != "passed" for group in groups[:unfolded])
     yield markdown_rows(_OVERVIEW, rows[:unfolded])
     if rows[unfolded:]:
         yield folded(f"{counted(len(rows) - unfolded, 'scenario')} passed", markdown_rows(_OVERVIEW, rows[unfolded:]))
-    if len(found) > len(rows):
-        left = len(found) - len(rows)
+    if len(groups) > len(rows):
+        left = len(groups) - len(rows)
         yield f"_{counted(left, 'more scenario')} {'is' if left == 1 else 'are'} not shown in this table._"
 
 
@@ -373,10 +373,10 @@ def _gate_chances(group: ScenarioGroup) -> str:
     """Return the verdicts that robots of known rates get from the gate, folded."""
     if group.planned is None:
         return ""
-    (told,) = chance_tables([group.planned])
-    rows = (Row(status, row[0], values=row[1:]) for status, row in zip(_OF_CHANCES, told.rows, strict=False))
-    table = Table("A robot that is ... good", tuple(rows), tuple(f" {rate}" for rate in told.columns))
-    parts = [markdown_table(table), *map(markdown_text, told.remarks)]
+    (chances,) = chance_tables([group.planned])
+    rows = (Row(status, row[0], values=row[1:]) for status, row in zip(_OF_CHANCES, chances.rows, strict=False))
+    table = Table("A robot that is ... good", tuple(rows), tuple(f" {rate}" for rate in chances.columns))
+    parts = [markdown_table(table), *map(markdown_text, chances.remarks)]
     return folded("The chances of robots with known rates", paragraphs(*parts))
 
 

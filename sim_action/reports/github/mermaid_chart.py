@@ -60,17 +60,17 @@ def chart(signal: Signal, moment: float | None = None) -> str:
 def sampled(time: FloatArray, values: FloatArray, moment: float | None = None, most: int = _MAX_POINTS) -> list[float]:
     """Return `most` values at even intervals, exact at the ends and at `moment`, with the peaks of single steps."""
     at = np.interp(np.linspace(time[0], time[-1], most), time, values)
-    found = at.copy()
+    samples = at.copy()
     least = _NOTICEABLE * float(np.ptp(values))
     parts = np.rint((time - time[0]) / (time[-1] - time[0]) * (most - 1)).astype(np.intp)
     for part, value in zip(parts.tolist(), values.tolist(), strict=True):
         if 0 < part < most - 1 and _beyond(value, at[part - 1], at[part + 1]) > max(
-            least, _beyond(found[part], at[part - 1], at[part + 1])
+            least, _beyond(samples[part], at[part - 1], at[part + 1])
         ):
-            found[part] = value
+            samples[part] = value
     if moment is not None and time[0] <= moment <= time[-1]:
-        found[round((moment - time[0]) / (time[-1] - time[0]) * (most - 1))] = np.interp(moment, time, values)
-    return [float(value) for value in found]
+        samples[round((moment - time[0]) / (time[-1] - time[0]) * (most - 1))] = np.interp(moment, time, values)
+    return [float(value) for value in samples]
 
 
 def _beyond(value: float, one: float, other: float) -> float:

@@ -60,8 +60,8 @@ def _fragment(results: Results, options: ReportOptions) -> str:
         return ""
     if worst.statistics is not None:
         # A gate has no replay of its own.
-        found = (group for group in grouped_scenarios(results.outcomes) if group.gate is worst)
-        worst = next((run for group in found for run in group.not_passed), worst)
+        groups = (group for group in grouped_scenarios(results.outcomes) if group.gate is worst)
+        worst = next((run for group in groups for run in group.not_passed), worst)
     return replay_link(worst, options, reason_time(worst)).removeprefix(REPORT_FILE)
 
 

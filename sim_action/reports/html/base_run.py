@@ -85,8 +85,8 @@ def scenario_changes(comparison: Comparison) -> Mapping[int, ScenarioChange]:
 
 
 def _scenario_change(change: Change) -> ScenarioChange:
-    told = "; ".join(_words(change)) or "it still passes"
-    return ScenarioChange(_kind(change), told, _decisive_limit(change))
+    words = "; ".join(_words(change)) or "it still passes"
+    return ScenarioChange(_kind(change), words, _decisive_limit(change))
 
 
 def _words(change: Change) -> Iterator[str]:

@@ -122,9 +122,9 @@ def rate_figure(statistics: GateStatistics, planned: PlannedGate | None, kind: s
     interval = ""
     if lower is not None and upper is not None:
         interval = f"between {percent(lower)} and {percent(upper)}, each side with {percent(statistics.confidence)}"
-    told = [f"{statistics.passed} of {statistics.runs} runs passed: {percent(statistics.rate)}"]
-    told += [f"{interval} confidence"] if interval else []
-    told += [f"{words} {percent(rate)}" for words, rate in claims]
+    descriptions = [f"{statistics.passed} of {statistics.runs} runs passed: {percent(statistics.rate)}"]
+    descriptions += [f"{interval} confidence"] if interval else []
+    descriptions += [f"{words} {percent(rate)}" for words, rate in claims]
     marks = [element("line", x1=_LEFT, x2=_RIGHT, y1=_BAR, y2=_BAR, class_="scale")]
     marks += [_label(_LEFT - 6, _BAR + 4, "end", "0 %"), _label(_RIGHT + 6, _BAR + 4, "start", "100 %")]
     if lower is not None and upper is not None:
@@ -139,7 +139,7 @@ def rate_figure(statistics: GateStatistics, planned: PlannedGate | None, kind: s
         marks += [_label(_at(rate) + (3 if anchor == "start" else -3), y, anchor, f"{words} {percent(rate)}")]
     marks += [element("circle", cx=_at(statistics.rate), cy=_BAR, r=4.5, class_="rate")]
     drawn = element(
-        "svg", *marks, viewBox=f"0 0 {_WIDTH} {_HEIGHT}", role="img", aria_label="; ".join(told), class_="bar"
+        "svg", *marks, viewBox=f"0 0 {_WIDTH} {_HEIGHT}", role="img", aria_label="; ".join(descriptions), class_="bar"
     )
     words = element("p", element("b", percent(statistics.rate)), " of the runs passed", class_="share")
     note = element("figcaption", f"True rate: {interval} confidence.", class_="faint") if interval else ""
@@ -265,20 +265,20 @@ class Parameter:
 
 def parameters(runs: Sequence[Outcome]) -> list[Parameter]:
     """Return the varied keys of runs, in the order of the scenario file."""
-    named: list[Mapping[str, JsonValue]] = [{each.key: each.value for each in run.variation} for run in runs]
+    named: list[Mapping[str, JsonValue]] = [{varied.key: varied.value for varied in run.variation} for run in runs]
     keys = list(dict.fromkeys(key for values in named for key in values))
     called = labels(keys)
     return [_parameter(one_line(called[key]), [(key in values, values.get(key)) for values in named]) for key in keys]
 
 
 def _parameter(label: str, stated: Sequence[tuple[bool, JsonValue]]) -> Parameter:
-    found = [_quantity(value) if there else None for there, value in stated]
-    known = {unit for each in found if each is not None for unit in (each[1],) if unit}
-    is_numeric = all(each is not None for each, (there, _) in zip(found, stated, strict=True) if there)
-    if not is_numeric or len(known) > 1:
+    quantities = [_quantity(value) if there else None for there, value in stated]
+    unit_names = {unit for amount in quantities if amount is not None for unit in (amount[1],) if unit}
+    is_numeric = all(amount is not None for amount, (there, _) in zip(quantities, stated, strict=True) if there)
+    if not is_numeric or len(unit_names) > 1:
         return Parameter(label, "", (), tuple(_text(value) if there else "" for there, value in stated))
-    unit = next(iter(known), "")
-    numbers = tuple(None if each is None else each[0] for each in found)
+    unit = next(iter(unit_names), "")
+    numbers = tuple(None if amount is None else amount[0] for amount in quantities)
     return Parameter(label, unit, numbers, tuple("" if n is None else units.display(n, unit) for n in numbers))
 
 
@@ -330,10 +330,13 @@ def _series(runs: Sequence[Outcome]) -> Iterator[dict[str, JsonValue]]:
     places = max((len(run.expectations) for run in runs), default=0)
     for place in range(min(places, _MAX_EXPECTATIONS)):
         expected = [run.expectations[place] if place < len(run.expectations) else None for run in runs]
-        first = next(each for each in expected if each is not None)
+        first = next(expectation for expectation in expected if expectation is not None)
         name, unit = one_line(first.name), one_line(first.verdict.unit)
         for what, in_unit, value in _QUANTITIES:
-            values = [None if each is None or each.verdict.cut_off else value(each) for each in expected]
+            values = [
+                None if expectation is None or expectation.verdict.cut_off else value(expectation)
+                for expectation in expected
+            ]
             if len(set(values) - {None}) > 1:
                 yield {
                     "name": f"{what}: {name}",

@@ -90,12 +90,12 @@ def motion_of(replay: Replay, ours: Replay) -> Replay:
 
 def engine_pairs(outcomes: Sequence[Outcome]) -> Iterator[tuple[Outcome, Outcome]]:
     """Yield the pairs of runs of one scenario in two engines; each run is named after its engine."""
-    known: dict[tuple[str, int | None, str], list[Outcome]] = {}
+    runs_by_scenario: dict[tuple[str, int | None, str], list[Outcome]] = {}
     for outcome in outcomes:
         if outcome.engine is not None and outcome.name.endswith("]"):
             name = outcome.name.rpartition(" [")[0]
-            known.setdefault((outcome.file, outcome.number, name), []).append(outcome)
-    for several in known.values():
+            runs_by_scenario.setdefault((outcome.file, outcome.number, name), []).append(outcome)
+    for several in runs_by_scenario.values():
         for place, one in enumerate(several):
             yield from ((one, other) for other in several[place + 1 :] if other.engine != one.engine)
 
@@ -138,13 +138,17 @@ class GhostSources:
             self._find_golden(identity, replay)
             self._find_engine(identity, outcome, replay)
             self._find_repetition(identity, outcome, replay)
-        told = self._told(identity, self.changes.get(id(outcome)))
-        words = Html("; ".join(map(text, told)))
+        parts = self._told(identity, self.changes.get(id(outcome)))
+        words = Html("; ".join(map(text, parts)))
         return joined(Html(f"Since the {BASE_RUN}: {words}.") if words else "", missing)
 
     def _told(self, identity: str, change: ScenarioChange | None) -> Iterator[str]:
         """Yield what changed since the base run, the causes first."""
-        parts = [each.parting for each in self.found.get(identity, ()) if each.label == BASE_RUN and each.parting]
+        parts = [
+            base_ghost.parting
+            for base_ghost in self.found.get(identity, ())
+            if base_ghost.label == BASE_RUN and base_ghost.parting
+        ]
         same = ""
         if change is not None:
             if change.world:
@@ -179,9 +183,9 @@ class GhostSources:
         world, command = world_changes(replay.scene, theirs.scene), None
         if not is_same:
             block = f"ghost-{identity}"
-            found = ghost(BASE_RUN, block, replay, theirs, is_shown=old.status != outcome.status)
-            self._add(identity, found, theirs, replay)
-            if (part := found.parting) is not None and not part.is_end:
+            base_ghost = ghost(BASE_RUN, block, replay, theirs, is_shown=old.status != outcome.status)
+            self._add(identity, base_ghost, theirs, replay)
+            if (part := base_ghost.parting) is not None and not part.is_end:
                 command = commands_until(replay, theirs, part.time)
         if id(outcome) in self.changes:
             self.changes[id(outcome)] = replace(self.changes[id(outcome)], world=world, command=command)
@@ -200,8 +204,8 @@ class GhostSources:
             return
         theirs, _ = stored_replay(other, self._folder, self._readers["engine"])
         if theirs is not None:
-            limits = [Tolerance.of(each) for each in (outcome, other)]
-            tolerance = Tolerance(max(each.position for each in limits), max(each.angle for each in limits))
+            limits = [Tolerance.of(run) for run in (outcome, other)]
+            tolerance = Tolerance(max(limit.position for limit in limits), max(limit.angle for limit in limits))
             block = replay_id(self._ids[id(other)])
             self._keep(identity, ghost(other.engine or "", block, replay, theirs, tolerance))
 
@@ -218,14 +222,14 @@ class GhostSources:
                 repeated = ghost(label, block, replay, theirs, is_shown=is_shown)
                 self._add(identity, replace(repeated, is_repetition=not is_shown), theirs, replay)
 
-    def _keep(self, identity: str, found: Ghost) -> None:
-        self.found.setdefault(identity, []).append(found)
+    def _keep(self, identity: str, new_ghost: Ghost) -> None:
+        self.found.setdefault(identity, []).append(new_ghost)
 
-    def _add(self, identity: str, found: Ghost, theirs: Replay, ours: Replay) -> None:
+    def _add(self, identity: str, new_ghost: Ghost, theirs: Replay, ours: Replay) -> None:
         """Keep a ghost, and its replay for later, unless the ghosts before it already fill a page."""
-        self._keep(identity, found)
+        self._keep(identity, new_ghost)
         if self._waiting_bytes < MAX_REPLAY_BYTES:
-            packed = self._waiting[found.block] = PackedReplay.of(motion_of(theirs, ours))
+            packed = self._waiting[new_ghost.block] = PackedReplay.of(motion_of(theirs, ours))
             self._waiting_bytes += len(packed.block)
 
 
@@ -244,12 +248,12 @@ def golden_replay(replay: Replay, golden: GoldenData) -> Replay:
     turned, upright = (Column.encoded(part(half), _QUATERNION_SCALE) for part in (np.sin, np.cos))
     level = Column(scale=1.0, first=0)
     unknown = Column(scale=1.0, first=0, gaps=((0, count),))
-    known = dict(golden.joints)
+    golden_joints = dict(golden.joints)
     frames = Frames(
         time=golden.time,
         base=(x, y, z, level, level, turned, upright),
         joints=tuple(
-            known.get(number, column.model_copy(update={"deltas": (), "gaps": ()}))
+            golden_joints.get(number, column.model_copy(update={"deltas": (), "gaps": ()}))
             for number, column in enumerate(replay.frames.joints)
         ),
         speed=unknown,
@@ -302,8 +306,8 @@ def _named(names: Sequence[str], one: str, several: str) -> Iterator[str]:
     shown = [_name(name) for name in names[:_MAX_NAMED]]
     left = len(names) - len(shown)
     *first, last = [*shown, *([f"{left} more"] if left else [])]
-    told = f"{', '.join(first)} and {last}" if first else last
-    yield f"{told} {one if len(names) == 1 else several}"
+    subject = f"{', '.join(first)} and {last}" if first else last
+    yield f"{subject} {one if len(names) == 1 else several}"
 
 
 def _name(name: str) -> str:
@@ -340,7 +344,7 @@ class Tolerance:
     @classmethod
     def of(cls, outcome: Outcome) -> Self:
         """Return the tolerance, or the limits of the agreement of two engines where they are larger."""
-        verdicts = [each.verdict for each in outcome.expectations if each.assertion == "agreement"]
+        verdicts = [expected.verdict for expected in outcome.expectations if expected.assertion == "agreement"]
         limits = [(verdict.unit, verdict.limit or 0.0) for verdict in verdicts]
         position = max((limit for unit, limit in limits if unit == "m"), default=0.0)
         angle = max((limit for unit, limit in limits if unit == "rad"), default=0.0)
@@ -373,13 +377,13 @@ def parting(ours: Replay, theirs: Replay, tolerance: Tolerance | None = None) ->
     end = min(mine[-1], other[-1])
     coarse = mine if len(mine) <= len(other) else other
     times = coarse[coarse <= end + 1e-9]
-    found = [
+    partings = [
         (float(times[np.argmax(beyond)]), limit, unit)
         for difference, limit, unit in _differences(ours, theirs, times, tolerance)
         if (beyond := difference > limit).any()
     ]
-    if found:
-        time, limit, unit = min(found)
+    if partings:
+        time, limit, unit = min(partings)
         return Parting(time, f"by more than {_limit_text(limit, unit)}")
     if abs(mine[-1] - other[-1]) > _SAME_END_S:
         return Parting(float(end), f"where {'this' if mine[-1] < other[-1] else 'the other'} run ends", is_end=True)
@@ -409,7 +413,7 @@ class _Command:
 def commands_until(ours: Replay, theirs: Replay, until: float) -> str | None:
     """Return the first command that differs from the earlier run, as "linear x 0.28 m/s"; None: not known."""
     mine, others = _commands(with_zeros(ours, theirs)), _commands(with_zeros(theirs, ours))
-    found = []
+    changes = []
     for key in mine.keys() & others.keys():
         command, other = mine[key], others[key]
         times = command.times[command.times >= other.times[0]]
@@ -422,29 +426,29 @@ def commands_until(ours: Replay, theirs: Replay, until: float) -> str | None:
         if len(lasting):
             first = int(lasting[0])
             texts = [quantity(float(values[first]), command.unit) for values in (now, then)]
-            found.append((float(times[first]), f"{key[1]} {texts[0]}, before {texts[1]}"))
-    if found:
-        time, words = min(found)
+            changes.append((float(times[first]), f"{key[1]} {texts[0]}, before {texts[1]}"))
+    if changes:
+        time, words = min(changes)
         return f"{words}, at {moment(time)}"
     return "" if mine and mine.keys() == others.keys() else None
 
 
 def _commands(replay: Replay) -> dict[tuple[str, str], _Command]:
     """Return (group, name) -> each recorded command."""
-    found: dict[tuple[str, str], _Command] = {}
+    commands: dict[tuple[str, str], _Command] = {}
     times = _times(replay)
     for channel in replay.channels:
         if channel.commanded:
             own = times if channel.time is None else channel.time.decoded(channel.time.count)
             values = channel.values.decoded(len(own))
             key = one_line(channel.group), one_line(channel.name)
-            found[key] = _Command(own, values, channel.values.scale, channel.unit)
+            commands[key] = _Command(own, values, channel.values.scale, channel.unit)
     sliding = _sliding(replay)
     for number, (name, column) in enumerate(zip(replay.joint_names, replay.frames.commanded, strict=False)):
         if column is not None:
             unit, values = "m" if number in sliding else "rad", column.decoded(replay.frames.count)
-            found["positions", f"{one_line(name)} position"] = _Command(times, values, column.scale, unit)
-    return found
+            commands["positions", f"{one_line(name)} position"] = _Command(times, values, column.scale, unit)
+    return commands
 
 
 def with_zeros(replay: Replay, other: Replay) -> Replay:
@@ -453,13 +457,14 @@ def with_zeros(replay: Replay, other: Replay) -> Replay:
     A quantity of the base or of a joint that is zero all the time has no channel. Without any channel of its kind,
     nothing is known.
     """
-    known = {(channel.group, channel.name, channel.commanded) for channel in replay.channels}
-    has_twist = any(group == "base" and commanded for group, _, commanded in known)
-    groups = {True: {"base"} if has_twist else set(), False: {"base", "joints"} if known else set()}
+    recorded = {(channel.group, channel.name, channel.commanded) for channel in replay.channels}
+    has_twist = any(group == "base" and commanded for group, _, commanded in recorded)
+    groups = {True: {"base"} if has_twist else set(), False: {"base", "joints"} if recorded else set()}
     still = [
         channel.model_copy(update={"time": None, "values": TextColumn(scale=channel.values.scale, first=0)})
         for channel in other.channels
-        if channel.group in groups[channel.commanded] and (channel.group, channel.name, channel.commanded) not in known
+        if channel.group in groups[channel.commanded]
+        and (channel.group, channel.name, channel.commanded) not in recorded
     ]
     return replay.model_copy(update={"channels": (*replay.channels, *still)})
 

@@ -90,17 +90,17 @@ def histories(runs: Sequence[EarlierRun]) -> list[History]:
     """Return the expectations of all scenarios: those that are broken now first."""
     points: dict[tuple[str, str], dict[str, list[Point]]] = {}
     for number, run in enumerate(runs):
-        for outcome in (each for each in run.outcomes if not each.is_sample):
+        for outcome in (candidate for candidate in run.outcomes if not candidate.is_sample):
             by_name = points.setdefault((compared_name(outcome.file), outcome.name), {})
             for name, point in _points(outcome, number, list(by_name)):
                 by_name.setdefault(name, []).append(point)
     every = [
         History(scenario, name, tuple(listed)) for (_, scenario), by in points.items() for name, listed in by.items()
     ]
-    return sorted(every, key=lambda each: each.broken is None)
+    return sorted(every, key=lambda history: history.broken is None)
 
 
-def _points(outcome: Outcome, run: int, known: Sequence[str]) -> Iterator[tuple[str, Point]]:
+def _points(outcome: Outcome, run: int, earlier_names: Sequence[str]) -> Iterator[tuple[str, Point]]:
     """Yield the points of one outcome; without a verdict, one for each expectation of earlier runs."""
     seen: dict[str, int] = {}
     for expected in outcome.expectations:
@@ -110,7 +110,7 @@ def _points(outcome: Outcome, run: int, known: Sequence[str]) -> Iterator[tuple[
         yield (expected.name if number == 1 else f"{expected.name} ({number})"), point
     if not outcome.expectations:
         reasons_text = "; ".join(outcome.reasons) or outcome.ending
-        for name in known or ("verdict",):
+        for name in earlier_names or ("verdict",):
             yield name, Point(run, outcome.display_status, None, "", reasons_text)
 
 
@@ -128,10 +128,10 @@ def _value(expected: ExpectationOutcome) -> tuple[float | None, str]:
 def write_history(runs: Sequence[EarlierRun], folder: Path) -> list[str]:
     """Write the page into an existing folder, and return a line for each expectation that is broken now."""
     every, labels = histories(runs), [_label(run) for run in runs]
-    broken = [each for each in every if each.broken is not None]
+    broken = [history for history in every if history.broken is not None]
     with whole_file(folder / HISTORY_FILE) as file:
         file.write(still_page("history", _body(every, labels), failed=bool(broken)))
-    return [one_line(f"{each.scenario}: {each.expectation}: {_sentence(each, labels)}") for each in broken]
+    return [one_line(f"{history.scenario}: {history.expectation}: {_sentence(history, labels)}") for history in broken]
 
 
 def _label(run: EarlierRun) -> str:
@@ -151,23 +151,23 @@ def _sentence(history: History, labels: Sequence[str]) -> str:
 
 
 def _body(every: Sequence[History], labels: Sequence[str]) -> Html:
-    broken = [each for each in every if each.broken is not None]
+    broken = [history for history in every if history.broken is not None]
     kind = "failed" if broken else "passed"
     title = f"{len(broken)} of {counted(len(every), 'expectation')} broken" if broken else "Nothing is broken"
     head = page_header(title, kind, f"{counted(len(labels), 'run')}, {labels[0]} to {labels[-1]}")
     by_scenario: dict[str, list[History]] = {}
-    for each in every:
-        by_scenario.setdefault(each.scenario, []).append(each)
+    for history in every:
+        by_scenario.setdefault(history.scenario, []).append(history)
     articles = [_article(f"h{n}", name, listed, labels) for n, (name, listed) in enumerate(by_scenario.items())]
     return joined(head, element("main", *articles))
 
 
 def _article(identity: str, name: str, listed: Sequence[History], labels: Sequence[str]) -> Html:
-    broken = [each for each in listed if each.broken is not None]
+    broken = [history for history in listed if history.broken is not None]
     kind = "failed" if broken else "passed"
-    sentences = [reason("", element("h3", each.expectation), _sentence(each, labels)) for each in broken]
+    sentences = [reason("", element("h3", history.expectation), _sentence(history, labels)) for history in broken]
     status = element("p", f"{len(broken)} broken" if broken else "Passed", class_=f"status {kind}")
-    parts = [_chart(each, labels) for each in listed]
+    parts = [_chart(history, labels) for history in listed]
     return article(identity, kind, (status, heading(identity, name)), joined(reasons(sentences), *parts))
 
 

@@ -67,7 +67,7 @@ def _noun(recorded: Recorded) -> str:
 
 def _judged(recorded: Recorded) -> list[tuple[int, Outcome]]:
     """Return the final outcomes that count, each with its place: gates instead of their runs."""
-    found = [
+    judged = [
         (place, record.outcome)
         for place, record in recorded.finished.items()
         if record.outcome is not None and record.outcome.gate is None
@@ -75,8 +75,8 @@ def _judged(recorded: Recorded) -> list[tuple[int, Outcome]]:
     if recorded.header.gates:
         places = {(planned.file, planned.gate): place for place, planned in enumerate(recorded.header.planned)}
         gates = (outcome for outcome in recorded.results_so_far().outcomes if outcome.statistics is not None)
-        found += [(places[gate.file, gate.name], gate) for gate in gates]
-    return found
+        judged += [(places[gate.file, gate.name], gate) for gate in gates]
+    return judged
 
 
 def version(follower: JournalFollower) -> str:
@@ -115,19 +115,19 @@ def _lists(recorded: Recorded, judged: Sequence[tuple[int, Outcome]], *, is_over
     ]
     running = [place for place in unfinished if place in started]
     waiting = [place for place in unfinished if place not in started]
-    told = [
+    lists = [
         _list(
             "Not finished" if is_over else "Running",
             len(running),
             (_unfinished(recorded, place, started[place], ended[place]) for place in running[:MAX_ROWS]),
         ),
-        _list("Did not pass", len(bad), (_finished(*each) for each in bad[:MAX_ROWS])),
-        _list("Passed", len(good), (_finished(*each) for each in good[:MAX_ROWS])),
+        _list("Did not pass", len(bad), (_finished(*row) for row in bad[:MAX_ROWS])),
+        _list("Passed", len(good), (_finished(*row) for row in good[:MAX_ROWS])),
     ]
     if samples:
-        told.append(_list("Runs of gates", len(samples), (_finished(*each) for each in samples[:MAX_ROWS])))
+        lists.append(_list("Runs of gates", len(samples), (_finished(*row) for row in samples[:MAX_ROWS])))
     last = (_unfinished(recorded, place, None, 0) for place in waiting[:MAX_ROWS])
-    return [*told, _list("Not started" if is_over else "Waiting", len(waiting), last)]
+    return [*lists, _list("Not started" if is_over else "Waiting", len(waiting), last)]
 
 
 def _list(title: str, count: int, rows: Iterable[Mapping[str, object]]) -> dict[str, object]:
@@ -136,8 +136,14 @@ def _list(title: str, count: int, rows: Iterable[Mapping[str, object]]) -> dict[
 
 def _unfinished(recorded: Recorded, place: int, since: float | None, runs: int) -> dict[str, object]:
     planned = recorded.header.planned[place]
-    told = "" if not runs else "1 run has ended" if runs == 1 else f"{runs} runs have ended"
-    return {"place": place, "name": one_line(planned.name), "file": one_line(planned.file), "since": since, "why": told}
+    progress = "" if not runs else "1 run has ended" if runs == 1 else f"{runs} runs have ended"
+    return {
+        "place": place,
+        "name": one_line(planned.name),
+        "file": one_line(planned.file),
+        "since": since,
+        "why": progress,
+    }
 
 
 def _finished(place: int, outcome: Outcome) -> dict[str, object]:
@@ -159,7 +165,7 @@ def _finished(place: int, outcome: Outcome) -> dict[str, object]:
 def progress_page() -> Page:
     """Return the page that shows the progress; its script fills it."""
     head = element("header", element("h1", "Waiting for a run", id="live-title"), class_="run")
-    told = joined(
+    content = joined(
         element("noscript", "This page needs scripts: it shows what changes."),
         element("p", "", class_="faint", id="live-clock"),
         element("progress", max=1, value=0, aria_label="Finished scenarios", id="live-bar"),
@@ -168,7 +174,7 @@ def progress_page() -> Page:
         element("p", element("a", "Open the report", href="report"), hidden=True, id="live-report"),
         element("div", "", id="live-lists"),
     )
-    body = encoded(f"{head}{element('main', told, class_='progress')}")
+    body = encoded(f"{head}{element('main', content, class_='progress')}")
     return Page("Progress · sim-action", False, [body], page_json({"scenarios": []}), {}, False, is_live=True)
 
 
@@ -199,19 +205,19 @@ class Finished:
         return f"This report has {self.finished} of {counted(self.total, self.noun)} so far."
 
 
-def live_report(results: Results, known: Finished, options: ReportOptions) -> Page:
+def live_report(results: Results, finished: Finished, options: ReportOptions) -> Page:
     """Return the report of the scenarios that have finished, with a line that offers newer results."""
     made = page(results, options)
     bar = element(
         "div",
         element("a", "Progress", href="./"),
-        element("span", known.scope),
+        element("span", finished.scope),
         element("span", "", role="status", id="live-news"),
         element("button", "Update", type="button", hidden=True, id="live-update"),
         element("label", element("input", type="checkbox", id="live-follow"), Html(" update by itself")),
         class_="live-line",
-        data_call=str(known.call),
-        data_finished=str(known.finished),
-        data_over=str(int(known.is_over)),
+        data_call=str(finished.call),
+        data_finished=str(finished.finished),
+        data_over=str(int(finished.is_over)),
     )
     return replace(made, body=(encoded(bar), *made.body), is_live=True)

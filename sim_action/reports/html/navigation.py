@@ -51,13 +51,13 @@ class PagePlan:
         return len(self.groups) > 1
 
 
-def planned_page(found: Sequence[ScenarioGroup], most: int) -> PagePlan:
+def planned_page(unordered: Sequence[ScenarioGroup], most: int) -> PagePlan:
     """Return the plan of a page with at most `most` runs: the worst ones, first those that count by themselves."""
-    groups = worst_first(found)
+    groups = worst_first(unordered)
     everything = [outcome for group in groups for outcome in group.worst_first()]
     runs = sorted(everything, key=lambda run: (WORST_FIRST.index(run.display_status), run.is_sample))[:most]
     kept = {id(run) for run in runs}
-    planned = [each for group in groups for each in _planned_entries(group, kept)]
+    planned = [entry for group in groups for entry in _planned_entries(group, kept)]
     numbers = _numbers([(_name(outcome, group), _replay(outcome)) for _, outcome, group in planned])
     entries = [
         PageEntry(
@@ -115,7 +115,7 @@ def _numbers(named: Sequence[tuple[str, str]]) -> list[int]:
     # The next number to try for a name, so that many equal names do not take quadratic time.
     free: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(1))
     numbers = [0] * len(named)
-    for place, (name, replay) in sorted(enumerate(named), key=lambda each: not each[1][1]):
+    for place, (name, replay) in sorted(enumerate(named), key=lambda entry: not entry[1][1]):
         stated, shown = namesake_number(name, replay), one_line(name)
         number = next(number for number in chain([stated], free[shown]) if number not in taken[shown])
         taken[shown].add(number)

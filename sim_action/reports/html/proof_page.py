@@ -70,7 +70,9 @@ class ShownScenario:
         """The kind of the findings, for colours and the order."""
         if self.scenario.useless:
             return "failed"
-        is_open = not self.scenario.is_proven or any(each.finding == "unknown" for each in self.scenario.expectations)
+        is_open = not self.scenario.is_proven or any(
+            expectation.finding == "unknown" for expectation in self.scenario.expectations
+        )
         return "inconclusive" if is_open or self.scenario.survivors else "passed"
 
 
@@ -94,7 +96,7 @@ def write_proof_page(proof: Proof, shown: Sequence[ShownScenario], options: Repo
 
 def proof_page(proof: Proof, shown: Sequence[ShownScenario], options: ReportOptions, replays: Path) -> Page:
     """Return the page: a list, an article for each scenario, and one for each survivor."""
-    ordered = sorted(shown, key=lambda each: _ORDER.index(each.kind))
+    ordered = sorted(shown, key=lambda scenario: _ORDER.index(scenario.kind))
     every = [*_entries(ordered[:MAX_SCENARIOS])]
     drawer = _Drawer(replays)
     body = [_head(proof), f'<div class="layout">{_list(every, len(ordered))}<main>']
@@ -138,9 +140,11 @@ def _entries(shown: Sequence[ShownScenario]) -> Iterator[_Runs]:
             group=None,
         )
 
-    for each in shown:
-        own = entry(each.scenario.name, each.kind, each.original, survives=False)
-        yield _Runs(each, own, [entry(run.name, "passed", run, survives=True) for run in each.survivors])
+    for shown_scenario in shown:
+        own = entry(shown_scenario.scenario.name, shown_scenario.kind, shown_scenario.original, survives=False)
+        yield _Runs(
+            shown_scenario, own, [entry(run.name, "passed", run, survives=True) for run in shown_scenario.survivors]
+        )
 
 
 class _Drawer:
@@ -164,8 +168,8 @@ class _Drawer:
 def _head(proof: Proof) -> Html:
     is_open = proof.survivors or proof.interrupted or not proof.all_notice
     kind = "failed" if proof.useless else "inconclusive" if is_open else "passed"
-    told = f"{counted(proof.runs, 'run')} in {proof.wall_time:.1f} s · sim-action {proof.sim_action}"
-    return page_header(headline(proof), kind, told)
+    summary = f"{counted(proof.runs, 'run')} in {proof.wall_time:.1f} s · sim-action {proof.sim_action}"
+    return page_header(headline(proof), kind, summary)
 
 
 def _list(every: Sequence[_Runs], total: int) -> Html:
@@ -196,16 +200,18 @@ def _status_text(shown: ShownScenario) -> str:
     scenario = shown.scenario
     if not scenario.is_proven:
         return "not mutated"
-    told = [f"{len(scenario.useless)} of {counted(len(scenario.expectations), 'expectation')} checks nothing"]
-    told = told if scenario.useless else []
-    told += [f"{counted(len(scenario.survivors), 'other motion')} unnoticed"] if scenario.survivors else []
-    told += [f"{counted(scenario.unfinished, 'mutant')} unfinished"] if scenario.unfinished else []
-    return ", ".join(told) or ("every expectation notices something" if shown.kind == "passed" else "nothing is known")
+    parts = [f"{len(scenario.useless)} of {counted(len(scenario.expectations), 'expectation')} checks nothing"]
+    parts = parts if scenario.useless else []
+    parts += [f"{counted(len(scenario.survivors), 'other motion')} unnoticed"] if scenario.survivors else []
+    parts += [f"{counted(scenario.unfinished, 'mutant')} unfinished"] if scenario.unfinished else []
+    return ", ".join(parts) or ("every expectation notices something" if shown.kind == "passed" else "nothing is known")
 
 
 def _scenario_article(runs: _Runs, still: Html, options: ReportOptions) -> Html:
     scenario, entry = runs.shown.scenario, runs.entry
-    links = {result.name: each for each, result in zip(runs.survivors, scenario.survivors, strict=True)}
+    links = {
+        result.name: survivor_entry for survivor_entry, result in zip(runs.survivors, scenario.survivors, strict=True)
+    }
     words = _status_text(runs.shown)
     place = source(Location(scenario.file, scenario.line), options) if scenario.file else ""
     header = (
@@ -224,20 +230,20 @@ def _scenario_article(runs: _Runs, still: Html, options: ReportOptions) -> Html:
 
 def _reasons(scenario: ProvenScenario, links: dict[str, PageEntry], options: ReportOptions) -> Html:
     """Return why a scenario has no mutants, and its survivors with the expectations to paste."""
-    told = []
+    sections = []
     if not scenario.is_proven:
         place = faint(source(scenario.location, options))
-        told.append(reason("inconclusive", element("h3", "No mutants"), scenario.reason, place))
+        sections.append(reason("inconclusive", element("h3", "No mutants"), scenario.reason, place))
     for suggestion, survivors in by_suggestion(scenario):
-        each = [
+        parts = [
             joined(
                 element("h3", element("a", survivor.name, href=f"#{links[survivor.name].identity}")),
                 element("p", survivor_text(survivor), class_="what"),
             )
             for survivor in survivors
         ]
-        told.append(element("section", *each, _suggestion(suggestion, survivors), class_="reason inconclusive"))
-    return element("div", *told, class_="reasons") if told else Html("")
+        sections.append(element("section", *parts, _suggestion(suggestion, survivors), class_="reason inconclusive"))
+    return element("div", *sections, class_="reasons") if sections else Html("")
 
 
 def _suggestion(suggestion: str, survivors: Sequence[MutantResult]) -> Html:

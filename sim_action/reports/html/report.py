@@ -197,7 +197,7 @@ def index_entry(
             }
             for expected in expectations
         ],
-        "ghosts": [each.entry(blocks) for each in ghosts],
+        "ghosts": [ghost.entry(blocks) for ghost in ghosts],
     }
 
 
@@ -208,10 +208,10 @@ def _moment(time: float | None) -> float | None:
 def page_head(results: Results, base: Base | None = None) -> Html:
     """Return the head of the page: headline, counts, speed and version, and the changes since an earlier run."""
     speed = f" ({speed_text(results.real_time_factor)})" if results.real_time_factor else ""
-    told = [f"{counts_text(results)} in {results.wall_time:.1f} s{speed}"]
-    told += [shard_text(results.shard)] if results.shard else []
-    told += [f"sim-action {results.sim_action}"]
+    facts = [f"{counts_text(results)} in {results.wall_time:.1f} s{speed}"]
+    facts += [shard_text(results.shard)] if results.shard else []
+    facts += [f"sim-action {results.sim_action}"]
     worst = next((outcome.status for outcome in results.worst_first()), None)
     open_kinds = ("inconclusive", "not_exercised")
     kind = "passed" if results.conclusion == "success" else worst if worst in open_kinds else "failed"
-    return page_header(run_headline(results)[1], kind, " · ".join(told), "" if base is None else base.headline)
+    return page_header(run_headline(results)[1], kind, " · ".join(facts), "" if base is None else base.headline)

@@ -171,10 +171,18 @@ def measurements(outcome: Outcome) -> Html:
     """Return the values that were measured without a limit; empty if there are none."""
     mark = status_mark("information", neutral=True)
     items = [
-        element("li", mark, " ", each.message, " ", "" if each.time is None else value_link(each.time), _bar(each.left))
-        for each in outcome.measurements[:_MAX_MEASUREMENTS]
+        element(
+            "li",
+            mark,
+            " ",
+            measurement.message,
+            " ",
+            "" if measurement.time is None else value_link(measurement.time),
+            _bar(measurement.left),
+        )
+        for measurement in outcome.measurements[:_MAX_MEASUREMENTS]
     ]
-    has_margins = any(each.left for each in outcome.measurements)
+    has_margins = any(measurement.left for measurement in outcome.measurements)
     return titled("Margins" if has_margins else INFORMATION.headline, bullets(items, "measurements"))
 
 
@@ -281,7 +289,7 @@ def sightings(replay: Replay) -> Html:
 
 def first_seen(replay: Replay) -> dict[str, SightingData]:
     """Return name of a body -> its first sighting, for the bodies that the robot met."""
-    return {replay.scene.bodies[each.body].name: each.seen[0] for each in replay.obstacles if each.seen}
+    return {replay.scene.bodies[obstacle.body].name: obstacle.seen[0] for obstacle in replay.obstacles if obstacle.seen}
 
 
 def first_seen_words(seen: SightingData) -> str:
@@ -292,19 +300,19 @@ def first_seen_words(seen: SightingData) -> str:
 def _obstacle(obstacle: ObstacleData, replay: Replay) -> Html:
     name = element("b", one_line(replay.scene.bodies[obstacle.body].name))
     if not obstacle.seen:
-        told: list[str] = [name, " was not seen by any lidar or contact sensor, in the readings that are kept"]
+        parts: list[str] = [name, " was not seen by any lidar or contact sensor, in the readings that are kept"]
     else:
         first, *later = obstacle.seen
-        told = [name, " was first seen by ", *_sighting(first)]
+        parts = [name, " was first seen by ", *_sighting(first)]
         for number, sighting in enumerate(later):
-            told += [", then by " if number == 0 else ", ", *_sighting(sighting)]
-        told += [f"; {', '.join(map(_blind, obstacle.blind))} did not see it"] if obstacle.blind else []
+            parts += [", then by " if number == 0 else ", ", *_sighting(sighting)]
+        parts += [f"; {', '.join(map(_blind, obstacle.blind))} did not see it"] if obstacle.blind else []
     if obstacle.touched is not None:
-        told += ["; the robot touched it at ", value_link(obstacle.touched)]
+        parts += ["; the robot touched it at ", value_link(obstacle.touched)]
         if obstacle.seen and obstacle.seen[0].time < obstacle.touched:
             # The difference of the times as they are shown.
-            told.append(f", {moment(round(obstacle.touched, 2) - round(obstacle.seen[0].time, 2))} later")
-    return element("li", *told, ".")
+            parts.append(f", {moment(round(obstacle.touched, 2) - round(obstacle.seen[0].time, 2))} later")
+    return element("li", *parts, ".")
 
 
 def _sighting(sighting: SightingData) -> list[str]:

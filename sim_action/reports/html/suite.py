@@ -152,8 +152,8 @@ class _SuiteTable:
         shown = runs[0] if runs else group.worst if group.outcomes else group.gate
         assert shown is not None
         judged = [group.gate] if group.gate is not None else runs
-        found = [self._changes[id(each)] for each in judged if id(each) in self._changes]
-        change = min(found, key=_change_rank, default=None)
+        changes = [self._changes[id(run)] for run in judged if id(run) in self._changes]
+        change = min(changes, key=_change_rank, default=None)
         status = None if group.varies and group.gate is None and not group.is_part else group.status
         return element(
             "tbody",
@@ -227,8 +227,8 @@ def group_name_cell(group: ScenarioGroup, identity: str) -> Html:
     link = element("a", name, href=f"#{identity}")
     file = (group.gate or group.outcomes[0]).file
     counts = group.rate_text and f"gate: {group.rate_text}"
-    told = counts or (group.gate_text if group.is_part or group.gate is not None else group.passed)
-    return element("th", link, _small(f"{told} · {file}" if file else told), scope="row")
+    summary = counts or (group.gate_text if group.is_part or group.gate is not None else group.passed)
+    return element("th", link, _small(f"{summary} · {file}" if file else summary), scope="row")
 
 
 def _small(words: str) -> Html:
@@ -369,7 +369,7 @@ def _failures(groups: Iterable[ScenarioGroup]) -> Iterator[_Failed]:
         if group.gate is not None or group.is_part:
             continue
         for outcome in group.outcomes:
-            failed = [each for each in outcome.expectations if each.failed and not each.verdict.cut_off]
+            failed = [expected for expected in outcome.expectations if expected.failed and not expected.verdict.cut_off]
             if failed:
                 yield outcome, min(failed, key=_time)
 
@@ -385,10 +385,10 @@ def _time(expected: ExpectationOutcome) -> float:
 
 def _kind(failures: Iterable[_Failed]) -> str:
     """Return the words for failures of one kind, such as "touched pallet, or came too near"."""
-    expected = [each for _, each in failures]
+    expected = [expectation for _, expectation in failures]
     if not (body := expected[0].verdict.body):
         return f"failed {expected[0].name}"
-    near = [_is_apart(each.verdict) for each in expected]
+    near = [_is_apart(expectation.verdict) for expectation in expected]
     if all(near):
         return f"came too near to {body}"
     return f"touched {body}{', or came too near' if any(near) else ''}"
@@ -399,22 +399,22 @@ def _is_apart(verdict: Verdict) -> bool:
 
 
 def _shared(failures: Sequence[_Failed], changes: Mapping[int, ScenarioChange]) -> str:
-    worlds = {change.world if (change := changes.get(id(each))) else "" for each, _ in failures}
+    worlds = {change.world if (change := changes.get(id(outcome))) else "" for outcome, _ in failures}
     return worlds.pop() if len(worlds) == 1 else ""
 
 
 def _item(failures: Sequence[_Failed], ids: Mapping[int, str], looks: Mapping[int, RunLook], shared: str) -> Html:
     noun = "scenario" if len(_scenarios(failures)) == len(failures) else "run"
-    told: list[str] = [element("b", f"{counted(len(failures), noun)} {one_line(_kind(failures))}")]
-    told += [". Since the base run, ", element("b", shared), ": "] if shared else [": "]
+    parts: list[str] = [element("b", f"{counted(len(failures), noun)} {one_line(_kind(failures))}")]
+    parts += [". Since the base run, ", element("b", shared), ": "] if shared else [": "]
     for number, (outcome, expected) in enumerate(failures[:_MAX_NAMES]):
         name, time = one_line(outcome.name), expected.verdict.time
         place = ids.get(id(outcome))
-        told += ["; " if number else "", name if place is None else element("a", name, href=f"#{place}")]
-        told += [] if time is None else [f" at {moment(time)}"]
+        parts += ["; " if number else "", name if place is None else element("a", name, href=f"#{place}")]
+        parts += [] if time is None else [f" at {moment(time)}"]
         # Without a body, the words name the expectation.
         if body := expected.verdict.body:
             seen = look.seen.get(body) if (look := looks.get(id(outcome))) else None
-            told.append(f" ({one_line(expected.assertion)}{'' if seen is None else f', {first_seen_words(seen)}'})")
+            parts.append(f" ({one_line(expected.assertion)}{'' if seen is None else f', {first_seen_words(seen)}'})")
     more = len(failures) - _MAX_NAMES
-    return element("li", *told, f" and {more} more" if more > 0 else "")
+    return element("li", *parts, f" and {more} more" if more > 0 else "")

@@ -288,14 +288,14 @@ def _outlines(scene: scene_data.SceneData, posture: _Posture) -> list[FloatArray
 def _link_frames(scene: scene_data.SceneData, posture: _Posture) -> list[Pose]:
     """Return the frame of each link."""
     base, joints = posture
-    found = [pose_of(base)]
+    frames = [pose_of(base)]
     for link in scene.links[1:]:
         assert link.parent is not None
         own = _fixed_pose(link.origin)
         if link.joint is not None:
             own = compose(own, _motion(link.joint, joints[link.joint.column]))
-        found.append(compose(found[link.parent], own))
-    return found
+        frames.append(compose(frames[link.parent], own))
+    return frames
 
 
 @lru_cache(maxsize=4096)
