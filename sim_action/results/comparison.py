@@ -117,9 +117,9 @@ class Change:
     @property
     def outcome(self) -> Outcome:
         """The new outcome, or the old one if the scenario was removed."""
-        found = self.new or self.old
-        assert found is not None
-        return found
+        outcome = self.new or self.old
+        assert outcome is not None
+        return outcome
 
     @property
     def failed(self) -> bool:
@@ -131,9 +131,9 @@ class Change:
         """The number of warnings; a new failure is not one of them."""
         slower = self.slower is not None and self.processors is None
         of_runs = 0 if self.gate is None else self.gate.warnings
-        found = sum(map(len, (self.missed, self.weaker, self.smaller_margins)))
+        of_expectations = sum(map(len, (self.missed, self.weaker, self.smaller_margins)))
         of_claims = sum(claim.is_weaker for claim in self.claims)
-        return (self.kind in _WARNINGS) + found + slower + of_runs + of_claims
+        return (self.kind in _WARNINGS) + of_expectations + slower + of_runs + of_claims
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,9 +181,9 @@ def compare_outcomes(
     thresholds = thresholds or Thresholds()
     alone, samples = _parted(list(old), list(new))
     changes = [_change(before, now, samples.get(_gate_key(now), ()), thresholds) for before, now in alone]
-    stated, states = (dict(_by_key(each)) for each in gates)
+    stated, states = (dict(_by_key(planned_gates)) for planned_gates in gates)
     judged = adjusted([change.gate for change in changes])
-    found = (
+    compared = (
         replace(
             change,
             gate=gate,
@@ -191,7 +191,7 @@ def compare_outcomes(
         )
         for change, gate in zip(changes, judged, strict=True)
     )
-    return Comparison(tuple(found), allow_removed)
+    return Comparison(tuple(compared), allow_removed)
 
 
 def _claims(old: Gate | None, new: Gate | None) -> tuple[ClaimChange, ...]:
@@ -216,7 +216,9 @@ def _parted(
 
     Samples whose gate has no outcome are compared one by one: the results have only a part of its runs.
     """
-    gates_before, gates_now = ({_gate_key(each) for each in several if each.statistics} for several in (old, new))
+    gates_before, gates_now = (
+        {_gate_key(outcome) for outcome in several if outcome.statistics} for several in (old, new)
+    )
     pairs = list(paired_outcomes(old, new))
     same = {_gate_key(before): _gate_key(now) for before, now in pairs if before and before.statistics and now}
     alone: list[RunPair] = []
@@ -234,14 +236,14 @@ def _parted(
 def paired_outcomes(old: Sequence[Outcome], new: Sequence[Outcome]) -> Iterator[tuple[Outcome | None, Outcome | None]]:
     """Pair the outcomes of both runs; duplicates of one file and name are paired in their order."""
     places = {key: place for place, key in enumerate(_keys(old))}
-    found = [places.pop(key, None) for key in _keys(new)]
+    old_places = [places.pop(key, None) for key in _keys(new)]
     moved = _only({place: old[place].name for place in places.values()})
-    wanted = _only({place: outcome.name for place, outcome in enumerate(new) if found[place] is None})
-    for name in moved.keys() & wanted.keys():
-        found[wanted[name]] = moved[name]
-    for outcome, place in zip(new, found, strict=True):
+    unpaired = _only({place: outcome.name for place, outcome in enumerate(new) if old_places[place] is None})
+    for name in moved.keys() & unpaired.keys():
+        old_places[unpaired[name]] = moved[name]
+    for outcome, place in zip(new, old_places, strict=True):
         yield (None if place is None else old[place]), outcome
-    for place in sorted(set(range(len(old))).difference(place for place in found if place is not None)):
+    for place in sorted(set(range(len(old))).difference(place for place in old_places if place is not None)):
         yield old[place], None
 
 
@@ -261,15 +263,15 @@ def _only(names: dict[int, str]) -> dict[str, int]:
 def _change(old: Outcome | None, new: Outcome | None, samples: Sequence[RunPair], thresholds: Thresholds) -> Change:
     kind = _change_kind(old, new)
     is_gate = new is not None and new.statistics is not None
-    known = is_gate and any(before is not None for before, _ in samples)
-    gate = compare_gate(old, new, samples, thresholds.margin) if known and new is not None else None
+    is_comparable = is_gate and any(before is not None for before, _ in samples)
+    gate = compare_gate(old, new, samples, thresholds.margin) if is_comparable and new is not None else None
     if old is None or new is None:
         return Change(kind, old, new, gate=gate, weaker=gate.weaker if gate else ())
     pairs = paired_expectations(old, new)
     # Of a gate, the stated claims are compared instead.
     weaker = () if is_gate or old.statistics else tuple(weaker_checks(old, new, pairs))
     stricter = () if is_gate else tuple(stricter_limits(old, new, pairs))
-    moved = {id(each.new) for each in weaker if each.kind == "limit"} | {id(now) for _, now in stricter}
+    moved = {id(check.new) for check in weaker if check.kind == "limit"} | {id(now) for _, now in stricter}
     # The margin of a gate is that of a bound, which follows from the number of runs: its runs are compared instead.
     margins = () if is_gate else (_smaller_margin(*pair, thresholds.margin) for pair in pairs)
     return Change(

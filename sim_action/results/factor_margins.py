@@ -124,7 +124,11 @@ class ScenarioMargins(FrozenModel):
 
     def shown_by(self, outcome: Outcome) -> Outcome:
         """Return the outcome of the nominal run with the margins in place of its expectations, if there are any."""
-        asked = {each.factor: units.display(each.asked, each.unit) for each in self.margins if each.asked is not None}
+        asked = {
+            margin.factor: units.display(margin.asked, margin.unit)
+            for margin in self.margins
+            if margin.asked is not None
+        }
         options = (f"--at-least={factor}={amount}" for factor, amount in asked.items())
         # Their files do not stay.
         outcome = outcome.model_copy(
@@ -133,7 +137,7 @@ class ScenarioMargins(FrozenModel):
         if self.reason:
             return outcome.model_copy(update={"notes": (*outcome.notes, self.reason)})
         place = outcome.location or Location(self.file)
-        places = {each.name: each.location for each in outcome.expectations}
+        places = {expected.name: expected.location for expected in outcome.expectations}
         ordered = sorted(self.margins, key=lambda margin: (margin.is_kept, margin.share))
         expectations = tuple(margin.expected(places.get(margin.expectation, place)) for margin in ordered)
         # The wall time of the call is that of many runs, so the sim time of one would give a wrong speed.
@@ -144,7 +148,9 @@ class ScenarioMargins(FrozenModel):
     def _tornado(self) -> tuple[Measurement, ...]:
         """Return a bar for each factor, the one with the least margin first."""
         factors = dict.fromkeys(margin.factor for margin in self.margins if margin.has_effect and margin.runs)
-        bars = [_bar(name, [each for each in self.margins if each.factor == name and each.runs]) for name in factors]
+        bars = [
+            _bar(name, [margin for margin in self.margins if margin.factor == name and margin.runs]) for name in factors
+        ]
         return tuple(bar for _, bar in sorted(bars, key=lambda pair: pair[0]))
 
 

@@ -45,9 +45,9 @@ _ROUNDING: Final = 1e-6
 
 def judged_gate(planned: PlannedGate, runs: Sequence[Outcome]) -> Outcome:
     """Return the outcome of a gate; `runs`: all that are known, in the order of the samples."""
-    found = _decision(planned, runs)
-    decision = None if found is None else found.verdict
-    counted_runs = runs if found is None or decision is None else runs[: found.runs]
+    test_decision = _decision(planned, runs)
+    decision = None if test_decision is None else test_decision.verdict
+    counted_runs = runs if test_decision is None or decision is None else runs[: test_decision.runs]
     done = [run for run in counted_runs if run.status != "skipped"]
     failure = _blocking(planned, runs, counted_runs)
     if failure is not None:
@@ -65,8 +65,8 @@ def _decision(planned: PlannedGate, runs: Iterable[Outcome]) -> Decision | None:
     test = sequential_test(planned)
     if test is None:
         return None
-    known = takewhile(lambda run: run.status != "skipped", runs)
-    return test.decision(result_of(run) for run in known)
+    done = takewhile(lambda run: run.status != "skipped", runs)
+    return test.decision(result_of(run) for run in done)
 
 
 def sequential_test(planned: PlannedGate) -> SequentialTest | None:
@@ -83,10 +83,10 @@ def result_of(run: Outcome) -> bool | None:
 def _blocking(planned: PlannedGate, runs: Sequence[Outcome], looked_at: Sequence[Outcome]) -> Failure | None:
     """Return the reason why the gate has no verdict."""
     for kind in _BLOCKING:
-        found = [failure for run in looked_at for failure in run.failures if failure.kind == kind]
-        if found:
-            first = found[0]
-            text = f"{counted(len(found), 'run')} of {planned.runs}: {first.message}"
+        failures = [failure for run in looked_at for failure in run.failures if failure.kind == kind]
+        if failures:
+            first = failures[0]
+            text = f"{counted(len(failures), 'run')} of {planned.runs}: {first.message}"
             return first.model_copy(update={"message": text, "details": ""})
     if len(runs) < planned.runs:
         lost = f"{planned.runs - len(runs)} of {planned.runs} runs have no result"
@@ -260,33 +260,40 @@ def _minority(counts: _Counts) -> Condition:
 
 
 def _errors(most: int, counts: _Counts) -> Condition:
-    found = counts.without_verdict
-    message = f"{counted(found, 'run')} of {counts.runs} without a verdict; at most {most} may have none"
-    verdict = Verdict(found <= most, float(found), float(most), float(most - found), "runs", message=message)
+    without_verdict = counts.without_verdict
+    message = f"{counted(without_verdict, 'run')} of {counts.runs} without a verdict; at most {most} may have none"
+    verdict = Verdict(
+        without_verdict <= most,
+        float(without_verdict),
+        float(most),
+        float(most - without_verdict),
+        "runs",
+        message=message,
+    )
     return f"at most {counted(most, 'run')} without a verdict", verdict
 
 
 def _quantile(claim: Quantile, runs: Sequence[Outcome]) -> Condition:
     limit, _ = with_si_unit(claim.bound)
-    found, unit = _values(claim, runs)
-    known = [value for value in found if value is not None]
+    values, unit = _values(claim, runs)
+    measured = [value for value in values if value is not None]
     word = "at least" if claim.at_most is None else "at most"
     stated = f"{claim.bound} {unit}".rstrip() if is_bare(claim.bound) else claim.bound
     name = f"{percent(claim.q)} quantile of {claim.of} {word} {stated}"
-    bounds = statistics.quantile_bounds(known, claim.q, claim.confidence, len(found) - len(known))
+    bounds = statistics.quantile_bounds(measured, claim.q, claim.confidence, len(values) - len(measured))
     proving, refuting = bounds.lower, bounds.upper
     sign = 1.0
     if claim.claim == "at_most":
         proving, refuting, sign = bounds.upper, bounds.lower, -1.0
     shows = proving is not None and sign * (proving - limit) >= 0
     refutes = refuting is not None and sign * (refuting - limit) < 0
-    told = refuting if refutes else proving
-    text = _quantile_text(claim, bounds, len(found), len(found) - len(known), unit)
+    bound = refuting if refutes else proving
+    text = _quantile_text(claim, bounds, len(values), len(values) - len(measured), unit)
     return name, Verdict(
         shows,
-        measured=told,
+        measured=bound,
         limit=limit,
-        margin=None if told is None else sign * (told - limit),
+        margin=None if bound is None else sign * (bound - limit),
         unit=unit,
         message=text if shows or refutes else f"{text}: too few runs to tell",
         inconclusive=None if shows or refutes else "statistical",
@@ -295,9 +302,9 @@ def _quantile(claim: Quantile, runs: Sequence[Outcome]) -> Condition:
 
 def _quantile_text(claim: Quantile, bounds: QuantileBounds, runs: int, missing: int, unit: str) -> str:
     sides = (("at least", bounds.lower), ("at most", bounds.upper))
-    known = " and ".join(f"{words} {display(value, unit)}" for words, value in sides if value is not None)
+    interval = " and ".join(f"{words} {display(value, unit)}" for words, value in sides if value is not None)
     sure = f"with {percent(claim.confidence)} confidence"
-    text = f"{counted(runs, 'run')}; {sure} the {percent(claim.q)} quantile is {known or 'not bounded'}"
+    text = f"{counted(runs, 'run')}; {sure} the {percent(claim.q)} quantile is {interval or 'not bounded'}"
     return f"{text}; {counted(missing, 'run')} measured nothing" if missing else text
 
 
@@ -317,8 +324,8 @@ def _values(claim: Quantile, runs: Sequence[Outcome]) -> tuple[list[float | None
 
 def _named(name: str, run: Outcome) -> Verdict | None:
     by_name = [expected for expected in run.expectations if expected.name == name]
-    found = by_name or [expected for expected in run.expectations if expected.assertion == name]
-    return found[0].verdict if len(found) == 1 and not found[0].verdict.cut_off else None
+    matches = by_name or [expected for expected in run.expectations if expected.assertion == name]
+    return matches[0].verdict if len(matches) == 1 and not matches[0].verdict.cut_off else None
 
 
 def _expectation(planned: PlannedGate, name: str, verdict: Verdict) -> ExpectationOutcome:
@@ -383,9 +390,9 @@ def over_variations(
     Outcomes of gates among `outcomes` are judged anew. Runs of a gate that is not among `gates` count by themselves:
     nothing else would judge them. `is_part`: runs of a gate may be in other results; such a gate has no outcome.
     """
-    known = {(gate.file, gate.name): gate for gate in gates}
+    planned = {(gate.file, gate.name): gate for gate in gates}
     runs = [
-        run if run.gate is None or (run.file, run.gate) in known else run.model_copy(update={"gate": None})
+        run if run.gate is None or (run.file, run.gate) in planned else run.model_copy(update={"gate": None})
         for run in _audited_over_variations([outcome for outcome in outcomes if outcome.statistics is None])
     ]
     samples: dict[tuple[str, str], list[Outcome]] = {}
@@ -394,15 +401,15 @@ def over_variations(
             samples.setdefault((run.file, run.gate), []).append(run)
     judged = {
         key: judged_gate(gate, samples[key])
-        for key, gate in known.items()
+        for key, gate in planned.items()
         if key in samples and not (is_part and len(samples[key]) < gate.runs)
     }
-    found: list[Outcome] = []
+    with_gates: list[Outcome] = []
     for run in runs:
         if run.gate is not None and (gate := judged.pop((run.file, run.gate), None)) is not None:
-            found.append(gate)
-        found.append(run)
-    return tuple(found)
+            with_gates.append(gate)
+        with_gates.append(run)
+    return tuple(with_gates)
 
 
 def _audited_over_variations(outcomes: Sequence[Outcome]) -> list[Outcome]:
@@ -410,14 +417,14 @@ def _audited_over_variations(outcomes: Sequence[Outcome]) -> list[Outcome]:
     counted: dict[tuple[str, str | None], list[AuditWarning]] = {}
     for outcome in outcomes:
         if outcome.group is not None and outcome.has_verdict and outcome.end != "expectation failed":
-            found = [warning for warning in outcome.warnings if warning.is_over_variations]
-            same = counted.setdefault((outcome.file, outcome.group), found)
-            same[:] = [warning for warning in same if warning in found]
+            warnings = [warning for warning in outcome.warnings if warning.is_over_variations]
+            same = counted.setdefault((outcome.file, outcome.group), warnings)
+            same[:] = [warning for warning in same if warning in warnings]
     return [_audited(outcome, counted.get((outcome.file, outcome.group))) for outcome in outcomes]
 
 
 def _audited(outcome: Outcome, shared: Sequence[AuditWarning] | None) -> Outcome:
-    if shared is not None and any(each.is_over_variations and each not in shared for each in outcome.warnings):
+    if shared is not None and any(warning.is_over_variations and warning not in shared for warning in outcome.warnings):
         kept = tuple(warning for warning in outcome.warnings if not warning.is_over_variations or warning in shared)
         outcome = share_parts(outcome.model_copy(update={"warnings": kept}), outcome)
     if outcome.strict and outcome.has_verdict and outcome.status != (status := outcome.judged_status()):

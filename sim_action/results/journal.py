@@ -114,13 +114,13 @@ class Planned:
     @classmethod
     def of(cls, outcome: Outcome) -> Self:
         """Return the plan of an outcome."""
-        return cls(*(getattr(outcome, each.name) for each in fields(cls)))
+        return cls(*(getattr(outcome, field.name) for field in fields(cls)))
 
     def unfinished(self, message: str) -> Outcome:
         """Return the outcome of a scenario that has not finished."""
         failure = Failure(kind="interrupted", title="not finished", message=message)
-        known = {each.name: getattr(self, each.name) for each in fields(self)}
-        return Outcome(**known, status="error", failures=(failure,))
+        plan = {field.name: getattr(self, field.name) for field in fields(self)}
+        return Outcome(**plan, status="error", failures=(failure,))
 
 
 def _commit(environment: Mapping[str, str]) -> str | None:
@@ -240,14 +240,14 @@ class Recorded:
 
     def results(self) -> Results:
         """Return the results: every planned outcome, those that are not final as not finished."""
-        known = self._known()
-        outcomes = [self._outcome(place, planned, known) for place, planned in enumerate(self.header.planned)]
+        verdicts = self._known()
+        outcomes = [self._outcome(place, planned, verdicts) for place, planned in enumerate(self.header.planned)]
         return self._results(outcomes, is_part=self.header.shard is not None or self.header.selected)
 
     def results_so_far(self) -> Results:
         """Return the results of a call that goes on: the final outcomes, and the gates whose runs are all final."""
-        found = (record.outcome for _, record in sorted(self.finished.items()))
-        return self._results([outcome for outcome in found if outcome is not None], is_part=True)
+        outcomes = (record.outcome for _, record in sorted(self.finished.items()))
+        return self._results([outcome for outcome in outcomes if outcome is not None], is_part=True)
 
     def _results(self, outcomes: Sequence[Outcome], *, is_part: bool) -> Results:
         header = self.header
@@ -264,23 +264,23 @@ class Recorded:
             outcomes=over_variations(outcomes, header.gates, is_part=is_part),
         )
 
-    def _outcome(self, place: int, planned: Planned, known: Mapping[int, Sequence[str]]) -> Outcome:
+    def _outcome(self, place: int, planned: Planned, verdicts: Mapping[int, Sequence[str]]) -> Outcome:
         if place in self.finished and (outcome := self.finished[place].outcome) is not None:
             return outcome
-        started = "ended" if place in known else "started"
+        started = "ended" if place in verdicts else "started"
         message = f"sim-action ended before this scenario {started}"
-        return planned.unfinished("; ".join((message, *known.get(place, ()))))
+        return planned.unfinished("; ".join((message, *verdicts.get(place, ()))))
 
     def _known(self) -> dict[int, list[str]]:
         """Return the verdicts of runs for each place that has started and may not be final."""
-        known: dict[int, list[str]] = {}
+        verdicts: dict[int, list[str]] = {}
         for record in self.records:
             if record.place is None or record.place in self.finished:
                 continue
-            words = known.setdefault(record.place, [])
+            words = verdicts.setdefault(record.place, [])
             if record.event == "run" and record.outcome is not None:
                 words.append(f"run {record.turn} {record.outcome.ending}")
-        return known
+        return verdicts
 
 
 class Journal:
@@ -397,10 +397,10 @@ class Journal:
         """Return True if the open file is still at its path, with its size. User code may change, move or remove it."""
         opened = os.fstat(descriptor)
         try:
-            found = self._path.lstat()
+            status = self._path.lstat()
         except OSError:
             return False
-        return opened.st_size == self._size and found.st_ino == opened.st_ino
+        return opened.st_size == self._size and status.st_ino == opened.st_ino
 
     def _write_whole(self) -> None:
         """Write the header and all records to a new file. Raise OSError."""
@@ -546,12 +546,12 @@ class JournalFollower:
     def _continue(self, file: BinaryIO) -> None:
         """Read further lines. Raise OSError, and ValidationError if the first line is no header."""
         status = os.fstat(file.fileno())
-        found = (status.st_dev, status.st_ino)
+        file_id = (status.st_dev, status.st_ino)
         self.written_at = status.st_mtime
         file.seek(self._offset - len(self._end))
-        if found != self._file or file.read(len(self._end)) != self._end:
+        if file_id != self._file or file.read(len(self._end)) != self._end:
             self._forget()
-            self._file = found
+            self._file = file_id
             file.seek(0)
         limit = self._offset + _MAX_BYTES_OF_LOOK
         while self._offset < limit:

@@ -58,8 +58,8 @@ class Mask:
         `outcome`: the outcome as code of the repository may have written it; `names`: True if that code also chose the
         names in it; `states`: True if a scenario could state the variable with `environment:`.
         """
-        hinted = tuple(self._hinted(each, states=states) for each in outcome.failures)
-        judged = tuple(self._judged_with_hint(each, states=states) for each in outcome.expectations)
+        hinted = tuple(self._hinted(failure, states=states) for failure in outcome.failures)
+        judged = tuple(self._judged_with_hint(expected, states=states) for expected in outcome.expectations)
         pairs = zip((*hinted, *judged), (*outcome.failures, *outcome.expectations), strict=True)
         if any(new is not old for new, old in pairs):
             outcome = outcome.model_copy(update={"failures": hinted, "expectations": judged})
@@ -68,13 +68,17 @@ class Mask:
         return outcome.model_copy(
             update={
                 "name": self.text(outcome.name) if names else outcome.name,
-                "expectations": tuple(self._expectation(each, names=names) for each in outcome.expectations),
+                "expectations": tuple(self._expectation(expected, names=names) for expected in outcome.expectations),
                 "failures": tuple(map(self._failure, outcome.failures)),
                 "marks": tuple(replace(mark, words=self.text(mark.words)) for mark in outcome.marks),
                 "notes": tuple(map(self.text, outcome.notes)),
                 "model_notes": tuple(map(self.text, outcome.model_notes)),
-                "warnings": tuple(_changed(each, message=self.text(each.message)) for each in outcome.warnings),
-                "diagnostics": tuple(_changed(each, message=self.text(each.message)) for each in outcome.diagnostics),
+                "warnings": tuple(
+                    _changed(warning, message=self.text(warning.message)) for warning in outcome.warnings
+                ),
+                "diagnostics": tuple(
+                    _changed(diagnostic, message=self.text(diagnostic.message)) for diagnostic in outcome.diagnostics
+                ),
                 "output": self.text(outcome.output),
             }
         )
@@ -96,9 +100,9 @@ class Mask:
             case str():
                 return self.text(data) if keys is None or key in keys else data
             case list():
-                return [self.values(each, keys, key) for each in data]
+                return [self.values(part, keys, key) for part in data]
             case dict():
-                return {name: self.values(each, keys, name) for name, each in data.items()}
+                return {name: self.values(part, keys, name) for name, part in data.items()}
         return data
 
     def _expectation(self, expected: ExpectationOutcome, *, names: bool) -> ExpectationOutcome:

@@ -161,7 +161,7 @@ class Scope(FrozenModel):
         held = expected.assertion.hold_time if expected.span is None else expected.span
         end: float | None = scenario.time_limit
         if not expected.assertion.is_goal and (
-            scenario.duration is not None or any(each.assertion.is_goal for each in scenario.expect)
+            scenario.duration is not None or any(expectation.assertion.is_goal for expectation in scenario.expect)
         ):
             end = scenario.duration
         return cls(
@@ -188,7 +188,7 @@ def _stated(assertion: Assertion, path: str = "") -> Iterator[tuple[str, JsonVal
 def flattened(stated: Mapping[str, JsonValue], path: str = "") -> Iterator[tuple[str, JsonValue]]:
     """Yield the path of each key below nested maps and lists, with its value; `path`: before each."""
     for key, value in stated.items():
-        listed = {str(number): each for number, each in enumerate(value)} if isinstance(value, list) else value
+        listed = {str(number): entry for number, entry in enumerate(value)} if isinstance(value, list) else value
         if isinstance(listed, dict):
             yield from flattened(listed, f"{path}{key}.")
         else:
@@ -196,8 +196,11 @@ def flattened(stated: Mapping[str, JsonValue], path: str = "") -> Iterator[tuple
 
 
 def _allowed(assertion: Assertion) -> set[str]:
-    found = {each if isinstance(each, str) else " with ".join(sorted(each)) for each in getattr(assertion, "allow", ())}
-    return found.union(*(_allowed(part) for _, part in getattr(assertion, "placed_parts", ())))
+    allowed = {
+        contact if isinstance(contact, str) else " with ".join(sorted(contact))
+        for contact in getattr(assertion, "allow", ())
+    }
+    return allowed.union(*(_allowed(part) for _, part in getattr(assertion, "placed_parts", ())))
 
 
 class Spread(FrozenModel):
@@ -450,7 +453,7 @@ class Outcome(FrozenModel):
     def simulated(self) -> float:
         """The total sim time in s of all its runs."""
         repeated = (self.sim_time or 0.0) * (self.repeats.count if self.repeats else 1)
-        return repeated + sum(each.sim_time or 0.0 for each in self.repetitions)
+        return repeated + sum(repetition.sim_time or 0.0 for repetition in self.repetitions)
 
     @property
     def causes_first(self) -> tuple[ExpectationOutcome, ...]:
@@ -461,7 +464,7 @@ class Outcome(FrozenModel):
     def not_passed(self) -> tuple[ExpectationOutcome, ...]:
         """The expectations that did not pass, the worst status first; undecided (cut off) ones come last."""
         bad = [expected for expected in self.expectations if expected.status != "passed"]
-        return tuple(sorted(bad, key=lambda each: (each.verdict.cut_off, WORST_FIRST.index(each.status))))
+        return tuple(sorted(bad, key=lambda expected: (expected.verdict.cut_off, WORST_FIRST.index(expected.status))))
 
     @property
     def causes(self) -> tuple[ExpectationOutcome, ...]:
@@ -493,7 +496,7 @@ class Outcome(FrozenModel):
         `is_varied`: True for a variation alone: it does not know the warnings that count only if all variations have
         them.
         """
-        failing = [each for each in self.failing_warnings if not (is_varied and each.is_over_variations)]
+        failing = [warning for warning in self.failing_warnings if not (is_varied and warning.is_over_variations)]
         return "failed" if failing else status_of(self.expectations)
 
     @property

@@ -146,12 +146,12 @@ def adjusted(gates: Sequence[GateComparison | None]) -> list[GateComparison | No
     """
     places = [place for place, gate in enumerate(gates) if gate and gate.rate and _can_be_significant(gate.rate)]
     rates = {place: rate for place in places if (gate := gates[place]) and (rate := gate.rate)}
-    found = list(gates)
+    comparisons = list(gates)
     for (place, rate), p in zip(rates.items(), holm([rate.p for rate in rates.values()]), strict=True):
         gate = gates[place]
         assert gate is not None, "it has a rate"
-        found[place] = replace(gate, rate=replace(rate, p=p, tests=len(rates)))
-    return found
+        comparisons[place] = replace(gate, rate=replace(rate, p=p, tests=len(rates)))
+    return comparisons
 
 
 def is_smaller_margin(old: float, new: float, pairs: Iterable[Pair], threshold: float) -> bool:

@@ -140,21 +140,21 @@ class ProvenScenario(FrozenModel):
     @property
     def useless(self) -> tuple[ProvenExpectation, ...]:
         """The expectations that check nothing here."""
-        return tuple(each for each in self.expectations if each.finding == "checks nothing")
+        return tuple(expectation for expectation in self.expectations if expectation.finding == "checks nothing")
 
     @property
     def unproven(self) -> tuple[ProvenExpectation, ...]:
         """The expectations that have noticed nothing: those that check nothing, and those that are unknown."""
-        return tuple(each for each in self.expectations if each.finding != "notices")
+        return tuple(expectation for expectation in self.expectations if expectation.finding != "notices")
 
     @property
     def survivors(self) -> tuple[MutantResult, ...]:
         """The mutants that moved the robot another way, and that nothing noticed."""
-        return tuple(each for each in self.mutants if each.status == "survived" and each.change is not None)
+        return tuple(mutant for mutant in self.mutants if mutant.status == "survived" and mutant.change is not None)
 
     def with_status(self, *statuses: MutantStatus) -> tuple[MutantResult, ...]:
         """Return the mutants with one of some results."""
-        return tuple(each for each in self.mutants if each.status in statuses)
+        return tuple(mutant for mutant in self.mutants if mutant.status in statuses)
 
 
 class Proof(FrozenModel):

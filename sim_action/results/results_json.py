@@ -48,8 +48,8 @@ class Shard(FrozenModel):
     @classmethod
     def parse(cls, text: str, total: int) -> Self:
         """Parse "I/N" for a list of `total` scenarios. Raises UsageError."""
-        found = re.fullmatch(r"\s*([0-9]{1,3})\s*/\s*([0-9]{1,3})\s*", text)
-        index, count = map(int, found.groups()) if found else (0, 0)
+        match = re.fullmatch(r"\s*([0-9]{1,3})\s*/\s*([0-9]{1,3})\s*", text)
+        index, count = map(int, match.groups()) if match else (0, 0)
         if not 1 <= index <= count <= MAX_SHARDS:
             allowed = f"I/N with 1 <= I <= N <= {MAX_SHARDS}, such as 1/3"
             raise UsageError(escaped_line(f"--shard {text}: must be {allowed}"))
@@ -287,11 +287,12 @@ def _set_measurements_apart(outcome: dict[str, Any]) -> None:
     expectations = outcome.get("expectations")
     if not isinstance(expectations, list):
         return
-    found = [each for each in expectations if _is_measurement(each)]
-    if found:
-        outcome["expectations"] = [each for each in expectations if not _is_measurement(each)]
+    measurements = [expectation for expectation in expectations if _is_measurement(expectation)]
+    if measurements:
+        outcome["expectations"] = [expectation for expectation in expectations if not _is_measurement(expectation)]
         outcome["measurements"] = [
-            {"name": each.get("name"), **{key: each["verdict"].get(key) for key in _MEASURED}} for each in found
+            {"name": measurement.get("name"), **{key: measurement["verdict"].get(key) for key in _MEASURED}}
+            for measurement in measurements
         ]
 
 
@@ -310,8 +311,8 @@ def _first_problem(error: ValidationError) -> str:
     """Return the place and message of the first error; invalid keys are not repeated, since anyone may choose them."""
     details, more = error.errors(include_url=False)[0], error.error_count() - 1
     steps = [str(step) for step in details["loc"] if isinstance(step, int) or step.isidentifier()]
-    if steps == ["version"] and type(found := details["input"]) is int:
-        return f"its format version is {found}, and this sim-action reads {_FIRST_VERSION} to {_VERSION}"
+    if steps == ["version"] and type(version := details["input"]) is int:
+        return f"its format version is {version}, and this sim-action reads {_FIRST_VERSION} to {_VERSION}"
     text = ": ".join(part for part in (".".join(steps), details["msg"]) if part)
     return f"{text} (and {more} more)" if more else text
 
@@ -330,7 +331,7 @@ def find_all(patterns: Iterable[str]) -> dict[str, list[Path]]:
 
 
 def read_all(
-    found: Mapping[str, Iterable[Path]], most: int = MAX_OUTCOMES, lost: dict[Path, str] | None = None
+    paths: Mapping[str, Iterable[Path]], most: int = MAX_OUTCOMES, lost: dict[Path, str] | None = None
 ) -> list[ResultsFile]:
     """Read each file once. Raises UsageError if a file is not valid, or if there are too many outcomes in total.
 
@@ -338,7 +339,7 @@ def read_all(
     """
     files: list[ResultsFile] = []
     count = 0
-    for path in unique(found):
+    for path in unique(paths):
         try:
             results = _read_consistent(path)
         except UsageError as error:

@@ -60,31 +60,31 @@ def merge_shards(files: Sequence[ResultsFile], listing: Listing | None) -> list[
 
 def gates_of(files: Iterable[ResultsFile], listing: Listing | None = None) -> tuple[PlannedGate, ...]:
     """Return the gates of all files and scenarios. Raises UsageError if two state one gate differently."""
-    found: dict[tuple[str, str], tuple[PlannedGate, Path]] = {}
+    gates: dict[tuple[str, str], tuple[PlannedGate, Path]] = {}
     for path, gate in ((file.path, gate) for file in files for gate in file.results.gates):
-        known, where = found.setdefault((compared_name(gate.file), gate.name), (gate, path))
-        if known != gate:
+        first, where = gates.setdefault((compared_name(gate.file), gate.name), (gate, path))
+        if first != gate:
             _reject(f"{where} and {path} state different gates for '{gate.name}'; run all shards on the same files")
-    listed = [each.gate for each in listing.scenarios if each.gate is not None] if listing else []
+    listed = [scenario.gate for scenario in listing.scenarios if scenario.gate is not None] if listing else []
     for gate in listed:
-        known, where = found.setdefault((compared_name(gate.file), gate.name), (gate, Path()))
-        if (known.gate, known.runs) != (gate.gate, gate.runs):
+        first, where = gates.setdefault((compared_name(gate.file), gate.name), (gate, Path()))
+        if (first.gate, first.runs) != (gate.gate, gate.runs):
             same = "run all shards on the same files"
             _reject(f"the gate of '{gate.name}' in {where} is not that of {gate.file}; {same}")
-    return tuple(gate for gate, _ in found.values())
+    return tuple(gate for gate, _ in gates.values())
 
 
 def _check_files(files: Iterable[ResultsFile]) -> None:
     """Raise UsageError for duplicates; outcomes of several engines have distinct names in one file."""
     seen: dict[Unit, Path] = {}
-    told = set[tuple[Unit, str]]()
+    seen_outcomes = set[tuple[Unit, str]]()
     for path, outcome in ((file.path, outcome) for file in files for outcome in file.results.runs if outcome.file):
         unit, called = _unit(outcome), _called(outcome)
         if seen.setdefault(unit, path) != path:
             _reject(f"both {seen[unit]} and {path} contain results of {called}; each scenario may occur only once")
-        if (unit, outcome.name) in told:
+        if (unit, outcome.name) in seen_outcomes:
             _reject(f"{path} contains results of {called} twice; each scenario may occur only once")
-        told.add((unit, outcome.name))
+        seen_outcomes.add((unit, outcome.name))
 
 
 def _called(outcome: Outcome) -> str:
@@ -115,11 +115,11 @@ def _check_shards(sharded: Sequence[tuple[Shard, ResultsFile]]) -> None:
             _reject(f"both {seen[shard.index]} and {file.path} are {shard}")
         seen[shard.index] = file.path
     for shard, _ in sharded[:1]:
-        found = _count(sharded)
-        if found > shard.total or (found < shard.total and len(sharded) == shard.count):
+        total = _count(sharded)
+        if total > shard.total or (total < shard.total and len(sharded) == shard.count):
             _reject(
                 f"the shards belong to different lists: each states a total of {shard.total}, "
-                f"but together they contain {found} scenarios"
+                f"but together they contain {total} scenarios"
             )
 
 
@@ -154,13 +154,15 @@ def _as_listed(entries: Sequence[Entry], listing: Listing) -> list[Entry]:
 
 
 def _units(listing: Listing) -> list[Unit]:
-    files = [each.file if isinstance(each, Refused) else each.document.file for each in listing.scenarios]
+    files = [
+        scenario.file if isinstance(scenario, Refused) else scenario.document.file for scenario in listing.scenarios
+    ]
     compared = {file: compared_name(file) for file in files}
-    return [(compared[file], each.number) for file, each in zip(files, listing.scenarios, strict=True)]
+    return [(compared[file], scenario.number) for file, scenario in zip(files, listing.scenarios, strict=True)]
 
 
 def _not_run(entries: Iterable[Entry], listing: Listing, *, left_any: bool) -> Iterator[Entry]:
-    found = {_unit(entry.outcome): entry.outcome for entry in entries}
+    outcomes = {_unit(entry.outcome): entry.outcome for entry in entries}
     lost = "a result for this scenario; check the jobs that should have run it"
     message = (
         f"no shard returned {lost if left_any else 'any results; check the jobs that should have run the scenarios'}"
@@ -168,16 +170,16 @@ def _not_run(entries: Iterable[Entry], listing: Listing, *, left_any: bool) -> I
     stopped = set[tuple[str, str]]()
     for unit, scenario in zip(_units(listing), listing.scenarios, strict=True):
         whole = (unit[0], (scenario.group or scenario.name if isinstance(scenario, Source) else scenario.name))
-        if unit in found and found[unit].failures and found[unit].group is None:
+        if unit in outcomes and outcomes[unit].failures and outcomes[unit].group is None:
             # If the variations of a scenario cannot be run, the error of the first one covers all of them.
             stopped.add(whole)
-        if unit not in found and (unit[0], None) not in found and whole not in stopped:
+        if unit not in outcomes and (unit[0], None) not in outcomes and whole not in stopped:
             yield Entry(_without_result(scenario, message))
     for pattern in listing.empty:
-        if (compared_name(escaped_line(pattern)), None) not in found:
+        if (compared_name(escaped_line(pattern)), None) not in outcomes:
             yield Entry(Outcome.of_nothing(pattern))
     for unmatched in map(Outcome.of_unmatched, listing.unmatched):
-        if _unit(unmatched) not in found:
+        if _unit(unmatched) not in outcomes:
             yield Entry(unmatched)
 
 

@@ -94,7 +94,9 @@ def stricter_limits(old: Outcome, new: Outcome, pairs: Iterable[Pair]) -> Iterat
     if not new.has_verdict:
         return
     # Of several with one name, it is not known which is which.
-    counts = Counter((id(run), each.assertion, each.name) for run in (old, new) for each in run.expectations)
+    counts = Counter(
+        (id(run), expected.assertion, expected.name) for run in (old, new) for expected in run.expectations
+    )
     for one, now in pairs:
         several = counts[id(old), one.assertion, one.name] > 1 or counts[id(new), now.assertion, now.name] > 1
         if not several and _is_stated(old, new, one, now) and _allows_more(now.verdict, one.verdict):
@@ -120,18 +122,18 @@ def loosened_times(old: ExpectationOutcome, new: ExpectationOutcome) -> dict[str
     is_known = was.end is not None and now.end is not None
     ends = [_end(scope, is_known=is_known) for scope in (was, now)]
     later, longer = now.after - was.after, ends[1] - ends[0] if ends[1] != ends[0] else 0.0
-    found: dict[str, tuple[float | None, float | None]] = {}
+    loosened: dict[str, tuple[float | None, float | None]] = {}
     if (later < 0) if is_goal else (later > 0):
-        found["after"] = was.after, now.after
+        loosened["after"] = was.after, now.after
     if (longer > 0) if is_goal else (longer < 0):
         stated = was.before, now.before
         if is_known:
-            found["before" if any(stated) else "end"] = ends[0], ends[1]
+            loosened["before" if any(stated) else "end"] = ends[0], ends[1]
         else:
-            found["before"] = stated
+            loosened["before"] = stated
     if (was.held or 0.0) > (now.held or 0.0):
-        found["for"] = was.held, now.held
-    return found
+        loosened["for"] = was.held, now.held
+    return loosened
 
 
 def _end(scope: Scope, *, is_known: bool) -> float:
@@ -146,7 +148,11 @@ def loosened_statements(old: ExpectationOutcome, new: ExpectationOutcome) -> dic
     """Return the keys whose statements differ, and are not known to be stricter now."""
     if old.scope is None or new.scope is None or not (old.scope.stated and new.scope.stated):
         return {}
-    return {key: each for key, each in _differing(old.scope.stated, new.scope.stated) if not _is_stricter(key, *each)}
+    return {
+        key: statements
+        for key, statements in _differing(old.scope.stated, new.scope.stated)
+        if not _is_stricter(key, *statements)
+    }
 
 
 def _differing(old: Mapping[str, JsonValue], new: Mapping[str, JsonValue]) -> Iterator[tuple[str, Statement]]:
@@ -236,9 +242,9 @@ class ClaimChange:
 def claim_changes(old: Gate, new: Gate) -> tuple[ClaimChange, ...]:
     """Return the claims that demand less in the new gate, then those that demand more; `runs` is no claim."""
     stricter = (
-        ClaimChange(each.kind, each.claim, each.new, each.old, is_weaker=False)
-        for each in _weaker(new, old)
-        if each.kind != "removed"
+        ClaimChange(change.kind, change.claim, change.new, change.old, is_weaker=False)
+        for change in _weaker(new, old)
+        if change.kind != "removed"
     )
     return *_weaker(old, new), *stricter
 
@@ -248,8 +254,8 @@ def surroundings_changes(old: Outcome, new: Outcome) -> Iterator[ClaimChange]:
     if not (old.has_verdict and new.has_verdict and _is_recorded(old) and _is_recorded(new)):
         return
     groups: dict[str, list[tuple[str, Statement]]] = {}
-    for key, each in _differing(old.surroundings, new.surroundings):
-        groups.setdefault(".".join(key.split(".")[:_DEPTH]), []).append((key, each))
+    for key, statements in _differing(old.surroundings, new.surroundings):
+        groups.setdefault(".".join(key.split(".")[:_DEPTH]), []).append((key, statements))
     for name, differing in groups.items():
         before, now = (
             ", ".join(
@@ -269,7 +275,7 @@ _DEPTH: Final = 3  # number of keys that name a part of the world, such as `worl
 
 def _is_recorded(outcome: Outcome) -> bool:
     """Return True if the version that wrote an outcome recorded what scenarios state."""
-    return any(each.scope is not None and each.scope.end is not None for each in outcome.expectations)
+    return any(expected.scope is not None and expected.scope.end is not None for expected in outcome.expectations)
 
 
 def _weaker(old: Gate, new: Gate) -> Iterator[ClaimChange]:
@@ -321,7 +327,7 @@ def _less_confidence(key: str, old: float, new: float) -> Iterator[ClaimChange]:
 
 
 def _weaker_quantile(old: Quantile, others: Sequence[Quantile]) -> Iterator[ClaimChange]:
-    changes = [tuple(_changes_of_quantile(old, each)) for each in others if _is_comparable(old, each)]
+    changes = [tuple(_changes_of_quantile(old, other)) for other in others if _is_comparable(old, other)]
     removed = ClaimChange("removed", f"quantile of {old.of}", _quantile_text(old))
     yield from min(changes, key=len, default=(removed,))
 

@@ -47,17 +47,17 @@ EXPORTS: Final = Table[type[Export]](
 def wanted_formats(typed: Iterable[str]) -> tuple[str, ...]:
     """Return the requested formats, each once; names may be separated by commas. Raises UsageError."""
     names = [name.strip() for text in typed for name in text.split(",")]
-    wanted = tuple(dict.fromkeys(filter(None, names)))
-    for name in wanted:
+    formats = tuple(dict.fromkeys(filter(None, names)))
+    for name in formats:
         if name not in EXPORTS:
             raise UsageError(escaped_line(f"--record: unknown format '{name}'{did_you_mean(name, EXPORTS)}"))
         _refuse_without_packages(name, EXPORTS.load(name))
-    return wanted
+    return formats
 
 
 def _refuse_without_packages(name: str, export: type[Export]) -> None:
-    wanted = dict.fromkeys(package.partition(".")[0] for package in export.packages)
-    missing = [package for package in wanted if find_spec(package) is None]
+    modules = dict.fromkeys(package.partition(".")[0] for package in export.packages)
+    missing = [package for package in modules if find_spec(package) is None]
     if missing:
         extra = export.extra
         raise UsageError(

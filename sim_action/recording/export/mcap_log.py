@@ -193,7 +193,9 @@ class _Turns:
         """Return the times in s from `start` to before `end` at which wrenches on a link may change in its frame."""
         if not wrenches:
             return []
-        if not any(self._frame(each) != each.link and any((*each.force_xyz, *each.torque_xyz)) for each in wrenches):
+        if not any(
+            self._frame(wrench) != wrench.link and any((*wrench.force_xyz, *wrench.torque_xyz)) for wrench in wrenches
+        ):
             return [start]
         first, last = np.searchsorted(self._trace.time, (start + TIME_EPSILON_S, end - TIME_EPSILON_S))
         return [start, *self._trace.time[first:last].tolist()]
@@ -245,8 +247,8 @@ def _spans(links: Sequence[Link]) -> Iterator[tuple[int, int]]:
 
 
 def _messages(time: FloatArray, links: Sequence[Link], start: int = 0) -> list[bytes]:
-    told = [(parent, child, track[start : start + len(time)]) for parent, child, track in links]
-    return _filled(time, [link for link in told if not np.isnan(link[2][0, 0])])
+    later_links = [(parent, child, track[start : start + len(time)]) for parent, child, track in links]
+    return _filled(time, [link for link in later_links if not np.isnan(link[2][0, 0])])
 
 
 def _filled(time: FloatArray, links: Sequence[Link]) -> list[bytes]:
@@ -325,8 +327,8 @@ class OdometryTrack:
 
     def latest(self, time: FloatArray) -> FloatArray:
         """Return (T, 7) the last odometry pose at or before each time."""
-        told = np.searchsorted(self.time, time + TIME_EPSILON_S, side="right") - 1
-        poses: FloatArray = self.poses[told.clip(0)]
+        rows = np.searchsorted(self.time, time + TIME_EPSILON_S, side="right") - 1
+        poses: FloatArray = self.poses[rows.clip(0)]
         return poses
 
 
@@ -369,13 +371,13 @@ def _ground_truth(trace: Trace) -> OdometryTrack:
     return OdometryTrack(trace.time, np.column_stack((trace.base_position_xyz, turned)), np.column_stack(twists))
 
 
-def _odometry_topic(name: str, frame: str, child: str, told: OdometryTrack, source: str) -> Topic:
+def _odometry_topic(name: str, frame: str, child: str, track: OdometryTrack, source: str) -> Topic:
     form = CdrForm().gap("<i4", 2).string(frame).string(child)
     form.gap("<f8", 7).fixed("<f8", *_COVARIANCE).gap("<f8", 6).fixed("<f8", *_COVARIANCE)
-    messages = form.filled(len(told.time), stamps(told.time), told.poses, told.twists)
-    return Topic(name, _ODOMETRY, nanoseconds(told.time), messages, {"source": source})
+    messages = form.filled(len(track.time), stamps(track.time), track.poses, track.twists)
+    return Topic(name, _ODOMETRY, nanoseconds(track.time), messages, {"source": source})
 
 
 def of_pose(pose: Pose, count: int = 1) -> FloatArray:
     """Return poses (N, 7) x, y, z in m and quaternion x, y, z, w; the numbers of `pose` may be columns (N,)."""
-    return np.column_stack([np.broadcast_to(each, count) for each in (*pose.position_xyz, *pose.orientation_xyzw)])
+    return np.column_stack([np.broadcast_to(number, count) for number in (*pose.position_xyz, *pose.orientation_xyzw)])

@@ -39,8 +39,8 @@ class RecordedRun:
     def of(cls, scene: Scene, film: Trace, trace: Trace, scenario: Scenario, twists: CommandedTwists) -> Self:
         """Combine the trace for the replay (`film`) and the stored trace; the poses come from the finer one."""
         finest = trace if len(trace) > len(film) else film
-        told = replace(finest, contacts=film.contacts, bodies=film.bodies, sensors=trace.sensors)
-        return cls(scene, told, scenario.sensors, twists, scenario.trace.links)
+        combined = replace(finest, contacts=film.contacts, bodies=film.bodies, sensors=trace.sensors)
+        return cls(scene, combined, scenario.sensors, twists, scenario.trace.links)
 
     @cached_property
     def bodies(self) -> Mapping[str, FloatArray]:
@@ -48,16 +48,16 @@ class RecordedRun:
 
         The values are NaN until a body appears.
         """
-        found = {}
+        poses_by_body = {}
         for name, record in self.trace.bodies.items():
             # Between two records, a body keeps the last recorded pose.
             rows = np.searchsorted(record.time, self.trace.time + TIME_EPSILON_S, side="right") - 1
-            found[name] = np.column_stack((record.position_xyz, record.orientation_xyzw))[rows.clip(0)]
+            poses_by_body[name] = np.column_stack((record.position_xyz, record.orientation_xyzw))[rows.clip(0)]
         for body in self.scene.world.objects:
             if body.appears is not None or body.disappears is not None:
-                poses = found[body.name] if body.name in found else self._fixed(body)
-                found[body.name] = np.where(self._is_there(body)[:, None], poses, np.nan)
-        return found
+                poses = poses_by_body[body.name] if body.name in poses_by_body else self._fixed(body)
+                poses_by_body[body.name] = np.where(self._is_there(body)[:, None], poses, np.nan)
+        return poses_by_body
 
     def _is_there(self, body: Body) -> NDArray[np.bool_]:
         rate = self.scene.physics.rate

@@ -157,13 +157,15 @@ def _by_moment(run: RecordedRun) -> Iterator[tuple[int, ContactPoints]]:
     moments = np.searchsorted(time, np.array([touch.time for touch in touches]) - TIME_EPSILON_S).clip(
         max=len(time) - 1
     )
-    found = defaultdict[int, dict[tuple[str, str], tuple[float, list[Vector3]]]](dict)
+    pairs_by_moment = defaultdict[int, dict[tuple[str, str], tuple[float, list[Vector3]]]](dict)
     for moment, touch in zip(moments.tolist(), touches, strict=True):
-        pairs, pair = found[moment], (touch.link, touch.body)
+        pairs, pair = pairs_by_moment[moment], (touch.link, touch.body)
         if pair not in pairs or pairs[pair][0] < touch.time:
             pairs[pair] = (touch.time, [])
         pairs[pair][1].append(touch.position_xyz)
-    return ((moment, {pair: points for pair, (_, points) in pairs.items()}) for moment, pairs in found.items())
+    return (
+        (moment, {pair: points for pair, (_, points) in pairs.items()}) for moment, pairs in pairs_by_moment.items()
+    )
 
 
 def robot_description(run: RecordedRun) -> Iterator[Topic]:

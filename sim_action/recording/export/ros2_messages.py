@@ -155,9 +155,9 @@ def _closure(name: str) -> Iterator[str]:
     """Yield a type and its nested types, each once."""
     waiting, seen = [name], {name}
     while waiting:
-        found = waiting.pop(0)
-        yield found
-        used = [other for other in _NAMED.findall(_FIELDS[found]) if other not in seen]
+        message_type = waiting.pop(0)
+        yield message_type
+        used = [other for other in _NAMED.findall(_FIELDS[message_type]) if other not in seen]
         waiting += dict.fromkeys(used)
         seen.update(used)
 

@@ -100,8 +100,8 @@ def shown_moments(time: NDArray[np.float64], rate: int) -> tuple[list[int], int]
     """Return the indices of the moments in the video, the last one included, and its speed-up factor."""
     duration = float(time[-1] - time[0])
     speed = max(1, int(np.ceil(duration * rate / MAX_PICTURES)))
-    wanted = np.append(np.arange(time[0], time[-1] - TIME_EPSILON_S, speed / rate), time[-1])
-    return (np.searchsorted(time, wanted + TIME_EPSILON_S, side="right") - 1).tolist(), speed
+    picture_times = np.append(np.arange(time[0], time[-1] - TIME_EPSILON_S, speed / rate), time[-1])
+    return (np.searchsorted(time, picture_times + TIME_EPSILON_S, side="right") - 1).tolist(), speed
 
 
 class _Stage:
@@ -130,13 +130,13 @@ class _Stage:
         return _pose([*trace.base_position_xyz[moment].tolist(), *trace.base_orientation_xyzw[moment].tolist()])
 
     def _bodies(self, moment: int) -> dict[str, Pose]:
-        found = {name: track[moment] for name, track in self._run.bodies.items()}
-        return {name: _pose(numbers.tolist()) for name, numbers in found.items() if np.isfinite(numbers).all()}
+        poses = {name: track[moment] for name, track in self._run.bodies.items()}
+        return {name: _pose(numbers.tolist()) for name, numbers in poses.items() if np.isfinite(numbers).all()}
 
     def _placed_robot(self, base: Pose, moment: int) -> list[Placed]:
         model, trace = self._run.scene.model, self._run.trace
-        told = dict(zip(trace.joint_names, trace.joint_position[moment].tolist(), strict=True))
-        links = link_poses(model, {**model.positions({}), **told})
+        positions = dict(zip(trace.joint_names, trace.joint_position[moment].tolist(), strict=True))
+        links = link_poses(model, {**model.positions({}), **positions})
         frames = {name: geometry.compose(base, pose) for name, pose in links.items()}
         return _placed(self._robot, frames)
 

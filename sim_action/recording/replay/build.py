@@ -232,10 +232,10 @@ def frames_of(
 
 def _commanded(trace: Trace, aims: CommandedValues, steps: Sequence[float]) -> tuple[Column | None, ...]:
     """Return a column per joint, None for a joint without position targets; nothing if no joint has one."""
-    found = [aims.at(name, trace.time) for name in trace.joint_names]
+    targets = [aims.at(name, trace.time) for name in trace.joint_names]
     columns = [
         Column.encoded(values, step) if np.isfinite(values).any() else None
-        for values, step in zip(found, steps, strict=True)
+        for values, step in zip(targets, steps, strict=True)
     ]
     return tuple(columns) if any(columns) else ()
 
@@ -274,13 +274,13 @@ _TIME_RESOLUTION_S: Final = 1e-3  # that of golden files
 def stored_signals(scenario: Scenario, scene: Scene, start: Observation, film: Trace) -> tuple[SignalData, ...]:
     """Return the signals of all expectations; `start` is the settled state at t = 0."""
     frames = thinned(film)
-    found = (
+    signals = (
         stored_signal(number, signal, frames.time, scene.physics.rate)
         for number, expected in enumerate(scenario.expect)
         for signal in expected.signals(scene, start, frames)
         if len(signal.time)
     )
-    return tuple(signal for signal, _ in zip(found, range(MAX_SIGNALS), strict=False))
+    return tuple(signal for signal, _ in zip(signals, range(MAX_SIGNALS), strict=False))
 
 
 def stored_events(marks: Sequence[TimeMark]) -> tuple[EventData, ...]:
@@ -298,7 +298,7 @@ def stored_events(marks: Sequence[TimeMark]) -> tuple[EventData, ...]:
 
 def stored_marks(scenario: Scenario, scene: Scene, start: Observation) -> tuple[MarkData, ...]:
     """Return the marks of all expectations; `start` is the settled state at t = 0."""
-    found: list[MarkData] = []
+    marks: list[MarkData] = []
     links: Mapping[str, int] = {}
     for number, expected in enumerate(scenario.expect):
         for mark in expected.marks(scene, start):
@@ -306,8 +306,8 @@ def stored_marks(scenario: Scenario, scene: Scene, start: Observation) -> tuple[
                 _, links = skeleton(scene.model)
             # A place beyond the range of a replay is not visible.
             with suppress(InvalidPart):
-                found.append(_stored_mark(number, mark).model_copy(update={"link": links.get(mark.link)}))
-    return tuple(found[:MAX_MARKS])
+                marks.append(_stored_mark(number, mark).model_copy(update={"link": links.get(mark.link)}))
+    return tuple(marks[:MAX_MARKS])
 
 
 def stored_golden(scenario: Scenario, scene: Scene) -> tuple[GoldenData, ...]:
@@ -457,13 +457,13 @@ class Touch:
         force = Column.encoded(np.minimum(sums / (period * rate), MAX_ABS_VALUE), _FORCE_STEP_N)
         # Points without a force count only if no other point has one.
         weights = np.maximum(forces, _LEAST_WEIGHT_N)
-        known = np.flatnonzero(sums_of_weights := np.bincount(periods, weights=weights))
+        filled = np.flatnonzero(sums_of_weights := np.bincount(periods, weights=weights))
         x, y, z = (
             Column.encoded(
                 np.interp(
                     np.arange(len(sums)),
-                    known,
-                    np.bincount(periods, weights=weights * axis)[known] / sums_of_weights[known],
+                    filled,
+                    np.bincount(periods, weights=weights * axis)[filled] / sums_of_weights[filled],
                 ),
                 _PLACE_STEP_M,
             )
@@ -491,31 +491,31 @@ class Touch:
 
 def joined_touches(contacts: Iterable[Contact]) -> list[Touch]:
     """Join successive contacts of a link with a body, and return the touches in the order of their start."""
-    found: list[Touch] = []
+    touches: list[Touch] = []
     lasting: dict[tuple[str, str], Touch] = {}
     for contact in contacts:
         pair = contact.link, contact.body
         touch = lasting.get(pair)
         if touch is None or contact.time - touch.until > _MAX_GAP_S:
             touch = lasting[pair] = Touch([], contact.time)
-            found.append(touch)
+            touches.append(touch)
         touch.add(contact)
-    return found
+    return touches
 
 
 def strongest_touches(
     touches: list[Touch], links: Mapping[str, int], bodies: Mapping[str, int], rate: float
 ) -> tuple[tuple[ContactData, ...], int]:
     """Return the strongest touches by time, and the number of others; `links`, `bodies`: name -> index."""
-    known = [touch for touch in touches if touch.first.link in links and touch.first.body in bodies]
+    drawable = [touch for touch in touches if touch.first.link in links and touch.first.body in bodies]
     # A contact without a force comes first: neither of the two gives way.
-    most = sorted(known, key=lambda touch: (touch.first.has_force, -touch.force(rate)))[:MAX_CONTACTS]
+    most = sorted(drawable, key=lambda touch: (touch.first.has_force, -touch.force(rate)))[:MAX_CONTACTS]
     values = min(_MOST_VALUES, max(_LEAST_VALUES, _MAX_VALUES // max(1, len(most))))
     kept = tuple(
         _contact_data(touch, links[touch.first.link], bodies[touch.first.body], rate, values)
         for touch in sorted(most, key=lambda touch: touch.first.time)
     )
-    return kept, len(known) - len(kept)
+    return kept, len(drawable) - len(kept)
 
 
 def _contact_data(touch: Touch, link: int, body: int, rate: float, values: int) -> ContactData:

@@ -95,34 +95,34 @@ def stored_channels(
     `RunRecorder.commanded`.
     """
     time, rate = frames.time, scene.physics.rate
-    found = [*_of_base(frames, time, commanded.get("base", CommandedValues())), *_of_contacts(contacts, time, rate)]
-    found += _of_joints(scene.model.moving_joints, frames, time, commanded)
-    found += (curve for log in readings.values() for curve in _of_sensor(log, time, rate))
-    found += _of_wrenches(time, commanded.get("wrench", CommandedValues()))
-    return tuple(curve.stored(time, rate) for curve in thinned_curves(found[:MAX_CHANNELS], MAX_VALUES))
+    curves = [*_of_base(frames, time, commanded.get("base", CommandedValues())), *_of_contacts(contacts, time, rate)]
+    curves += _of_joints(scene.model.moving_joints, frames, time, commanded)
+    curves += (curve for log in readings.values() for curve in _of_sensor(log, time, rate))
+    curves += _of_wrenches(time, commanded.get("wrench", CommandedValues()))
+    return tuple(curve.stored(time, rate) for curve in thinned_curves(curves[:MAX_CHANNELS], MAX_VALUES))
 
 
 def thinned_curves(curves: Sequence[Curve], most: int) -> list[Curve]:
     """Return curves with at most about `most` values that change: those with the most values are halved first."""
     sizes = [curve.size for curve in curves]
-    found = list(curves)
-    while sum(sizes) > most and (longest := max(len(curve.time) for curve in found)) > 2:
-        for number, curve in enumerate(found):
+    thinned = list(curves)
+    while sum(sizes) > most and (longest := max(len(curve.time) for curve in thinned)) > 2:
+        for number, curve in enumerate(thinned):
             # Those that belong together have the same times afterwards, too.
             if len(curve.time) == longest:
-                found[number] = curve.halved()
-                sizes[number] = found[number].size
-    return found
+                thinned[number] = curve.halved()
+                sizes[number] = thinned[number].size
+    return thinned
 
 
-def _of_base(frames: Trace, time: FloatArray, told: CommandedValues) -> Iterator[Curve]:
+def _of_base(frames: Trace, time: FloatArray, commands: CommandedValues) -> Iterator[Curve]:
     """Yield the velocity of the base in its own frame, measured and commanded."""
     linear = in_base_frame(frames.base_orientation_xyzw, frames.base_linear_xyz)
     angular = in_base_frame(frames.base_orientation_xyzw, frames.base_angular_xyz)
     for kind, vectors, usual in (("linear", linear, "xy"), ("angular", angular, "z")):
         for axis, values in zip("xyz", vectors, strict=True):
             name, unit = f"{kind} {axis}", _TWIST_UNITS[kind]
-            aim = Curve("base", name, unit, time, told.at(name, time), commanded=True)
+            aim = Curve("base", name, unit, time, commands.at(name, time), commanded=True)
             measured = Curve("base", name, unit, time, values)
             if aim.tells or (axis in usual and measured.tells):
                 yield measured
@@ -144,11 +144,11 @@ def _of_joints(
 ) -> Iterator[Curve]:
     nothing = CommandedValues()
     for kind, columns in (("velocity", frames.joint_velocity), ("effort", frames.joint_effort)):
-        told = commanded.get(kind, nothing)
+        commands = commanded.get(kind, nothing)
         for joint, values in zip(joints, columns.T, strict=True):
             unit = joint.dimension("velocity" if kind == "velocity" else "effort").si
             measured = Curve("joints", f"{joint.name} {kind}", unit, time, values)
-            aim = replace(measured, values=told.at(joint.name, time), commanded=True)
+            aim = replace(measured, values=commands.at(joint.name, time), commanded=True)
             is_commanded = bool(np.isfinite(aim.values).any())
             if measured.tells or is_commanded:
                 yield measured
@@ -158,13 +158,13 @@ def _of_joints(
 
 def _of_contacts(contacts: Sequence[Contact], time: FloatArray, rate: float) -> Iterator[Curve]:
     """Yield the mean normal force between two moments, of all bodies and of each."""
-    known = [contact for contact in contacts if contact.has_force and contact.time <= time[-1] + TIME_EPSILON_S]
-    if not known:
+    with_force = [contact for contact in contacts if contact.has_force and contact.time <= time[-1] + TIME_EPSILON_S]
+    if not with_force:
         return
-    moments = np.searchsorted(time, np.array([contact.time for contact in known]) - TIME_EPSILON_S)
-    forces = np.array([contact.force for contact in known], dtype=np.float64)
+    moments = np.searchsorted(time, np.array([contact.time for contact in with_force]) - TIME_EPSILON_S)
+    forces = np.array([contact.force for contact in with_force], dtype=np.float64)
     steps = np.maximum(1.0, np.rint(np.diff(time, prepend=time[0] - 1 / rate) * rate))
-    bodies = list(dict.fromkeys(contact.body for contact in known))
+    bodies = list(dict.fromkeys(contact.body for contact in with_force))
 
     def curve(name: str, weights: FloatArray) -> Curve:
         total = np.bincount(moments, weights=weights, minlength=len(time))
@@ -173,15 +173,15 @@ def _of_contacts(contacts: Sequence[Contact], time: FloatArray, rate: float) -> 
     if len(bodies) != 1:
         yield curve("force of all bodies", forces)
     if len(bodies) <= MAX_TOUCHED:
-        touched = np.array([bodies.index(contact.body) for contact in known])
+        touched = np.array([bodies.index(contact.body) for contact in with_force])
         for number, body in enumerate(bodies):
             yield curve(f"force of {body}", np.where(touched == number, forces, 0.0))
 
 
-def _of_wrenches(time: FloatArray, told: CommandedValues) -> Iterator[Curve]:
-    for name in told.values:
+def _of_wrenches(time: FloatArray, commands: CommandedValues) -> Iterator[Curve]:
+    for name in commands.values:
         curve = Curve(
-            "wrenches", name, "N" if name.startswith("force") else "N m", time, told.at(name, time), commanded=True
+            "wrenches", name, "N" if name.startswith("force") else "N m", time, commands.at(name, time), commanded=True
         )
         if curve.tells:
             yield curve
@@ -214,9 +214,9 @@ def _of_sensor(log: ReadingLog, frames: FloatArray, rate: float) -> Iterator[Cur
             for angle, numbers in angles_of(values).items():
                 yield Curve(name, angle, "rad", time, numbers)
             continue
-        told = column.removesuffix(f"_{about.axes}").replace("_", " ")
+        label = column.removesuffix(f"_{about.axes}").replace("_", " ")
         for axis, numbers in zip(about.axes or ("",), values.reshape(len(rows), -1).T, strict=True):
-            yield Curve(name, f"{told} {axis}".rstrip(), about.dimension.si, time, numbers)
+            yield Curve(name, f"{label} {axis}".rstrip(), about.dimension.si, time, numbers)
 
 
 def _of_scans(scans: Sequence[LidarScan], name: str, time: FloatArray) -> Iterator[Curve]:
@@ -235,9 +235,9 @@ def _of_scans(scans: Sequence[LidarScan], name: str, time: FloatArray) -> Iterat
 def angles_of(orientation_xyzw: FloatArray) -> dict[str, FloatArray]:
     """Return roll, pitch and yaw of orientations (N, 4), (N,) rad each."""
     x, y, z, w = orientation_xyzw.T
-    found = {
+    angles = {
         "roll": np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
         "pitch": np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0)),
         "yaw": np.unwrap(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))),
     }
-    return {name: np.asarray(values, dtype=np.float64) for name, values in found.items()}
+    return {name: np.asarray(values, dtype=np.float64) for name, values in angles.items()}

@@ -122,10 +122,12 @@ def steady(orientation_xyzw: FloatArray) -> FloatArray:
     return orientation_xyzw * signs[:, None]
 
 
-def poses_at(time: FloatArray, known: FloatArray, position_xyz: FloatArray, orientation_xyzw: FloatArray) -> FloatArray:
-    """Return poses (T, 7) at some times, interpolated linearly between those at known times (N,)."""
+def poses_at(
+    time: FloatArray, sample_time: FloatArray, position_xyz: FloatArray, orientation_xyzw: FloatArray
+) -> FloatArray:
+    """Return poses (T, 7) at some times, interpolated linearly between those at the sample times (N,)."""
     rows = np.column_stack((position_xyz, steady(orientation_xyzw)))
-    poses = np.column_stack([np.interp(time, known, column) for column in rows.T])
+    poses = np.column_stack([np.interp(time, sample_time, column) for column in rows.T])
     poses[:, 3:] /= np.maximum(np.linalg.norm(poses[:, 3:], axis=1, keepdims=True), 1e-12)
     return poses
 

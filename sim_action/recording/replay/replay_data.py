@@ -303,10 +303,10 @@ class ReplayReader:
                 packed = file.read(MAX_PACKED_BYTES + 1)
             return self._parsed(_unpacked(packed))
         except ValidationError as error:
-            found = error.errors(include_url=False, include_context=False)[0]
-            if found["loc"] == ("version",) and isinstance(version := found.get("input"), int):
+            details = error.errors(include_url=False, include_context=False)[0]
+            if details["loc"] == ("version",) and isinstance(version := details.get("input"), int):
                 raise ReplayError(f"{path.name}: {_OTHER_VERSION.format(version=version)}") from None
-            reason = found["msg"].removeprefix("Value error, ")
+            reason = details["msg"].removeprefix("Value error, ")
         except OSError as error:
             reason = system_reason(error)
         except (ValueError, zlib.error) as error:

@@ -85,12 +85,12 @@ class LinkPieces:
         """Return the pieces of a link."""
         if self._is_drawn and not link.visuals:
             return []
-        found = [self._piece(visual) for visual in link.visuals]
-        seen = [piece for piece in found if piece is not None]
-        if seen and len(seen) == len(found):
+        pieces = [self._piece(visual) for visual in link.visuals]
+        seen = [piece for piece in pieces if piece is not None]
+        if seen and len(seen) == len(pieces):
             return seen
         touched = list(self._touched(link))
-        self.replaced += bool(touched and found)
+        self.replaced += bool(touched and pieces)
         return touched or seen
 
     @property
@@ -172,19 +172,19 @@ def plain_shape(kind: str, half: Vector3, pose: PoseNumbers, color: Colour) -> S
 
 def of_parts(parts: Sequence[Part], color: Colour) -> Iterator[Piece]:
     """Yield the pieces of a body of the world."""
-    here = pose_numbers(Pose())
+    origin = pose_numbers(Pose())
     hulls = [np.array(part.points_xyz) for part in parts if isinstance(part, HullPart)]
     if hulls:
         surface = hull_surface(hulls)
         if surface is not None:
-            yield MeshPiece(surface, here, color)
+            yield MeshPiece(surface, origin, color)
     for part in parts:
         if not isinstance(part, HullPart):
-            yield _of_part(part, here, color)
+            yield _of_part(part, origin, color)
 
 
 def _of_part(
-    part: BoxPart | CylinderPart | SpherePart | GridPart | SurfacePart, here: PoseNumbers, color: Colour
+    part: BoxPart | CylinderPart | SpherePart | GridPart | SurfacePart, origin: PoseNumbers, color: Colour
 ) -> Piece:
     if isinstance(part, BoxPart):
         x, y, z = numbers(part.size_xyz)
@@ -196,7 +196,7 @@ def _of_part(
     if isinstance(part, SpherePart):
         return EllipsoidShape(kind="ellipsoid", half=(part.radius,) * 3, pose=pose_numbers(part.pose), color=color)
     surface = coarse_surface(part) if isinstance(part, GridPart) else Triangles(part.points_xyz, part.triangles)
-    return MeshPiece(surface, here, color)
+    return MeshPiece(surface, origin, color)
 
 
 def scenery(scene: Scene, tracks: Sequence[str]) -> SceneData:
@@ -261,11 +261,11 @@ def actor_links(scene: Scene) -> list[str]:
 
 def _actor_pieces(scene: Scene) -> dict[str, list[Piece]]:
     pieces = {name: LinkPieces(actor.model) for name, actor in scene.actors.items()}
-    found = {}
-    for each in actor_links(scene):
-        name, _, link = each.partition("/")
-        found[each] = pieces[name].of(scene.actors[name].model.links_by_name[link])
-    return found
+    pieces_by_link = {}
+    for full_name in actor_links(scene):
+        name, _, link = full_name.partition("/")
+        pieces_by_link[full_name] = pieces[name].of(scene.actors[name].model.links_by_name[link])
+    return pieces_by_link
 
 
 def _link_data_of(name: str, tracks: Sequence[str], shapes: tuple[Shape, ...]) -> BodyData:
@@ -384,8 +384,8 @@ def notes_of(
     `links`: the pieces of the links, all of which were asked for; `owners`: the pieces of all links and bodies;
     `meshes`: those that are drawn.
     """
-    found = (*_of_links(scene, links), *_of_hulls(scene), *_of_triangles(owners, meshes))
-    return tuple(escaped_line(note)[:MAX_TEXT_LENGTH] for note in found[:MAX_NOTES])
+    notes = (*_of_links(scene, links), *_of_hulls(scene), *_of_triangles(owners, meshes))
+    return tuple(escaped_line(note)[:MAX_TEXT_LENGTH] for note in notes[:MAX_NOTES])
 
 
 def _of_links(scene: Scene, links: LinkPieces) -> Iterator[str]:

@@ -79,13 +79,13 @@ class ScanData(FrozenModel):
 
 def scans_until(log: ReadingLog, end: float) -> list[LidarScan]:
     """Return the scans of a log up to a sim time in s; none if its sensor makes no scans."""
-    found: list[LidarScan] = []
+    scans: list[LidarScan] = []
     for reading in log.readings:
         if not isinstance(reading, LidarScan):
             return []
         if reading.time <= end + TIME_EPSILON_S:
-            found.append(reading)
-    return found
+            scans.append(reading)
+    return scans
 
 
 def stored_scans(
@@ -207,15 +207,15 @@ class CameraData(FrozenModel):
 
 def stored_pictures(logs: Mapping[str, ReadingLog], end: float) -> tuple[CameraData, ...]:
     """Return the pictures of all cameras up to a sim time in s, fewer if they would be too large."""
-    found = []
+    cameras = []
     for log in logs.values():
         images = [
             image for image in log.readings if isinstance(image, CameraImage) and image.time <= end + TIME_EPSILON_S
         ]
         if images:
-            found.append((log, images))
-    budget = MAX_PICTURE_BYTES // max(1, len(found))
-    return tuple(_camera(log, images, budget) for log, images in found[:MAX_SENSORS])
+            cameras.append((log, images))
+    budget = MAX_PICTURE_BYTES // max(1, len(cameras))
+    return tuple(_camera(log, images, budget) for log, images in cameras[:MAX_SENSORS])
 
 
 def _camera(log: ReadingLog, images: list[CameraImage], budget: int) -> CameraData:

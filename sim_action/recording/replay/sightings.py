@@ -79,14 +79,14 @@ def obstacles_of(scene: Scene, film: Trace, logs: Mapping[str, ReadingLog]) -> t
     end = float(film.time[-1])
     looks = [look for log in looking if (look := _look(scene, film, log, end)) is not None]
     rays = [look for look in looks if isinstance(look, _Rays) and not np.isneginf(look.ranges).any()]
-    found = []
+    obstacles = []
     for name, touched in met:
         seen = [sighting for look in looks if (sighting := look.first(scene, film, name)) is not None]
         in_order = tuple(sorted(seen, key=lambda sighting: sighting.time))
         saw = {sighting.sensor for sighting in seen}
         blind = [BlindData(sensor=look.sensor, every=look.every) for look in rays if look.sensor not in saw]
-        found.append(ObstacleData(body=names[name], touched=touched, seen=in_order, blind=tuple(blind)))
-    return tuple(found)
+        obstacles.append(ObstacleData(body=names[name], touched=touched, seen=in_order, blind=tuple(blind)))
+    return tuple(obstacles)
 
 
 def _looks(reading: object) -> bool:
@@ -170,8 +170,8 @@ class _Rays:
             # Comparisons with NaN are false.
             near_it = (np.square(away).sum(axis=2) <= within * within) & is_there[rows, None]
             for row in np.flatnonzero(near_it.any(axis=1)).tolist():
-                if (found := self._met(start + row, near_it[row], parts, poses[start + row], near)) is not None:
-                    return found
+                if (sighting := self._met(start + row, near_it[row], parts, poses[start + row], near)) is not None:
+                    return sighting
         return None
 
     def _met(
@@ -251,8 +251,8 @@ def distance_to(parts: Sequence[Part], points_xyz: FloatArray) -> FloatArray:
         if isinstance(part, BoxPart | CylinderPart | SpherePart):
             nearest = np.minimum(nearest, _from_solid(part, points_xyz))
         elif not isinstance(part, HullPart):
-            found = grid_surface(part) if isinstance(part, GridPart) else part
-            surfaces.append(Triangles(found.points_xyz, found.triangles))
+            mesh = grid_surface(part) if isinstance(part, GridPart) else part
+            surfaces.append(Triangles(mesh.points_xyz, mesh.triangles))
     for surface in surfaces:
         if surface is not None:
             nearest = np.minimum(nearest, _from_surface(surface, points_xyz))

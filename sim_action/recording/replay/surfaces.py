@@ -55,20 +55,20 @@ def simplified(surface: Triangles, most: int) -> Triangles:
     """Return a surface with at most `most` triangles, as fine as possible."""
     if len(surface) <= most:
         return surface
-    low, high, found = _COARSEST, _FINEST, None
+    low, high, best = _COARSEST, _FINEST, None
     # The number of triangles grows with the square of the number of cells along a side.
     cells = int(math.sqrt(most / 6))
     for _ in range(_TRIES):
         cells = max(low, min(high, cells))
         tried = _clustered(surface, cells)
         if len(tried) <= most:
-            found, low = tried, cells + 1
+            best, low = tried, cells + 1
         else:
             high = cells - 1
-        if low > high or (found is tried and len(tried) > 0.8 * most):
+        if low > high or (best is tried and len(tried) > 0.8 * most):
             break
         cells = max(low, min(high, int(cells * math.sqrt(most / max(1, len(tried))))))
-    kept = found or _first(_clustered(surface, _COARSEST), most)
+    kept = best or _first(_clustered(surface, _COARSEST), most)
     return Triangles(kept.points_xyz, kept.corners, surface.stated or len(surface))
 
 
@@ -120,12 +120,12 @@ _MAX_POINTS_OF_HULL: Final = 64
 def hull_surface(hulls: Sequence[FloatArray]) -> Triangles | None:
     """The surface of several hulls, each of points (P, 3); None if none of them has a volume."""
     most = min(_MAX_POINTS_OF_HULL, max(_MIN_POINTS_OF_HULL, _MAX_HULL_POINTS // max(1, len(hulls))))
-    found = [surface for surface in (_one_hull(points, most) for points in hulls) if surface is not None]
-    if not found:
+    surfaces = [surface for surface in (_one_hull(points, most) for points in hulls) if surface is not None]
+    if not surfaces:
         return None
-    above = np.cumsum([0, *(len(surface.points_xyz) for surface in found)])
-    corners = [surface.corners + before for surface, before in zip(found, above[:-1], strict=True)]
-    return Triangles(np.concatenate([surface.points_xyz for surface in found]), np.concatenate(corners))
+    above = np.cumsum([0, *(len(surface.points_xyz) for surface in surfaces)])
+    corners = [surface.corners + before for surface, before in zip(surfaces, above[:-1], strict=True)]
+    return Triangles(np.concatenate([surface.points_xyz for surface in surfaces]), np.concatenate(corners))
 
 
 def _one_hull(points: FloatArray, most: int) -> Triangles | None:
@@ -163,8 +163,8 @@ def _resampled(heights: FloatArray, count: int) -> FloatArray:
     places = np.linspace(0, len(heights) - 1, count)
     below = np.minimum(places.astype(np.int64), len(heights) - 2)
     share = (places - below)[:, None]
-    found: FloatArray = heights[below] * (1 - share) + heights[below + 1] * share
-    return found
+    resampled: FloatArray = heights[below] * (1 - share) + heights[below + 1] * share
+    return resampled
 
 
 _MIN_TRIANGLES: Final = 12  # each mesh may have at least the triangles of a box
@@ -186,14 +186,14 @@ WORLD_BUDGET: Final = Budget(4_500, 8_000)
 
 def within(budget: Budget, surfaces: Sequence[Triangles]) -> list[Triangles]:
     """Simplify surfaces to a budget: those with few triangles are kept, the others share the rest by their size."""
-    wanted = [min(len(surface), budget.each) for surface in surfaces]
+    limits = [min(len(surface), budget.each) for surface in surfaces]
     # A surface without an extent counts as a very small one.
     sizes = [max(surface.size, 1e-9) if np.isfinite(surface.points_xyz).all() else 1e-9 for surface in surfaces]
-    most, left, above = list(wanted), budget.all, sum(sizes)
+    most, left, above = list(limits), budget.all, sum(sizes)
     # First those whose triangles are few for their size.
-    for place in sorted(range(len(surfaces)), key=lambda place: wanted[place] / sizes[place]):
+    for place in sorted(range(len(surfaces)), key=lambda place: limits[place] / sizes[place]):
         share = max(_MIN_TRIANGLES, int(left * sizes[place] / above))
-        most[place] = min(wanted[place], share)
+        most[place] = min(limits[place], share)
         left, above = max(0, left - most[place]), above - sizes[place]
     return [simplified(surface, count) for surface, count in zip(surfaces, most, strict=True)]
 

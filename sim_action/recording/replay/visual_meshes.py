@@ -58,13 +58,13 @@ class VisualMeshes:
 
     def _read_hulls(self, text: bytes) -> Triangles | None:
         entry = self._entry(text, "hulls")
-        known = _stored(entry)
-        if known is None:
-            known = hull_surface(read_hull_points(text))
-            if known is not None:
-                known = simplified(known, self._most)
-                _store(known, entry)
-        return known
+        surface = _stored(entry)
+        if surface is None:
+            surface = hull_surface(read_hull_points(text))
+            if surface is not None:
+                surface = simplified(surface, self._most)
+                _store(surface, entry)
+        return surface
 
     def _of_text(self, mjcf: Mjcf) -> Iterator[tuple[str, Triangles]]:
         for name, (points, corners) in surfaces_of(mjcf).items():
@@ -86,20 +86,20 @@ class VisualMeshes:
         if path.suffix.lower() != ".dae":
             return colour_of(path, data)
         entry = Entry.of(cache_folder("meshes"), "txt", data, _VERSION, "colour")
-        known = entry.read()
-        if known is None:
-            known = " ".join(map(str, colour_of(path, data) or ())).encode()
-            entry.write(known)
-        return stated_colour(known.decode(errors="replace"))
+        colour = entry.read()
+        if colour is None:
+            colour = " ".join(map(str, colour_of(path, data) or ())).encode()
+            entry.write(colour)
+        return stated_colour(colour.decode(errors="replace"))
 
     def _surface(self, path: Path, data: bytes) -> Triangles:
         entry = self._entry(data, path.suffix.lower())
-        known = _stored(entry)
-        if known is None:
+        surface = _stored(entry)
+        if surface is None:
             mesh = parsed_mesh(path, data)
-            known = simplified(Triangles(mesh.points_xyz, np.concatenate(mesh.parts)), self._most)
-            _store(known, entry)
-        return known
+            surface = simplified(Triangles(mesh.points_xyz, np.concatenate(mesh.parts)), self._most)
+            _store(surface, entry)
+        return surface
 
     def _entry(self, source: bytes, kind: str) -> Entry:
         return Entry.of(cache_folder("meshes"), "npz", source, _VERSION, "surface", kind, self._most)
