@@ -114,7 +114,7 @@ def _without_surrogates(value: object) -> object:
         case str():
             return value.encode("utf-8", "backslashreplace").decode()
         case dict():
-            return {key: _without_surrogates(each) for key, each in value.items()}
+            return {key: _without_surrogates(nested) for key, nested in value.items()}
         case list() | tuple():
             return tuple(map(_without_surrogates, value))
     return value
@@ -398,7 +398,7 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         digest=run.digest,
         motion=motion_figures(run.trace) if is_varied else (),
         engine=run.engine,
-        warnings=(*job.loaded.warnings, *(each.warning(job.loaded.document) for each in run.findings)),
+        warnings=(*job.loaded.warnings, *(finding.warning(job.loaded.document) for finding in run.findings)),
         strict=job.loaded.strict,
         notes=run.notes,
         model_notes=run.model_notes,
@@ -416,7 +416,7 @@ def _surroundings(scenario: Scenario, *, is_varied: bool) -> dict[str, JsonValue
     if is_varied:
         return allowed
     world = scenario.world.model_dump(mode="json", exclude_defaults=True)
-    world |= {"objects": {each.get("name", str(place)): each for place, each in enumerate(world.pop("objects", ()))}}
+    world |= {"objects": {body.get("name", str(place)): body for place, body in enumerate(world.pop("objects", ()))}}
     stated = dict(flattened({"world": world}))
     return allowed | (stated if len(stated) <= _MAX_SURROUNDINGS else {})
 
@@ -507,9 +507,9 @@ def _spare_descriptors() -> Iterator[None]:
     finally:
         # User code may have changed it, too.
         now, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-        wanted = now if now == resource.RLIM_INFINITY else now + spare
+        restored = now if now == resource.RLIM_INFINITY else now + spare
         resource.setrlimit(
-            resource.RLIMIT_NOFILE, (wanted if hard == resource.RLIM_INFINITY else min(wanted, hard), hard)
+            resource.RLIMIT_NOFILE, (restored if hard == resource.RLIM_INFINITY else min(restored, hard), hard)
         )
 
 

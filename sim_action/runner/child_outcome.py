@@ -168,17 +168,17 @@ def _of_limited_length(outcome: Outcome) -> Outcome:
     if not any(len(text) > MAX_MESSAGE_CHARS for text in _texts(outcome)):
         return outcome
     expectations = tuple(
-        each.model_copy(update={"verdict": each.verdict.with_texts(_cut)}) for each in outcome.expectations
+        expected.model_copy(update={"verdict": expected.verdict.with_texts(_cut)}) for expected in outcome.expectations
     )
     failures = tuple(
-        each.model_copy(
+        failure.model_copy(
             update={
-                "message": _cut(each.message),
-                "details": shortened(each.details, _MAX_DETAILS_CHARS),
-                "location": each.location and replace(each.location, file=_cut(each.location.file)),
+                "message": _cut(failure.message),
+                "details": shortened(failure.details, _MAX_DETAILS_CHARS),
+                "location": failure.location and replace(failure.location, file=_cut(failure.location.file)),
             }
         )
-        for each in outcome.failures
+        for failure in outcome.failures
     )
     notes = {"notes": tuple(map(_cut, outcome.notes)), "model_notes": tuple(map(_cut, outcome.model_notes))}
     marks = tuple(replace(mark, words=_cut(mark.words)) for mark in outcome.marks)

@@ -44,13 +44,13 @@ def with_agreement(
     last = judged[-1]
     runs = [_Run(outcome, path) for outcome, path in zip(outcomes, motions, strict=True)]
     comparisons = [_Comparison(loaded, run, runs[last]) for index, run in enumerate(runs) if index != last]
-    expectations = (*outcomes[last].expectations, *(each for one in comparisons for each in one.expectations()))
+    expectations = (*outcomes[last].expectations, *(expected for one in comparisons for expected in one.expectations()))
     notes = () if loaded.compared else (_TOO_LONG,)
     compared = outcomes[last].model_copy(
         update={
             "notes": (*outcomes[last].notes, *notes),
             "expectations": expectations,
-            "measurements": tuple(each for one in comparisons for each in one.measurements()),
+            "measurements": tuple(measurement for one in comparisons for measurement in one.measurements()),
         }
     )
     compared = compared.model_copy(update={"status": compared.judged_status(is_varied=loaded.source.group is not None)})
@@ -78,10 +78,10 @@ class _Run:
     def motion(self) -> MotionRecord | None:
         """The motion; None if there is none. User code can write anything into its file."""
         try:
-            found = None if self.path is None else MotionRecord.load(self.path)
+            record = None if self.path is None else MotionRecord.load(self.path)
         except TraceError:
             return None
-        return found if found is not None and found.is_finite else None
+        return record if record is not None and record.is_finite else None
 
 
 class _Difference(NamedTuple):
@@ -126,14 +126,14 @@ class _Comparison:
         if self._motions is None or not self.other.outcome.has_verdict:
             return
         for quantity in _unlimited(self._asked, self._motions[0]):
-            found = self._largest(quantity)
-            if found is not None:
+            difference = self._largest(quantity)
+            if difference is not None:
                 yield Measurement(
                     name=f"{quantity.name} {self.other.engine}",
-                    measured=found.measured,
-                    unit=found.unit,
-                    time=found.time,
-                    message=self._message(found),
+                    measured=difference.measured,
+                    unit=difference.unit,
+                    time=difference.time,
+                    message=self._message(difference),
                 )
 
     @property
@@ -173,25 +173,34 @@ class _Comparison:
             yield f"{self.other.engine} gave no verdict"
             return
         for ours, theirs in zip(last.expectations, other.expectations, strict=True):
-            found = [(ours.verdict.status, self.last.engine), (theirs.verdict.status, self.other.engine)]
-            better, worse = sorted(found, key=lambda each: tuple(VERBS).index(each[0]))
+            verdicts = [(ours.verdict.status, self.last.engine), (theirs.verdict.status, self.other.engine)]
+            better, worse = sorted(verdicts, key=lambda pair: tuple(VERBS).index(pair[0]))
             if better[0] != worse[0]:
                 yield f"'{ours.name}' {VERBS[better[0]]} in {better[1]} and {VERBS[worse[0]]} in {worse[1]}"
 
-    def _verdict(self, found: _Difference | None) -> Verdict:
+    def _verdict(self, difference: _Difference | None) -> Verdict:
         """Return the verdict at the moment of the largest difference."""
-        if found is None or found.limit is None:
+        if difference is None or difference.limit is None:
             message = f"never checked: the run has no moment in common with that of {self.other.engine}"
             return Verdict(False, message=message, judged=Judged())
-        margin = found.limit - found.measured
-        message = f"{self._message(found)}; allowed: {units.display(found.limit, found.unit)}"
+        margin = difference.limit - difference.measured
+        message = f"{self._message(difference)}; allowed: {units.display(difference.limit, difference.unit)}"
         return Verdict(
-            margin >= 0, found.measured, found.limit, margin, found.unit, found.time, message, judged=found.judged
+            margin >= 0,
+            difference.measured,
+            difference.limit,
+            margin,
+            difference.unit,
+            difference.time,
+            message,
+            judged=difference.judged,
         )
 
-    def _message(self, found: _Difference) -> str:
-        measured, engine = units.display(found.measured, found.unit), self.other.engine
-        return f"{found.what} differs from {engine} by at most {measured}, at {found.time:.2f} s{self._ending}"
+    def _message(self, difference: _Difference) -> str:
+        measured, engine = units.display(difference.measured, difference.unit), self.other.engine
+        return (
+            f"{difference.what} differs from {engine} by at most {measured}, at {difference.time:.2f} s{self._ending}"
+        )
 
     @cached_property
     def _ending(self) -> str:
@@ -293,14 +302,18 @@ def _joints(pattern: str, written: float | str | None, unit: str | None = None) 
     limit = None if written is None else units.parse(written, units.ANGLE, units.LENGTH)
 
     def largest(ours: MotionRecord, theirs: MotionRecord) -> _Difference | None:
-        found = [
+        differences = [
             _Measure(f"position of joint '{name}'", ours.units[name], limit).largest(
                 ours.time, np.abs(positions - theirs.joints[name])
             )
             for name, positions in ours.joints.items()
             if matches_name(pattern, name) and unit in (None, ours.units[name])
         ]
-        return max((each for each in found if each is not None), key=lambda each: each.measured, default=None)
+        return max(
+            (difference for difference in differences if difference is not None),
+            key=lambda difference: difference.measured,
+            default=None,
+        )
 
     return largest
 

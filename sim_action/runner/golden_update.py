@@ -31,9 +31,9 @@ def refuse_shared_goldens(plans: Iterable[Plan]) -> list[Plan]:
         for run in () if isinstance(plan, Refused) else plan:
             for path, _, _ in _goldens(run):
                 writers[path].append(run.scenario.name)
-    found = [_planned(plan, writers) for plan in checked]
-    refused = {(plan.file, plan.name): plan for plan in reversed(found) if isinstance(plan, Refused)}
-    return [plan for plan in found if not isinstance(plan, Refused) or refused[plan.file, plan.name] is plan]
+    planned = [_planned(plan, writers) for plan in checked]
+    refused = {(plan.file, plan.name): plan for plan in reversed(planned) if isinstance(plan, Refused)}
+    return [plan for plan in planned if not isinstance(plan, Refused) or refused[plan.file, plan.name] is plan]
 
 
 def updated_goldens(

@@ -187,9 +187,9 @@ def _motor_strength(original: Original) -> Iterator[Factor]:
 def _push(original: Original) -> Iterator[Factor]:
     pushes = {
         ("world", "disturbances", index, key): vector
-        for index, each in enumerate(original.scenario.world.disturbances)
+        for index, disturbance in enumerate(original.scenario.world.disturbances)
         for key in ("force", "torque", "velocity")
-        if (vector := getattr(each, key))
+        if (vector := getattr(disturbance, key))
     }
     if pushes:
 
@@ -371,7 +371,7 @@ class Trial:
             self.reason = outcome.reasons[0]
             return
         self.has_passed = outcome.status == "passed"
-        first = min(outcome.causes, key=lambda each: each.verdict.time or 0.0, default=None)
+        first = min(outcome.causes, key=lambda expected: expected.verdict.time or 0.0, default=None)
         if first is not None:
             self.expectation, self.reason = first.name, first.message
         elif not self.has_passed:
@@ -435,7 +435,7 @@ class Side:
         """Return the margin; `has_effect`: see `Margin`."""
         (passed, failed), ran = self.bracket, self.ran
         verdicts = [True, *(bool(trial.has_passed) for trial in ran)]
-        unable = "" if ran else next((each.reason for each in self.trials), "no run was left")
+        unable = "" if ran else next((tried.reason for tried in self.trials), "no run was left")
         return Margin(
             factor=self.factor.name,
             direction="down" if self.end < self.factor.nominal else "up",

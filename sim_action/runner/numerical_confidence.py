@@ -256,9 +256,9 @@ class _Compared:
         self._ending = shortened(run.ending, _MAX_ENDING)
         self.theirs = run.expectations[place].verdict if run.has_verdict else None  # None: the repetition has none
         verdicts = (verdict,) if self.theirs is None else (verdict, self.theirs)
-        pair = _pair(map(_values, verdicts)) if len({each.unit for each in verdicts}) == 1 else None
-        times = _pair(_time_left(each, end) for each in verdicts)
-        has_extremes = pair is not None and all(each.extreme is not None for each in verdicts)
+        pair = _pair(map(_values, verdicts)) if len({run_verdict.unit for run_verdict in verdicts}) == 1 else None
+        times = _pair(_time_left(run_verdict, end) for run_verdict in verdicts)
+        has_extremes = pair is not None and all(run_verdict.extreme is not None for run_verdict in verdicts)
         # The moments of decision are compared if their interval is wider than that of the extreme margins.
         self.is_by_time = times is not None and not (has_extremes and _openness(pair) > _openness(times))
         self.unit = "s" if self.is_by_time else verdict.unit

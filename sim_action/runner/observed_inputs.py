@@ -104,11 +104,11 @@ def python_folders() -> list[Path]:
     """Return the folders of this Python and of its packages, whose names and versions are in the keys of runs."""
     stated = sysconfig.get_paths()
     names = ("stdlib", "platstdlib", "purelib", "platlib")
-    here = [Path(stated[name]) for name in names if name in stated]
+    folders = [Path(stated[name]) for name in names if name in stated]
     base = Path(sys.base_prefix)
     packages = [path for path in map(Path, sys.path) if path.suffix == ".zip" or path.name in _PACKAGES]
     inside = [path for path in packages if path.is_relative_to(base) or path.is_relative_to(sys.prefix)]
-    return [*here, *inside]
+    return [*folders, *inside]
 
 
 def observed_inputs(job: Job, scratch: Path) -> ObservedInputs | None:
@@ -163,11 +163,13 @@ _HEARD: Final = frozenset({*_OPENS, *_LISTS, *_UNLIMITED, "ctypes.dlopen"})
 def inputs_in(written: bytes) -> tuple[str, ...] | None:
     """Return the inputs that a child process reports; None if they are not valid, or not limited."""
     try:
-        found = json.loads(written)
+        inputs = json.loads(written)
     except (ValueError, RecursionError):
         return None
-    is_valid = isinstance(found, list) and len(found) <= MAX_INPUTS and all(isinstance(each, str) for each in found)
-    return tuple(found) if is_valid else None
+    is_valid = (
+        isinstance(inputs, list) and len(inputs) <= MAX_INPUTS and all(isinstance(entry, str) for entry in inputs)
+    )
+    return tuple(inputs) if is_valid else None
 
 
 def _caches() -> list[Path]:

@@ -30,7 +30,7 @@ from sim_action.state.verdict import Verdict
 def planned_outcomes(plans: Sequence[Plan], of_patterns: Sequence[Outcome]) -> list[Planned]:
     """Return the outcomes that a call will have, in order; last those `of_patterns` without a scenario."""
     outcomes = [Outcome.of_refused(plan) if isinstance(plan, Refused) else originals(plan) for plan in plans]
-    every = (each for one in outcomes for each in ([one] if isinstance(one, Outcome) else map(unjudged, one)))
+    every = (outcome for one in outcomes for outcome in ([one] if isinstance(one, Outcome) else map(unjudged, one)))
     planned: list[Planned] = []
     for outcome in (*every, *of_patterns):
         planned.append(share_parts(Planned.of(outcome), planned[-1] if planned else None))
@@ -104,7 +104,7 @@ class OutcomeAssembly:
             changes = tuple(run.repetition for run in plan[1:several])
             scenario = _Scenario(runs, place, indices, repeat * several, changes)
             self._scenarios |= dict.fromkeys(scenario.places, scenario)
-            self.places += [each for each in scenario.places for _ in range(several)]
+            self.places += [place for place in scenario.places for _ in range(several)]
             self.first_turns += [*range(several)] * len(runs)
             place += len(runs)
         self._count = place
@@ -172,9 +172,9 @@ class OutcomeAssembly:
         self._ended.setdefault(place, {})[turn] = outcome
         self._keys.setdefault(place, {})[turn] = key
         scenario = self._scenarios[place]
-        if all(len(self._ended.get(each, {})) == scenario.turns for each in scenario.places):
-            for final, each in zip(scenario.places, self._outcomes(scenario), strict=True):
-                self._emit(Finished(final, each, self._key(final)))
+        if all(len(self._ended.get(final, {})) == scenario.turns for final in scenario.places):
+            for final, merged in zip(scenario.places, self._outcomes(scenario), strict=True):
+                self._emit(Finished(final, merged, self._key(final)))
             for final in scenario.places:
                 self._final.add(final)
                 del self._ended[final], self._keys[final]
@@ -207,9 +207,9 @@ class OutcomeAssembly:
             return merge_repeats(run, turns, self._folder)
         from sim_action.runner.numerical_confidence import divergence, with_confidence  # a usual run does without them
 
-        traces = [stored_trace(each, self._folder) for each in turns]
+        traces = [stored_trace(outcome, self._folder) for outcome in turns]
         parted = divergence(traces[0], dict(zip(scenario.changes, traces[1:], strict=True)))
-        _remove(self._folder, [each.model_copy(update={"replay": None}) for each in turns[1:]])
+        _remove(self._folder, [outcome.model_copy(update={"replay": None}) for outcome in turns[1:]])
         return with_confidence(run, turns[0], dict(zip(scenario.changes, turns[1:], strict=True)), parted)
 
 
@@ -234,14 +234,14 @@ def merge_repeats(loaded: LoadedScenario, outcomes: Sequence[Outcome], folder: P
         ours = ours or slow[0]
     runs = [_Run(number, one) for number, one in enumerate(outcomes, start=1) if one.status != "skipped"]
     if ours is not None or not runs:
-        told, kept = ours or outcomes[0], [ours or outcomes[0]]
+        outcome, kept = ours or outcomes[0], [ours or outcomes[0]]
     else:
-        told, kept = _told(loaded, runs, folder)
+        outcome, kept = _told(loaded, runs, folder)
     _remove(folder, [one for one in outcomes if all(one is not other for other in kept)])
-    if len(runs) < len(outcomes) and told.status == "passed":
+    if len(runs) < len(outcomes) and outcome.status == "passed":
         note = f"run {len(runs)} of {len(outcomes)} times: another scenario did not pass (--fail-fast)"
-        return told.model_copy(update={"status": "skipped", "expectations": (), "notes": (note,)})
-    return told
+        return outcome.model_copy(update={"status": "skipped", "expectations": (), "notes": (note,)})
+    return outcome
 
 
 @dataclass(frozen=True, slots=True)
@@ -336,12 +336,12 @@ def _judged(verdict: Verdict) -> str:
     return f"{verdict.status.replace('_', ' ')}: {verdict.message}{measured}"
 
 
-def _where(found: Divergence) -> str:
+def _where(difference: Divergence) -> str:
     """Return the place of a difference, such as "at 0.304 s, in x of base_position_xyz: 0.25 and not 0.26"."""
-    ours, theirs = found.values
-    if not found.column:
-        return f"at {found.time:.6g} s, where one run ended: they ended at {theirs:.6g} s and {ours:.6g} s"
-    return f"at {found.time:.6g} s, in {found.column}: {theirs!r} and not {ours!r}"
+    ours, theirs = difference.values
+    if not difference.column:
+        return f"at {difference.time:.6g} s, where one run ended: they ended at {theirs:.6g} s and {ours:.6g} s"
+    return f"at {difference.time:.6g} s, in {difference.column}: {theirs!r} and not {ours!r}"
 
 
 def stored_trace(outcome: Outcome, folder: Path) -> Trace | None:

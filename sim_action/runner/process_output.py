@@ -102,14 +102,14 @@ def muted() -> Iterator[None]:
 def split_output(text: str) -> tuple[tuple[Diagnostic, ...], str]:
     """Return the messages of engines, each once, and the rest of the output."""
     pieces = _MARKER.split(_BANNER.sub("", text))
-    rest, found = [pieces[0]], dict[Diagnostic, None]()
+    rest, diagnostics = [pieces[0]], dict[Diagnostic, None]()
     for bullets, mujocos, body in zip(pieces[1::3], pieces[2::3], pieces[3::3], strict=True):
         # A message ends with its line; the following text is other output.
         message, _, after = body.partition("\n")
         if message.strip():
-            found[Diagnostic(level=_LEVELS[bullets or mujocos], message=message.strip())] = None
+            diagnostics[Diagnostic(level=_LEVELS[bullets or mujocos], message=message.strip())] = None
         rest.append(after)
-    return tuple(found)[:_MAX_DIAGNOSTICS], "".join(rest).strip("\n")
+    return tuple(diagnostics)[:_MAX_DIAGNOSTICS], "".join(rest).strip("\n")
 
 
 # The dump is written this long before the deadline: at most a share of the time, at most so many seconds.
@@ -143,6 +143,6 @@ def dump_stack_before(deadline: float, place: int | Path) -> None:
 
 def place_in_stack_dump(text: str, files: Iterable[Path]) -> Location | None:
     """Return the innermost line of a user's file in a stack dump, whose text cannot be trusted."""
-    known = {str(file).encode("ascii", "backslashreplace").decode(): str(file) for file in files}
-    found = next((frame for frame in _FRAME.finditer(text) if frame["file"] in known), None)
-    return None if found is None else Location(known[found["file"]], int(found["line"]))
+    paths = {str(file).encode("ascii", "backslashreplace").decode(): str(file) for file in files}
+    innermost = next((frame for frame in _FRAME.finditer(text) if frame["file"] in paths), None)
+    return None if innermost is None else Location(paths[innermost["file"]], int(innermost["line"]))

@@ -169,13 +169,13 @@ class RunKeys:
     def _contents_of(self, named: frozenset[Path], tree: GitTree | str, root: Path) -> list[tuple[str, str]] | None:
         if len(named) >= MAX_FILES:
             return None
-        found: list[tuple[str, str]] = []
+        contents: list[tuple[str, str]] = []
         for path in sorted(named):
             content = "in the workspace" if _is_in(path, tree) else self._digests.of(path)
             if content is None:
                 return None
-            found.append((os.path.relpath(path, root), content))
-        return found
+            contents.append((os.path.relpath(path, root), content))
+        return contents
 
     def _engine_build(self, backend: str) -> str | None:
         if backend not in self._builds:
@@ -264,8 +264,8 @@ def source_digest(folder: Path) -> str:
 def _add_source(folder: str, name: str, digest: hashlib._Hash) -> None:
     """Add all files in a folder, which has this name, to a digest. There are hundreds: a Path for each takes longer."""
     with os.scandir(folder) as entries:
-        found = sorted(entries, key=lambda entry: entry.name)
-    for entry in found:
+        ordered = sorted(entries, key=lambda entry: entry.name)
+    for entry in ordered:
         if entry.is_dir():
             if entry.name not in _UNRELATED:
                 _add_source(entry.path, f"{name}{entry.name}/", digest)
@@ -288,10 +288,10 @@ def _packages() -> list[tuple[str, str]]:
 def _distributions() -> Iterator[tuple[str, str]]:
     for folder in map(Path, sys.path):
         try:
-            found = [path for path in folder.iterdir() if path.suffix in (".dist-info", ".egg-info")]
+            metadata_paths = [path for path in folder.iterdir() if path.suffix in (".dist-info", ".egg-info")]
         except OSError:
             continue
-        for path in found:
+        for path in metadata_paths:
             try:
                 yield path.name, hashlib.sha256((path / "RECORD").read_bytes()).hexdigest()
             except OSError:
@@ -444,7 +444,7 @@ class _Search:
             for place, final in zip(places, finals, strict=True):
                 self._keep(place, range(1, self.assembly.repeat + 1))
                 if final is not None and final.outcome is not None:
-                    self.kept.update(each.replay for each in final.outcome.repetitions if each.replay)
+                    self.kept.update(repetition.replay for repetition in final.outcome.repetitions if repetition.replay)
         elif not self.assembly.is_compared(places[0]) and self.assembly.repeat > 1:
             for turn in range(1, self.assembly.repeat + 1):
                 if record := self._of_turn(places[0], turn, keys[0]):
@@ -492,8 +492,8 @@ class _Search:
         return named == [self._name(path) for path in files] and all(map(self._exists, files))
 
     def _exists(self, path: Path) -> bool:
-        found = stored_file(self.folder, self._name(path))
-        return found is not None and found.stat().st_size > 0
+        file = stored_file(self.folder, self._name(path))
+        return file is not None and file.stat().st_size > 0
 
     def _keep(self, place: int, turns: Sequence[int]) -> None:
         self.kept.update(self._name(path) for turn in turns for path in self._files(place, turn))

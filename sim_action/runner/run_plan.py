@@ -62,9 +62,9 @@ def _on_its_own(loaded: LoadedScenario, backend: str | None) -> LoadedScenario:
     if scenario.agreement is not None:
         message = f"{scenario.robot.model} is a model for {title} only: there is no other engine to agree with"
         raise InvalidScenario([loaded.document.problem(("agreement",), message)])
-    wanted = ENGINES.get(scenario.backend if backend is None else backend)
-    if wanted is not None and wanted.mjcf_problem:
-        message = f"{wanted.mjcf_problem}; run it on {title}, or convert it to URDF"
+    requested = ENGINES.get(scenario.backend if backend is None else backend)
+    if requested is not None and requested.mjcf_problem:
+        message = f"{requested.mjcf_problem}; run it on {title}, or convert it to URDF"
         raise InvalidScenario([loaded.document.problem(("robot", "model"), message)])
     try:
         return _on(loaded, chosen(reader))
@@ -141,15 +141,15 @@ def plan_runs(request: PlanRequest) -> RunPlan:
     # Without any scenario, the exit code reports it.
     empty = request.suite.empty if contents.files else ()
     planner = _Planner(request)
-    every = [each for several in contents.files.values() for each in several]
+    every = [scenario for several in contents.files.values() for scenario in several]
     # All shards select alike. Numbers are those of a shard of `matrix`.
     if not request.suite.numbers:
         every = _with_whole_gates(every, request.suite.warn)
     scenarios = scenarios_of(every)
-    dealt = [each for several in scenarios for each in planner.dealt(several)]
+    dealt = [entry for several in scenarios for entry in planner.dealt(several)]
     total = len(dealt) + len(empty) + len(contents.unmatched)
     shard = Shard.parse(request.shard, total) if request.shard is not None else None
-    plans = [plan for each in (shard.dealt(dealt) if shard else dealt) for plan in planner.finished(each)]
+    plans = [plan for entry in (shard.dealt(dealt) if shard else dealt) for plan in planner.finished(entry)]
     if shard is not None and shard.index > 1:
         return RunPlan(plans, shard, ())
     return RunPlan(plans, shard, empty, contents.unmatched)
@@ -157,9 +157,9 @@ def plan_runs(request: PlanRequest) -> RunPlan:
 
 def _with_whole_gates(every: Sequence[Source | Refused], warn: Callable[[str], None]) -> list[Source | Refused]:
     """Return the scenarios; runs count by themselves unless each run of their gate is selected exactly once."""
-    selected = Counter((each.gate.file, each.gate.name) for each in every if each.gate is not None)
+    selected = Counter((scenario.gate.file, scenario.gate.name) for scenario in every if scenario.gate is not None)
     partial: dict[tuple[str, str], PlannedGate] = {}
-    for gate in (each.gate for each in every if each.gate is not None):
+    for gate in (scenario.gate for scenario in every if scenario.gate is not None):
         if selected[gate.file, gate.name] != gate.runs:
             partial[gate.file, gate.name] = gate
     for key, gate in partial.items():
@@ -167,8 +167,10 @@ def _with_whole_gates(every: Sequence[Source | Refused], warn: Callable[[str], N
         some = f"{some} of {gate.runs}" if selected[key] < gate.runs else f"{some}, more than its {gate.runs},"
         warn(f"the gate of '{gate.name}' is not judged: {some} are selected, and each counts by itself")
     return [
-        replace(each, gate=None) if each.gate is not None and (each.gate.file, each.gate.name) in partial else each
-        for each in every
+        replace(scenario, gate=None)
+        if scenario.gate is not None and (scenario.gate.file, scenario.gate.name) in partial
+        else scenario
+        for scenario in every
     ]
 
 
@@ -187,7 +189,7 @@ class _Planner:
     def dealt(self, several: Sequence[Source | Refused]) -> list[Source | Plan]:
         """Return the items to distribute over shards: all variations of a scenario, checked, or the scenario itself."""
         numbered = self._request.suite.numbered
-        mine = [each for each in several if numbered(each)]
+        mine = [scenario for scenario in several if numbered(scenario)]
         if not (mine and isinstance(mine[0], Source) and mine[0].group is not None):
             return list(mine)
         return [plan for plan in self._plans(several) if numbered(source_of(plan))]
@@ -203,12 +205,12 @@ class _Planner:
     def _sharing(self, loaded: list[LoadedScenario | Refused]) -> Iterator[Plan]:
         """Yield the plans, of which each shares the equal parts with the one before, and empty the list."""
         loaded.reverse()
-        known: Plan = ()
+        previous: Plan = ()
         while loaded:
             plan = self._plan(loaded.pop())
-            if not isinstance(plan, Refused) and not isinstance(known, Refused) and len(plan) == len(known):
-                plan = tuple(map(shared, plan, known))
-            known = plan
+            if not isinstance(plan, Refused) and not isinstance(previous, Refused) and len(plan) == len(previous):
+                plan = tuple(map(shared, plan, previous))
+            previous = plan
             yield plan
 
     def _plan(self, scenario: LoadedScenario | Refused) -> Plan:
@@ -246,12 +248,12 @@ class _Planner:
 
 def _once(planned: Iterable[Plan]) -> Iterator[Plan]:
     """Yield the plans; equal refusals of several variations are given once."""
-    told = set[tuple[str, str]]()
+    refused = set[tuple[str, str]]()
     for plan in planned:
         if isinstance(plan, Refused):
-            if (plan.file, plan.name) in told:
+            if (plan.file, plan.name) in refused:
                 continue
-            told.add((plan.file, plan.name))
+            refused.add((plan.file, plan.name))
         yield plan
 
 

@@ -191,7 +191,7 @@ class _Pool:
     def taken(self) -> Iterator[WarmProcess]:
         """Take a warm process for a call, or start one. Raise InternalError."""
         with self._lock:
-            process = next((each for each in self._popped() if each.is_open), None)
+            process = next((candidate for candidate in self._popped() if candidate.is_open), None)
         try:
             process = process or WarmProcess()
         except OSError as error:

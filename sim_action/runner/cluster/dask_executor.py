@@ -192,9 +192,9 @@ class ClusterRuns(Scheduler):
             task.future.add_done_callback(self._heard)
 
     def _cancel(self, tasks: Collection[_Submitted]) -> None:
-        self._client.cancel([each.future for each in tasks], force=True)
-        for each in tasks:
-            del self._tasks[str(each.future.key)]
+        self._client.cancel([task.future for task in tasks], force=True)
+        for task in tasks:
+            del self._tasks[str(task.future.key)]
 
     def _heard(self, done: Future[Reply]) -> None:
         """Take the answer of a task; called in a thread of Dask."""
@@ -208,8 +208,8 @@ class ClusterRuns(Scheduler):
     def _progressed(self, event: tuple[Any, tuple[Any, ...]]) -> None:
         self._tell(Report(*event[1]))
 
-    def _tell(self, told: _Answer | Report) -> None:
-        self._answers.put(told)
+    def _tell(self, message: _Answer | Report) -> None:
+        self._answers.put(message)
         # It is full: the other thread wakes anyway. It is closed: nobody waits any more.
         with suppress(OSError):
             self._waker.send(b"\0")
@@ -218,16 +218,16 @@ class ClusterRuns(Scheduler):
         with suppress(BlockingIOError):
             self._wakened.recv(4096)
         while not self._answers.empty():
-            told = self._answers.get()
-            task = self._tasks.get(told.task)
+            message = self._answers.get()
+            task = self._tasks.get(message.task)
             if task is None:
                 # It was cancelled.
                 continue
-            if isinstance(told, Report):
-                self._hear(task, told.index, told.worker, told.progress)
+            if isinstance(message, Report):
+                self._hear(task, message.index, message.worker, message.progress)
             else:
-                del self._tasks[told.task]
-                self._judge(task, told.reply, told.error)
+                del self._tasks[message.task]
+                self._judge(task, message.reply, message.error)
 
     def _hear(self, task: _Submitted, index: int, worker: str, progress: tuple[float, float] | None) -> None:
         if progress is not None:
@@ -257,7 +257,9 @@ class ClusterRuns(Scheduler):
             self._batches.took([outcome.wall_time or 0.0 for outcome in placed])
             for index, outcome in zip(task.indices, placed, strict=True):
                 self._finish(index, outcome)
-        elif reply is not None and reply.lacks and max(self._again[each] for each in task.indices) < _MOST_TIMES_AGAIN:
+        elif (
+            reply is not None and reply.lacks and max(self._again[index] for index in task.indices) < _MOST_TIMES_AGAIN
+        ):
             self._again.update(task.indices)
             self._send_missing(task, reply)
         elif len(task.indices) > 1:
@@ -446,14 +448,14 @@ def _archives(
     scenarios: Sequence[LoadedScenario], permissions: Permissions, outputs: Collection[Path]
 ) -> Mapping[Path, Archive]:
     """Return the archives of the workspaces, and of packages outside of them, by their folders. Raise UsageError."""
-    here, finder = Path.cwd(), NamedFiles()
+    current_folder, finder = Path.cwd(), NamedFiles()
     named: dict[Path, set[Path]] = {}
     for loaded in scenarios:
         named.setdefault(loaded.workspace.root, set()).update(finder.of(loaded.source))
     for _, folder in permissions.packages:
         if not any(Path(folder).is_relative_to(root) for root in named):
             named[Path(folder)] = set()
-    return {root: archive_of(root, here, files, outputs) for root, files in named.items()}
+    return {root: archive_of(root, current_folder, files, outputs) for root, files in named.items()}
 
 
 class DaskExecutor:
@@ -476,11 +478,11 @@ class DaskExecutor:
         if not self._client.nthreads():
             raise UsageError(f"--cluster: {text} has no workers; start one on each machine with dask worker {text}")
         engines = tuple(dict(self._needed.engines))
-        found = self._client.run(software_there, engines, on_error="return")
-        refused = [f"the worker {worker} {reason}" for worker, reason in _refusals(found, self._needed)]
+        software_by_worker = self._client.run(software_there, engines, on_error="return")
+        refused = [f"the worker {worker} {reason}" for worker, reason in _refusals(software_by_worker, self._needed)]
         if refused:
             raise UsageError("\n".join(escaped_line(f"--cluster: {line}") for line in refused))
-        roundings = Counter("; ".join(there.roundings(self._needed)) for there in found.values())
+        roundings = Counter("; ".join(there.roundings(self._needed)) for there in software_by_worker.values())
         for difference, workers in roundings.items():
             if difference:
                 note(f"--cluster: {counted(workers, 'worker')}: {difference}; {_OTHER_ROUNDING}")
@@ -496,17 +498,17 @@ class DaskExecutor:
 
     def scheduler(self, runs: Runs, emit: Listener, interruption: Interruption) -> ClusterRuns:
         """Return what runs these runs on the workers. No run has a key: it depends on another machine."""
-        output, here = Output(runs.replays, tuple(runs.formats), runs.repeat), Path.cwd()
+        output, current_folder = Output(runs.replays, tuple(runs.formats), runs.repeat), Path.cwd()
 
         def task(indices: Sequence[int]) -> Task:
             several = [runs.loaded(index) for index in indices]
             own = self._archives[several[0].workspace.root].copied
-            others = (each.copied for each in self._archives.values() if each.copied is not own)
+            others = (archive.copied for archive in self._archives.values() if archive.copied is not own)
             return Task(
                 tuple(map(Run.of, indices, several)),
                 indices[0] // len(runs.scenarios) + 1,
                 self._permissions,
-                here,
+                current_folder,
                 copied=(own, *others),
                 output=output,
                 software=self._needed,
@@ -533,8 +535,10 @@ _OTHER_ROUNDING: Final = (
 )
 
 
-def _refusals(found: Mapping[str, Software | BaseException], needed: Software) -> Iterator[tuple[str, str]]:
-    for worker, there in found.items():
+def _refusals(
+    software_by_worker: Mapping[str, Software | BaseException], needed: Software
+) -> Iterator[tuple[str, str]]:
+    for worker, there in software_by_worker.items():
         if isinstance(there, BaseException):
             yield worker, f"cannot run scenarios: {there}; install this version of sim-action there"
         elif differences := "; ".join(there.differences(needed)):

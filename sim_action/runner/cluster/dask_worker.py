@@ -64,7 +64,7 @@ def perform(task: Task, topic: str) -> Reply:
     if differences := "; ".join(software(tuple(dict(task.software.engines))).differences(task.software)):
         return Reply(worker.address, refusal=f"its software is another one: {differences}")
     copies = _copies(worker)
-    if lacks := tuple(each.digest for each in task.copied if not (copies / each.digest).exists()):
+    if lacks := tuple(copied.digest for copied in task.copied if not (copies / copied.digest).exists()):
         return Reply(worker.address, lacks=lacks)
     key = worker.get_current_task()
 
@@ -87,7 +87,7 @@ def perform(task: Task, topic: str) -> Reply:
             told_at = time.monotonic()
             tell(event.place, (event.sim_time, event.real_time_factor))
 
-    digests = tuple(each.digest for each in task.copied)
+    digests = tuple(copied.digest for copied in task.copied)
     with _LOADING:
         libraries = _LIBRARIES.setdefault(digests, Libraries())
     try:

@@ -48,23 +48,23 @@ class Software:
     numpy: str  # numpy, processor: they change the last digits of numbers
     processor: str
 
-    def differences(self, here: Software) -> Iterator[str]:
-        """Yield what a worker with this software has in another version than `here`, the caller's machine."""
-        ours = dict(here.engines)
-        pairs = [("Python", self.python, here.python), ("sim-action", self.sim_action, here.sim_action)]
+    def differences(self, caller: Software) -> Iterator[str]:
+        """Yield what a worker with this software has in another version than the machine of the caller."""
+        ours = dict(caller.engines)
+        pairs = [("Python", self.python, caller.python), ("sim-action", self.sim_action, caller.sim_action)]
         pairs += [(engine, version or "missing", ours[engine] or "missing") for engine, version in self.engines]
-        for name, there, wanted in pairs:
-            if there != wanted:
-                yield f"{name} is {there}, here {wanted}"
-        if self.sim_action == here.sim_action and self.source != here.source:
-            yield f"the files of sim-action have the digest {self.source}, here {here.source}"
+        for name, there, expected in pairs:
+            if there != expected:
+                yield f"{name} is {there}, here {expected}"
+        if self.sim_action == caller.sim_action and self.source != caller.source:
+            yield f"the files of sim-action have the digest {self.source}, here {caller.source}"
 
-    def roundings(self, here: Software) -> Iterator[str]:
-        """Yield what may let a worker with this software round otherwise than `here`, the caller's machine."""
-        pairs = [("numpy", self.numpy, here.numpy), ("the processor", self.processor, here.processor)]
-        for name, there, wanted in pairs:
-            if there != wanted:
-                yield f"{name} is {there}, here {wanted}"
+    def roundings(self, caller: Software) -> Iterator[str]:
+        """Yield what may let a worker with this software round otherwise than the machine of the caller."""
+        pairs = [("numpy", self.numpy, caller.numpy), ("the processor", self.processor, caller.processor)]
+        for name, there, expected in pairs:
+            if there != expected:
+                yield f"{name} is {there}, here {expected}"
 
 
 @cache
@@ -126,15 +126,15 @@ class Task:
 
     def moved(self, path: Path, copies: Path) -> Path:
         """Return the path of a file of the caller on the worker."""
-        return next((each.moved(path, copies) for each in self.copied if each.holds(path)), path)
+        return next((copied.moved(path, copies) for copied in self.copied if copied.holds(path)), path)
 
     def loaded(self, copies: Path, libraries: Libraries) -> list[LoadedScenario]:
         """Load the scenarios from the copy of their workspace. Raise InvalidScenario, InternalError."""
-        found: list[LoadedScenario] = []
+        scenarios: list[LoadedScenario] = []
         for run in self.runs:
             loaded = self._loaded(run, copies, libraries)
-            found.append(shared(loaded, found[-1]) if found else loaded)
-        return found
+            scenarios.append(shared(loaded, scenarios[-1]) if scenarios else loaded)
+        return scenarios
 
     def _loaded(self, run: Run, copies: Path, libraries: Libraries) -> LoadedScenario:
         source, workspace = run.source, run.source.workspace
@@ -146,11 +146,11 @@ class Task:
         )
         permissions = replace(self.permissions, packages=self._moved_packages(self.permissions.packages, copies))
         moved = replace(source, path=self.moved(source.path, copies), workspace=there)
-        [found] = load_all([moved], permissions, libraries)
-        if isinstance(found, Refused):
-            raise found.error
-        scenario = found.scenario.model_copy(update=dict(run.changed))
-        return replace(found, scenario=scenario, compared=run.compared, strict=run.strict, mutation=run.mutation)
+        [loaded] = load_all([moved], permissions, libraries)
+        if isinstance(loaded, Refused):
+            raise loaded.error
+        scenario = loaded.scenario.model_copy(update=dict(run.changed))
+        return replace(loaded, scenario=scenario, compared=run.compared, strict=run.strict, mutation=run.mutation)
 
     def _moved_packages(self, packages: Sequence[tuple[str, str]], copies: Path) -> tuple[tuple[str, str], ...]:
         return tuple((name, str(self.moved(Path(folder), copies))) for name, folder in packages)
@@ -163,8 +163,8 @@ class Task:
 
     def as_of_caller(self, text: str, copies: Path) -> str:
         """Return JSON with the caller's paths instead of the worker's."""
-        for each in self.copied:
-            text = text.replace(_json(str(copies / each.digest)), _json(str(each.anchor)))
+        for copied in self.copied:
+            text = text.replace(_json(str(copies / copied.digest)), _json(str(copied.anchor)))
         return text
 
 
@@ -217,7 +217,7 @@ def _prepare(scenarios: Sequence[LoadedScenario], _here: str, _folder: Path, _tu
 
 def _run_here(
     scenarios: Sequence[LoadedScenario],
-    here: str,
+    directory: str,
     folder: Path,
     turn: int,
     output: Output,
@@ -226,10 +226,10 @@ def _run_here(
 ) -> list[Result]:
     """Run one repetition of scenarios in this process, and read the files that they wrote."""
     if sys.platform == "linux":
-        os.chdir(here)
+        os.chdir(directory)
     motions = folder / "motions"
     motions.mkdir()
-    others = (each for each in range(1, output.repeat + 1) if each != turn)
+    others = (number for number in range(1, output.repeat + 1) if number != turn)
 
     def tell(event: Event) -> None:
         # The outcome follows with its files.

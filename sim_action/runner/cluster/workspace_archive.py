@@ -54,18 +54,20 @@ class Archive:
     data: bytes
 
 
-def archive_of(root: Path, here: Path, named: Iterable[Path] = (), excluded: Collection[Path] = ()) -> Archive:
+def archive_of(
+    root: Path, current_folder: Path, named: Iterable[Path] = (), excluded: Collection[Path] = ()
+) -> Archive:
     """Return the archive of a workspace.
 
     Args:
         root: its folder.
-        here: the current folder, which messages name files from.
+        current_folder: the folder which messages name files from.
         named: files to add that git may ignore; those outside the workspace are left out.
         excluded: paths whose untracked files do not count, such as the output folder.
 
     Raises UsageError if the workspace is too large, or cannot be read.
     """
-    anchor = here if root.is_relative_to(here) else root
+    anchor = current_folder if root.is_relative_to(current_folder) else root
     paths = {path for path in named if path.is_relative_to(root) and not is_of_git(path.relative_to(root))}
     paths.update(_files(root, excluded))
     buffer, digest, left = io.BytesIO(), hashlib.sha256(anchor.as_posix().encode()), MAX_BYTES
@@ -103,12 +105,12 @@ def unpack(archive: Archive, copies: Path) -> None:
 
 def _member(path: Path, name: str, root: Path) -> tuple[tarfile.TarInfo, bytes]:
     """Return the entry of a file or a link. Raise OSError; FileNotFoundError for anything else."""
-    member, found = tarfile.TarInfo(name), path.lstat()
-    member.mode = stat.S_IMODE(found.st_mode)
-    if stat.S_ISLNK(found.st_mode):
+    member, status = tarfile.TarInfo(name), path.lstat()
+    member.mode = stat.S_IMODE(status.st_mode)
+    if stat.S_ISLNK(status.st_mode):
         member.type, member.linkname = tarfile.SYMTYPE, _link(path, root)
         return member, b""
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(status.st_mode):
         raise FileNotFoundError
     content = path.read_bytes()
     member.size = len(content)

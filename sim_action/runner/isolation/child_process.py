@@ -197,10 +197,10 @@ def former_files(job: Job) -> Former:
 def _identity(path: Path) -> _Identity | None:
     """Return the identity of a regular file, which a rewritten file does not keep; None: there is none."""
     try:
-        found = path.lstat()
+        status = path.lstat()
     except OSError:
         return None
-    return (found.st_ino, found.st_mtime_ns, found.st_size) if stat.S_ISREG(found.st_mode) else None
+    return (status.st_ino, status.st_mtime_ns, status.st_size) if stat.S_ISREG(status.st_mode) else None
 
 
 def environment(
@@ -305,7 +305,7 @@ def _all_tasks() -> float:
 
 def _tasks_of(user: int) -> int:
     """Return the number of processes and threads of a user, as far as they are visible."""
-    found = 0
+    tasks = 0
     with suppress(OSError):
         for folder in Path("/proc").iterdir():
             # A process may end meanwhile.
@@ -313,5 +313,5 @@ def _tasks_of(user: int) -> int:
                 if folder.name.isdigit():
                     lines = (folder / "status").read_text("utf-8", errors="replace").splitlines()
                     status = dict(line.partition(":")[::2] for line in lines)
-                    found += int(status["Threads"]) if int(status["Uid"].split()[0]) == user else 0
-    return found
+                    tasks += int(status["Threads"]) if int(status["Uid"].split()[0]) == user else 0
+    return tasks

@@ -114,7 +114,7 @@ _OPEN: Final[list[MemoryFiles]] = []
 
 def close_others(own: ChildFiles) -> None:
     """Close the files of other child processes in a forked one, which would keep them in memory until its end."""
-    for files in [each for each in _OPEN if each.inherited is not own]:
+    for files in [files for files in _OPEN if files.inherited is not own]:
         files.close()
 
 
@@ -141,16 +141,16 @@ def _close(descriptors: Iterable[int]) -> None:
 
 def _last_outcome(descriptor: int) -> bytes:
     """Return the last whole outcome; nothing if there is none."""
-    size, at, found = os.fstat(descriptor).st_size, 0, (0, 0)
+    size, at, last = os.fstat(descriptor).st_size, 0, (0, 0)
     for _ in range(MAX_OUTCOMES):
         head = os.pread(descriptor, LENGTH.size, at)
         length = LENGTH.unpack(head)[0] if len(head) == LENGTH.size else 0
         at += LENGTH.size
         if not 0 < length <= size - at:
             break
-        found = (length, at)
+        last = (length, at)
         at += length
-    return os.pread(descriptor, *found)
+    return os.pread(descriptor, *last)
 
 
 def _end_of(descriptor: int, most: int) -> bytes:

@@ -104,13 +104,13 @@ def _reason_of(outcome: Outcome) -> str:
 
 def _place_of(outcome: Outcome) -> Location | None:
     """Return the place of the reason why a run did not pass; None if there is none."""
-    places = (*(each.location for each in outcome.failures), *(each.location for each in outcome.causes))
+    places = (*(failure.location for failure in outcome.failures), *(expected.location for expected in outcome.causes))
     return next((place for place in places if place is not None), outcome.location)
 
 
 def proven(original: Original, mutants: Sequence[JudgedMutant], left_out: int, unfinished: int = 0) -> ProvenScenario:
     """Return a scenario with findings; `left_out`, `unfinished`: mutants that were not to run, and interrupted ones."""
-    results = tuple(each.result for each in mutants)
+    results = tuple(judged_one.result for judged_one in mutants)
     expectations = tuple(
         _finding(place, expected, results, original.outcome.digest, is_complete=not (left_out or unfinished))
         for place, expected in enumerate(original.outcome.expectations)
@@ -130,13 +130,15 @@ def _finding(
     place: int, expected: ExpectationOutcome, mutants: Sequence[MutantResult], digest: str | None, *, is_complete: bool
 ) -> ProvenExpectation:
     """Return the finding on the expectation at a place; `digest`: of the run without a mutant."""
-    noticed = tuple(each.name for each in mutants if place in each.noticed_by)
+    noticed = tuple(mutant.name for mutant in mutants if place in mutant.noticed_by)
     # A reading that changed no motion concerns only the expectations that read it.
     others = [
-        each for each in mutants if each.digest != digest and place not in (*each.noticed_by, *each.not_exercised)
+        mutant
+        for mutant in mutants
+        if mutant.digest != digest and place not in (*mutant.noticed_by, *mutant.not_exercised)
     ]
-    missed = tuple(each.name for each in others if each.status == "noticed")
-    changed = len(noticed) + sum(each.status in ("noticed", "survived") for each in others)
+    missed = tuple(mutant.name for mutant in others if mutant.status == "noticed")
+    changed = len(noticed) + sum(mutant.status in ("noticed", "survived") for mutant in others)
     is_known = changed > 0 and is_complete and expected.verdict.passed
     finding: Finding = "notices" if noticed else "checks nothing" if is_known else "unknown"
     return ProvenExpectation(
@@ -148,7 +150,7 @@ def _finding(
         passed=expected.verdict.passed,
         noticed=noticed,
         missed=missed,
-        not_exercised=tuple(each.name for each in mutants if place in each.not_exercised),
+        not_exercised=tuple(mutant.name for mutant in mutants if place in mutant.not_exercised),
         changed=changed,
         sensitivity=_sensitivity(expected),
     )
@@ -165,31 +167,31 @@ def next_strengths(original: Original, mutants: Sequence[JudgedMutant]) -> list[
     idle = any(
         expected.verdict.passed and place not in noticed for place, expected in enumerate(original.outcome.expectations)
     )
-    found = list[Mutant]()
+    following = list[Mutant]()
     for judged_one in mutants:
         mutant, is_noticed = judged_one.mutant, judged_one.result.status == "noticed"
         if mutant.milder and is_noticed:
-            found.append(replace(mutant.milder[0], milder=mutant.milder[1:]))
+            following.append(replace(mutant.milder[0], milder=mutant.milder[1:]))
         elif mutant.stronger and (idle or not is_noticed):
-            found.append(replace(mutant.stronger[0], stronger=mutant.stronger[1:]))
-    return found
+            following.append(replace(mutant.stronger[0], stronger=mutant.stronger[1:]))
+    return following
 
 
 def with_strengths(mutants: Sequence[JudgedMutant], ran: Sequence[JudgedMutant]) -> list[JudgedMutant]:
     """Return judged mutants with new strengths: a milder one replaces the noticed one, a stronger one follows."""
     by_name = {judged_one.mutant.name: judged_one for judged_one in ran}
-    found = list[JudgedMutant]()
+    updated = list[JudgedMutant]()
     for judged_one in mutants:
         mutant = judged_one.mutant
         following = next((by_name.get(other.name) for other in mutant.strengths[1:]), None)
         if following is None:
-            found.append(judged_one)
+            updated.append(judged_one)
         elif mutant.milder and following.result.status == "noticed":
-            found.append(following)
+            updated.append(following)
         else:
             done = replace(judged_one, mutant=replace(mutant, milder=(), stronger=()))
-            found += [done] if mutant.milder else [done, following]
-    return found
+            updated += [done] if mutant.milder else [done, following]
+    return updated
 
 
 def with_suggestion(judged: JudgedMutant, suggestion: str) -> JudgedMutant:

@@ -60,7 +60,7 @@ class Original:
             return None
         ways = {link.name: link_motion(model, self.trace, link.name).position_xyz for link in model.links}
         # Rounding must not decide between fingers.
-        name = max(ways, key=lambda each: round(float(lengths(ways[each])[-1]), _DIGITS))
+        name = max(ways, key=lambda link_name: round(float(lengths(ways[link_name])[-1]), _DIGITS))
         return name, ways[name]
 
     @property

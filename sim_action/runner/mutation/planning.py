@@ -68,7 +68,7 @@ def refuse_unmatched(plans: Sequence[PlannedMutants], names: Iterable[str]) -> N
     for name in names:
         kind, colon, _ = name.partition(":")
         if plans and colon and name not in every:
-            hint = did_you_mean(name, (each for each in every if each.partition(":")[0] == kind))
+            hint = did_you_mean(name, (candidate for candidate in every if candidate.partition(":")[0] == kind))
             raise UsageError(escaped_line(f"--only: no scenario that passes has the mutant {shown(name)}{hint}"))
 
 
@@ -92,29 +92,29 @@ def _chosen(mutant: Mutant, only: Collection[str]) -> Iterator[Mutant]:
 
 def cost(plans: Iterable[PlannedMutants], jobs: int) -> float:
     """Return the estimated wall time in s of all mutants, from the originals: a mutant may run up to its time limit."""
-    return sum(each.original.outcome.wall_time * len(each.chosen) for each in plans) / jobs
+    return sum(plan.original.outcome.wall_time * len(plan.chosen) for plan in plans) / jobs
 
 
 def within(plans: Sequence[PlannedMutants], seconds: float, jobs: int) -> list[PlannedMutants]:
     """Return the plans with the most telling mutants in a wall time in s, by turns of kinds and scenarios."""
     left = seconds * jobs
     chosen: list[set[str]] = [set() for _ in plans]
-    for _, place, mutant in sorted(_ranked(plans), key=lambda each: each[:2]):
+    for _, place, mutant in sorted(_ranked(plans), key=lambda ranked: ranked[:2]):
         needed = plans[place].original.outcome.wall_time
         if needed <= left:
             left -= needed
             chosen[place].add(mutant.name)
     return [
-        replace(each, chosen=[mutant for mutant in each.chosen if mutant.name in names])
-        for each, names in zip(plans, chosen, strict=True)
+        replace(plan, chosen=[mutant for mutant in plan.chosen if mutant.name in names])
+        for plan, names in zip(plans, chosen, strict=True)
     ]
 
 
 def _ranked(plans: Sequence[PlannedMutants]) -> Iterator[tuple[tuple[int, int], int, Mutant]]:
     """Yield each mutant after its rank and the index of its plan."""
-    for place, each in enumerate(plans):
+    for place, plan in enumerate(plans):
         before = Counter[str]()
-        for mutant in each.chosen:
+        for mutant in plan.chosen:
             yield (before[mutant.kind], KINDS.index(mutant.kind)), place, mutant
             before[mutant.kind] += 1
 
@@ -283,8 +283,8 @@ def _dropped(original: Original) -> Iterator[Mutant]:
 
 
 def _with_sensors(original: Original, kind: str, mounted: MountedSensor, words: str, *instead: MountedSensor) -> Mutant:
-    several = ((instead if each is mounted else (each,)) for each in original.scenario.sensors)
-    sensors = tuple(each for some in several for each in some)
+    several = ((instead if sensor is mounted else (sensor,)) for sensor in original.scenario.sensors)
+    sensors = tuple(sensor for some in several for sensor in some)
     return original.changed(kind, mounted.name, words, original.scenario.model_copy(update={"sensors": sensors}))
 
 

@@ -249,7 +249,7 @@ def _flow(value: object) -> str:
 def _plain(value: object) -> object:
     """Return a value with short numbers, and lists in place of tuples."""
     if isinstance(value, Mapping):
-        return {key: _plain(each) for key, each in value.items()}
+        return {key: _plain(nested) for key, nested in value.items()}
     if isinstance(value, tuple):
         return list(map(_plain, value))
     if isinstance(value, float):

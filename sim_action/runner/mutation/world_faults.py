@@ -49,7 +49,7 @@ def removed(original: Original) -> Iterator[Mutant]:
     """Yield a mutant without each object that no other part of the scenario names."""
     for body in _near_way(original):
         if not _is_named(original, body.name):
-            others = tuple(each for each in original.scenario.world.objects if each is not body)
+            others = tuple(other for other in original.scenario.world.objects if other is not body)
             yield _with_objects(original, "removed", body.name, f"the object '{body.name}' is missing", others)
     world = original.scenario.world
     for actor in world.actors[:MOST_OBJECTS]:
@@ -57,7 +57,7 @@ def removed(original: Original) -> Iterator[Mutant]:
         if _is_named(original, actor.name):
             words, instead = f"the robot '{actor.name}' gets no commands", [actor.model_copy(update={"commands": ()})]
         if not instead or actor.commands:
-            several = (instead if each is actor else [each] for each in world.actors)
+            several = (instead if other is actor else [other] for other in world.actors)
             changed = world.model_copy(update={"actors": tuple(chain.from_iterable(several))})
             yield _in_world(original, "removed", actor.name, words, changed)
 
@@ -74,7 +74,7 @@ def moved(original: Original) -> Iterator[Mutant]:
             continue
         shift = math.dist(at, (body.pose.x, body.pose.y))
         there = body.model_copy(update={"pose": body.pose.model_copy(update={"x": at[0], "y": at[1]})})
-        objects = tuple(there if each is body else each for each in original.scenario.world.objects)
+        objects = tuple(there if other is body else other for other in original.scenario.world.objects)
         words = f"the object '{body.name}' stands {shift:.2f} m {where}"
         yield _with_objects(original, "moved", body.name, words, objects)
 
@@ -161,7 +161,7 @@ def uneventful(original: Original) -> Iterator[Mutant]:
     events = original.scenario.events
     for event in events[:MOST_EVENTS]:
         never = replace(event, when=replace(event.when, assertion=None, at=NOT_YET, event=""))
-        others = tuple(never if each is event else each for each in events)
+        others = tuple(never if other is event else other for other in events)
         changed = original.scenario.model_copy(update={"events": others})
         yield original.changed("uneventful", event.name, f"the event '{event.name}' never happens", changed)
 
@@ -217,7 +217,7 @@ def _near_way(original: Original) -> list[Body]:
     objects = original.scenario.world.objects
     away = {body.name: _nearest(original, body)[1] for body in objects}
     chosen = sorted(objects, key=lambda body: away[body.name])[:MOST_OBJECTS]
-    return [body for body in objects if any(body is each for each in chosen)]
+    return [body for body in objects if any(body is near_body for near_body in chosen)]
 
 
 def _nearest(original: Original, body: Body, start: int = 0) -> tuple[int, float]:
@@ -272,12 +272,12 @@ def _texts(value: object) -> Iterator[str]:
     if isinstance(value, str):
         yield value
     elif isinstance(value, dict):
-        for key, each in value.items():
+        for key, nested in value.items():
             yield from _texts(key)
-            yield from _texts(each)
+            yield from _texts(nested)
     elif isinstance(value, list | tuple):
-        for each in value:
-            yield from _texts(each)
+        for nested in value:
+            yield from _texts(nested)
 
 
 LEAST_MOVE_M: Final = 0.02  # objects move at least this far
