@@ -89,18 +89,13 @@ def test_a_box_is_where_the_pinhole_formula_has_it(engine: str, tmp_path: Path) 
 
 
 @on_every_engine
-def test_ground_and_sky_meet_at_the_horizon(engine: str, tmp_path: Path) -> None:
+def test_ground_and_sky_meet_at_the_horizon_and_the_robot_sees_itself(engine: str, tmp_path: Path) -> None:
     image = shown(engine, post(tmp_path), camera=CAMERA.model_copy(update={"far": 1000.0}))
     assert np.isinf(image.depth[:60]).all()
     down = (np.arange(60, 120) + 0.5 - 60) / FOCAL
     # The arm's hand is before the camera.
     assert image.depth[60:, 0] == pytest.approx(1 / down, rel=1e-6)
     assert image.depth[60:, 159] == pytest.approx(1 / down, rel=1e-6)
-
-
-@on_every_engine
-def test_the_robot_sees_itself(engine: str, tmp_path: Path) -> None:
-    image = shown(engine, post(tmp_path))
     hand = image.depth < 0.3
     assert image.depth[hand].min() == pytest.approx(0.29, abs=1e-6)
     top, bottom = 60 + FOCAL * 0.09 / 0.31, 60 + FOCAL * 0.11 / 0.29

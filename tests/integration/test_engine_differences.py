@@ -11,20 +11,12 @@ import pytest
 from sim_action.engines import ENGINES, installed, named_version
 from sim_action.state.trace_storage import load_trace
 from tests.integration.conftest import fresh_sim_action, sim_action
+from tests.integration.engines import BALL
 from tests.soak import soaked
 
 ENGINE_NAMES = tuple(ENGINES)
 for _engine in ENGINE_NAMES:
     pytest.importorskip(_engine, reason=f"it takes two engines, and {_engine} is not installed")
-
-BALL = """\
-<robot name="ball">
-  <link name="ball">
-    <inertial><mass value="0.5"/><inertia ixx="2e-3" ixy="0" ixz="0" iyy="2e-3" iyz="0" izz="2e-3"/></inertial>
-    <collision><geometry><sphere radius="0.1"/></geometry></collision>
-  </link>
-</robot>
-"""
 # It is in the air for 0.32 s: the engines differ in the few steps in which it hits the ground.
 DROP = """\
 name: drop

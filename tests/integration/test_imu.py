@@ -14,7 +14,6 @@ from sim_action.engines import installed
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.sensors import Mount
 from sim_action.sensors.imu import Imu
-from sim_action.simulation.loop import SimulationRun
 from sim_action.state.command import JointTargets
 from sim_action.state.trace_records import SensorRecord
 from sim_action.world import GRAVITY
@@ -27,13 +26,10 @@ from tests.simulated import simulated
 SENSOR = "sensors:\n  - {imu: {}, rate: 20 Hz, pose: {x: 0.1, z: 0.05}, trace: true}\n"
 
 
-def run(folder: Path, engine: str, twist: str) -> SimulationRun:
-    text = LEAST.replace("{linear: 1.0}", twist).replace("travel: {at_least: 1.5 m}", "upright: {}")
-    return simulated(folder, text.replace("30 s", "3 s") + f"{SENSOR}backend: {engine}\n")
-
-
 def record(folder: Path, engine: str, twist: str) -> SensorRecord:
-    (found,) = run(folder, engine, twist).trace.sensors.values()
+    text = LEAST.replace("{linear: 1.0}", twist).replace("travel: {at_least: 1.5 m}", "upright: {}")
+    run = simulated(folder, text.replace("30 s", "3 s") + f"{SENSOR}backend: {engine}\n")
+    (found,) = run.trace.sensors.values()
     assert found.time.tolist() == [tick / 20 for tick in range(60)]
     return found
 

@@ -50,6 +50,7 @@ def run(backend: Engine, seconds: float, targets: JointTargets) -> Trace:
         ('lower="0.5" upper="1e16"', 0.5, 4.5),
         ('lower="-1e16" upper="-0.5"', -0.5, -4.5),
         ('upper="1.5"', 0.0, 1.5),
+        ('upper="0"', 0.0, 0.0),
         ('lower="-1.5"', 0.0, -1.5),
     ],
 )

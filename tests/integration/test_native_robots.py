@@ -12,14 +12,13 @@ from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
-from sim_action.scenario.loading import build_scene, load_scenario
-from sim_action.simulation.loop import simulate
 from sim_action.state.command import JointTargets
 from sim_action.state.trace_records import ClearanceWatch
 from sim_action.world import GRAVITY, Body, Physics, World
 from sim_action.world.scene import Scene
 from tests.integration.engines import advance, push, running
 from tests.robot.reading.mjcf.test_mjcf_reader import ARM, ROVER
+from tests.simulated import simulated
 
 pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
 
@@ -107,19 +106,9 @@ def test_the_scenario_says_whether_it_is_free(text: str, base: str, falls: bool,
 
 def test_a_scenario_runs_it(tmp_path: Path) -> None:
     (tmp_path / "robot.xml").write_text(ROVER, encoding="utf-8")
-    path = tmp_path / "rover.sim.yml"
-    path.write_text(
-        """
-name: rover
-robot: {model: robot.xml}
-commands: {twist: [{linear: 0.5}]}
-expect: [{travel: {at_least: 1 m}}, upright]
-backend: mujoco
-time_limit: 10 s
-"""
-    )
-    loaded = load_scenario(path, evaluate=True)
-    run = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    robot = "name: rover\nrobot: {model: robot.xml}\ncommands: {twist: [{linear: 0.5}]}\n"
+    ends = "expect: [{travel: {at_least: 1 m}}, upright]\nbackend: mujoco\ntime_limit: 10 s\n"
+    run = simulated(tmp_path, robot + ends)
     assert all(verdict.passed for verdict in run.verdicts)
     # The velocity servo of the left wheel is so stiff for a step of 1 / 240 s that the wheels slip at the start.
     assert run.sim_time == pytest.approx(2.25, abs=0.03)

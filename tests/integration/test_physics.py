@@ -15,18 +15,14 @@ from sim_action.simulation.loop import SimulationRun, simulate
 from tests.simulated import simulated
 
 
-def drive(folder: Path, twist: str, seconds: float, model: str = "turtlebot3_burger") -> SimulationRun:
-    return simulated(
-        folder,
-        f"""
-name: drive
-robot: {{model: {model}}}
-commands: {{rate: 10 Hz, twist: [{twist}]}}
-expect: [upright]
-duration: {seconds} s
-time_limit: {seconds} s
-""",
-    )
+def run_burger(folder: Path, seconds: float, pose: dict[str, float], **keys: Any) -> SimulationRun:
+    robot = {"model": "turtlebot3_burger", "pose": pose}
+    ends = {"expect": ["upright"], "duration": seconds, "time_limit": seconds}
+    return simulated(folder, {"name": "burger", "robot": robot, **ends, **keys})
+
+
+def drive(folder: Path, twist: dict[str, float], seconds: float, **keys: Any) -> SimulationRun:
+    return run_burger(folder, seconds, {}, commands={"rate": 10, "twist": [twist]}, **keys)
 
 
 def plugged_burger(folder: Path, legacy: str) -> str:
@@ -40,7 +36,8 @@ def plugged_burger(folder: Path, legacy: str) -> str:
 
 @pytest.mark.parametrize(("legacy", "way"), [("<legacyMode>false</legacyMode>", 1), ("", -1)])
 def test_a_curve_bends_the_way_that_gazebos_plugin_turns(legacy: str, way: int, tmp_path: Path) -> None:
-    run = drive(tmp_path, "{linear: 0.2, angular: 0.5}", 3, model=plugged_burger(tmp_path, legacy))
+    robot = {"model": plugged_burger(tmp_path, legacy)}
+    run = drive(tmp_path, {"linear": 0.2, "angular": 0.5}, 3, robot=robot)
     x, y, _ = run.trace.base_position_xyz[-1]
     # Of a circle of 0.4 m, 1.5 rad less what it takes to speed up.
     assert x == pytest.approx(0.4, abs=0.03)
@@ -58,7 +55,7 @@ def test_the_tutorials_scenario_reaches_its_goal_when_the_ramp_says() -> None:
 
 
 def test_the_burger_stands_still_without_commands(tmp_path: Path) -> None:
-    run = drive(tmp_path, "{linear: 0.0}", 10)
+    run = drive(tmp_path, {"linear": 0.0}, 10)
     assert run.travelled < 0.002
     assert not any("not at rest" in note for note in run.notes)
 
@@ -74,32 +71,18 @@ def test_a_robot_that_sinks_while_it_settles_is_told_of(tmp_path: Path) -> None:
     )
 
 
-def settled(folder: Path, pose: str, physics: str) -> SimulationRun:
-    return simulated(
-        folder,
-        f"""
-name: settle
-robot: {{model: turtlebot3_burger, pose: {pose}}}
-physics: {physics}
-expect: [upright]
-duration: 1 s
-time_limit: 1 s
-""",
-    )
-
-
 @pytest.mark.parametrize(
     ("physics", "steps"),
     [
-        ("{settle: 0}", 0),
-        ("{settle: 0.04 s}", 10),
-        ("{settle: 0.25 s}", 60),
-        ("{rate: 4 Hz, settle: 0.5 s}", 2),
-        ("{rate: 1 Hz, settle: 2 s}", 2),
+        ({"settle": 0}, 0),
+        ({"settle": 0.04}, 10),
+        ({"settle": 0.25}, 60),
+        ({"rate": 4, "settle": 0.5}, 2),
+        ({"rate": 1, "settle": 2}, 2),
     ],
 )
 def test_settling_lasts_as_long_as_its_limit(
-    physics: str, steps: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    physics: dict[str, float], steps: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     taken = []
 
@@ -110,7 +93,7 @@ def test_settling_lasts_as_long_as_its_limit(
     engine: Any = ENGINES[chosen("auto")].load()
     advance = engine.advance
     monkeypatch.setattr(engine, "advance", counted)
-    run = settled(tmp_path, "{z: 500}", physics)
+    run = run_burger(tmp_path, 1, {"z": 500}, physics=physics)
     assert sum(taken) == steps
     assert any("not at rest" in note for note in run.notes) == (steps > 0)
 
@@ -118,4 +101,4 @@ def test_settling_lasts_as_long_as_its_limit(
 # MuJoCo's contacts are softer: there, it takes longer.
 @pytest.mark.pybullet
 def test_a_robot_that_came_to_rest_in_a_short_time_is_not_noted(tmp_path: Path) -> None:
-    assert settled(tmp_path, "{x: 1}", "{settle: 0.04 s}").notes == ()
+    assert run_burger(tmp_path, 1, {"x": 1}, physics={"settle": 0.04}).notes == ()

@@ -169,9 +169,11 @@ def colour_with(folder: Path, material: bytes | None, mesh: bytes = OBJ) -> Colo
     return colour_of(folder / "a.OBJ", mesh)
 
 
-def test_the_material_with_the_most_faces_counts(tmp_path: Path) -> None:
+def test_the_material_with_the_most_faces_counts_and_is_at_most_white(tmp_path: Path) -> None:
     assert colour_with(tmp_path, MTL) == (0, 0.5, 1)
+    assert colour_with(tmp_path, MTL.replace(b"Kd 0 0.5 1", b"Kd -3 0.5 7")) == (0, 0.5, 1)
     assert colour_of(tmp_path / "a.dae", DAE) == (0, 0.5, 1)
+    assert colour_of(tmp_path / "a.stl", b"") is None
 
 
 @pytest.mark.parametrize(
@@ -189,10 +191,6 @@ def test_the_material_with_the_most_faces_counts(tmp_path: Path) -> None:
 )
 def test_a_material_without_a_colour_has_none(material: bytes | None, tmp_path: Path) -> None:
     assert colour_with(tmp_path, material) is None
-
-
-def test_colours_are_at_most_white(tmp_path: Path) -> None:
-    assert colour_with(tmp_path, MTL.replace(b"Kd 0 0.5 1", b"Kd -3 0.5 7")) == (0, 0.5, 1)
 
 
 @pytest.mark.parametrize("name", [b"../m.mtl", b"/m.mtl", b"..", b".", b"a\x00b", b"\xff"])
@@ -225,10 +223,6 @@ def test_links_and_pipes_are_not_opened(tmp_path: Path) -> None:
 )
 def test_a_collada_file_without_a_colour_has_none(old: bytes, new: bytes, tmp_path: Path) -> None:
     assert colour_of(tmp_path / "a.dae", DAE.replace(old, new)) is None
-
-
-def test_an_stl_file_has_no_colour(tmp_path: Path) -> None:
-    assert colour_of(tmp_path / "a.stl", b"") is None
 
 
 COORDINATES = st.sampled_from([0.0, -0.0, 1.0, -1.0, 1e-40, -1e-40, 0.5, 1e9])

@@ -105,46 +105,25 @@ def double_energy_gain(run: Run) -> float:
 
 DOUBLE_START: Final = math.pi / 2
 DOUBLE_TIME: Final = 0.5
-DOUBLE_ANGLE: Final = 0.325526  # the angle of the first hinge in rad after DOUBLE_TIME, by `oracles.double_pendulum`
+DOUBLE_ANGLE: Final = 0.325526  # the angle of the first hinge in rad after DOUBLE_TIME, by Lagrange's equations
 
 
 def _pendulums() -> list[Case]:
     cases = []
     for degrees in (5, 45, 90, 150):
         truth = pendulum_period(_ROD_LENGTH, math.radians(degrees))
-        setup = Setup(
-            pendulum(),
-            10.0,
-            _ALLOW,
-            {**_BOLTED, "joints": {"j1": math.radians(degrees)}, "pose": {"z": 3.0}},
-            settle=0.0,
-        )
+        robot = {**_BOLTED, "joints": {"j1": math.radians(degrees)}, "pose": {"z": 3.0}}
+        setup = Setup(pendulum(), 10.0, _ALLOW, robot, settle=0.0)
         name = f"pendulum from {degrees} deg"
         cases.append(Case(name, GROUP, (setup,), period("j1"), "s", "analytic", truth, 0.001 * truth))
     start = {"j1": DOUBLE_START, "j2": DOUBLE_START}
     double = Setup(pendulum(2), 5.0, _ALLOW, {**_BOLTED, "joints": start, "pose": {"z": 5.0}}, settle=0.0)
-    figures: dict[str, Any] = {"group": GROUP, "setups": (double,), "family": "double pendulum"}
-    cases += [
-        Case(
-            "double pendulum: angle",
-            measure=angle_at("j1", DOUBLE_TIME),
-            unit="rad",
-            kind="integrated",
-            truth=DOUBLE_ANGLE,
-            tolerance=math.radians(2),
-            **figures,
-        ),
-        Case(
-            "double pendulum: energy",
-            measure=double_energy_gain,
-            unit="of 4 m g l",
-            kind="bound",
-            truth=0.0,
-            tolerance=0.02,
-            **figures,
-        ),
+    angle, tolerance, name = angle_at("j1", DOUBLE_TIME), math.radians(2), "double pendulum"
+    return [
+        *cases,
+        Case(f"{name}: angle", GROUP, (double,), angle, "rad", "integrated", DOUBLE_ANGLE, tolerance, name),
+        Case(f"{name}: energy", GROUP, (double,), double_energy_gain, "of 4 m g l", "bound", 0.0, 0.02, name),
     ]
-    return cases
 
 
 def _held() -> list[Case]:
@@ -155,20 +134,10 @@ def _held() -> list[Case]:
         shoulder = GRAVITY * (0.25 + 0.75 + payload * 1.0)
         elbow = GRAVITY * (0.25 + payload * 0.5)
         name = f"arm holds {payload:g} kg"
-        figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "family": name}
         for joint, torque in (("shoulder", shoulder), ("elbow", elbow)):
-            cases.append(
-                Case(
-                    f"{name}: torque of the {joint}",
-                    measure=effort(joint),
-                    unit="N m",
-                    kind="analytic",
-                    truth=-torque,
-                    tolerance=0.01 * torque,
-                    **figures,
-                )
-            )
-        cases.append(Case(f"{name}: sag", measure=sag, unit="rad", kind="bound", truth=0.0, tolerance=0.002, **figures))
+            title, tolerance = f"{name}: torque of the {joint}", 0.01 * torque
+            cases.append(Case(title, GROUP, (setup,), effort(joint), "N m", "analytic", -torque, tolerance, name))
+        cases.append(Case(f"{name}: sag", GROUP, (setup,), sag, "rad", "bound", 0.0, 0.002, name))
     for payload in (5.0, 50.0):
         setup = Setup(lift(payload), 3.0, _ALLOW, {**_BOLTED, "pose": {"z": 2.0}})
         name, weight = f"lift holds {payload:g} kg", payload * GRAVITY
@@ -184,18 +153,8 @@ def _weak() -> list[Case]:
     # About the shoulder: two rods and the payload, with a straight elbow, which is strong enough.
     moment = 1 / 48 + 0.25**2 + 1 / 48 + 0.75**2 + payload * (1.0 + 0.4 * 0.05**2)
     truth = weak_fall(needed / moment, needed / 2 / moment, 0.2)
-    return [
-        Case(
-            "weak motor lets an arm fall",
-            GROUP,
-            (setup,),
-            angle_at("shoulder", 0.2),
-            "rad",
-            "integrated",
-            truth,
-            0.03 * truth,
-        )
-    ]
+    name, angle = "weak motor lets an arm fall", angle_at("shoulder", 0.2)
+    return [Case(name, GROUP, (setup,), angle, "rad", "integrated", truth, 0.03 * truth)]
 
 
 def weak_fall(weight: float, brake: float, seconds: float) -> float:

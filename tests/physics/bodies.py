@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final
+from typing import ClassVar, Final
 
 from sim_action.core.geometry import Vector3
 from tests.physics.case import RATE, Case, Run, Setup
@@ -62,19 +62,11 @@ def shoved(speed: float, friction: float) -> list[Case]:
     setup = Setup(box(_SIZE, friction=friction), seconds, world(push((speed, 0.0, 0.0))))
     name = f"box shoved at {speed:g} m/s on friction {friction:g}"
     gain = energy_gain(1.0, _INERTIA)(_PUSH_AT + 1 / RATE)
-    figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "family": name}
+    tolerance = _tolerance(way, speed)
     return [
-        Case(
-            f"{name}: distance",
-            measure=travelled,
-            unit="m",
-            kind="analytic",
-            truth=way,
-            tolerance=_tolerance(way, speed),
-            **figures,
-        ),
-        Case(f"{name}: rise", measure=highest_rise, unit="m", kind="bound", truth=0.0, tolerance=0.005, **figures),
-        Case(f"{name}: energy", measure=gain, unit="of v^2/2", kind="bound", truth=0.0, tolerance=0.01, **figures),
+        Case(f"{name}: distance", GROUP, (setup,), travelled, "m", "analytic", way, tolerance, name),
+        Case(f"{name}: rise", GROUP, (setup,), highest_rise, "m", "bound", 0.0, 0.005, name),
+        Case(f"{name}: energy", GROUP, (setup,), gain, "of v^2/2", "bound", 0.0, 0.01, name),
     ]
 
 
@@ -96,11 +88,9 @@ def _shapes_shoved() -> list[Case]:
     cases = []
     for what, setup, speed, friction, measured, risen in rows:
         way, name = slide(speed, friction), f"{what} shoved"
-        figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "unit": "m", "family": name}
-        distance: dict[str, Any] = {"kind": "analytic", "truth": way, "tolerance": _tolerance(way, speed)}
-        rise: dict[str, Any] = {"kind": "bound", "truth": 0.0, "tolerance": 0.005}
-        cases.append(Case(f"{name}: distance", measure=measured, **figures, **distance))
-        cases.append(Case(f"{name}: rise", measure=risen, **figures, **rise))
+        tolerance = _tolerance(way, speed)
+        cases.append(Case(f"{name}: distance", GROUP, (setup,), measured, "m", "analytic", way, tolerance, name))
+        cases.append(Case(f"{name}: rise", GROUP, (setup,), risen, "m", "bound", 0.0, 0.005, name))
     return cases
 
 
@@ -120,12 +110,11 @@ def _rolling() -> list[Case]:
         truth = speed / (1 + shape)
         setup = Setup(ball(0.1, 1.0, friction, shape), 2.0, world(push((speed, 0.0, 0.0))))
         name = f"{what} slides then rolls"
-        figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "family": name}
         gain = energy_gain(1.0, ball_inertia(1.0, 0.1, shape))(_PUSH_AT + 1 / RATE)
-        speeds: dict[str, Any] = {"unit": "m/s", "kind": "analytic", "truth": truth, "tolerance": 0.01 * truth}
-        cases.append(Case(f"{name}: speed", measure=final_speed, **figures, **speeds))
-        energy: dict[str, Any] = {"unit": "of v^2/2", "kind": "bound", "truth": 0.0, "tolerance": 0.01}
-        cases.append(Case(f"{name}: energy", measure=gain, **figures, **energy))
+        cases += [
+            Case(f"{name}: speed", GROUP, (setup,), final_speed, "m/s", "analytic", truth, 0.01 * truth, name),
+            Case(f"{name}: energy", GROUP, (setup,), gain, "of v^2/2", "bound", 0.0, 0.01, name),
+        ]
     return cases
 
 
@@ -139,20 +128,14 @@ def _falls() -> list[Case]:
         for drop in (0.05, 1.0):
             setup = Setup(model, 3.0, robot={"pose": {"z": drop + half}}, settle=0.0)
             name = f"{what} dropped from {100 * drop:g} cm"
-            time = math.sqrt(2 * drop / GRAVITY)
-            figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "family": name}
+            time, bounce = math.sqrt(2 * drop / GRAVITY), 0.005 if drop < 0.1 else 0.01
             # Semi-implicit Euler falls g t dt / 2 further, which is half a step in time.
-            timed: dict[str, Any] = {"unit": "s", "kind": "analytic", "truth": time, "tolerance": 0.5 / RATE + 1e-4}
-            rests: dict[str, Any] = {"unit": "m", "kind": "analytic", "truth": half, "tolerance": 0.001}
-            bounces: dict[str, Any] = {
-                "unit": "m",
-                "kind": "bound",
-                "truth": 0.0,
-                "tolerance": 0.005 if drop < 0.1 else 0.01,
-            }
-            cases.append(Case(f"{name}: time", measure=first_time_below(half), **figures, **timed))
-            cases.append(Case(f"{name}: height at rest", measure=final_height, **figures, **rests))
-            cases.append(Case(f"{name}: bounce", measure=rebound, **figures, **bounces))
+            late, below = 0.5 / RATE + 1e-4, first_time_below(half)
+            cases += [
+                Case(f"{name}: time", GROUP, (setup,), below, "s", "analytic", time, late, name),
+                Case(f"{name}: height at rest", GROUP, (setup,), final_height, "m", "analytic", half, 0.001, name),
+                Case(f"{name}: bounce", GROUP, (setup,), rebound, "m", "bound", 0.0, bounce, name),
+            ]
     return cases
 
 
@@ -166,18 +149,16 @@ def stack(what: str, masses: tuple[float, ...], top: float) -> list[Case]:
     model = box((side, side, side), top, 0.7)
     height = (len(masses) + 0.5) * side
     setup = Setup(model, 5.0, {"world": {"objects": objects}}, {"pose": {"z": height}})
-    figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "unit": "m", "family": what}
-    stands: dict[str, Any] = {"kind": "analytic", "truth": height, "tolerance": 0.002 * (len(masses) + 1)}
-    stays: dict[str, Any] = {"kind": "bound", "truth": 0.0, "tolerance": 0.005}
+    tolerance = 0.002 * (len(masses) + 1)
     return [
-        Case(f"{what}: height", measure=final_height, **figures, **stands),
-        Case(f"{what}: drift", measure=travelled, **figures, **stays),
+        Case(f"{what}: height", GROUP, (setup,), final_height, "m", "analytic", height, tolerance, what),
+        Case(f"{what}: drift", GROUP, (setup,), travelled, "m", "bound", 0.0, 0.005, what),
     ]
 
 
 @dataclass(frozen=True)
 class SpunPlate:
-    """A plate on four small feet that is pushed and turned at once; and where it stops, by `oracles.sliding_plate`.
+    """A plate on four small feet that is pushed and turned at once; and where it stops, integrated in small steps.
 
     A push gives the plate its velocity in m/s, a torque of `BRIEF` s its turn in rad/s. It has feet so that no engine
     has to choose where a face presses.
@@ -193,7 +174,6 @@ class SpunPlate:
     HALF_WIDTH: ClassVar[float] = 0.2
     MASS: ClassVar[float] = 2.0
     MOMENT: ClassVar[float] = box_inertia(2.0, (0.6, 0.4, 0.02))[2]
-    HEIGHT: ClassVar[float] = 0.01
     BRIEF: ClassVar[float] = 3 / RATE
 
 
@@ -212,22 +192,12 @@ def spun(plate: SpunPlate) -> list[Case]:
     torque = {"at": _PUSH_AT, "for": plate.BRIEF, "torque": [0, 0, plate.MOMENT * plate.spin / plate.BRIEF]}
     model = table(plate.HALF_LENGTH, plate.HALF_WIDTH, plate.MASS, plate.friction)
     setup = Setup(model, 3.0, world(push((plate.speed, 0.0, 0.0)), torque))
-    figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "family": name}
-    figures["kind"] = "integrated"
-    turn_tolerance = 0.05 * plate.angle + plate.spin / (2 * RATE)
-    way_tolerance = _tolerance(plate.way, plate.speed)
+    way, angle = plate.way, plate.angle
+    to_way, to_angle = _tolerance(way, plate.speed), 0.05 * angle + plate.spin / (2 * RATE)
     return [
-        Case(f"{name}: distance", measure=travelled, unit="m", truth=plate.way, tolerance=way_tolerance, **figures),
+        Case(f"{name}: distance", GROUP, (setup,), travelled, "m", "integrated", way, to_way, name),
         # Four feet share the load in an undetermined way: on another processor, rounding may change the turn.
-        Case(
-            f"{name}: turn",
-            measure=turned,
-            unit="rad",
-            truth=plate.angle,
-            tolerance=turn_tolerance,
-            quick=False,
-            **figures,
-        ),
+        Case(f"{name}: turn", GROUP, (setup,), turned, "rad", "integrated", angle, to_angle, name, quick=False),
     ]
 
 
@@ -284,16 +254,11 @@ def _burgers() -> list[Case]:
     cases = []
     for what, velocity in (("backwards", (-0.4, 0.0, 0.0)), ("sideways", (0.0, 0.4, 0.0))):
         setup = Setup("turtlebot3_burger", 3.0, {**braked, **world(push(velocity))})
-        figures: dict[str, Any] = {
-            "group": GROUP,
-            "setups": (setup,),
-            "kind": "bound",
-            "truth": 0.0,
-            "family": f"burger pushed {what}",
-        }
-        name = f"braked burger pushed {what}"
-        cases.append(Case(f"{name}: speed at the end", measure=final_speed, unit="m/s", tolerance=0.001, **figures))
-        cases.append(Case(f"{name}: rise", measure=highest_rise, unit="m", tolerance=0.005, **figures))
+        name, family = f"braked burger pushed {what}", f"burger pushed {what}"
+        cases += [
+            Case(f"{name}: speed at the end", GROUP, (setup,), final_speed, "m/s", "bound", 0.0, 0.001, family),
+            Case(f"{name}: rise", GROUP, (setup,), highest_rise, "m", "bound", 0.0, 0.005, family),
+        ]
     return cases
 
 

@@ -26,8 +26,8 @@ BETWEEN: Final = "both"  # the name that stands for an engine where a case compa
 Kind = Literal["analytic", "integrated", "bound", "spread"]
 """The kind of an oracle.
 
-analytic: a closed formula. integrated: `oracles.py` integrates the equations of motion itself. bound: the quantity may
-not exceed the value. spread: several runs, or both engines, may not differ by more than the tolerance; their true
+analytic: a closed formula. integrated: the equations of motion, in small steps without an engine. bound: the quantity
+may not exceed the value. spread: several runs, or both engines, may not differ by more than the tolerance; their true
 difference is 0.
 """
 

@@ -43,30 +43,12 @@ def _cars() -> list[Case]:
             name = f"{what} at {speed:g} m/s and {turn:g} rad/s"
             figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "family": name, "bundled": bundled}
             figures |= {"kind": "analytic", "quick": what == "car" or (bundled and turn < 0)}
-            size = abs(turn)
-            cases.append(
-                Case(
-                    f"{name}: turn rate",
-                    measure=steady_turn(3.0, 6.0),
-                    unit="rad/s",
-                    truth=turn,
-                    tolerance=0.02 * size,
-                    limit=math.copysign(0.96 * size, turn),
-                    **figures,
-                )
-            )
+            rate: dict[str, Any] = {"unit": "rad/s", "truth": turn, "tolerance": 0.02 * abs(turn), "limit": 0.96 * turn}
+            cases.append(Case(f"{name}: turn rate", measure=steady_turn(3.0, 6.0), **rate, **figures))
             if not bundled:
-                way = speed / size
-                cases.append(
-                    Case(
-                        f"{name}: radius",
-                        measure=radius(3.0, 6.0),
-                        unit="m",
-                        truth=way,
-                        tolerance=0.02 * way,
-                        **figures,
-                    )
-                )
+                way = speed / abs(turn)
+                curve: dict[str, Any] = {"unit": "m", "truth": way, "tolerance": 0.02 * way}
+                cases.append(Case(f"{name}: radius", measure=radius(3.0, 6.0), **curve, **figures))
     return cases
 
 
@@ -74,22 +56,12 @@ def _sideways() -> list[Case]:
     drive = {"drive": {"mecanum": {side: list(joints) for side, joints in ROVER_SIDES.items()}}}
     setup = driven(rover(0.4, 0.35), {"lateral": 0.3}, 5.0, **drive)
     both = driven(rover(0.4, 0.35), {"linear": 0.3, "lateral": 0.3, "angular": 0.3}, 5.0, **drive)
-    diagonal = math.hypot(0.3, 0.3)
+    arc = driven(rover(0.4, 0.35), {"linear": 0.3, "lateral": 0.3}, 5.0, **drive)
+    diagonal, speed, turn = math.hypot(0.3, 0.3), steady_speed(2.0, 5.0), steady_turn(2.0, 5.0)
     return [
-        Case("mecanum sideways", GROUP, (setup,), steady_speed(2.0, 5.0), "m/s", "analytic", 0.3, 0.003),
-        Case(
-            "mecanum turning", GROUP, (both,), steady_turn(2.0, 5.0), "rad/s", "analytic", 0.3, 0.006, "mecanum curve"
-        ),
-        Case(
-            "mecanum arc",
-            GROUP,
-            (driven(rover(0.4, 0.35), {"linear": 0.3, "lateral": 0.3}, 5.0, **drive),),
-            steady_speed(2.0, 5.0),
-            "m/s",
-            "analytic",
-            diagonal,
-            0.01 * diagonal,
-        ),
+        Case("mecanum sideways", GROUP, (setup,), speed, "m/s", "analytic", 0.3, 0.003),
+        Case("mecanum turning", GROUP, (both,), turn, "rad/s", "analytic", 0.3, 0.006, "mecanum curve"),
+        Case("mecanum arc", GROUP, (arc,), speed, "m/s", "analytic", diagonal, 0.01 * diagonal),
     ]
 
 
@@ -102,26 +74,10 @@ def ramps(angles_deg: Iterable[float]) -> list[Case]:
         up: Mapping[str, object] = {"commands": {"rate": 10, "twist": [{"linear": 0.2, "for": 6.0}]}, **objects}
         climb = Setup(_BURGER, 10.0, up)
         name = f"burger on a ramp of {degrees} deg"
-        figures: dict[str, Any] = {"group": GROUP, "setups": (climb,), "family": name}
+        speed, creep = steady_climb(3.5, 5.5), steady_climb(8.0, 10.0)
         cases += [
-            Case(
-                f"{name}: speed",
-                measure=steady_climb(3.5, 5.5),
-                unit="m/s",
-                kind="analytic",
-                truth=0.2,
-                tolerance=0.004,
-                **figures,
-            ),
-            Case(
-                f"{name}: creep at rest",
-                measure=steady_climb(8.0, 10.0),
-                unit="m/s",
-                kind="bound",
-                truth=0.0,
-                tolerance=0.0005,
-                **figures,
-            ),
+            Case(f"{name}: speed", GROUP, (climb,), speed, "m/s", "analytic", 0.2, 0.004, name),
+            Case(f"{name}: creep at rest", GROUP, (climb,), creep, "m/s", "bound", 0.0, 0.0005, name),
         ]
     return cases
 
@@ -162,9 +118,8 @@ def spinning_wheels(frictions: Iterable[float]) -> list[Case]:
         drive = {"diff": {"left": ["left_wheel_joint"], "right": ["right_wheel_joint"], "acceleration": 2.0}}
         setup = Setup(caster_robot(6.0, 0.0), 2.0, keys, {"drive": drive})
         name = f"wheels spin on ground of friction {friction:g}"
-        cases.append(
-            Case(name, GROUP, (setup,), acceleration_between(0.5, 1.5), "m/s^2", "analytic", truth, 0.03 * truth)
-        )
+        measure = acceleration_between(0.5, 1.5)
+        cases.append(Case(name, GROUP, (setup,), measure, "m/s^2", "analytic", truth, 0.03 * truth))
     return cases
 
 
@@ -174,16 +129,8 @@ def _stops() -> list[Case]:
     drive = {"diff": {"left": ["left_wheel_joint"], "right": ["right_wheel_joint"], "acceleration": 2.0}}
     setup = Setup(caster_robot(6.0, 0.1), 4.0, keys, {"drive": drive})
     truth = 0.8 * 2.0
-    eight = Setup(
-        _BURGER,
-        14.0,
-        {
-            "commands": {
-                "rate": 10,
-                "twist": [{"linear": 0.2, "angular": 1.0, "for": 6.3}, {"linear": 0.2, "angular": -1.0}],
-            }
-        },
-    )
+    loops = [{"linear": 0.2, "angular": 1.0, "for": 6.3}, {"linear": 0.2, "angular": -1.0}]
+    eight = Setup(_BURGER, 14.0, {"commands": {"rate": 10, "twist": loops}})
     way = rim_distance(0.2, 14.0)
     return [
         Case("caster robot stops: way", GROUP, (setup,), travelled, "m", "analytic", truth, 0.01 * truth, "stop"),

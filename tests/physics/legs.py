@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from tests.physics.case import Case, Run, Setup
+from tests.physics.case import Case, Kind, Run, Setup
 from tests.physics.measures import GRAVITY, Measure, final_speed, highest_tilt, rebound, travelled
 from tests.physics.robots import FEET, STANCE, quadruped
 from tools.bench.robots import QUADRUPED_STANCE, ROBOTS
@@ -71,44 +71,20 @@ def _cases(legged: _Legged) -> list[Case]:
     if legged.held:
         keys["commands"] = {"joints": [{"at": 1.0, "position": dict.fromkeys(legged.held, 0.0)}]}
     stand = Setup(legged.model, 4.0, keys, legged.robot)
-    figures: dict[str, Any] = {"group": GROUP, "bundled": legged.bundled, "family": legged.name}
-    rows: list[tuple[str, Measure, str, Any, float, float]] = [
-        ("weight on its feet", carried(legged.feet), "of the weight", "analytic", 1.0, 0.01),
-        ("drift while it stands", travelled, "m", "bound", 0.0, 0.002),
-        ("tilt while it stands", highest_tilt, "deg", "bound", 0.0, 2.0),
+    family: dict[str, Any] = {"family": legged.name, "bundled": legged.bundled}
+    dropped = Setup(legged.model, 3.0, {}, {**legged.robot, "pose": {"z": legged.drop}}, settle=0.0)
+    rows: list[tuple[str, Setup, Measure, str, Kind, float, float]] = [
+        ("weight on its feet", stand, carried(legged.feet), "of the weight", "analytic", 1.0, 0.01),
+        ("drift while it stands", stand, travelled, "m", "bound", 0.0, 0.002),
+        ("tilt while it stands", stand, highest_tilt, "deg", "bound", 0.0, 2.0),
+        ("rebound from 5 cm", dropped, rebound, "m", "bound", 0.0, 0.01),
+        ("speed after a drop", dropped, final_speed, "m/s", "bound", 0.0, 0.005),
     ]
-    cases = [
-        Case(
-            f"{legged.name}: {what}",
-            setups=(stand,),
-            measure=measure,
-            unit=unit,
-            kind=kind,
-            truth=truth,
-            tolerance=tolerance,
-            **figures,
-        )
-        for what, measure, unit, kind, truth, tolerance in rows
+    return [
+        Case(f"{legged.name}: {what}", GROUP, (setup,), measure, unit, kind, truth, tolerance, **family)
+        for what, setup, measure, unit, kind, truth, tolerance in rows
+        if setup is stand or legged.drop
     ]
-    if legged.drop:
-        dropped = Setup(legged.model, 3.0, {}, {**legged.robot, "pose": {"z": legged.drop}}, settle=0.0)
-        for what, measure, unit, tolerance in (
-            ("rebound from 5 cm", rebound, "m", 0.01),
-            ("speed after a drop", final_speed, "m/s", 0.005),
-        ):
-            cases.append(
-                Case(
-                    f"{legged.name}: {what}",
-                    setups=(dropped,),
-                    measure=measure,
-                    unit=unit,
-                    kind="bound",
-                    truth=0.0,
-                    tolerance=tolerance,
-                    **figures,
-                )
-            )
-    return cases
 
 
 CASES: Final = tuple(case for legged in ROBOTS_ON_LEGS for case in _cases(legged))

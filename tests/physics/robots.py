@@ -12,7 +12,6 @@ from sim_action.core.geometry import Vector3
 ORIGIN: Final = (0.0, 0.0, 0.0)
 # About x by a quarter turn: the axis of a cylinder becomes the y axis of its link.
 _SIDEWAYS: Final = (math.pi / 2, 0.0, 0.0)
-_NO_FRICTION: Final = 0.0
 
 CASTER_SIDE_KG: Final = 6.0
 """The mass of the caster robot whose wheels have a radius of 7.5 cm; others are scaled at constant density."""

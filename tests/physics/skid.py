@@ -72,67 +72,27 @@ def cases_of(skid: Skid, manoeuvre: str) -> list[Case]:
     family = f"{skid.name} {manoeuvre}"
     twist, turn = skid.twists[manoeuvre], steady_turn(_START, _END)
     asked = twist["angular"]
-    figures: dict[str, Any] = {"group": GROUP, "family": family, "bundled": skid.bundled}
+    figures: dict[str, Any] = {"family": family, "bundled": skid.bundled}
     yaws = tuple(_setup(skid, twist, yaw, RATES[0]) for yaw in YAWS_DEG)
     rates = tuple(_setup(skid, twist, 0, rate) for rate in RATES)
     turned_rates = tuple(_setup(skid, twist, 5, rate) for rate in RATES)
     quick = family in _QUICK
-    cases = [
-        Case(
-            f"{family} from {yaw} deg",
-            setups=(setup,),
-            measure=turn,
-            unit="rad/s",
-            kind="analytic",
-            truth=asked,
-            tolerance=0.05 * asked,
-            quick=quick and setup == yaws[0],
-            **figures,
-        )
-        for yaw, setup in zip(YAWS_DEG, yaws, strict=True)
-    ]
-    cases += [
-        Case(
-            f"{family} over {over}",
-            setups=setups,
-            measure=spread(turn),
-            unit="of the turn",
-            kind="spread",
-            truth=0.0,
-            tolerance=0.02,
-            quick=False,
-            **figures,
-        )
-        for over, setups in (("start yaws", yaws), ("rates", rates), ("rates from 5 deg", turned_rates))
-    ]
-    if twist["linear"]:
-        cases.append(
-            Case(
-                f"{family} speed",
-                setups=yaws[:1],
-                measure=curve_speed(_START, _END),
-                unit="m/s",
-                kind="analytic",
-                truth=twist["linear"],
-                tolerance=0.05 * twist["linear"],
-                quick=quick,
-                **figures,
-            )
-        )
-    cases.append(
-        Case(
-            f"{family} engines",
-            setups=yaws[:1],
-            measure=ratio(turn),
-            unit="of the turn",
-            kind="spread",
-            truth=0.0,
-            tolerance=0.05,
-            between=True,
-            quick=quick,
-            **figures,
-        )
-    )
+    cases = []
+    for yaw, setup in zip(YAWS_DEG, yaws, strict=True):
+        name = f"{family} from {yaw} deg"
+        figures["quick"] = quick and setup == yaws[0]
+        cases.append(Case(name, GROUP, (setup,), turn, "rad/s", "analytic", asked, 0.05 * asked, **figures))
+    figures["quick"] = False
+    for over, setups in (("start yaws", yaws), ("rates", rates), ("rates from 5 deg", turned_rates)):
+        name = f"{family} over {over}"
+        cases.append(Case(name, GROUP, setups, spread(turn), "of the turn", "spread", 0.0, 0.02, **figures))
+    figures["quick"] = quick
+    if speed := twist["linear"]:
+        name, measure = f"{family} speed", curve_speed(_START, _END)
+        cases.append(Case(name, GROUP, yaws[:1], measure, "m/s", "analytic", speed, 0.05 * speed, **figures))
+    figures["between"] = True
+    name = f"{family} engines"
+    cases.append(Case(name, GROUP, yaws[:1], ratio(turn), "of the turn", "spread", 0.0, 0.05, **figures))
     return cases
 
 

@@ -116,18 +116,9 @@ def _flights() -> list[Case]:
     thrown = Setup(ball(0.05, 0.5), 1.0, world(push((along, 0.0, up))))
     apex = up**2 / (2 * GRAVITY)
     size, mass = (0.3, 0.2, 0.1), 2.0
+    half_a_step = up / (2 * RATE)
     cases = [
-        Case(
-            "thrown ball: apex",
-            GROUP,
-            (thrown,),
-            highest_rise,
-            "m",
-            "analytic",
-            apex,
-            up / (2 * RATE) + 0.001,
-            "thrown",
-        ),
+        Case("thrown ball: apex", GROUP, (thrown,), highest_rise, "m", "analytic", apex, half_a_step + 0.001, "thrown"),
         Case("thrown ball: speed", GROUP, (thrown,), steady_speed(0.2, 1.0), "m/s", "analytic", along, 0.003, "thrown"),
     ]
     inertia, brief = box_inertia(mass, size), 0.025

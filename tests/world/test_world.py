@@ -32,12 +32,8 @@ def test_bounds_of_physics_are_the_engines_or_lower() -> None:
             world.Physics.model_validate({key: bound})
 
 
-def test_a_placement_left_out_stands_on_the_ground_unturned() -> None:
-    assert Placement().z is None
-    assert Placement().orientation_xyzw == (0.0, 0.0, 0.0, 1.0)
-
-
-def test_a_placement_turns_by_its_angles() -> None:
+def test_a_placement_turns_by_its_angles_and_is_left_out_on_the_ground() -> None:
+    assert (Placement().z, Placement().orientation_xyzw) == (None, (0.0, 0.0, 0.0, 1.0))
     placement = Placement.model_validate({"x": "5 cm", "yaw": "90 deg"})
     assert placement.x == 0.05
     assert placement.orientation_xyzw == pytest.approx((0, 0, math.sqrt(0.5), math.sqrt(0.5)))
@@ -56,10 +52,6 @@ def test_a_base_is_free_or_fixed_or_left_to_the_model() -> None:
     assert Robot(model="a").base is None
     with pytest.raises(ValidationError, match="'free' or 'fixed'"):
         Robot.model_validate({"model": "a", "base": "bolted"})
-
-
-def test_joints_of_two_robots_are_not_shared() -> None:
-    assert Robot(model="a").joints is not Robot(model="b").joints
 
 
 @pytest.mark.parametrize(
@@ -129,11 +121,7 @@ def test_units_are_read_on_the_way_in() -> None:
 )
 def test_gravity_is_downwards_or_a_vector(written: object, xyz: tuple[float, ...]) -> None:
     assert world.World.model_validate({"gravity": written}).gravity_xyz == pytest.approx(xyz)
-    assert world.World().gravity_xyz == (0, 0, -world.GRAVITY)
-
-
-def test_weight_is_that_of_the_world() -> None:
-    assert world.World().weight == world.GRAVITY
+    assert (world.World().gravity_xyz, world.World().weight) == ((0, 0, -world.GRAVITY), world.GRAVITY)
     assert world.World.model_validate({"gravity": (0, 3, -4)}).weight == 5.0
 
 
@@ -182,7 +170,6 @@ def test_stairs_are_columns_that_stand_on_one_floor() -> None:
         (((0, 1), (0,)), "at least two rows with at least two samples each"),
         (((0, 1, 2), (0, 1)), "rows of different lengths: row 0 has 3 samples, row 1 has 2"),
         (((0, math.nan), (0, 1)), "finite"),
-        (((0, math.inf), (0, 1)), "finite"),
         (((0, 1e9), (0, 1)), "10000"),
         (((0, 1),), "at least two rows"),
         ((), "at least two rows"),
@@ -266,7 +253,6 @@ TABLE: dict[str, Any] = {
 
 def test_the_shapes_of_a_body_are_placed_in_its_frame() -> None:
     body = world.Body.model_validate(TABLE)
-
     top, leg = body.parts()
     assert (body.shape, body.is_read, body.has_own_inertia) == ("shapes", False, False)
     assert isinstance(top, BoxPart)
@@ -306,7 +292,6 @@ def test_the_mass_of_several_shapes_is_spread_by_their_volumes() -> None:
     halves = tuple({"box": (1, 1, 1), "pose": {"x": x}} for x in (-0.5, 0.5))
     whole = world.Body.model_validate({"name": "w", "shapes": ({"box": (2, 1, 1)},), "mass": 6})
     both = world.Body.model_validate({"name": "b", "shapes": halves, "mass": 6})
-
     one, other = (mass_properties_of(body, body.parts()) for body in (whole, both))
     assert other.centre_xyz == pytest.approx(one.centre_xyz)
     assert np.diag(one.inertia) == pytest.approx([1.0, 2.5, 2.5])
@@ -318,10 +303,8 @@ def test_a_turned_cylinder_has_the_inertia_of_its_hull() -> None:
     angles = np.linspace(0, 2 * math.pi, 400, endpoint=False)
     rim = [(0.2 * math.cos(angle), 0.2 * math.sin(angle), z) for angle in angles for z in (-0.4, 0.4)]
     body = world.Body.model_validate({"name": "c", "shapes": ({"sphere": {"radius": 1}},), "mass": 2})
-
     exact = mass_properties_of(body, [moved(CylinderPart(0.2, 0.8), turned)])
     sampled = mass_properties_of(body, [moved(HullPart(tuple(rim)), turned)])
-
     assert exact.centre_xyz == pytest.approx(sampled.centre_xyz)
     assert exact.inertia == pytest.approx(sampled.inertia, rel=1e-3)
 
@@ -329,9 +312,7 @@ def test_a_turned_cylinder_has_the_inertia_of_its_hull() -> None:
 def test_stated_mass_properties_replace_those_of_uniform_density() -> None:
     inertia = {"ixx": 0.1, "iyy": 0.2, "izz": 0.25, "ixy": 0.01}
     body = world.Body.model_validate({**TABLE, "mass": 4, "center_of_mass": (0, 0, 0.1), "inertia": inertia})
-
     found = mass_properties_of(body, body.parts())
-
     assert body.has_own_inertia
     assert (found.mass, found.centre_xyz) == (4, (0, 0, 0.1))
     assert found.inertia.tolist() == [[0.1, 0.01, 0.0], [0.01, 0.2, 0.0], [0.0, 0.0, 0.25]]
@@ -339,10 +320,8 @@ def test_stated_mass_properties_replace_those_of_uniform_density() -> None:
 
 def test_a_part_moves_with_its_frame() -> None:
     turned = Pose((1.0, 0.0, 0.0), quaternion_from_rpy(0, 0, math.pi / 2))
-
     ball = moved(SpherePart(0.1, Pose((1.0, 0.0, 0.0))), turned)
     hull = moved(HullPart(((1.0, 0.0, 0.0),)), turned)
-
     assert isinstance(ball, SpherePart)
     assert ball.pose.position_xyz == pytest.approx((1, 1, 0))
     assert isinstance(hull, HullPart)

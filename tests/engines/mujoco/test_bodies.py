@@ -13,6 +13,7 @@ from sim_action.world import Body, Sphere, World
 from tests import traces
 from tests.integration.engines import at, running, scene_of
 
+pytest.importorskip("mujoco", reason="mujoco is not installed")
 ROBOT = """\
 <robot name="it">
   <link name="base"><inertial><mass value="3"/>
@@ -25,7 +26,6 @@ ROBOT = """\
 
 
 def test_all_of_the_robot_and_nothing_else_is_turned(tmp_path: Path) -> None:
-    pytest.importorskip("mujoco", reason="mujoco is not installed")
     from sim_action.engines.mujoco.engine import MuJoCoEngine
 
     ball = Body(name="ball", sphere=Sphere(radius=0.1), mass=50.0, pose=Placement(x=5.0))
@@ -38,7 +38,6 @@ def test_all_of_the_robot_and_nothing_else_is_turned(tmp_path: Path) -> None:
 
 
 def test_contacts_are_seen_however_many_there_are() -> None:
-    pytest.importorskip("mujoco", reason="mujoco is not installed")
     from sim_action.engines.mujoco.engine import MuJoCoEngine
 
     wall = Body(name="wall", box=(0.1, 1.0, 0.2), pose=Placement(x=0.2))
@@ -59,7 +58,6 @@ def test_contacts_are_seen_however_many_there_are() -> None:
 
 
 def test_pairs_that_did_not_matter_are_remembered() -> None:
-    pytest.importorskip("mujoco", reason="mujoco is not installed")
     from sim_action.engines.mujoco.engine import MuJoCoEngine
 
     with running("mujoco", replace(traces.scene(), world=World())) as backend:

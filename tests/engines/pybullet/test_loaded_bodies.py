@@ -50,11 +50,15 @@ BOX = """\
 """
 
 
+def boxed(folder: Path, urdf: str) -> Scene:
+    (folder / "box.urdf").write_text(urdf)
+    (folder / "box.stl").write_bytes(stl())
+    return build_scene(load(folder, "name: a\nrobot: {model: box.urdf}\nexpect: [upright]\ntime_limit: 1 s\n"))
+
+
 @pytest.fixture
 def scene(tmp_path: Path) -> Scene:
-    (tmp_path / "box.urdf").write_text(BOX)
-    (tmp_path / "box.stl").write_bytes(stl())
-    return build_scene(load(tmp_path, "name: a\nrobot: {model: box.urdf}\nexpect: [upright]\ntime_limit: 1 s\n"))
+    return boxed(tmp_path, BOX)
 
 
 BURGER = """\
@@ -111,21 +115,15 @@ MORE = '<collision><origin xyz="1 0 0"/><geometry>{}</geometry></collision>'
 @pytest.mark.parametrize("first", [True, False])
 def test_a_link_may_have_several_meshes(first: bool, shapes: tuple[str, ...], tmp_path: Path) -> None:
     more, mark = "".join(map(MORE.format, shapes)), "<collision>" if first else "</link>"
-    (tmp_path / "box.urdf").write_text(BOX.replace(mark, more + mark, 1))
-    (tmp_path / "box.stl").write_bytes(stl())
     (tmp_path / "other.stl").write_bytes(stl(moved(CORNERS, 2)))
-    text = "name: a\nrobot: {model: box.urdf}\nexpect: [upright]\ntime_limit: 1 s\n"
-    engine = ENGINES["pybullet"].load()(build_scene(load(tmp_path, text)))
+    engine = ENGINES["pybullet"].load()(boxed(tmp_path, BOX.replace(mark, more + mark, 1)))
     assert engine.observe(0, contacts=False).pose.position_xyz[2] > 0.29
     engine.close()
 
 
 def test_a_model_is_not_read_without_open_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     more = MORE.format('<mesh filename="box.stl"/>')
-    (tmp_path / "box.urdf").write_text(BOX.replace("</link>", f"{more}</link>"))
-    (tmp_path / "box.stl").write_bytes(stl())
-    text = "name: a\nrobot: {model: box.urdf}\nexpect: [upright]\ntime_limit: 1 s\n"
-    scene = build_scene(load(tmp_path, text))
+    scene = boxed(tmp_path, BOX.replace("</link>", f"{more}</link>"))
     left, opened = [3], Path.open
 
     def limited(path: Path, *options: Any, **named: Any) -> Any:

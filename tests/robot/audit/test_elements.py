@@ -55,6 +55,10 @@ def test_what_a_link_is_and_is_not_simulated_as(odd: str, usual: str, tmp_path: 
             "<friction><bullet><friction>0.2</friction></bullet></friction>",
             "<friction><ode><mu>0.2</mu></ode><bullet><friction>0.2</friction></bullet></friction>",
         ),
+        (
+            "<friction><ode><fdir1>1 0 0</fdir1></ode></friction>",
+            "<friction><ode><fdir1>0 0 0</fdir1></ode></friction>",
+        ),
         ("<soft_contact/>", "<contact><ode><min_depth>0.01</min_depth></ode></contact>"),
     ],
 )
@@ -156,12 +160,6 @@ def test_sensors_and_forces_of_plugins_are_noted(tmp_path: Path) -> None:
     assert "the force of plugin 'gz::sim::systems::LiftDrag' is not simulated" in lift.message
 
 
-def test_the_direction_of_friction_is_noted(tmp_path: Path) -> None:
-    (finding,) = load(tmp_path, collision("<friction><ode><fdir1>1 0 0</fdir1></ode></friction>")).findings
-    assert "<fdir1>1 0 0</fdir1>" in finding.message
-    assert load(tmp_path, collision("<friction><ode><fdir1>0 0 0</fdir1></ode></friction>")).findings == ()
-
-
 def read(folder: Path, more: str) -> RobotModel:
     return read_urdf(written(folder / "robot.urdf", GOOD.replace("</robot>", f"{more}</robot>")))
 
@@ -198,17 +196,6 @@ def test_parts_without_an_effect_on_the_motion_are_not_named(tmp_path: Path) -> 
     drawn = "<visual><material/></visual><minDepth>0.001</minDepth><maxContacts>1</maxContacts><kp>1e6</kp>"
     both = f'<gazebo reference="shoulder">{feedback}</gazebo><gazebo reference="upper">{drawn}</gazebo>'
     assert rules_of(tmp_path, both) == []
-
-
-def test_parts_of_one_kind_are_one_note_at_the_first_of_them(tmp_path: Path) -> None:
-    tags = "".join(
-        f'<gazebo reference="{name}">\n<turnGravityOff>true</turnGravityOff></gazebo>' for name in ("base", "upper")
-    )
-    (found,) = findings(tmp_path, tags)
-    assert found.location.line == GOOD.count("\n") + 1
-    text = "<turnGravityOff>true</turnGravityOff> of link 'base' is not simulated; it is ignored: the link falls"
-    lines = f"lines {GOOD.count(chr(10)) + 1}, {GOOD.count(chr(10)) + 2}"
-    assert found.message == f"{text} (2 of them; {lines})"
 
 
 def test_forces_of_plugins_and_parts_of_other_models_are_named(tmp_path: Path) -> None:

@@ -211,16 +211,6 @@ def test_the_file_of_a_layout_is_taken(layout: Layout, tmp_path: Path) -> None:
         assert words in note.text
 
 
-def test_allow_outside_is_the_way_out_of_the_workspace(tmp_path: Path) -> None:
-    layout = LAYOUTS["folder beside the workspace"]
-    root = tmp_path.resolve() / "repository"
-    packages, referrer = _packages(layout, root)
-    with pytest.raises(PackageError, match="'hand', which was not found"):
-        packages.resolve("package://hand/m/a.stl", referrer)
-    beside = Packages(Workspace(root, root, packages=(("hand", str(root.parent / "hand")),)), environment={})
-    assert beside.resolve("package://hand/m/a.stl", referrer).notes == ()
-
-
 def test_a_folder_above_the_workspace_is_named_in_the_error(tmp_path: Path) -> None:
     root = tmp_path.resolve() / "arm/urdf"
     packages, referrer = _packages(Layout("arm.urdf ../m/a.stl", "", ""), root)

@@ -66,17 +66,13 @@ def test_a_package_is_found_by_name(
             packages.find(name, ros.rover)
 
 
-def test_the_map_of_the_scenario_comes_first(ros: RosWorkspace) -> None:
-    other = ros_package(ros.root / "vendor/rover_sensors")
-    packages = ros.packages({"rover_sensors": "../vendor/rover_sensors"})
-    assert packages.find("rover_sensors", ros.rover).path == other
-    assert packages.find("rover_sensors", ros.rover).notes == ()
-
-
-def test_a_mapped_folder_needs_no_package_xml(ros: RosWorkspace) -> None:
-    written(ros.root / "cad/part.stl", "")
-    packages = ros.packages({"cad_export": "../cad"})
-    assert packages.resolve("package://cad_export/part.stl", ros.rover).path == ros.root / "cad/part.stl"
+def test_the_map_of_the_scenario_comes_first_and_needs_no_package_xml(ros: RosWorkspace) -> None:
+    part = written(ros.root / "cad/part.stl", "")
+    gazebo_model(ros.root / "models/table")
+    packages = ros.packages(dict.fromkeys(("rover_sensors", "table"), "../cad"))
+    assert packages.find("rover_sensors", ros.rover) == packages.find_model("table", ros.rover)
+    assert (packages.find("table", ros.rover).path, packages.find("table", ros.rover).notes) == (part.parent, ())
+    assert packages.resolve("package://rover_sensors/part.stl", ros.rover).path == part
 
 
 @pytest.mark.parametrize(
@@ -116,14 +112,6 @@ def test_of_two_packages_of_one_name_the_nearer_wins_with_a_warning(ros: RosWork
     # Of equally near ones, the first in the order of the alphabet.
     first = ros_package(ros.root / "src/aa/rover_arm")
     assert ros.packages().find("rover_arm", ros.rover).path == first
-
-
-def test_the_warning_stands_beside_the_file_too(ros: RosWorkspace) -> None:
-    for place in ("x", "y"):
-        written(ros_package(ros.root / f"src/{place}/rover_arm") / "arm.stl", "")
-    found = ros.packages().resolve("package://rover_arm/arm.stl", ros.rover)
-    assert found.path == ros.root / "src/x/rover_arm/arm.stl"
-    assert found.notes != ()
 
 
 @pytest.mark.parametrize("marker", ["CATKIN_IGNORE", "COLCON_IGNORE", "AMENT_IGNORE"])
@@ -227,12 +215,6 @@ def test_git_folders_of_models_of_the_machine_are_not_read(
 def test_a_package_serves_as_a_model(ros: RosWorkspace) -> None:
     found = ros.packages().resolve("model://rover_sensors/meshes/lidar.stl", ros.rover)
     assert found.path == ros.sensors / "meshes/lidar.stl"
-
-
-def test_a_mapped_name_serves_models(ros: RosWorkspace) -> None:
-    gazebo_model(ros.root / "models/table")
-    other = gazebo_model(ros.root / "other")
-    assert ros.packages({"table": "../other"}).find_model("table", ros.rover).path == other
 
 
 def test_a_missing_model_is_told(ros: RosWorkspace) -> None:

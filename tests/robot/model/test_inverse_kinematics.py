@@ -266,12 +266,6 @@ def test_a_ball_joint_and_a_joint_on_another_branch_do_not_move_the_link(tmp_pat
     assert chain.pose((0.5,)).orientation_xyzw == pytest.approx(expected.orientation_xyzw, abs=1e-14)
 
 
-def test_the_same_target_has_the_same_answer() -> None:
-    chain, start = arm("ur5e")
-    target = Pose((0.3, 0.4, 0.5), geometry.quaternion_from_rpy(2.0, 0.3, 1.0))
-    assert search(chain, target, start).values == search(chain, target, start).values
-
-
 def test_a_near_target_keeps_the_posture() -> None:
     chain, _ = arm("ur5e")
     start = (0.2, -1.5, 1.7, -1.8, -1.5, 0.3)

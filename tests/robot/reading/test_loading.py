@@ -12,24 +12,12 @@ from sim_action.core.workspace import Workspace
 from sim_action.robot.built_in import BUILT_IN
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot
-from sim_action.robot.reading.loading import ModelLibrary, check_text, load_model, package_problems
+from sim_action.robot.reading.loading import ModelLibrary, load_model, package_problems
 from sim_action.scenario.loading import load_scenario
 from tests.robot.bad_models import GOOD
 from tests.ros_workspace import NAMESPACE, TRIANGLE, written
 
 NAMES = ", ".join(sorted(BUILT_IN))
-URDF = """\
-<robot name="box">
-  <link name="base">
-    <inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
-  </link>
-</robot>
-"""
-
-
-@pytest.mark.parametrize("name", sorted(BUILT_IN))
-def test_a_built_in_model_is_named_without_a_path(name: str, tmp_path: Path) -> None:
-    assert load_model(Robot(model=name), Workspace(tmp_path, tmp_path)).name == name
 
 
 SDF = """\
@@ -56,11 +44,6 @@ def test_sdf_is_made_by_xacro(tmp_path: Path) -> None:
     (tmp_path / "box.sdf.xacro").write_text(made)
     robot = Robot(model="box.sdf.xacro", args={"mass": 2.5})
     assert load_model(robot, Workspace(tmp_path, tmp_path)).mass == 2.5
-
-
-def test_a_file_of_the_workspace_is_read(tmp_path: Path) -> None:
-    (tmp_path / "box.urdf").write_text(URDF)
-    assert load_model(Robot(model="box.urdf"), Workspace(tmp_path, tmp_path)).source == str(tmp_path / "box.urdf")
 
 
 @pytest.mark.parametrize(
@@ -243,19 +226,12 @@ def refusal(folder: Path, text: str, **keys: object) -> str:
     return str(refused.value)
 
 
-def test_arguments_make_the_model(tmp_path: Path) -> None:
-    assert load_model(robot(tmp_path), Workspace(tmp_path, tmp_path)).mass == 2
-    assert load_model(robot(tmp_path, args={"mass": 5}), Workspace(tmp_path, tmp_path)).mass == 5
-
-
 @pytest.mark.parametrize(
     ("old", "new", "line", "rule"),
     [
         ("${2 / 2}", "${whatever}", 6, "bad-xacro"),
-        ("${2 / 2}", "${1 / 0}", 6, "bad-xacro"),
         ("${2 / 2}", "${-2}", 6, "impossible-inertia"),
         ('value="$(arg mass)"', "", 5, "missing-part"),
-        ('default="2"/>', 'default="2"/><xacro:include filename="absent.xacro"/>', 2, "missing-include"),
         ('default="2"/>', 'default="2"/><xacro:include filename="$(find absent)/a.xacro"/>', 2, "missing-package"),
     ],
 )
@@ -269,16 +245,6 @@ def test_what_is_wrong_is_told_on_the_line_of_the_xacro_file(
     assert message.count("bot.urdf.xacro:") == 1
 
 
-def test_arguments_that_there_are_not(tmp_path: Path) -> None:
-    assert refusal(tmp_path, MODEL, args={"mas": 1}).endswith("[unknown-argument]")
-
-
-def test_nothing_is_evaluated_when_it_is_read_as_text(tmp_path: Path) -> None:
-    text = MODEL.replace("${2 / 2}", "${1 / 0}")
-    notes = check_text(robot(tmp_path, text), Workspace(tmp_path, tmp_path))
-    assert any("links and joints: xacro evaluates" in note for note in notes)
-
-
 def test_a_scenario_says_what_was_left_unchecked_and_checks_it_where_it_runs(tmp_path: Path) -> None:
     robot(tmp_path)
     path = tmp_path / "s.sim.yml"
@@ -289,12 +255,6 @@ def test_a_scenario_says_what_was_left_unchecked_and_checks_it_where_it_runs(tmp
     assert len(loaded.unchecked) == 1
     with pytest.raises(InvalidScenario, match="no moving joint 'elbow'"):
         load_scenario(path, evaluate=True)
-
-
-def test_xacro_counts_as_a_script(tmp_path: Path) -> None:
-    robot(tmp_path)
-    path = tmp_path / "s.sim.yml"
-    path.write_text(SCENARIO)
     with pytest.raises(InvalidScenario, match=r"s\.sim\.yml:2:9: robot\.model: no scripts here"):
         load_scenario(path, Permissions(scripts_refused="no scripts here"))
 

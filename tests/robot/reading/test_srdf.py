@@ -57,12 +57,6 @@ def test_a_group_means_its_moving_joints(group: str, joints: tuple[str, ...], tm
     assert joints_set_by(model, ["arm", "j_one"])["arm"] == tuple(name for name in joints if name != "j_one")
 
 
-def test_disabled_pairs_are_read(tmp_path: Path) -> None:
-    model = model_with(tmp_path, '<disable_collisions link1="two" link2="base" reason="Never"/>')
-    assert model.srdf is not None
-    assert model.srdf.disabled == {frozenset(("base", "two"))}
-
-
 def test_neighbours_and_disabled_pairs_cannot_touch(tmp_path: Path) -> None:
     """The links `three` and `tool` are one body, whose neighbour is `two`."""
     free = list(touchable_pairs(model_with(tmp_path, "")))

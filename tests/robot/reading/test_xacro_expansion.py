@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import sys
 from pathlib import Path
@@ -13,7 +12,7 @@ import xacro
 import xacro.substitution_args
 
 from sim_action.core.errors import Location
-from sim_action.robot.reading import xacro_documents, xacro_expansion
+from sim_action.robot.reading import xacro_documents
 from sim_action.robot.reading.xacro_documents import XacroError
 from sim_action.robot.reading.xacro_expansion import Argument, expand, explain_xacro_error
 from tests.robot.xacro_models import URDF, element, expanded, refusal, told
@@ -88,16 +87,8 @@ def test_arguments_come_as_text(value: Argument, text: str, ros: RosWorkspace) -
     assert element(expansion).get("x") == text
 
 
-def test_arguments_decide_what_there_is(ros: RosWorkspace) -> None:
-    robot = ET.fromstring(expand(ros.rover, {"mass": 5, "with_lidar": False}, ros.packages()).text)
-    assert [mass.get("value") for mass in robot.iter("mass")] == ["5"]
-
-
-def test_an_argument_that_is_not_declared_but_used_is_known(ros: RosWorkspace) -> None:
+def test_an_argument_that_is_used_or_declared_where_nothing_comes_by_is_known(ros: RosWorkspace) -> None:
     assert element(expanded(ros, '<a x="$(arg x)"/>', {"x": 1})).get("x") == "1"
-
-
-def test_an_argument_that_is_declared_where_nothing_comes_by_is_known(ros: RosWorkspace) -> None:
     body = '<xacro:if value="0"><xacro:arg name="x" default="d"/></xacro:if><a/>'
     assert element(expanded(ros, body, {"x": 1})) is not None
 
@@ -452,11 +443,3 @@ def test_a_file_that_is_not_there_is_an_error(ros: RosWorkspace) -> None:
     with pytest.raises(XacroError, match=r"absent\.xacro: .*No such file") as raised:
         expand(ros.root / "absent.xacro", {}, ros.packages())
     assert raised.value.rule == "missing-include"
-
-
-def test_the_end_of_long_chatter_is_dropped() -> None:
-    kept = xacro_expansion._Bounded(5)
-    for text in ("abc", "def", "ghi"):
-        print(text, end="", file=kept)
-    assert isinstance(kept, io.StringIO)
-    assert kept.getvalue() == "abcde"

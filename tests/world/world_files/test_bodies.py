@@ -67,7 +67,6 @@ def test_a_mesh_collides(uri: str, scale: str, factor: object, tmp_path: Path) -
     written(tmp_path / "rock/model.config", "<model><name>rock</name></model>")
     stated = uri.format(folder=tmp_path)
     found = world_file(tmp_path, shaped(f"<mesh><uri>{stated}</uri><scale>{scale}</scale></mesh>"))
-
     (body,) = found.world.objects
     assert body.mesh is not None
     assert (body.mesh.file, body.mesh.scale) == (str(tmp_path / "rock/meshes/rock.obj"), factor)
@@ -90,14 +89,12 @@ def test_a_mesh_collides(uri: str, scale: str, factor: object, tmp_path: Path) -
 def test_a_mesh_that_cannot_collide_is_lost(inside: str, file: str, message: str, tmp_path: Path) -> None:
     written(tmp_path / "rock.obj", file)
     _, lost = read(shaped(f"<mesh>{inside}</mesh>"), tmp_path)
-
     assert any(message in each for each in lost), lost
 
 
 def test_a_moving_mesh_that_is_not_convex_is_lost(tmp_path: Path) -> None:
     written(tmp_path / "a.obj", TETRAHEDRON)
     written(tmp_path / "b.obj", CONCAVE)
-
     for name, losses in (("a", []), ("b", ["'m' moves and is not convex: its convex hull collides"])):
         bodies, lost = read(shaped(f"<mesh><uri>{name}.obj</uri></mesh>", static=False), tmp_path)
         assert (len(bodies), lost) == (1, losses)
@@ -106,14 +103,12 @@ def test_a_moving_mesh_that_is_not_convex_is_lost(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["heightmap", "polyline", "image", "cone", "dodecahedron"])
 def test_another_shape_is_lost(kind: str, tmp_path: Path) -> None:
     bodies, lost = read(shaped(f"<{kind}/>"), tmp_path)
-
     assert bodies == []
     assert lost == [f"a <{kind}> of 'm' is neither box, cylinder, sphere, capsule nor mesh; it is left out"]
 
 
 def test_a_capsule_is_a_cylinder_and_two_balls(tmp_path: Path) -> None:
     bodies, lost = read(shaped("<capsule><radius>0.1</radius><length>0.4</length></capsule>"), tmp_path)
-
     (body,) = bodies
     places = [(shape.kind, shape.pose.pose.position_xyz) for shape in body.shapes or ()]
     assert places == [("cylinder", (0, 0, 0)), ("sphere", (0, 0, -0.2)), ("sphere", (0, 0, 0.2))]
@@ -125,13 +120,11 @@ def test_a_capsule_is_a_cylinder_and_two_balls(tmp_path: Path) -> None:
 )
 def test_a_mark_on_the_floor_is_as_thin_as_engines_resolve(shape: str, tmp_path: Path) -> None:
     bodies, lost = read(shaped(shape), tmp_path)
-
     assert (len(bodies), lost) == (1, [])
 
 
 def test_a_round_ellipsoid_is_a_ball(tmp_path: Path) -> None:
     bodies, _ = read(shaped("<ellipsoid><radii>0.2 0.2 0.2</radii></ellipsoid>"), tmp_path)
-
     assert [body.sphere for body in bodies] == [Sphere(radius=0.2)]
 
 
@@ -147,7 +140,6 @@ def test_a_round_ellipsoid_is_a_ball(tmp_path: Path) -> None:
 def test_only_a_plane_on_the_ground_is_the_ground(pose: str, normal: str, lost: int, tmp_path: Path) -> None:
     more = f"<pose>{pose}</pose>"
     bodies, losses = read(shaped(f"<plane><normal>{normal}</normal></plane>", more=more), tmp_path)
-
     assert (bodies, len(losses)) == ([], lost)
 
 
@@ -169,7 +161,6 @@ SURFACE = "<surface><friction><ode>{}</ode></friction></surface>"
 )
 def test_the_friction_of_a_body_is_that_of_its_collision(ode: str, friction: float, lost: int, tmp_path: Path) -> None:
     bodies, losses = read(shaped("<box><size>1 1 1</size></box>", more=SURFACE.format(ode)), tmp_path)
-
     assert [body.friction for body in bodies] == [friction]
     assert len(losses) == lost, losses
 
@@ -193,7 +184,6 @@ def test_a_moving_body_has_its_stated_inertia(
     pose: str, ixx: float, centre: tuple[float, ...], message: str | None, tmp_path: Path
 ) -> None:
     bodies, lost = read(BOX.format(pose=pose, ixx=ixx), tmp_path)
-
     (body,) = bodies
     assert body.mass == 3.0
     assert body.center_of_mass == pytest.approx(centre)
@@ -207,7 +197,6 @@ AUTO = """<model name="m"><link name="l"><inertial auto="true"><density>500</den
 
 def test_an_automatic_inertia_is_that_of_the_shapes(tmp_path: Path) -> None:
     (body,), lost = read(AUTO.format("<box><size>1 2 1</size></box>"), tmp_path)
-
     assert (body.mass, body.center_of_mass) == (1000, (0, 0, 1))
     assert body.inertia is not None
     moments = body.inertia.ixx, body.inertia.iyy, body.inertia.izz
@@ -218,14 +207,12 @@ def test_an_automatic_inertia_is_that_of_the_shapes(tmp_path: Path) -> None:
 def test_an_automatic_inertia_of_a_mesh_is_noted(tmp_path: Path) -> None:
     written(tmp_path / "a.obj", TETRAHEDRON)
     (body,), (lost,) = read(AUTO.format("<mesh><uri>a.obj</uri></mesh>"), tmp_path)
-
     assert body.mass == 1
     assert "cannot be computed from <mesh>" in lost
 
 
 def test_an_impossible_product_of_inertia_is_replaced(tmp_path: Path) -> None:
     bodies, (lost,) = read(BOX.format(pose="", ixx=0.5).replace("<ixy>0<", "<ixy>0.6<"), tmp_path)
-
     assert [body.inertia for body in bodies] == [None]
     assert "no body has the principal moments -0.1 0.5 1.1" in lost
 
@@ -234,7 +221,6 @@ def test_the_axes_of_an_inertia_turn_with_its_pose(tmp_path: Path) -> None:
     """A positive turn about z by 30 degrees makes a negative ixy of moments with ixx < iyy."""
     pose = f"<pose>0 0 0 0 0 {math.pi / 6}</pose>"
     bodies, lost = read(BOX.format(pose=pose, ixx=0.2), tmp_path)
-
     (body,) = bodies
     assert body.inertia is not None
     moments = body.inertia.ixx, body.inertia.iyy, body.inertia.ixy
@@ -250,7 +236,6 @@ def test_the_smallest_friction_of_several_shapes_counts(tmp_path: Path) -> None:
         for name, more in (("a", rough), ("b", smooth), ("c", rough))
     )
     bodies, lost = read(f"<model name='m'><static>1</static><link name='l'>{shapes}</link></model>", tmp_path)
-
     assert [body.friction for body in bodies] == [0.1]
     assert lost == ["'m' has shapes of one body with different friction: the smallest is used for all"]
 
@@ -263,7 +248,6 @@ JOINT = "<joint name='j' type='{kind}'><parent>{parent}</parent><child>{child}</
 
 def test_links_that_are_not_joined_are_bodies_of_their_own(tmp_path: Path) -> None:
     bodies, lost = read(f"<model name='m'>{TWO}</model>", tmp_path)
-
     assert [(body.name, body.mass, body.pose.x, body.pose.z) for body in bodies] == [("m/a", 1, 0, 1), ("m/b", 3, 1, 1)]
     assert lost == []
 
@@ -272,7 +256,6 @@ def test_links_that_are_not_joined_are_bodies_of_their_own(tmp_path: Path) -> No
 def test_links_that_are_joined_are_one_body(kind: str, lost: int, tmp_path: Path) -> None:
     joint = JOINT.format(kind=kind, parent="a", child="b")
     bodies, losses = read(f"<model name='m'><pose>5 0 0 0 0 0</pose>{TWO}{joint}</model>", tmp_path)
-
     (body,) = bodies
     assert (body.name, body.mass, body.pose.x) == ("m", 4, 5)
     assert body.center_of_mass == pytest.approx((0.75, 0, 1))
@@ -285,7 +268,6 @@ def test_links_that_are_joined_are_one_body(kind: str, lost: int, tmp_path: Path
 def test_a_model_that_is_joined_to_the_world_is_fixed(tmp_path: Path) -> None:
     joint = JOINT.format(kind="fixed", parent="world", child="a") + JOINT.format(kind="revolute", parent="a", child="b")
     bodies, _ = read(f"<model name='door'>{TWO}{joint.replace(repr('j'), repr('k'), 1)}</model>", tmp_path)
-
     assert [(body.name, body.mass) for body in bodies] == [("door", None)]
 
 
@@ -295,7 +277,6 @@ def test_a_pose_can_be_relative_to_another_model_and_in_degrees(tmp_path: Path) 
     turned = other.replace("<link", "<pose>0 2 0 0 0 0</pose><link").replace("other", "first", 1)
     model = shaped("<sphere><radius>1</radius></sphere>").replace("<link", f"{pose.replace('other', 'first')}<link", 1)
     bodies, lost = read(turned + model, tmp_path)
-
     at = bodies[1].pose
     assert (at.x, at.y, at.z, at.yaw) == pytest.approx((1, 2, 0, math.pi / 2))
     assert lost == []
@@ -304,7 +285,6 @@ def test_a_pose_can_be_relative_to_another_model_and_in_degrees(tmp_path: Path) 
 def test_static_links_of_a_moving_model_are_one_fixed_body(tmp_path: Path) -> None:
     inner = f"<model name='base'><static>true</static>{TWO}</model>"
     bodies, _ = read(f"<model name='m'>{LINK.format(name='a', x=3, mass=1)}{inner}</model>", tmp_path)
-
     assert [(body.name, body.mass) for body in bodies] == [("m/a", 1), ("m/base/a", None)]
 
 
@@ -347,7 +327,6 @@ def test_bad_values_have_their_line(old: str, new: str, line: int, message: str 
 )
 def test_parts_without_an_effect_on_bodies_are_remarks(inside: str, message: str | None, tmp_path: Path) -> None:
     found = world_file(tmp_path, inside).losses
-
     assert all(loss.is_remark for loss in found)
     assert [message is not None and message in loss.message for loss in found] == ([True] if message else [])
 
@@ -355,9 +334,7 @@ def test_parts_without_an_effect_on_bodies_are_remarks(inside: str, message: str
 def test_a_newer_version_is_a_remark(tmp_path: Path) -> None:
     path = tmp_path / "a.world"
     path.write_text("<sdf version='1.99'><world name='w'/></sdf>")
-
     (loss,) = read_world_file(path, Packages(Workspace(tmp_path, tmp_path), environment={}), lambda _: False).losses
-
     assert loss.message.startswith("SDF 1.99 is newer than 1.")
 
 
@@ -368,15 +345,12 @@ def bumpy(samples: int, size: float) -> SurfacePart:
 
 def test_a_surface_of_few_triangles_stays() -> None:
     surface = bumpy(10, 1.0)
-
     assert simplified(surface) == (surface, 0.0)
 
 
 def test_a_surface_of_many_triangles_keeps_its_place() -> None:
     surface = bumpy(120, 0.4)
-
     found = simplified(surface)
-
     assert found is not None
     simple, way = found
     assert 100 < len(simple.triangles) <= MAX_TRIANGLES

@@ -505,15 +505,13 @@ def test_the_reason_why_an_actuator_cannot_be_commanded_is_that_of_the_actuator(
     assert [f"because it {reason}" in note for note in notes(found)] == [True]
 
 
-TEXTURE = '<texture name="t" type="2d" builtin="{kind}" rgb1=".2 .4 .6" rgb2="0 0.5 1" width="8" height="8"/>'
+TEXTURE = '<texture name="t" type="2d" builtin="{kind}" rgb1="{color}" rgb2="0 0.5 1" width="8" height="8"/>'
 MATERIAL = '<material name="m" texture="t" texrepeat="5 5" {more}/>'
 FLOORED = '<body name="b" pos="0 0 1"><freejoint/><geom size=".1"/></body>'
 
 
-def look(
-    folder: Path, floor: str = "", more: str = "", kind: str = "checker", texture: str = TEXTURE
-) -> FloorLook | None:
-    asset = f"<asset>{texture.format(kind=kind)}{MATERIAL.format(more=more)}</asset>"
+def look(folder: Path, floor: str, more: str, kind: str = "checker", color: str = ".2 .4 .6") -> FloorLook | None:
+    asset = f"<asset>{TEXTURE.format(kind=kind, color=color)}{MATERIAL.format(more=more)}</asset>"
     size = "" if "size" in floor else 'size="2 2 .1"'
     plane = f'<geom name="floor" type="plane" {size} {floor}/>'
     found = read(folder, f"<mujoco>{asset}<worldbody>{plane}{FLOORED}</worldbody></mujoco>")
@@ -521,8 +519,32 @@ def look(
     return found.mjcf.floor_look
 
 
-def test_the_squares_of_a_texture_are_those_of_the_floor(tmp_path: Path) -> None:
-    assert look(tmp_path, 'material="m"') == FloorLook((0.2, 0.4, 0.6), (0, 0.5, 1), 0.4)
+@pytest.mark.parametrize(
+    ("stated", "expected"),  # of the plane, the material, the kind and the first colour of the texture
+    [
+        (('material="m"', "", "checker", ".2 .4 .6"), FloorLook((0.2, 0.4, 0.6), (0, 0.5, 1), 0.4)),
+        (('material="m"', 'rgba="1 0.5 0 1"', "checker", ".2 .4 .6"), FloorLook((0.2, 0.2, 0), (0, 0.25, 0), 0.4)),
+        # The plane's own colour replaces that of its material.
+        (
+            ('material="m" rgba="0 0 1 1"', 'rgba="1 1 0 1"', "checker", ".2 .4 .6"),
+            FloorLook((0, 0, 0.6), (0, 0, 1), 0.4),
+        ),
+        (('rgba=".3 .2 .1 1"', "", "checker", ".2 .4 .6"), FloorLook((0.3, 0.2, 0.1))),
+        (('material="m"', "", "flat", ".2 .4 .6"), FloorLook((0.2, 0.4, 0.6))),
+        (("", "", "none", ".2 .4 .6"), None),
+        (('material="m"', "", "none", ".2 .4 .6"), None),
+        # Colours that are none are those of MuJoCo, and those beyond white are white.
+        *(
+            (('material="m"', "", "checker", numbers), FloorLook((0.8, 0.8, 0.8), (0, 0.5, 1), 0.4))
+            for numbers in ("", "1 2", "nan 0 0", "red green blue", "1e400 0 0")
+        ),
+        (('material="m"', "", "checker", "7 -3 0.5"), FloorLook((1, 0, 0.5), (0, 0.5, 1), 0.4)),
+    ],
+)
+def test_a_floor_has_the_colours_of_its_material(
+    stated: tuple[str, str, str, str], expected: FloorLook | None, tmp_path: Path
+) -> None:
+    assert look(tmp_path, *stated) == expected
 
 
 @pytest.mark.parametrize(
@@ -538,30 +560,3 @@ def test_squares_have_the_size_in_which_mujoco_draws_them(floor: str, more: str,
     found = look(tmp_path, floor, more)
     assert found is not None
     assert found.square == pytest.approx(square)
-
-
-def test_a_material_tints_its_texture_and_the_plane_replaces_that(tmp_path: Path) -> None:
-    tinted = look(tmp_path, 'material="m"', 'rgba="1 0.5 0 1"')
-    assert tinted == FloorLook((0.2, 0.2, 0), (0, 0.25, 0), 0.4)
-    assert look(tmp_path, 'material="m" rgba="0 0 1 1"', 'rgba="1 0.5 0 1"') == FloorLook((0, 0, 0.6), (0, 0, 1), 0.4)
-
-
-def test_a_floor_of_one_colour_has_no_squares(tmp_path: Path) -> None:
-    assert look(tmp_path, 'rgba=".3 .2 .1 1"') == FloorLook((0.3, 0.2, 0.1))
-    assert look(tmp_path, 'material="m"', kind="flat") == FloorLook((0.2, 0.4, 0.6))
-
-
-@pytest.mark.parametrize("floor", ["", 'material="m"'])
-def test_a_floor_that_says_nothing_has_no_look(floor: str, tmp_path: Path) -> None:
-    assert look(tmp_path, floor, kind="none") is None
-
-
-@pytest.mark.parametrize("numbers", ["", "1 2", "nan 0 0", "red green blue", "1e400 0 0"])
-def test_colours_that_are_none_are_those_of_mujoco(numbers: str, tmp_path: Path) -> None:
-    texture = TEXTURE.replace(".2 .4 .6", numbers)
-    assert look(tmp_path, 'material="m"', texture=texture) == FloorLook((0.8, 0.8, 0.8), (0, 0.5, 1), 0.4)
-
-
-def test_colours_beyond_white_are_white(tmp_path: Path) -> None:
-    texture = TEXTURE.replace(".2 .4 .6", "7 -3 0.5")
-    assert look(tmp_path, 'material="m"', texture=texture) == FloorLook((1, 0, 0.5), (0, 0.5, 1), 0.4)

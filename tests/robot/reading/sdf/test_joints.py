@@ -44,22 +44,22 @@ def test_a_link_keeps_its_frame_where_that_moves_alike(pose: str, kind: str, tmp
 
 
 @pytest.mark.parametrize(
-    ("limit", "type_", "lower", "upper"),
+    ("kind", "limit", "expected"),
     [
-        ("", "continuous", None, None),
-        ("<limit><lower>-1e16</lower><upper>1e+16</upper></limit>", "continuous", None, None),
-        ("<limit><lower>-inf</lower><upper>inf</upper></limit>", "continuous", None, None),
-        ("<limit><effort>3</effort></limit>", "continuous", None, None),
-        ("<limit><lower>-1</lower><upper>2</upper></limit>", "revolute", -1, 2),
-        ("<limit><lower>0</lower></limit>", "revolute", 0, None),
-        ("<limit><lower>0</lower><upper>inf</upper></limit>", "revolute", 0, None),
+        ("revolute", "", ("continuous", None, None)),
+        ("revolute", "<limit><lower>-1e16</lower><upper>1e+16</upper></limit>", ("continuous", None, None)),
+        ("revolute", "<limit><lower>-inf</lower><upper>inf</upper></limit>", ("continuous", None, None)),
+        ("revolute", "<limit><effort>3</effort></limit>", ("continuous", None, None)),
+        ("revolute", "<limit><lower>-1</lower><upper>2</upper></limit>", ("revolute", -1, 2)),
+        ("revolute", "<limit><lower>0</lower><upper>inf</upper></limit>", ("revolute", 0, None)),
+        ("prismatic", "", ("prismatic", None, None)),
     ],
 )
-def test_a_joint_without_limits_turns_for_ever(
-    limit: str, type_: str, lower: float | None, upper: float | None, tmp_path: Path
+def test_a_joint_without_limits_turns_or_slides_for_ever(
+    kind: str, limit: str, expected: tuple[str, float | None, float | None], tmp_path: Path
 ) -> None:
-    (made,) = load(tmp_path, sdf(turning(axis=f"<xyz>0 0 1</xyz>{limit}"))).joints
-    assert (made.type, made.lower, made.upper) == (type_, lower, upper)
+    (made,) = load(tmp_path, sdf(turning(axis=f"<xyz>0 0 1</xyz>{limit}", kind=kind))).joints
+    assert (made.type, made.lower, made.upper) == expected
 
 
 @pytest.mark.parametrize(
@@ -71,11 +71,6 @@ def test_a_negative_or_infinite_effort_is_no_limit(
     limit = f"<limit><effort>{effort}</effort><velocity>{velocity}</velocity></limit>"
     (made,) = load(tmp_path, sdf(turning(axis=f"<xyz>0 0 1</xyz>{limit}", kind="continuous"))).joints
     assert (made.max_effort, made.max_velocity) == expected
-
-
-def test_a_slider_without_limits_slides(tmp_path: Path) -> None:
-    (made,) = load(tmp_path, sdf(turning(kind="prismatic"))).joints
-    assert (made.type, made.lower, made.upper) == ("prismatic", None, None)
 
 
 def test_damping_mimic_and_what_is_passed_over(tmp_path: Path) -> None:
@@ -263,6 +258,7 @@ def test_a_part_of_a_link_may_be_placed_relative_to_another_frame(tmp_path: Path
         (["<mu>0.2</mu><mu2>0.2</mu2>", ""], 0.2, ["shared-friction"]),
         (["", "<mu>0</mu><mu2>0</mu2>"], 0.0, ["shared-friction"]),
         (["", "<mu>50</mu><mu2>50</mu2>"], 1.0, []),
+        (["<mu>-1</mu><mu2>-1</mu2>"], 1.0, []),  # below 0: nothing slides
     ],
 )
 def test_friction_is_what_a_collision_of_the_link_says(
@@ -310,32 +306,22 @@ def test_what_cannot_be_looked_at_is_passed_over(geometry: str, tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("look", "opacity"),
+    ("transparency", "diffuse", "color", "opacity"),
     [
-        ("<material><diffuse>1 0 0</diffuse></material>", 1),
-        ("<material><diffuse>1 0 0 0.5</diffuse></material>", 0.5),
-        ("<transparency>0.75</transparency><material><diffuse>1 0 0 1</diffuse></material>", 0.25),
-        ("<transparency>0.5</transparency><material><diffuse>1 0 0 0.5</diffuse></material>", 0.25),
-        ("<transparency>7</transparency><material><diffuse>1 0 0 1</diffuse></material>", 0),
-        ("<transparency>glass</transparency><material><diffuse>1 0 0 nan</diffuse></material>", 1),
+        ("", "1 0 0", (1, 0, 0), 1),
+        ("", "1 0 0 0.5", (1, 0, 0), 0.5),
+        ("0.75", "1 0 0 1", (1, 0, 0), 0.25),
+        ("0.5", "1 0 0 0.5", (1, 0, 0), 0.25),
+        ("7", "1 0 0 1", (1, 0, 0), 0),
+        ("glass", "1 0 0 nan", (1, 0, 0), 1),
+        *(("", diffuse, None, 1) for diffuse in ("", "1 2", "red green blue", "nan 0 0 1")),
     ],
 )
-def test_what_is_transparent_is_so(look: str, opacity: float, tmp_path: Path) -> None:
+def test_a_visual_has_its_colour_and_opacity(
+    transparency: str, diffuse: str, color: Vector3 | None, opacity: float, tmp_path: Path
+) -> None:
+    stated = f"<transparency>{transparency}</transparency>" if transparency else ""
+    look = f"{stated}<material><diffuse>{diffuse}</diffuse></material>"
     visual = f'<visual name="v">{look}<geometry><box><size>1 2 3</size></box></geometry></visual>'
     (read,) = load(tmp_path, sdf(link("a", visual))).links[0].visuals
-    assert (read.color, read.opacity) == ((1.0, 0.0, 0.0), opacity)
-
-
-@pytest.mark.parametrize("diffuse", ["", "1 2", "red green blue", "nan 0 0 1"])
-def test_a_colour_that_is_none_is_passed_over(diffuse: str, tmp_path: Path) -> None:
-    material = f"<material><diffuse>{diffuse}</diffuse></material>"
-    visual = f'<visual name="v"><geometry><box><size>1 2 3</size></box></geometry>{material}</visual>'
-    (read,) = load(tmp_path, sdf(link("a", visual))).links[0].visuals
-    assert read.color is None
-
-
-def test_a_friction_below_0_means_that_nothing_slides(tmp_path: Path) -> None:
-    surface = "<surface><friction><ode><mu>-1</mu><mu2>-1</mu2></ode></friction></surface>"
-    rough = SPHERE.replace("</geometry>", f"</geometry>{surface}")
-    model = load(tmp_path, sdf(f'<link name="a">{INERTIAL}{rough}</link>'))
-    assert (model.links[0].surface.friction, model.findings) == (1.0, ())
+    assert (read.color, read.opacity) == (color, opacity)
