@@ -107,12 +107,12 @@ class Clearance(Assertion):
         quantities = [f"{quoted(f'clearance of {self.chosen} to {bodies}')}.x"]
         if self.chosen is None:
             quantities = [clearance_signal(body) for body in bodies] or ["clearance"]
-        each, some = (
+        above, below = (
             joint.join(f"{quantity} {relation} {limit!r}" for quantity in quantities)
             for joint, relation, limit in ((" and ", ">=", self.at_least), (" or ", "<=", self.at_most))
         )
-        least = None if self.at_least is None else f"always ({each})"
-        most = None if self.at_most is None else f"eventually ({some})"
+        least = None if self.at_least is None else f"always ({above})"
+        most = None if self.at_most is None else f"eventually ({below})"
         return " and ".join(part for part in (least, most) if part is not None)
 
     has_truth: ClassVar[bool] = True
@@ -210,9 +210,9 @@ class ClearanceMonitor(Monitor):
     @override
     def observe(self, trace: Trace) -> Self:
         record = self._recorded(trace)
-        known = distances_known(trace, record, self.is_known or self.steps.moments > 0)
+        times = distances_known(trace, record, self.is_known or self.steps.moments > 0)
         end = float(trace.time[-1]) if len(trace) else self.end
-        later = replace(self, end=end, steps=self.steps.followed_by(known))
+        later = replace(self, end=end, steps=self.steps.followed_by(times))
         return later.measured(record) if len(record) else later
 
     def _recorded(self, trace: Trace) -> ClearanceRecord:

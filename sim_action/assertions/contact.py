@@ -187,16 +187,18 @@ class Touch(Assertion):
         travels = any(body.name == self.body and body.path for body in scene.world.objects)
         if travels and (self.has_least or self.has_most) and meant and scene.bolted_links.issuperset(meant):
             whose = f"'{meant[0]}'" if len(meant) == 1 else "these links"
-            found = (
+            problem = (
                 f"there is no force between '{self.body}' and {whose}: '{self.body}' follows its path, {whose} cannot"
             )
-            yield (), f"{found} move, and neither gives way; remove the limits, or name a link that can move"
+            yield (), f"{problem} move, and neither gives way; remove the limits, or name a link that can move"
         rate = scene.physics.rate
         if (self.has_least or self.has_most) and self.window * rate < 1 - STEP_EPSILON:
             step, least = duration_text(1 / rate), 1 / self.window - STEP_EPSILON
-            found = f"{duration_text(self.window)} is shorter than a physics step of {step} (physics.rate: {rate:g} Hz)"
+            problem = (
+                f"{duration_text(self.window)} is shorter than a physics step of {step} (physics.rate: {rate:g} Hz)"
+            )
             faster = f"physics.rate to at least {math.ceil(least)} Hz, or " if least <= MAX_PHYSICS_RATE_HZ else ""
-            yield ("window",), f"{found}; raise {faster}the window"
+            yield ("window",), f"{problem}; raise {faster}the window"
 
     def _is_of(self, link: str) -> bool:
         return self.link is None or matches_name(self.link, link)
@@ -284,9 +286,9 @@ class TouchMonitor(Monitor):
         return meant, others
 
     def _instead_of(self, others: list[Contact]) -> Contact | None:
-        known = others if self.instead is None else [self.instead, *others]
-        of_body = (contact for contact in known if contact.body == self.spec.body)
-        return next(of_body, next(iter(known), None))
+        candidates = others if self.instead is None else [self.instead, *others]
+        of_body = (contact for contact in candidates if contact.body == self.spec.body)
+        return next(of_body, next(iter(candidates), None))
 
     def pressed(self, mean: MeanForce, forces: Forces) -> Self:
         """Return the fold after these mean forces."""
@@ -343,9 +345,9 @@ class TouchMonitor(Monitor):
         if self.spec.has_most:
             blind = times_of(contact for contact in meant if not contact.has_force)
             gentle &= ~contacts.touching_at(trace, blind, self.step).holds
-        known = ~self.mean.is_filling(touches.time, meant) | ~gentle | (strong & (not self.spec.has_most))
+        decided = ~self.mean.is_filling(touches.time, meant) | ~gentle | (strong & (not self.spec.has_most))
         holds = gentle & (touches.holds if self.spec.is_goal and not self.spec.has_least else strong)
-        return Truth(touches.time[known], holds[known])
+        return Truth(touches.time[decided], holds[decided])
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See Monitor.signals. Returns duration, mean force, impulse, contact (0 or 1) and least distance."""
@@ -417,8 +419,8 @@ class TouchMonitor(Monitor):
         passed, value = fold.state is State.HOLDS, limit + fold.margin
         if not passed and value <= 0 and self.unknown is not None:
             return self._no_force(unit, limit, self.unknown)
-        found, wanted = units.display_apart(value, limit, unit)
-        reached = f"{found}{'' if passed else f' of {wanted}'} at {fold.time:.2f} s"
+        measured, required = units.display_apart(value, limit, unit)
+        reached = f"{measured}{'' if passed else f' of {required}'} at {fold.time:.2f} s"
         message = f"touched {self.spec.body} with {reached}{self._meaning(value, unit)}{self._kept() if passed else ''}"
         return Verdict(passed, value, limit, fold.margin, unit, fold.time, message)
 
@@ -430,9 +432,11 @@ class TouchMonitor(Monitor):
         if self.first is None and value <= 0:
             message = f"did not touch {body}; {self._near()}to demand a touch, add `contact: {self._as_goal()}`"
             return Verdict(passed, value, limit, fold.margin, unit, self.end, message)
-        found, allowed = units.display_apart(value, limit, unit)
+        measured, allowed = units.display_apart(value, limit, unit)
         compared = (
-            f"at most {found} at {fold.time:.2f} s, limit" if passed else f"{found} at {fold.time:.2f} s, more than"
+            f"at most {measured} at {fold.time:.2f} s, limit"
+            if passed
+            else f"{measured} at {fold.time:.2f} s, more than"
         )
         message = f"touched {body} with {compared} {allowed}{self._meaning(value, unit)}"
         return Verdict(passed, value, limit, fold.margin, unit, fold.time, message, body=body)
@@ -446,13 +450,13 @@ class TouchMonitor(Monitor):
 
     def _kept(self) -> str:
         """Return the upper limits that were kept, for the message about a goal."""
-        told = []
+        texts = []
         for bounds in (self.force, self.impulse):
             if bounds.at_most is not None and bounds.invariant.margin is not None:
                 value = bounds.at_most - bounds.invariant.margin
-                found, allowed = units.display_apart(value, bounds.at_most, bounds.unit)
-                told.append(f"; at most {found}, limit {allowed}{self._meaning(value, bounds.unit)}")
-        return "".join(told)
+                measured, allowed = units.display_apart(value, bounds.at_most, bounds.unit)
+                texts.append(f"; at most {measured}, limit {allowed}{self._meaning(value, bounds.unit)}")
+        return "".join(texts)
 
     def _as_goal(self) -> str:
         keys = {"with": self.spec.body, **({} if self.spec.link is None else {"link": self.spec.link})}
@@ -460,8 +464,8 @@ class TouchMonitor(Monitor):
 
     def _lasting(self, span: float) -> Verdict:
         touch = self.stretch
-        lasted, wanted = units.display_apart(touch.longest, span, "s")
-        how_long = lasted if touch.state is State.HOLDS else f"{lasted} of {wanted}"
+        lasted, required = units.display_apart(touch.longest, span, "s")
+        how_long = lasted if touch.state is State.HOLDS else f"{lasted} of {required}"
         message = f"touched {self.spec.body} for {how_long}, from {touch.began:.2f} s on{self._kept()}"
         passed, margin = touch.state is State.HOLDS, touch.longest - span
         return Verdict(passed, touch.longest, span, margin, "s", touch.goal.time, message)

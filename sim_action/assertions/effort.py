@@ -69,8 +69,8 @@ class Effort(Assertion):
         return self
 
     def _limits(self) -> dict[str, float | str]:
-        given = {"at_most": self.at_most, "rms_at_most": self.rms_at_most}
-        return {key: written for key, written in given.items() if written is not None}
+        limits = {"at_most": self.at_most, "rms_at_most": self.rms_at_most}
+        return {key: written for key, written in limits.items() if written is not None}
 
     @property
     @override

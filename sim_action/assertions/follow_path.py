@@ -299,9 +299,9 @@ class ReferencePath:
         best = Foot(begin, math.inf)
         piece = max(0, min(bisect_left(self.lengths, begin) - 1, len(self.points) - 2))
         while True:
-            found = self._foot_on(piece, place, begin, end)
-            if found.distance < best.distance:
-                best = found
+            foot = self._foot_on(piece, place, begin, end)
+            if foot.distance < best.distance:
+                best = foot
             piece += 1
             if piece > len(self.points) - 2 or self.lengths[piece] > end:
                 return best
@@ -320,8 +320,8 @@ class ReferencePath:
     def _foot_in_space(self, piece: int, place: Point, begin: float, end: float) -> Foot:
         at, start = self.points[piece], self.lengths[piece]
         length = self.lengths[piece + 1] - start
-        ahead = [(to - here) / length for here, to in zip(at, self.points[piece + 1], strict=True)]
-        away = [to - here for here, to in zip(at, place, strict=True)]
+        ahead = [(to - origin) / length for origin, to in zip(at, self.points[piece + 1], strict=True)]
+        away = [to - origin for origin, to in zip(at, place, strict=True)]
         along = away[0] * ahead[0] + away[1] * ahead[1] + away[2] * ahead[2]
         along = min(max(along, begin - start, 0.0), end - start, length)
         return Foot(start + along, math.hypot(*(to - along * unit for to, unit in zip(away, ahead, strict=True))))
@@ -362,7 +362,7 @@ def _at(time: float, points: Sequence[Point], knots: Sequence[float]) -> Point:
     for spans in (((0, 1), (1, 2), (2, 3)), ((0, 2), (1, 3)), ((1, 2),)):
         shares = ((time - knots[first]) / (knots[last] - knots[first]) for first, last in spans)
         points = [
-            tuple(here + share * (there - here) for here, there in zip(*pair, strict=True))
+            tuple(begin + share * (end - begin) for begin, end in zip(*pair, strict=True))
             for pair, share in zip(pairwise(points), shares, strict=True)
         ]
     return points[0]

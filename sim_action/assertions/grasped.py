@@ -109,9 +109,9 @@ class _Sample:
     force: FloatArray  # (T, L, 3) N, the sum of the normal forces of each link on the object, world frame
     place: FloatArray  # (T, L, 3) m, the object in the frame of each link; NaN while it is not there
 
-    def rows(self, wanted: NDArray[np.bool_]) -> _Sample:
+    def rows(self, mask: NDArray[np.bool_]) -> _Sample:
         """Return some of the moments."""
-        return _Sample(self.time[wanted], self.force[wanted], self.place[wanted])
+        return _Sample(self.time[mask], self.force[mask], self.place[mask])
 
     def followed_by(self, later: _Sample) -> _Sample:
         """Return these moments, as far as they are before `later`, and those of `later`."""
@@ -133,8 +133,8 @@ class _Grip:
     @property
     def squeeze(self) -> FloatArray:
         """Half of the forces that cancel, (T,) N."""
-        found: FloatArray = (self.total - self.resultant) / 2
-        return found
+        squeeze: FloatArray = (self.total - self.resultant) / 2
+        return squeeze
 
     @property
     def fastest(self) -> FloatArray:
@@ -144,8 +144,8 @@ class _Grip:
     def is_sound(self, slip: float) -> NDArray[np.bool_]:
         """Return (T,) True where two links press the object from opposed sides and it does not slide."""
         opposed = (self.touching.sum(axis=1) >= 2) & (self.resultant <= (1 - _MIN_BALANCE) * self.total)
-        found: NDArray[np.bool_] = opposed & (self.fastest <= slip)
-        return found
+        sound: NDArray[np.bool_] = opposed & (self.fastest <= slip)
+        return sound
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -216,8 +216,8 @@ class GraspMonitor(Monitor):
         squeeze, least = units.display_apart(self.least + best.margin, self.least, "N")
         held = best.state is State.HOLDS
         if spec.span is not None and held:
-            longest, wanted = units.display_apart(self.stretch.longest, spec.span, "s")
-            lasted = longest if passed else f"at most {longest} of {wanted}"
+            longest, required = units.display_apart(self.stretch.longest, spec.span, "s")
+            lasted = longest if passed else f"at most {longest} of {required}"
             message = f"held {spec.object} for {lasted}, from {self.stretch.began:.2f} s on"
             margin = self.stretch.longest - spec.span
             return Verdict(
@@ -234,8 +234,8 @@ class GraspMonitor(Monitor):
         )
 
     def _is_known(self, trace: Trace) -> bool:
-        known = self.spec.object in trace.objects and all(link in trace.link_contacts for link in self.links)
-        return known and len(trace) > 0
+        has_records = self.spec.object in trace.objects and all(link in trace.link_contacts for link in self.links)
+        return has_records and len(trace) > 0
 
     def _sound_squeeze(self, grip: _Grip) -> FloatArray:
         return np.where(grip.is_sound(self.spec.slip), grip.squeeze, 0.0)
@@ -244,22 +244,22 @@ class GraspMonitor(Monitor):
         """Return the best moment so far: the one with most links, and then the greatest squeeze."""
         count, squeeze = grip.touching.sum(axis=1), grip.squeeze
         at = int(np.lexsort((squeeze, np.minimum(count, 2)))[-1])
-        found = min(2, int(count[at])), float(squeeze[at])
-        if found <= self.nearest[:2]:
+        rank = min(2, int(count[at])), float(squeeze[at])
+        if rank <= self.nearest[:2]:
             return self.nearest
         links = ", ".join(link for link, on in zip(self.links, grip.touching[at], strict=True) if on)
         total, resultant = (units.display(float(force[at]), "N") for force in (grip.total, grip.resultant))
-        if found[0] < 2:
-            return (*found, f"only {links} touched it")
+        if rank[0] < 2:
+            return (*rank, f"only {links} touched it")
         if grip.resultant[at] > (1 - _MIN_BALANCE) * grip.total[at]:
-            return (*found, f"{links} pressed it from one side, {resultant} of {total} did not cancel")
+            return (*rank, f"{links} pressed it from one side, {resultant} of {total} did not cancel")
         if not grip.fastest[at] <= self.spec.slip:
-            return (*found, f"it slid along {links} at {units.display(float(grip.fastest[at]), 'm/s')}")
-        return (*found, f"{links} pressed it too weakly")
+            return (*rank, f"it slid along {links} at {units.display(float(grip.fastest[at]), 'm/s')}")
+        return (*rank, f"{links} pressed it too weakly")
 
     def _window(self, trace: Trace) -> _Sample:
-        known = self._joined(trace)
-        return known.rows(known.time > known.time[-1] - FORCE_WINDOW_S - TIME_EPSILON_S)
+        sample = self._joined(trace)
+        return sample.rows(sample.time > sample.time[-1] - FORCE_WINDOW_S - TIME_EPSILON_S)
 
     def _joined(self, trace: Trace) -> _Sample:
         sample = self._sample(trace)
@@ -267,22 +267,22 @@ class GraspMonitor(Monitor):
 
     def _grip(self, trace: Trace) -> _Grip:
         """Return the grip at each moment. Sums run step by step, so that they do not depend on how a trace is cut."""
-        known = self._joined(trace)
-        first = len(known.time) - len(trace)
-        rows = np.arange(first, len(known.time))
-        force, count = np.zeros((len(rows), *known.force.shape[1:])), np.zeros(len(rows))
+        sample = self._joined(trace)
+        first = len(sample.time) - len(trace)
+        rows = np.arange(first, len(sample.time))
+        force, count = np.zeros((len(rows), *sample.force.shape[1:])), np.zeros(len(rows))
         oldest = rows.copy()
-        for back in range(len(known.time)):
+        for back in range(len(sample.time)):
             index = rows - back
-            inside = (index >= 0) & (known.time[rows] - known.time[index] < FORCE_WINDOW_S - TIME_EPSILON_S)
+            inside = (index >= 0) & (sample.time[rows] - sample.time[index] < FORCE_WINDOW_S - TIME_EPSILON_S)
             if not inside.any():
                 break
-            force[inside] += known.force[index[inside]]
+            force[inside] += sample.force[index[inside]]
             count[inside] += 1
             oldest[inside] = index[inside]
         force /= count[:, None, None]
-        elapsed = known.time[rows] - known.time[oldest]
-        away = known.place[rows] - known.place[oldest]
+        elapsed = sample.time[rows] - sample.time[oldest]
+        away = sample.place[rows] - sample.place[oldest]
         ways = np.sqrt((away * away).sum(axis=2))
         slip = ways / np.where(elapsed > 0, elapsed, 1.0)[:, None]
         strength = np.sqrt((force * force).sum(axis=2))

@@ -96,12 +96,12 @@ class JointReading(Assertion):
     @property
     @override
     def title(self) -> str:
-        wanted = ", ".join(
+        limits = ", ".join(
             f"{word.replace('_', ' ')} {as_written(value)}"
             for word, value in self._asked().items()
             if value is not None and word != "tolerance"
         )
-        return f"joint {self.name} {self.reading} {wanted}"
+        return f"joint {self.name} {self.reading} {limits}"
 
     @property
     @override
@@ -296,7 +296,7 @@ class JointWithin(Assertion):
         sides = (
             bounds_formula(
                 str(Signal(reading, joint.name)),
-                *(units.parse(each, *READINGS[reading]) for each in bounds),
+                *(units.parse(bound, *READINGS[reading]) for bound in bounds),
                 goal=False,
             )
             for reading, name, bounds in self.asked()
@@ -335,7 +335,9 @@ class JointWithin(Assertion):
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         intervals = self._intervals(scene)
-        return IntervalsMonitor(tuple(side for each in intervals for side in each.sides(each.upper - each.lower)))
+        return IntervalsMonitor(
+            tuple(side for interval in intervals for side in interval.sides(interval.upper - interval.lower))
+        )
 
     def _intervals(self, scene: Scene) -> Iterator[Interval]:
         for reading, name, bounds in self.asked():

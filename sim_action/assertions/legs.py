@@ -53,10 +53,10 @@ class Feet(Assertion):
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield unknown links and bodies, a fixed base, and a world without gravity."""
         yield from link_name_problems(scene.model, "links", self.links)
-        known, hinted = [GROUND, *scene.world.names], FirstFew()
+        bodies, hinted = [GROUND, *scene.world.names], FirstFew()
         for index, name in enumerate(self.on or ()):
-            if name not in known:
-                hint = did_you_mean(name, known) if hinted.one_more() else ""
+            if name not in bodies:
+                hint = did_you_mean(name, bodies) if hinted.one_more() else ""
                 yield ("on", index), f"the world has no body '{name}'{hint}"
         if scene.bolted and not any(_rises(scene.model, foot) for foot in links_named(scene.model, self.links)):
             fixed, remedy = "the base of the robot is fixed", "remove 'base: fixed'"
@@ -178,10 +178,10 @@ class Footing:
 
     def points(self, trace: Trace) -> tuple[NDArray[np.intp], FloatArray]:
         """Return the contact points of all feet: the index (N,) of the moment, rising, and the place (N, 3) in m."""
-        found = [self._points(trace, foot) for foot in self.feet]
-        moment = np.concatenate([moments for moments, _ in found])
+        per_foot = [self._points(trace, foot) for foot in self.feet]
+        moment = np.concatenate([moments for moments, _ in per_foot])
         order = np.argsort(moment, kind="stable")
-        return moment[order], np.concatenate([points for _, points in found])[order]
+        return moment[order], np.concatenate([points for _, points in per_foot])[order]
 
     def level(self, points_xyz: FloatArray) -> FloatArray:
         """Return points (N, 3) as seen along gravity, (N, 2) m."""
@@ -301,12 +301,12 @@ class FeetMonitor(Monitor):
     def verdict(self) -> Verdict:
         """Return the verdict on the limit that broke first, else on the limit with the smallest margin."""
         folds = [(self.fewest, self.at_least, 1, "at least"), (self.most, self.at_most, -1, "at most")]
-        given = [(fold, limit, sign, word) for fold, limit, sign, word in folds if limit is not None]
-        broken = [one for one in given if one[0].state is State.BROKEN]
+        limits = [(fold, limit, sign, word) for fold, limit, sign, word in folds if limit is not None]
+        broken = [one for one in limits if one[0].state is State.BROKEN]
         fold, limit, sign, word = (
             min(broken, key=lambda one: one[0].time or 0.0)
             if broken
-            else min(given, key=lambda one: one[0].margin or 0.0)
+            else min(limits, key=lambda one: one[0].margin or 0.0)
         )
         if fold.margin is None or fold.time is None:
             message = "no physics step to measure"

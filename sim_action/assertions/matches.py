@@ -119,7 +119,7 @@ class Matches(Assertion):
                 raise ValueError(
                     f"the tolerance of '{name}' must be at least {_MIN_TOLERANCE:g}, found {shown(written)}"
                 )
-        unknown = [found for found in _PLACEHOLDER.findall(self.trace) if found != VARIATION]
+        unknown = [placeholder for placeholder in _PLACEHOLDER.findall(self.trace) if placeholder != VARIATION]
         if unknown:
             raise ValueError(f"unknown placeholder {unknown[0]} in the name of a file; only {VARIATION} is allowed")
         return self
@@ -369,12 +369,12 @@ class MatchesMonitor(Monitor):
         lasting = self._lasting
         if not left and lasting is not None:
             return lasting
-        told = left[0] if left else min(seen, key=lambda one: one.margin / one.tolerance.limit)
+        worst = left[0] if left else min(seen, key=lambda one: one.margin / one.tolerance.limit)
         parts = [self._of_left(left)] if left else []
-        parts += [one.text for one in left[:_MAX_NAMED] or (told,)]
+        parts += [one.text for one in left[:_MAX_NAMED] or (worst,)]
         message = "; ".join(parts if lasting is None else [*parts, lasting.message])
-        limit, unit = told.tolerance.limit, told.tolerance.unit
-        return Verdict(not left, told.largest, limit, told.margin, unit, told.time, message)
+        limit, unit = worst.tolerance.limit, worst.tolerance.unit
+        return Verdict(not left, worst.largest, limit, worst.margin, unit, worst.time, message)
 
     def _of_left(self, left: list[Deviation]) -> str:
         when = ", ".join(f"in {one.tolerance.what} at {one.left:.2f} s" for one in left[:_MAX_NAMED])

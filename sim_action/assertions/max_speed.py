@@ -128,8 +128,8 @@ class SpeedMonitor(BoundsMonitor):
 
     @override
     def verdict(self) -> Verdict:
-        found = self.bounds.verdict()
-        return replace(found, message=f"{self.jump}: {found.message}") if self.jump else found
+        verdict = self.bounds.verdict()
+        return replace(verdict, message=f"{self.jump}: {verdict.message}") if self.jump else verdict
 
     @override
     def signals(self, trace: Trace) -> tuple[Signal, ...]:

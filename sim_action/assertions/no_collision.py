@@ -198,7 +198,7 @@ class SelfCollision(Assertion):
     def _takes_pairs(cls, data: Any) -> Any:
         if isinstance(data, str):
             raise ValueError(f"{_PAIRS}, such as [[{data}, ANOTHER_LINK]]")  # noqa: TRY004 - pydantic's
-        if isinstance(data, (list, tuple)) and data and all(isinstance(each, str) for each in data):
+        if isinstance(data, (list, tuple)) and data and all(isinstance(name, str) for name in data):
             one, *others = data
             remedy = f"; write [[{one}, {others[0]}]]" if len(others) == 1 else f", such as [[{one}, ANOTHER_LINK]]"
             raise ValueError(f"{_PAIRS}{remedy}")
@@ -216,18 +216,18 @@ class SelfCollision(Assertion):
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield names in `allow` that match no link, and a robot whose links cannot touch each other."""
-        links, hinted, known = scene.model.links_by_name, FirstFew(), True
+        links, hinted, names_exist = scene.model.links_by_name, FirstFew(), True
         for index, pair in enumerate(self.allow):
             for place, name in enumerate(pair):
                 if not any(matches_name(name, link) for link in links):
-                    known = False
+                    names_exist = False
                     hint = did_you_mean(name, links) if hinted.one_more() else ""
                     yield ("allow", index, place), f"the robot has no link '{name}'{hint}"
         pairs = touchable_pairs(scene.model)
         first = next(pairs, None)
         if first is None:
             yield (), f"it would check nothing: {NO_PAIRS}"
-        elif known and self.allow:
+        elif names_exist and self.allow:
             meant = [first, *pairs]
             for index, names in enumerate(self.allow):
                 if not any(_names(names, pair) for pair in meant):

@@ -132,17 +132,17 @@ class ObjectAssertion(Assertion):
 
     @model_validator(mode="after")
     def _has_one_kind(self) -> Self:
-        given = [kind for kind in _KINDS if getattr(self, kind) is not None]
-        if len(given) != 1:
-            found = f"found {' and '.join(given)}: begin a second 'object'" if given else "none is given"
-            raise ValueError(f"give one of {', '.join(_KINDS)}; {found}")
+        kinds = [kind for kind in _KINDS if getattr(self, kind) is not None]
+        if len(kinds) != 1:
+            problem = f"found {' and '.join(kinds)}: begin a second 'object'" if kinds else "none is given"
+            raise ValueError(f"give one of {', '.join(_KINDS)}; {problem}")
         return self
 
     @property
     def part(self) -> MotionAssertion:
         """The assertion on its motion."""
-        found = (getattr(self, kind) for kind in _KINDS)
-        part: MotionAssertion = next(part for part in found if part is not None)
+        parts = (getattr(self, kind) for kind in _KINDS)
+        part: MotionAssertion = next(part for part in parts if part is not None)
         return part
 
     @property
@@ -333,29 +333,29 @@ class ObjectMonitor(Monitor):
         return self.spec.part.opened_on(self.spec.watched, self.scene, start)
 
     def _known(self, trace: Trace) -> tuple[tuple[float, ...], ...]:
-        here = _present(trace, self.spec.name)
-        latest = _poses(here, self.spec.name)[-2:].tolist() if len(here) else []
+        present = _present(trace, self.spec.name)
+        latest = _poses(present, self.spec.name)[-2:].tolist() if len(present) else []
         return (*self.known, *map(tuple, latest))[-2:]
 
     def _seen(self, trace: Trace) -> Trace:
         return motion_of(self.spec, self.scene, trace, self.known)
 
 
-def motion_of(spec: ObjectAssertion, scene: Scene, trace: Trace, known: tuple[tuple[float, ...], ...] = ()) -> Trace:
+def motion_of(spec: ObjectAssertion, scene: Scene, trace: Trace, earlier: tuple[tuple[float, ...], ...] = ()) -> Trace:
     """Return the steps at which the object is there, with its motion, and a known speed if that counts."""
-    here = _present(trace, spec.name)
-    if not len(here):
-        return here
-    rows = _poses(here, spec.name)
+    present = _present(trace, spec.name)
+    if not len(present):
+        return present
+    rows = _poses(present, spec.name)
     # The first step may be known already: the one at which a time window opens.
-    before = [row for row in known if row[0] < rows[0, 0] - TIME_EPSILON_S]
+    before = [row for row in earlier if row[0] < rows[0, 0] - TIME_EPSILON_S]
     linear, angular = _rates(np.vstack((before[-1] if before else rows[0], rows)))
     motion = LinkMotion(rows[:, 1:4], rows[:, 4:8], linear, angular)
     if spec.part.frame != WORLD:
         frame = link_of_frame(scene.model, spec.part.frame)
-        motion = motion.seen_from(link_motion(scene.model, here, frame))
+        motion = motion.seen_from(link_motion(scene.model, present, frame))
     columns = (motion.position_xyz, motion.orientation_xyzw, motion.linear_xyz, motion.angular_xyz)
-    seen = replace(here, state=np.column_stack((here.time, *columns, here.state[:, 14:])))
+    seen = replace(present, state=np.column_stack((present.time, *columns, present.state[:, 14:])))
     needs_speed = isinstance(spec.part, Settled) and not before
     return seen.rows(slice(1, None)) if needs_speed else seen
 

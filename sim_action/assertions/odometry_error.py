@@ -179,19 +179,19 @@ class OdometryMonitor(Monitor):
 
     def verdict(self) -> Verdict:
         """Return the verdict on the limit that broke first, else on the smallest relative margin."""
-        told = [(fold, name, limit) for fold, (name, limit) in zip(self.folds, self.limits, strict=True)]
-        read = [(fold.margin, fold.time, fold, name, limit) for fold, name, limit in told]
-        known = [one for one in read if one[0] is not None and one[1] is not None]
-        if not known or not self.readings.moments:
+        folds = [(fold, name, limit) for fold, (name, limit) in zip(self.folds, self.limits, strict=True)]
+        read = [(fold.margin, fold.time, fold, name, limit) for fold, name, limit in folds]
+        measured = [one for one in read if one[0] is not None and one[1] is not None]
+        if not measured or not self.readings.moments:
             name, limit = self.limits[0]
-            after = " after t = 0" if known else ""
+            after = " after t = 0" if measured else ""
             message = f"{self.sensor} gave no reading{after} in this time; raise its 'rate', or check for longer"
             return Verdict(False, None, limit, None, _UNITS[name], None, message, judged=Judged())
-        broken = [one for one in known if one[2].state is State.BROKEN]
+        broken = [one for one in measured if one[2].state is State.BROKEN]
         margin, time, _, name, limit = (
             min(broken, key=lambda one: one[1] or 0.0)
             if broken
-            else min(known, key=lambda one: (one[0] or 0.0) / one[4])
+            else min(measured, key=lambda one: (one[0] or 0.0) / one[4])
         )
         assert margin is not None, "it is known"
         error, allowed = _shown(limit - margin, limit, _UNITS[name])
@@ -218,20 +218,20 @@ def _errors(record: SensorRecord, truths: FloatArray, ways: FloatArray) -> dict[
     (x, y), (to_x, to_y) = truths[before, 1:3].T, truths[after, 1:3].T
     yaw = truths[before, 3] + share * wrapped(truths[after, 3] - truths[before, 3])
     way = ways[before] + share * (ways[after] - ways[before])
-    told = record.columns["position_xyz"]
-    position = np.hypot(told[:, 0] - x - share * (to_x - x), told[:, 1] - y - share * (to_y - y))
-    told_yaw = yaw_angles(record.columns["orientation_xyzw"])
+    reported = record.columns["position_xyz"]
+    position = np.hypot(reported[:, 0] - x - share * (to_x - x), reported[:, 1] - y - share * (to_y - y))
+    reported_yaw = yaw_angles(record.columns["orientation_xyzw"])
     return {
         "position": position,
-        "yaw": np.abs(wrapped(told_yaw - yaw)),
+        "yaw": np.abs(wrapped(reported_yaw - yaw)),
         "drift": position / np.maximum(way, _MIN_DISTANCE_M),
     }
 
 
-def _around(wanted: FloatArray, time: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
+def _around(moments: FloatArray, time: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
     """Return the steps around each of (N,) times, twice a step of equal time, and the place between in [0, 1]."""
     last = len(time) - 1
-    after = np.minimum(np.searchsorted(time, wanted - _SAME_TIME_S), last)
-    before = np.where(time[after] > wanted + _SAME_TIME_S, np.maximum(after - 1, 0), after)
+    after = np.minimum(np.searchsorted(time, moments - _SAME_TIME_S), last)
+    before = np.where(time[after] > moments + _SAME_TIME_S, np.maximum(after - 1, 0), after)
     span = time[after] - time[before]
-    return before, after, np.where(span > 0, (wanted - time[before]) / np.where(span > 0, span, 1.0), 0.0)
+    return before, after, np.where(span > 0, (moments - time[before]) / np.where(span > 0, span, 1.0), 0.0)

@@ -102,8 +102,8 @@ class PoseTarget(MotionAssertion):
     @property
     def coordinates(self) -> dict[str, float]:
         """The given coordinates, by axis."""
-        given = {"x": self.x, "y": self.y, "z": self.z}
-        return {axis: value for axis, value in given.items() if value is not None}
+        coordinates = {"x": self.x, "y": self.y, "z": self.z}
+        return {axis: value for axis, value in coordinates.items() if value is not None}
 
     @override
     def range_claims(self, limits: LinkRange) -> Findings:
@@ -227,10 +227,10 @@ class ReachMonitor(Monitor):
 
     def verdict(self) -> Verdict:
         """Return the verdict; if the orientation was missed, the message has the one at the best step."""
-        told = self.nearest.verdict()
+        verdict = self.nearest.verdict()
         if not self.found or (self.nearest.angle_error or 0.0) <= self.nearest.angle_tolerance:
-            return told
-        return replace(told, message=f"{told.message} with {self.found}")
+            return verdict
+        return replace(verdict, message=f"{verdict.message} with {self.found}")
 
     def _errors(self, trace: Trace) -> tuple[FloatArray, FloatArray | None]:
         return self._distance(trace), None if self.angle is None else self.angle.error(trace)
@@ -379,23 +379,23 @@ class FinalPoseMonitor(Monitor):
         return Verdict(passed, error, limit, limit - error, unit, self.end, message)
 
     def _errors(self) -> str:
-        found = []
+        errors = []
         if self.spec.coordinates:
             near, _ = units.display_apart(self.distance, self.spec.tolerance, "m")
-            found.append(f"{near} from {self.nearest.place}")
+            errors.append(f"{near} from {self.nearest.place}")
         if self.angle is not None:
             off, _ = units.display_apart(self.angle_error, self.angle.tolerance, "rad")
-            found.append(f"{off} off its {self.angle.name}")
-        return ", ".join(found)
+            errors.append(f"{off} off its {self.angle.name}")
+        return ", ".join(errors)
 
     def _miss(self) -> str:
         """Return the part of the message on the orientation and the closest approach: overshoot or shortfall."""
         nearest, is_turned = self.nearest, self.angle is not None and self.angle_error > self.angle.tolerance
-        found = f" with {self.found}" if is_turned and self.found else ""
+        orientation = f" with {self.found}" if is_turned and self.found else ""
         if (nearest.distance, nearest.angle_error or 0.0) == (self.distance, self.angle_error):
-            return found
+            return orientation
         near = "within tolerance" if nearest.state is State.HOLDS else "closest"
-        return f"{found}; it was {near} at {nearest.goal.time:.2f} s"
+        return f"{orientation}; it was {near} at {nearest.goal.time:.2f} s"
 
     def _distance(self, trace: Trace) -> FloatArray:
         """Return (T,) m, over the given axes, in the frame of `origin`."""

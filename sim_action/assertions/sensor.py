@@ -83,8 +83,8 @@ class SensorReading(Assertion):
     @override
     def title(self) -> str:
         bounds = (("at least", self.at_least), ("at most", self.at_most))
-        wanted = ", ".join(f"{word} {as_written(value)}" for word, value in bounds if value is not None)
-        return f"sensor {self.what} {'once ' if self.once else ''}{wanted}"
+        limits = ", ".join(f"{word} {as_written(value)}" for word, value in bounds if value is not None)
+        return f"sensor {self.what} {'once ' if self.once else ''}{limits}"
 
     @property
     def what(self) -> str:

@@ -179,12 +179,12 @@ class SettledMonitor(Monitor):
         passed, rest = self.state is State.HOLDS, self.rest
         if self.end is None:
             return Verdict(False, None, rest.wanted, None, "s", None, "no physics step to measure")
-        longest, wanted = units.display_apart(rest.longest, rest.wanted, "s")
+        longest, required = units.display_apart(rest.longest, rest.wanted, "s")
         when = f", from {rest.began:.2f} s on" if rest.longest else ""
         message = (
             f"at rest from {rest.began:.2f} s on, for {longest}"
             if passed
-            else f"at rest for {longest} of {wanted}{when}; at {self.end:.2f} s {self.last}"
+            else f"at rest for {longest} of {required}{when}; at {self.end:.2f} s {self.last}"
         )
         return Verdict(passed, rest.longest, rest.wanted, rest.longest - rest.wanted, "s", rest.goal.time, message)
 
@@ -361,8 +361,8 @@ class StopsBeforeMonitor(Monitor):
 
     def _too_short(self) -> Verdict:
         rest, where = self.rest, f"{units.display(self.gap or 0.0, 'm')} before {self.spec.body}"
-        lasted, wanted = units.display_apart(rest.longest, rest.wanted, "s")
-        message = f"at rest for {lasted} of {wanted}; {self._last()} {where}"
+        lasted, required = units.display_apart(rest.longest, rest.wanted, "s")
+        message = f"at rest for {lasted} of {required}; {self._last()} {where}"
         return Verdict(False, rest.longest, rest.wanted, rest.longest - rest.wanted, "s", self.end, message)
 
     def _elsewhere(self) -> Verdict:
@@ -387,6 +387,6 @@ class StopsBeforeMonitor(Monitor):
         record = trace.clearances.get(self.spec.near)
         if record is not None:
             # A stored trace is decimated: it has fewer steps than distances.
-            _, moments, found = np.intersect1d(trace.time, record.time, return_indices=True)
-            gaps[moments] = record.distance[found]
+            _, moments, indices = np.intersect1d(trace.time, record.time, return_indices=True)
+            gaps[moments] = record.distance[indices]
         return gaps

@@ -54,8 +54,8 @@ class StayWithin(MotionAssertion):
     @property
     def intervals(self) -> dict[str, Range]:
         """The given bounds, by axis."""
-        given = {"x": self.x, "y": self.y, "z": self.z}
-        return {axis: interval for axis, interval in given.items() if interval is not None}
+        intervals = {"x": self.x, "y": self.y, "z": self.z}
+        return {axis: interval for axis, interval in intervals.items() if interval is not None}
 
     has_truth: ClassVar[bool] = True
 

@@ -123,10 +123,10 @@ class UserAssertion(Assertion):
             yield (), f"{self.file}{error}"
         else:
             if self.class_name not in script.names and ANYTHING not in script.names:
-                hint = did_you_mean(self.class_name, [found.name for found in script.classes] or script.names)
+                hint = did_you_mean(self.class_name, [definition.name for definition in script.classes] or script.names)
                 yield (), f"{self.file} defines no class '{self.class_name}'{hint}"
-            found = script.class_named(self.class_name)
-            if found is None or (parameters := found.parameters) is None:
+            definition = script.class_named(self.class_name)
+            if definition is None or (parameters := definition.parameters) is None:
                 return
             for name, text in parameters.problems(self.settings):
                 remedy = "; add it to 'with'" if name is None else ""
@@ -201,17 +201,17 @@ class Judge:
     @classmethod
     def load(cls, path: Path, name: str, settings: Mapping[str, Any]) -> Self:
         """Run the file and create the instance. Raises ScriptError."""
-        found = run_file(path, f"the file of {name}").get(name)
+        user_class = run_file(path, f"the file of {name}").get(name)
         where = Location(str(path))
         with script_errors_at(path, name):
-            judge = getattr(found, "judge", None)
-            kind: Kind = getattr(found, "kind", "end")
-        if not isinstance(found, type) or not callable(judge):
+            judge = getattr(user_class, "judge", None)
+            kind: Kind = getattr(user_class, "kind", "end")
+        if not isinstance(user_class, type) or not callable(judge):
             raise ScriptError(f"{name} is not a class with a method judge(self, trace)", where)
         if kind not in get_args(Kind):
             raise ScriptError(f"{name}.kind is {kind!r}; allowed: {', '.join(get_args(Kind))}", where)
         with script_errors_at(path, f"{name}(...), called with its settings,"):
-            made = found(**plain_data(settings))
+            made = user_class(**plain_data(settings))
         return cls(path, name, kind, made)
 
     def verdict(self, trace: Trace) -> Verdict:

@@ -91,9 +91,9 @@ class BaseMotion:
         jumped = (moved > explained) & (elapsed <= self.max_gap_s)
         if not jumped.any():
             return reported
-        found = reported.copy()
-        found[len(trace) - len(moved) :][jumped] = moved[jumped] / elapsed[jumped]
-        return found
+        corrected = reported.copy()
+        corrected[len(trace) - len(moved) :][jumped] = moved[jumped] / elapsed[jumped]
+        return corrected
 
     def _rows(self, trace: Trace) -> FloatArray:
         """Return the states (T, 14) or, with the one before them, (T + 1, 14)."""
@@ -105,8 +105,8 @@ class BaseMotion:
 
 def _distances(before: FloatArray, after: FloatArray) -> FloatArray:
     """Return the distances (T,) in m between the positions of states (T, 14)."""
-    found: FloatArray = np.sqrt(np.square(after[:, 1:4] - before[:, 1:4]).sum(axis=1))
-    return found
+    distances: FloatArray = np.sqrt(np.square(after[:, 1:4] - before[:, 1:4]).sum(axis=1))
+    return distances
 
 
 def _angles(before: FloatArray, after: FloatArray) -> FloatArray:

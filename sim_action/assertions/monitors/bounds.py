@@ -206,8 +206,8 @@ class Bounds:
         elif passed:
             message = f"{self.verb} {units.display(measured, self.unit)} in {self.goal.time:.2f} s"
         else:
-            reached, wanted = units.display_apart(measured, limit, self.unit)
-            message = f"{self.verb} {reached} of {wanted} in {self.end:.1f} s"
+            reached, required = units.display_apart(measured, limit, self.unit)
+            message = f"{self.verb} {reached} of {required} in {self.end:.1f} s"
         return Verdict(passed, measured, limit, margin, self.unit, self.goal.time, message)
 
     def _upper(self) -> Verdict:
@@ -438,8 +438,8 @@ def check_order(
 def check_interval(name: str, lower: float, upper: float, unit: str) -> None:
     """Raise ValueError if the lower bound of an interval is not less than the upper bound."""
     if lower >= upper:
-        told = " is not less than ".join(units.display_apart(lower, upper, unit))
-        raise ValueError(f"the bounds of '{name}' are swapped or equal: {told}")
+        comparison = " is not less than ".join(units.display_apart(lower, upper, unit))
+        raise ValueError(f"the bounds of '{name}' are swapped or equal: {comparison}")
 
 
 def bounds_formula(quantity: str, at_least: float | None, at_most: float | None, *, goal: bool = True) -> str:

@@ -79,16 +79,16 @@ class MeanForce:
         moments between its steps, as long as a contact is in the window.
         """
         rows = np.rint(trace.time * self.rate).astype(np.int64)
-        known = dict(self.recent)
+        force_by_step = dict(self.recent)
         seen = self._by_step(contacts)
-        known.update(seen)
-        if not known or not (len(rows) or seen):
+        force_by_step.update(seen)
+        if not force_by_step or not (len(rows) or seen):
             return self, Forces(rows / self.rate, np.zeros(len(rows)))
         ends = [*rows[[0, -1] if len(rows) else []].tolist(), *seen]
         first, last = min(ends), max(ends)
-        steps, mean = _with_rows(rows, *self._near_contacts(known, first, last))
+        steps, mean = _with_rows(rows, *self._near_contacts(force_by_step, first, last))
         oldest = last - self._reach
-        later = replace(self, recent=tuple((step, force) for step, force in known.items() if step > oldest))
+        later = replace(self, recent=tuple((step, force) for step, force in force_by_step.items() if step > oldest))
         return later, Forces(steps / self.rate, mean)
 
     def is_filling(self, time: FloatArray, contacts: Iterable[Contact]) -> NDArray[np.bool_]:
@@ -107,9 +107,11 @@ class MeanForce:
             sums[step] = sums.get(step, 0.0) + contact.force
         return sums
 
-    def _near_contacts(self, known: dict[int, float], first: int, last: int) -> tuple[NDArray[np.int64], FloatArray]:
+    def _near_contacts(
+        self, force_by_step: dict[int, float], first: int, last: int
+    ) -> tuple[NDArray[np.int64], FloatArray]:
         """Return all steps from `first` to `last` that have a contact in their window, and their mean forces."""
-        at, forces = (np.array(column) for column in zip(*sorted(known.items()), strict=True))
+        at, forces = (np.array(column) for column in zip(*sorted(force_by_step.items()), strict=True))
         # Between two runs of steps, there is no contact in the window.
         cuts = np.flatnonzero(np.diff(at) > self._reach) + 1
         steps, means = [np.empty(0, dtype=np.int64)], [np.empty(0)]
@@ -181,9 +183,9 @@ def recorded(trace: Trace, *watches: ClearanceWatch) -> ClearanceRecord:
     return joined.rows(np.unique(joined.time, return_index=True)[1])
 
 
-def distances_known(trace: Trace, record: ClearanceRecord, known: bool) -> FloatArray:
-    """Return the times in s of the steps at which a body is there, from the first distance on if none is `known`."""
-    if known:
+def distances_known(trace: Trace, record: ClearanceRecord, is_known: bool) -> FloatArray:
+    """Return the times in s of the steps at which a body is there, from the first distance on unless `is_known`."""
+    if is_known:
         return record.there(trace.time)
     return record.there(trace.time[trace.time >= record.time[0] - TIME_EPSILON_S] if len(record) else trace.time[:0])
 
@@ -283,8 +285,8 @@ def with_zeros(moments: FloatArray, time: FloatArray, values: FloatArray, step: 
     inside = beside[(beside >= moments[0]) & (beside <= moments[-1])]
     # Two computations of the time of a step differ by rounding.
     at = np.searchsorted(time, inside - step / 2)
-    known = np.append(time, np.inf)[at] <= inside + step / 2
-    zeros = np.unique(np.round(inside[~known] / step)) * step
+    covered = np.append(time, np.inf)[at] <= inside + step / 2
+    zeros = np.unique(np.round(inside[~covered] / step)) * step
     grid = np.concatenate((time, zeros))
     order = np.argsort(grid)
     return grid[order], np.concatenate((values, np.zeros(len(zeros))))[order]

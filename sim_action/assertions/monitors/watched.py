@@ -207,11 +207,11 @@ class MotionAssertion(Assertion):
 
     def marks_of(self, watched: Watched, scene: Scene, start: Observation) -> tuple[Mark, ...]:
         """Return the marks for the 3-D view. Those in the frame of a link move with it."""
-        found = self.marks_in(watched, scene, watched.at_start(start))
+        marks = self.marks_in(watched, scene, watched.at_start(start))
         if watched.frame == WORLD:
-            return found
+            return marks
         link = link_of_frame(scene.model, watched.frame)
-        return tuple(replace(mark, link=link) for mark in found)
+        return tuple(replace(mark, link=link) for mark in marks)
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield an unknown link or frame, and a link that is its own frame."""

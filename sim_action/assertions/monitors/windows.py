@@ -276,34 +276,34 @@ class BecomingTrue(Monitor):
         """Return the verdict of the goal, or on the time for which it held."""
         if not self.is_open:
             return self._unopened(self.probe.verdict())
-        told = self.goal.verdict()
-        if self.hold is not None and told.passed:
-            told = self._held(told, self.hold)
-        if told.passed or not self.at_start or self.goal.state is State.BROKEN:
-            return told
-        return replace(told, message=f"{_ONLY_BEFORE}; {told.message}")
+        verdict = self.goal.verdict()
+        if self.hold is not None and verdict.passed:
+            verdict = self._held(verdict, self.hold)
+        if verdict.passed or not self.at_start or self.goal.state is State.BROKEN:
+            return verdict
+        return replace(verdict, message=f"{_ONLY_BEFORE}; {verdict.message}")
 
-    def _unopened(self, told: Verdict) -> Verdict:
+    def _unopened(self, verdict: Verdict) -> Verdict:
         """Return the verdict on a goal that was true from the first moment on."""
-        if not self.at_start or not told.passed:
-            return told
+        if not self.at_start or not verdict.passed:
+            return verdict
         if self.early.state is State.HOLDS:
-            message = f"{told.message}; it held for {units.display(self.early.wanted, 's')}"
-            return replace(told, time=self.early.goal.time, message=f"{message}, from {self.early.began:.2f} s on")
+            message = f"{verdict.message}; it held for {units.display(self.early.wanted, 's')}"
+            return replace(verdict, time=self.early.goal.time, message=f"{message}, from {self.early.began:.2f} s on")
         if self.rest is None:
-            return self._held(told, self.early)
+            return self._held(verdict, self.early)
         # To count, the quantity must first miss its limit: it is away from that by this much.
-        margin = None if told.margin is None else 0.0 - abs(told.margin)
-        return replace(told, passed=False, margin=margin, message=f"{_ONLY_BEFORE}; {_HINT}")
+        margin = None if verdict.margin is None else 0.0 - abs(verdict.margin)
+        return replace(verdict, passed=False, margin=margin, message=f"{_ONLY_BEFORE}; {_HINT}")
 
-    def _held(self, told: Verdict, hold: HoldTime) -> Verdict:
+    def _held(self, verdict: Verdict, hold: HoldTime) -> Verdict:
         """Return the verdict on the time for which the goal held without interruption."""
         passed = hold.state is State.HOLDS
-        longest, wanted = units.display_apart(hold.longest, hold.wanted, "s")
-        lasted = longest if passed else f"at most {longest} of {wanted}"
-        message = f"held for {lasted}, from {hold.began:.2f} s on; {told.message}"
+        longest, required = units.display_apart(hold.longest, hold.wanted, "s")
+        lasted = longest if passed else f"at most {longest} of {required}"
+        message = f"held for {lasted}, from {hold.began:.2f} s on; {verdict.message}"
         margin = hold.longest - hold.wanted
-        return Verdict(passed, hold.longest, hold.wanted, margin, "s", hold.goal.time, message, judged=told.judged)
+        return Verdict(passed, hold.longest, hold.wanted, margin, "s", hold.goal.time, message, judged=verdict.judged)
 
 
 _ONLY_BEFORE: Final = "was already true at t = 0, and never became true again"

@@ -134,8 +134,8 @@ class Combination(Junction, Parts):
     def truth(self, trace: Trace) -> Truth:
         """See Monitor.truth. At least one part is true; `all_of` has no truth, see `at_once`."""
         truths = self._truths(trace)
-        known = (truths != UNKNOWN).all(axis=0)
-        return Truth(trace.time[known], np.asarray((truths > 0).any(axis=0))[known])
+        decided = (truths != UNKNOWN).all(axis=0)
+        return Truth(trace.time[decided], np.asarray((truths > 0).any(axis=0))[decided])
 
     def verdict(self) -> Verdict:
         """Return the verdict of the deciding part, with a message about all parts."""
@@ -200,8 +200,8 @@ class AtOnceMonitor(Parts):
     @override
     def truth(self, trace: Trace) -> Truth:
         truths = self._truths(trace)
-        known = (truths != UNKNOWN).all(axis=0)
-        return Truth(trace.time[known], np.asarray((truths > 0).all(axis=0))[known])
+        decided = (truths != UNKNOWN).all(axis=0)
+        return Truth(trace.time[decided], np.asarray((truths > 0).all(axis=0))[decided])
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See Monitor.signals. Returns the number of true conditions at each step."""

@@ -120,7 +120,7 @@ def _premises(formula: Formula, when: Interval, *, contrary: bool, throughout: b
         yield Premise(formula.premise, when)
     elif throughout and isinstance(formula, And if contrary else Or) and _relates_quantities(formula):
         alternatives = [part if flip else _negated(part) for part, flip in inner]
-        deadlines = [premise for premise in alternatives if {each.name for each in signals_of(premise)} == {"time"}]
+        deadlines = [premise for premise in alternatives if {signal.name for signal in signals_of(premise)} == {"time"}]
         yield from (Premise(premise, when) for premise in deadlines or alternatives)
     for index, (part, flip) in enumerate(inner):
         lasts = throughout
@@ -131,7 +131,7 @@ def _premises(formula: Formula, when: Interval, *, contrary: bool, throughout: b
 
 def _relates_quantities(formula: Formula) -> bool:
     """Return False for a region: alternatives that are all about one signal, or one place."""
-    quantities = {("place" if each.name in _AXES else str(each), each.names) for each in signals_of(formula)}
+    quantities = {("place" if signal.name in _AXES else str(signal), signal.names) for signal in signals_of(formula)}
     return len(quantities) > 1
 
 
@@ -162,8 +162,8 @@ def _later(when: Interval, interval: Interval) -> Interval:
 
 def audit_formula(text: str, formula: Formula, setting: Setting) -> Findings:
     """Yield the findings that are visible without the robot model: bare angles, and results that no run changes."""
-    bare = [(each, unit) for each in bare_numbers(formula) if (unit := _angle_unit(each.signals))]
-    problems = ((each.at, units.beyond_a_turn(each.number, unit)) for each, unit in bare)
+    bare = [(bare_number, unit) for bare_number in bare_numbers(formula) if (unit := _angle_unit(bare_number.signals))]
+    problems = ((bare_number.at, units.beyond_a_turn(bare_number.number, unit)) for bare_number, unit in bare)
     wrong = [(at, problem) for at, problem in problems if problem is not None]
     for at, problem in wrong:
         yield ClaimFinding("bare-angle", (), f"{problem}; {place(text, at)}")
@@ -291,13 +291,13 @@ def _always(text: str, constant: Constant) -> ClaimFinding:
 
 def _on_time_alone(formula: Formula) -> Iterator[Formula]:
     """Yield the outermost parts that wait for a time and for no other signal: the run goes on until it has come."""
-    found = list[Formula]()
+    outermost = list[Formula]()
     for part in everything(formula):
         waits = isinstance(part, Eventually) or (isinstance(part, Not) and isinstance(part.formula, Always))
         on_time = {(signal.source, signal.name) for signal in signals_of(part)} == {("robot", "time")}
-        if waits and on_time and not any(part in everything(outer) for outer in found):
-            found.append(part)
-    yield from found
+        if waits and on_time and not any(part in everything(outer) for outer in outermost):
+            outermost.append(part)
+    yield from outermost
 
 
 def _of_clock(text: str, constant: Constant) -> ClaimFinding:
@@ -316,7 +316,7 @@ def _never_changes(text: str, comparison: Comparison, compared: Iterable[Signal]
 def _angle_unit(compared: Iterable[Signal]) -> str:
     """Return "rad" or "rad/s" if all signals are angles, or angular speeds, not of joints; else an empty text."""
     quantities = SENSOR_SIGNALS | {name: ReadingColumn(kind) for name, kind in BASE_SIGNALS.items()}
-    kinds = {quantities[each.name].dimension if each.name in quantities else None for each in compared}
+    kinds = {quantities[signal.name].dimension if signal.name in quantities else None for signal in compared}
     (kind, *others) = kinds or {None}
     return kind.si if kind in (units.ANGLE, units.ANGULAR_SPEED) and not others else ""
 

@@ -122,7 +122,7 @@ class _Unlike(Exception):
 
 def dimension_problems(formula: Formula, model: RobotModel) -> Iterator[tuple[int, str]]:
     """Yield the index in the text and a message for unknown joints and different dimensions."""
-    missing = [(signal.at, told) for signal in signals_of(formula) if (told := problem_with(signal, model))]
+    missing = [(signal.at, problem) for signal in signals_of(formula) if (problem := problem_with(signal, model))]
     if missing:
         yield from missing
         return
@@ -140,15 +140,15 @@ def margin_unit(comparison: Comparison, model: RobotModel) -> str:
 
 def _alike(terms: tuple[Term, ...], model: RobotModel) -> Powers | None:
     """Return the common dimension of terms; None if all are plain numbers, which match any dimension."""
-    found: tuple[Term, Powers] | None = None
+    first: tuple[Term, Powers] | None = None
     for term in terms:
         powers = _powers(term, model)
         if powers is None:
             continue
-        if found is not None and _without_angle(powers) != _without_angle(found[1]):
-            raise _Unlike(f"'{found[0]}' is in {_name(found[1])}, '{term}' in {_name(powers)}: they cannot be compared")
-        found = found or (term, powers)
-    return None if found is None else found[1]
+        if first is not None and _without_angle(powers) != _without_angle(first[1]):
+            raise _Unlike(f"'{first[0]}' is in {_name(first[1])}, '{term}' in {_name(powers)}: they cannot be compared")
+        first = first or (term, powers)
+    return None if first is None else first[1]
 
 
 def _powers(term: Term, model: RobotModel) -> Powers | None:
@@ -162,8 +162,8 @@ def _powers(term: Term, model: RobotModel) -> Powers | None:
         case Sum():
             return _alike(term.terms, model)
         case Product():
-            known = [powers for factor in term.factors if (powers := _powers(factor, model)) is not None]
-            return _multiplied(known) if known else None
+            factor_powers = [powers for factor in term.factors if (powers := _powers(factor, model)) is not None]
+            return _multiplied(factor_powers) if factor_powers else None
 
 
 def _multiplied(factors: list[Powers]) -> Powers:
@@ -240,7 +240,7 @@ def _shape_problems(signal: Signal, scene: Scene, bodies: Sequence[str]) -> Iter
     for link in meant:
         if link not in links:
             yield f"the robot has no link '{link}' with a collision shape{did_you_mean(str(link), links)}"
-    travels = any(each.name == body and each.path for each in scene.world.objects)
+    travels = any(world_object.name == body and world_object.path for world_object in scene.world.objects)
     if signal.name == "force" and travels and scene.bolted_links.issuperset(str(link) for link in meant):
         yield f"engines compute no force between '{body}', which follows its path, and links that cannot move"
 

@@ -115,23 +115,23 @@ class _Case:
         return _Case(self.rows + other.rows, self.later + other.later)
 
 
-def _cases(formula: Formula, wanted: bool) -> list[_Case]:
-    """Return the cases in which a formula is true, or false if it is not `wanted`."""
+def _cases(formula: Formula, is_true: bool) -> list[_Case]:
+    """Return the cases in which a formula is true, or those in which it is false unless `is_true`."""
     match formula:
         case Comparison():
             smaller, greater = formula.left, formula.right
-            if (formula.relation in (">", ">=")) == wanted:
+            if (formula.relation in (">", ">=")) == is_true:
                 smaller, greater = greater, smaller
             return _signs(_added(_linear(greater), _linear(smaller), -1.0))
         case Always() | Eventually():
-            inner = _cases(formula.formula, wanted)
-            return [_Case(later=(_Later(isinstance(formula, Always) == wanted, formula.interval, inner),))]
+            inner = _cases(formula.formula, is_true)
+            return [_Case(later=(_Later(isinstance(formula, Always) == is_true, formula.interval, inner),))]
         case Until():
             inner = _cases(formula.then, True)
-            return [_Case(later=(_Later(False, formula.interval, inner),) if wanted else ())]
+            return [_Case(later=(_Later(False, formula.interval, inner),) if is_true else ())]
         case _:
-            parts = [_cases(part, not flip) for part, flip in signed_parts(formula, not wanted)]
-            return _all_of(parts) if isinstance(formula, And) == wanted else [case for part in parts for case in part]
+            parts = [_cases(part, not flip) for part, flip in signed_parts(formula, not is_true)]
+            return _all_of(parts) if isinstance(formula, And) == is_true else [case for part in parts for case in part]
 
 
 def _all_of(parts: list[list[_Case]]) -> list[_Case]:

@@ -170,12 +170,12 @@ class Operator(Part):
         if math.isinf(self.reach):
             return replace(later, open=SampleChain(samples, self.open))
         rows = samples if self.open is None else Samples.concatenate((self.open.samples, samples))
-        known = float(rows.time[-1]) - self.reach
-        end = int(rows.after(known))
+        decided_until = float(rows.time[-1]) - self.reach
+        end = int(rows.after(decided_until))
         return replace(
             later.folded(rows, end),
             open=SampleChain(rows.between(end, len(rows))) if end < len(rows) else None,
-            closed=begin + self.interval.end <= known + TIME_ROUNDING_S,
+            closed=begin + self.interval.end <= decided_until + TIME_ROUNDING_S,
         )
 
     def at_end(self) -> Self:
@@ -246,8 +246,8 @@ class Extreme(Operator):
         value = float(margins[index])
         if self.found is not None and not (value > self.found.value if self.greatest else value < self.found.value):
             return replace(self, judged=judged)
-        found = BestMoment.at(value, self.formula, rows, first + index, strong=self.strong)
-        return replace(self, found=found, judged=judged)
+        best = BestMoment.at(value, self.formula, rows, first + index, strong=self.strong)
+        return replace(self, found=best, judged=judged)
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,8 +317,8 @@ class UntilFold(Operator):
         if self.found is not None and value <= self.found.value:
             return replace(self, held=held, judged=judged)
         decides = then[index] <= least[index]
-        found = self._moment(value, rows, index) if decides else self._least(rows, before[:index])
-        return replace(self, held=held, found=found, judged=judged)
+        best = self._moment(value, rows, index) if decides else self._least(rows, before[:index])
+        return replace(self, held=held, found=best, judged=judged)
 
     def _moment(self, value: float, rows: Samples, index: int) -> BestMoment:
         strong = not self.contrary
@@ -352,12 +352,12 @@ class StlMonitor(Monitor):
     @classmethod
     def of(cls, formula: Formula, comparison_units: Mapping[Comparison, str], scene: Scene, start: Observation) -> Self:
         """Return the monitor before the first step; `start` is the state at t = 0."""
-        found = tuple(
+        extremes = tuple(
             (premise.text, Extreme.of(premise.formula, premise.interval, greatest=True))
             for premise in premises(formula)
         )
         reader = SignalReader.of(signals_of(formula), scene, start)
-        return cls(formula, open_formula(formula), reader, comparison_units, found)
+        return cls(formula, open_formula(formula), reader, comparison_units, extremes)
 
     def begin(self, trace: Trace) -> Self:
         """See Monitor.begin. Contact forces are means over the last steps, and readings last."""
@@ -374,10 +374,12 @@ class StlMonitor(Monitor):
         samples, reader = self.reader.read(trace), self.reader.after(trace)
         if not len(samples):
             return replace(self, reader=reader, last=float(trace.time[-1]))
-        found = tuple((text, each if each.is_decided else each.observe(samples)) for text, each in self.premises)
+        observed = tuple(
+            (text, extreme if extreme.is_decided else extreme.observe(samples)) for text, extreme in self.premises
+        )
         first = float(samples.time[0]) if self.first is None else self.first
         part, last = self.part.observe(samples), float(trace.time[-1])
-        return replace(self, part=part, reader=reader, premises=found, first=first, last=last)
+        return replace(self, part=part, reader=reader, premises=observed, first=first, last=last)
 
     @property
     @override
@@ -386,10 +388,10 @@ class StlMonitor(Monitor):
 
     def signals(self, trace: Trace) -> tuple[Curve, ...]:
         """See Monitor.signals. Returns the compared quantities and the robustness."""
-        samples, found = self.reader.read(trace), set(self.units.values())
+        samples, distinct_units = self.reader.read(trace), set(self.units.values())
         if not len(samples):
             return ()
-        robustness = robustness_so_far(self.part, samples, found.pop() if len(found) == 1 else "")
+        robustness = robustness_so_far(self.part, samples, distinct_units.pop() if len(distinct_units) == 1 else "")
         return (*compared(self.formula, samples, self.units), robustness)
 
     def verdict(self) -> Verdict:

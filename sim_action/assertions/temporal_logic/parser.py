@@ -206,14 +206,14 @@ def _unquoted(name: str) -> str:
 
 def _names(text: str, at: int, inside: str) -> tuple[str, ...]:
     """Return names that commas separate. Raises FormulaError."""
-    found, begin = list[str](), 0
+    names, begin = list[str](), 0
     while begin < len(inside):
         match = _ARGUMENT.match(inside, begin)
         if match is None:
             raise FormulaError(text, at + begin, "expected names with commas between them")
-        found.append(_unquoted(match[1]) if match[1] else match[2].strip())
+        names.append(_unquoted(match[1]) if match[1] else match[2].strip())
         begin = match.end()
-    return tuple(found)
+    return tuple(names)
 
 
 def unit_names() -> str:
@@ -273,10 +273,10 @@ class _Parser:
         self._open: Formula | None = None
 
     def formula(self) -> Formula:
-        found = self._expression(_IMPLIES)
+        parsed = self._expression(_IMPLIES)
         if self._next.kind != "end":
             self._refuse(self._next, f"expected an operator or the end, found {self._next}{self._hint()}")
-        return self._as_formula(found, self._tokens[0])
+        return self._as_formula(parsed, self._tokens[0])
 
     @property
     def _next(self) -> Token:
@@ -348,10 +348,10 @@ class _Parser:
         start = self._next
         return self._joined(self._expression(least), start, operator)
 
-    def _joined(self, found: Formula | Term, first: Token, operator: Token) -> Formula:
-        if isinstance(found, Until) and found is self._open:
+    def _joined(self, parsed: Formula | Term, first: Token, operator: Token) -> Formula:
+        if isinstance(parsed, Until) and parsed is self._open:
             self._ambiguous(operator)
-        return self._as_formula(found, first)
+        return self._as_formula(parsed, first)
 
     def _ambiguous(self, operator: Token) -> NoReturn:
         text = operator.text
@@ -371,12 +371,12 @@ class _Parser:
     def _comparison(self, left: Formula | Term, first: Token) -> Comparison:
         operator = self._advance()
         right = self._term(_ADD)
-        found = Comparison(self._as_term(left, first), cast("Relation", operator.text), right, first.at)
+        comparison = Comparison(self._as_term(left, first), cast("Relation", operator.text), right, first.at)
         if self._next.text in get_args(Relation):
             self._refuse(self._next, "comparisons cannot be chained; join two with 'and'")
-        if not any(signal for term in (found.left, found.right) for signal in signals(term)):
-            self._refuse(first, f"'{found}' is not a signal (allowed: {', '.join(NAMES)})")
-        return found
+        if not any(signal for term in (comparison.left, comparison.right) for signal in signals(term)):
+            self._refuse(first, f"'{comparison}' is not a signal (allowed: {', '.join(NAMES)})")
+        return comparison
 
     def _sum(self, left: Formula | Term, first: Token) -> Sum:
         terms = [self._as_term(left, first)]
@@ -409,11 +409,11 @@ class _Parser:
 
     def _parenthesis(self) -> Formula | Term:
         begin = self._position - 1
-        found = self._expression(_IMPLIES)
+        parsed = self._expression(_IMPLIES)
         self._expect(")", "to close the parenthesis")
         self._ends[begin] = self._position
         self._open = None
-        return found
+        return parsed
 
     def _absolute(self, token: Token) -> Absolute:
         self._expect("(", "after 'abs'")
@@ -429,11 +429,11 @@ class _Parser:
         closed = self._ends.get(begin) == self._position
         inherits = start.text in ("not", "always", "eventually")
         reaches_on = formula is self._open if inherits else not closed and token.text != "not"
-        found: Formula = Not(formula)
+        prefixed: Formula = Not(formula)
         if token.text != "not":
-            found = Always(formula, interval) if token.text == "always" else Eventually(formula, interval)
-        self._open = found if reaches_on else None
-        return found
+            prefixed = Always(formula, interval) if token.text == "always" else Eventually(formula, interval)
+        self._open = prefixed if reaches_on else None
+        return prefixed
 
     def _interval(self) -> Interval:
         opening = self._accept("[")
@@ -492,8 +492,8 @@ class _Parser:
         return Signal(token.text, at=token.at, source="pair", names=token.names)
 
     def _odd_name(self, token: Token) -> str:
-        found = _ODD_NAME.match(self._text, token.at)
-        return "" if found is None else f"; write such a name in quotes: '{found[1]}'.{found[2]}"
+        match = _ODD_NAME.match(self._text, token.at)
+        return "" if match is None else f"; write such a name in quotes: '{match[1]}'.{match[2]}"
 
     def _formula(self, least: int) -> Formula:
         start = self._next
@@ -503,12 +503,12 @@ class _Parser:
         start = self._next
         return self._as_term(self._expression(least), start)
 
-    def _as_formula(self, found: Formula | Term, first: Token) -> Formula:
-        if isinstance(found, Term):
-            self._refuse(first, f"'{found}' is not compared with anything; write, for example, {found} < 1")
-        return found
+    def _as_formula(self, parsed: Formula | Term, first: Token) -> Formula:
+        if isinstance(parsed, Term):
+            self._refuse(first, f"'{parsed}' is not compared with anything; write, for example, {parsed} < 1")
+        return parsed
 
-    def _as_term(self, found: Formula | Term, first: Token) -> Term:
-        if not isinstance(found, Term):
-            self._refuse(first, f"expected a signal or a number, found the formula '{found}'")
-        return found
+    def _as_term(self, parsed: Formula | Term, first: Token) -> Term:
+        if not isinstance(parsed, Term):
+            self._refuse(first, f"expected a signal or a number, found the formula '{parsed}'")
+        return parsed

@@ -130,8 +130,8 @@ class SignalReader:
         rows = np.column_stack([trace.time, *(self._column(trace, signal) for signal in self.signals)])
         if all(signal.source == "robot" for signal in self.signals):
             return Samples(self.signals, rows)
-        known = ~np.isnan(rows).any(axis=1)
-        return Samples(self.signals, np.clip(rows if known.all() else rows[known], -_UNREACHED, _UNREACHED))
+        complete = ~np.isnan(rows).any(axis=1)
+        return Samples(self.signals, np.clip(rows if complete.all() else rows[complete], -_UNREACHED, _UNREACHED))
 
     def _last_readings(self, trace: Trace) -> Iterator[tuple[Signal, float]]:
         for signal in self.signals:
@@ -204,8 +204,8 @@ class SignalReader:
         return _held(time, picked(record.columns[signal.name], _which(signal)), trace.time - TIME_EPSILON_S, before)
 
 
-def _held(time: FloatArray, values: FloatArray, wanted: FloatArray, before: float) -> FloatArray:
-    at = np.searchsorted(time, wanted, side="right")
+def _held(time: FloatArray, values: FloatArray, moments: FloatArray, before: float) -> FloatArray:
+    at = np.searchsorted(time, moments, side="right")
     return np.concatenate(([before], values))[at]
 
 
@@ -225,12 +225,12 @@ def _angle(orientations: FloatArray, name: str) -> FloatArray:
     x, y, z, w = orientations.T
     match name:
         case "roll":
-            found = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+            angle = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
         case "pitch":
-            found = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
+            angle = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
         case _:
-            found = np.arccos(np.clip(1 - 2 * (x * x + y * y), -1.0, 1.0))
-    return np.asarray(found, dtype=np.float64)
+            angle = np.arccos(np.clip(1 - 2 * (x * x + y * y), -1.0, 1.0))
+    return np.asarray(angle, dtype=np.float64)
 
 
 def _norm(vectors: FloatArray) -> FloatArray:
@@ -327,9 +327,9 @@ def _until(before: FloatArray, then: FloatArray, interval: Interval, samples: Sa
     """
     endless = until(before, then)
     first, last = _windows(interval, samples)
-    here = np.arange(len(samples), dtype=np.intp)
+    steps = np.arange(len(samples), dtype=np.intp)
     met = greatest_of_windows(then, first, last)
-    held = least_of_windows(before, here, first)
+    held = least_of_windows(before, steps, first)
     there = np.append(endless, -np.inf)[first]
     least: FloatArray = np.minimum(np.minimum(met, held), there)
     return least
@@ -420,16 +420,16 @@ def least_of_windows(values: FloatArray, first: NDArray[np.intp], last: NDArray[
     Two overlapping windows of a power of two cover each window. Their minima come from a sparse table by doubling, of
     which only one row is kept.
     """
-    found = np.full(len(first), NOTHING_LEAST)
+    least = np.full(len(first), NOTHING_LEAST)
     length = last - first
     # The base-2 logarithm of the length, rounded down.
     level = np.frexp(length.astype(np.float64))[1] - 1
     row, width = values, 1
     for step in range(int(level.max(initial=-1)) + 1):
-        here = (level == step) & (length > 0)
-        found[here] = np.minimum(row[first[here]], row[last[here] - width])
+        at_level = (level == step) & (length > 0)
+        least[at_level] = np.minimum(row[first[at_level]], row[last[at_level] - width])
         row, width = np.minimum(row[:-width], row[width:]), 2 * width
-    return found
+    return least
 
 
 def greatest_of_windows(values: FloatArray, first: NDArray[np.intp], last: NDArray[np.intp]) -> FloatArray:

@@ -118,15 +118,15 @@ class Stl(Assertion):
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield unknown names, comparisons of different dimensions, and intervals without a physics step."""
-        found = (*name_problems(self.parsed, scene), *dimension_problems(self.parsed, scene.model))
-        yield from self._placed((*found, *_empty(self.parsed, scene.physics.rate)))
+        problems = (*name_problems(self.parsed, scene), *dimension_problems(self.parsed, scene.model))
+        yield from self._placed((*problems, *_empty(self.parsed, scene.physics.rate)))
 
     @override
     def sensor_problems(self, kinds: Mapping[str, str]) -> SpecProblems:
         yield from self._placed(sensor_problems(self.parsed, kinds))
 
-    def _placed(self, found: Iterable[tuple[int, str]]) -> SpecProblems:
-        for at, message in found:
+    def _placed(self, problems: Iterable[tuple[int, str]]) -> SpecProblems:
+        for at, message in problems:
             yield (), f"{message}; {place(self.formula, at)}"
 
     is_over_time: ClassVar[bool] = False  # a formula without "always" is about one moment
