@@ -275,7 +275,7 @@ class Saturation:
             return
         self._noted.add((name, reading))
         unit = self._joints[name].dimension(reading).si
-        found, allowed = units.display_apart(abs(asked), limit, unit)
+        commanded, allowed = units.display_apart(abs(asked), limit, unit)
         self.notes.append(
-            f"{self._source} commanded {found} for joint '{name}'; it was clipped to {allowed}, its {reading} limit"
+            f"{self._source} commanded {commanded} for joint '{name}'; it was clipped to {allowed}, its {reading} limit"
         )

@@ -64,11 +64,11 @@ def _refuse_long(arguments: Sequence[str]) -> None:
     sizes = [len(argument.encode("utf-8", errors="replace")) for argument in arguments]
     for argument, size in zip(arguments, sizes, strict=True):
         if size > _MAX_ARGUMENT_BYTES:
-            found = f"the argument {argument[:20]}... has {size:,} bytes"
-            raise ValueError(f"{found}; at most {_MAX_ARGUMENT_BYTES:,} are allowed: use a file instead")
+            problem = f"the argument {argument[:20]}... has {size:,} bytes"
+            raise ValueError(f"{problem}; at most {_MAX_ARGUMENT_BYTES:,} are allowed: use a file instead")
     if sum(sizes) > _MAX_ARGUMENTS_BYTES:
-        found = f"the arguments have {sum(sizes):,} bytes"
-        raise ValueError(f"{found}; at most {_MAX_ARGUMENTS_BYTES:,} are allowed: use a file instead")
+        problem = f"the arguments have {sum(sizes):,} bytes"
+        raise ValueError(f"{problem}; at most {_MAX_ARGUMENTS_BYTES:,} are allowed: use a file instead")
 
 
 def _checked_settings(settings: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -274,7 +274,7 @@ _SPEEDS: Final = ("linear", "angular", "lateral")
 
 def observation_json(observation: Observation, links: Collection[str] = ()) -> Json:
     """Return an observation as JSON values, with the state of some links; numbers keep all their bits."""
-    found = {
+    document = {
         "time": observation.time,
         "pose": _pose(observation.pose),
         "twist": _twist(observation.twist),
@@ -284,8 +284,8 @@ def observation_json(observation: Observation, links: Collection[str] = ()) -> J
     }
     if links:
         states = {name: observation.links[name] for name in links}
-        found["links"] = {name: {"pose": _pose(at.pose), "twist": _twist(at.twist)} for name, at in states.items()}
-    return found
+        document["links"] = {name: {"pose": _pose(at.pose), "twist": _twist(at.twist)} for name, at in states.items()}
+    return document
 
 
 def robot_json(robot: RobotDescription) -> Json:
@@ -349,14 +349,14 @@ class AnswerError(ValueError):
 
 def parse_answer(line: bytes) -> Answer:
     """Return the command in an answer; None if the last command stays in effect. Raises AnswerError."""
-    found = _object(_parsed_line(line))
-    _check_keys(found, ("twist", *_TARGETS, "wrenches"), "it")
-    commands: list[Command] = [_twist_command(found["twist"])] if "twist" in found else []
-    if any(key in found for key in _TARGETS):
-        position, velocity, effort, max_effort = (_numbers(found.get(key, {}), key) for key in _TARGETS)
+    answer = _object(_parsed_line(line))
+    _check_keys(answer, ("twist", *_TARGETS, "wrenches"), "it")
+    commands: list[Command] = [_twist_command(answer["twist"])] if "twist" in answer else []
+    if any(key in answer for key in _TARGETS):
+        position, velocity, effort, max_effort = (_numbers(answer.get(key, {}), key) for key in _TARGETS)
         commands.append(JointTargets(position, velocity, effort, max_effort))
-    if "wrenches" in found:
-        commands += _wrench_commands(found["wrenches"])
+    if "wrenches" in answer:
+        commands += _wrench_commands(answer["wrenches"])
     return tuple(commands) if len(commands) > 1 else next(iter(commands), None)
 
 
@@ -381,12 +381,12 @@ def _parsed_line(line: bytes) -> Any:
 
 
 def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    members: dict[str, Any] = {}
     for name, value in pairs:
-        if name in found:
+        if name in members:
             raise AnswerError(f"it contains the key {shown(name)} twice")
-        found[name] = value
-    return found
+        members[name] = value
+    return members
 
 
 def _refuse_constant(name: str) -> NoReturn:
@@ -401,8 +401,8 @@ def _object(value: Any) -> Mapping[str, Any]:
     return value
 
 
-def _check_keys(found: Mapping[str, Any], allowed: Collection[str], where: str) -> None:
-    for key in found:
+def _check_keys(members: Mapping[str, Any], allowed: Collection[str], where: str) -> None:
+    for key in members:
         if key not in allowed:
             raise AnswerError(f"{where} contains the unknown key {shown(key)}{did_you_mean(key, allowed)}")
 

@@ -127,10 +127,10 @@ class JointCommands(LinkCommands):
     def _holding(self, scene: Scene) -> JointTargets:
         """Return the targets before 0 s: initial positions, and velocities of 0."""
         beginnings = scene.joint_positions
-        known = list(knots(self.points, scene.model))
+        all_knots = list(knots(self.points, scene.model))
         return JointTargets(
-            position={knot.joint: beginnings[knot.joint] for knot in known if knot.reading == "position"},
-            velocity={knot.joint: 0.0 for knot in known if knot.reading == "velocity"},
+            position={knot.joint: beginnings[knot.joint] for knot in all_knots if knot.reading == "position"},
+            velocity={knot.joint: 0.0 for knot in all_knots if knot.reading == "velocity"},
         )
 
     @override
@@ -297,13 +297,13 @@ def model_fit_problems(points: Sequence[JointPoint], blend: Blend, scene: Scene)
 
 def _selection_problems(points: Sequence[JointPoint], model: RobotModel) -> SpecProblems:
     """Yield patterns and groups that move no joint, or that give one joint two targets."""
-    hinted, found = FirstFew(), False
+    hinted, any_selected = FirstFew(), False
     for index, point in enumerate(points):
         for reading, targets in point.groups():
-            found |= any(selects(model, name) for name in targets)
+            any_selected |= any(selects(model, name) for name in targets)
             for below, message in setting_problems(model, targets, hinted):
                 yield ("joints", index, reading, *below), message
-    if found:
+    if any_selected:
         yield from mixed_target_problems(points, model)
 
 
@@ -331,16 +331,16 @@ def _joint_problems(joint: Joint, joint_knots: Sequence[Knot], blend: Blend, sce
         yield from _way_problems(joint, beginning, zip(joint_knots, goals, strict=True), blend.peak)
 
 
-def _way_problems(joint: Joint, value: float, wanted: Iterable[tuple[Knot, float]], peak: float) -> SpecProblems:
+def _way_problems(joint: Joint, value: float, goals: Iterable[tuple[Knot, float]], peak: float) -> SpecProblems:
     """Yield motions between positions that are too fast; the first starts at `value` at 0 s."""
     time = 0.0
-    for knot, goal in wanted:
+    for knot, goal in goals:
         way = peak * abs(goal - value)
         # There is no time between points that are not in order, which is reported, or before a step at 0 s.
-        found = too_fast(joint, way / (knot.time - time)) if knot.time > time else None
-        if found is not None and joint.max_velocity is not None:
+        problem = too_fast(joint, way / (knot.time - time)) if knot.time > time else None
+        if problem is not None and joint.max_velocity is not None:
             advice = _advice(way / joint.max_velocity)
-            yield knot.problem(f"the time since {time:g} s is too short: {found}; {advice}")
+            yield knot.problem(f"the time since {time:g} s is too short: {problem}; {advice}")
         time, value = knot.time, goal
 
 

@@ -83,14 +83,14 @@ class LinkPath:
 
     def leg(self, time: float) -> tuple[int, float]:
         """Return the index of the present or last leg, -1 before the first, and the share of it that is done."""
-        found = -1
+        present = -1
         for index, leg in enumerate(self.legs):
             if leg.start < time + units.TIME_EPSILON_S:
-                found = index
-        if found < 0:
-            return found, 0.0
-        leg = self.legs[found]
-        return found, 1.0 if time >= leg.end - units.TIME_EPSILON_S else self.shares(leg).at(time)[0]
+                present = index
+        if present < 0:
+            return present, 0.0
+        leg = self.legs[present]
+        return present, 1.0 if time >= leg.end - units.TIME_EPSILON_S else self.shares(leg).at(time)[0]
 
     def shares(self, leg: Leg) -> Curve:
         """Return the share of a leg over time."""
@@ -155,7 +155,7 @@ class Plan:
         if not self.path.legs:
             return JointMotion.through(names, [0.0], [self.start])
         parts = [along(self.path, leg, samples) for leg, samples in zip(self.path.legs, self.samples, strict=True)]
-        times, *states = (np.concatenate(each) for each in zip(*(part[1:] for part in parts), strict=True))
+        times, *states = (np.concatenate(pieces) for pieces in zip(*(part[1:] for part in parts), strict=True))
         _, first = np.unique(times, return_index=True)
         return JointMotion.through(names, times[first], *(state[first] for state in states))
 
@@ -170,7 +170,7 @@ def along(path: LinkPath, leg: Leg, samples: Sequence[Values]) -> tuple[FloatArr
     share, speed, change = blend.states(times)
     table, steps = np.array(samples), np.linspace(0.0, 1.0, len(samples))
     states = [Curve.through(steps, column).states(share) for column in table.T]
-    at, slope, bend = (np.stack(each, axis=1) for each in zip(*states, strict=True))
+    at, slope, bend = (np.stack(columns, axis=1) for columns in zip(*states, strict=True))
     return share, times, at, slope * speed[:, None], bend * speed[:, None] ** 2 + slope * change[:, None]
 
 
@@ -189,13 +189,13 @@ class Follower:
         values = start
         for leg in path.legs:
             count = self.samples(leg)
-            found = [values]
+            positions = [values]
             for step in range(1, count + 1):
                 pose = between(leg.origin, leg.goal, step / count)
                 values = self._reached(leg, step / count, Target(pose, to_base), values)
-                found.append(values)
-            self._refuse_fast(path, leg, found)
-            samples.append(tuple(found))
+                positions.append(values)
+            self._refuse_fast(path, leg, positions)
+            samples.append(tuple(positions))
         return Plan(path, start, tuple(samples))
 
     def follow(self, path: LinkPath, tick: int, base: Pose, values: Values) -> Values:
@@ -221,16 +221,16 @@ class Follower:
     def _reached(self, leg: Leg, share: float, target: Target, values: Values, *, slack: int = 0) -> Values:
         """Return the joint positions at a pose near a known one; `slack` 1: a little off will do. Raises Blocked."""
         pose, to_base = target
-        wanted = geometry.compose(to_base, pose)
-        found = reach(self.chain, wanted, values, turns=self.turns)
-        moved = max(abs(there - here) for there, here in zip(found.values, values, strict=True))
-        is_near = found.distance <= slack * _SLACK_M and found.angle <= slack * _SLACK_RAD
-        if (found.is_reached or is_near) and moved <= _JUMP:
-            return found.values
-        elsewhere = search(self.chain, wanted, found.values, turns=self.turns)
+        goal = geometry.compose(to_base, pose)
+        solution = reach(self.chain, goal, values, turns=self.turns)
+        moved = max(abs(reached - before) for reached, before in zip(solution.values, values, strict=True))
+        is_near = solution.distance <= slack * _SLACK_M and solution.angle <= slack * _SLACK_RAD
+        if (solution.is_reached or is_near) and moved <= _JUMP:
+            return solution.values
+        elsewhere = search(self.chain, goal, solution.values, turns=self.turns)
         where = f"{100 * share:.0f} % of the way to this waypoint, at {place(pose)}"
         if elsewhere.is_reached:
-            stuck = self._at_limits(found.values)
+            stuck = self._at_limits(solution.values)
             message = f"the arm cannot follow the straight line beyond {where}{f' ({stuck})' if stuck else ''}"
             message = f"{message}: it would have to change its posture, such as turn its elbow over"
         else:
@@ -257,11 +257,11 @@ class Follower:
         if ratio <= 1 + _SHARE_ROUNDING:
             return
         joint, fastest = self.chain.joints[column], self.chain.fastest[column]
-        found, most = units.display_apart(ratio * fastest, fastest, joint.dimension("velocity").si)
+        speed, most = units.display_apart(ratio * fastest, fastest, joint.dimension("velocity").si)
         raise Blocked(
             leg.waypoint,
             f"{100 * share:.0f} % of the way to this waypoint, joint '{joint.name}' would move at "
-            f"{found}, more than its velocity limit, {most}; the way takes {duration:.4g} s and needs at least "
+            f"{speed}, more than its velocity limit, {most}; the way takes {duration:.4g} s and needs at least "
             f"{math.ceil(duration * ratio * 100) / 100:.6g} s: lower the speed, or go another way",
         )
 
@@ -285,7 +285,7 @@ def unreachable(follower: Follower, goals: Iterable[Pose], base: Pose, start: Va
     """Yield the index of each unreachable waypoint, and a message; `base`: its pose in the frame of the goals."""
     values, to_base = start, geometry.inverse(base)
     for index, goal in enumerate(goals):
-        found = search(follower.chain, geometry.compose(to_base, goal), values, turns=follower.turns)
-        if not found.is_reached:
-            yield index, f"link '{follower.chain.link}' {miss(found, to_base)}"
-        values = found.values
+        solution = search(follower.chain, geometry.compose(to_base, goal), values, turns=follower.turns)
+        if not solution.is_reached:
+            yield index, f"link '{follower.chain.link}' {miss(solution, to_base)}"
+        values = solution.values

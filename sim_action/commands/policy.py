@@ -74,7 +74,7 @@ def _also(*others: dict[str, Any]) -> Callable[[dict[str, Any]], None]:
 
 def _segments(value: object) -> object:
     """Return `[vx, vy, wz]` as one segment."""
-    if not isinstance(value, tuple) or not value or any(isinstance(each, dict) for each in value):
+    if not isinstance(value, tuple) or not value or any(isinstance(entry, dict) for entry in value):
         return value
     if len(value) != len(_SPEEDS):
         raise ValueError(
@@ -200,7 +200,9 @@ class PolicyCommands(CommandSource):
         action = self.action or (PolicyAction(joints="position") if stated.action else None)
         if action is not None and action.joints == "position":
             own = action.model_fields_set if self.action else ()
-            action = action.model_copy(update={key: each for key, each in stated.action.items() if key not in own})
+            action = action.model_copy(
+                update={key: setting for key, setting in stated.action.items() if key not in own}
+            )
         changes["action"] = action
         if stated.names and not stated.unknown and not self.observation and len(self._free(network)) == 1:
             omitted = {"frames"} if self.history else set()
@@ -452,9 +454,9 @@ class PolicyCommands(CommandSource):
         if self.action is None:
             raise SourceProblem("the key 'action' is missing", "policy")
         network = session.network
-        wanted = Schedule.of(self.commands)
+        schedule = Schedule.of(self.commands)
         inputs: dict[str, Input | PictureInput] = {
-            name: Input(session, name, terms, layout, wanted, self.history)
+            name: Input(session, name, terms, layout, schedule, self.history)
             for name, terms in self._inputs(network).items()
         }
         for name, picture in self.pictures.items():

@@ -163,8 +163,8 @@ class Schedule:
     @classmethod
     def of(cls, segments: Sequence[TwistSegment]) -> Schedule:
         """Return the schedule of segments, one after the other."""
-        ends = accumulate(math.inf if each.duration is None else each.duration for each in segments)
-        return cls(tuple(ends), tuple((each.linear, each.lateral, each.angular) for each in segments))
+        ends = accumulate(math.inf if segment.duration is None else segment.duration for segment in segments)
+        return cls(tuple(ends), tuple((segment.linear, segment.lateral, segment.angular) for segment in segments))
 
     def at(self, time: float) -> tuple[float, float, float]:
         """Return vx, vy and wz at a time in s; 0 after the last segment."""
@@ -182,7 +182,7 @@ class Input:
         name: str,
         terms: Sequence[Term],
         layout: Layout,
-        wanted: Schedule,
+        schedule: Schedule,
         history: PolicyHistory | None,
     ) -> None:
         self._name, self._type = name, session.network.inputs[name].type
@@ -190,7 +190,7 @@ class Input:
         self._terms = terms
         self._scales = [_scale(term, layout) for term in terms]
         self._readers: list[Reader | None] = [
-            None if term.term == "last_action" else _reader(term, layout, wanted) for term in terms
+            None if term.term == "last_action" else _reader(term, layout, schedule) for term in terms
         ]
         self._history = history
         self._frames = [term.frames or (history.frames if history else 1) for term in terms]
@@ -207,15 +207,17 @@ class Input:
         self._past.append(frame)
         frames = list(self._past)
         if self._by_term:
-            parts = [(index, each[index]) for index, most in enumerate(self._frames) for each in frames[-most:]]
+            parts = [
+                (index, past_frame[index]) for index, most in enumerate(self._frames) for past_frame in frames[-most:]
+            ]
         else:
-            parts = [(index, part) for each in frames for index, part in enumerate(each)]
+            parts = [(index, part) for past_frame in frames for index, part in enumerate(past_frame)]
         flat = np.concatenate([part for _, part in parts])
         size = math.prod(self._shape)
         if flat.size not in (size, size // self._batch):
             sizes = ", ".join(f"{term.term} {part.size}" for term, part in zip(self._terms, frame, strict=True))
-            found = f"'{self._name}' takes {size} numbers, and the observation gives {flat.size}: {sizes}"
-            raise ScriptError(f"the network's input {found}")
+            mismatch = f"'{self._name}' takes {size} numbers, and the observation gives {flat.size}: {sizes}"
+            raise ScriptError(f"the network's input {mismatch}")
         with np.errstate(over="ignore", invalid="ignore"):
             typed = flat.astype(self._type)
         if self._type not in FLOATS and not (typed == flat).all():
@@ -259,8 +261,8 @@ def _scale(term: Term, layout: Layout) -> Any:
     return np.asarray(values_of(term.scale, names, {}))
 
 
-def _reader(term: Term, layout: Layout, wanted: Schedule) -> Reader:
-    return (lambda now: wanted.at(now.time)) if term.term == "commands" else term.reader(layout)
+def _reader(term: Term, layout: Layout, schedule: Schedule) -> Reader:
+    return (lambda now: schedule.at(now.time)) if term.term == "commands" else term.reader(layout)
 
 
 @dataclass(slots=True)
@@ -297,27 +299,27 @@ class NetworkController:
 
     def _asked(self, now: Observation) -> Vector:
         """Run the network and return its actions, one in each row."""
-        given = {name: each.value(now, self.action) for name, each in self.inputs.items()}
+        inputs = {name: network_input.value(now, self.action) for name, network_input in self.inputs.items()}
         names = [self.output, *self.memory.values(), *self.session.hidden]
         try:
-            result, *more = self.session.run({**self.fixed, **given}, names)
+            result, *more = self.session.run({**self.fixed, **inputs}, names)
         except NetworkProblem as error:
             raise ScriptError(f"{self.name}: {error}") from None
         kept, hidden = more[: len(self.memory)], more[len(self.memory) :]
         for name, value in zip(self.session.hidden, hidden, strict=True):
             # Infinite scores are those of excluded choices.
             what = f"its inner value '{name}', which a maximum or comparison would hide"
-            self._require_finite(np.where(np.isnan(value), value, 0), given, [what])
+            self._require_finite(np.where(np.isnan(value), value, 0), inputs, [what])
         for name, value in zip(self.memory.values(), kept, strict=True):
-            self._require_finite(value, given, [f"the state '{name}'"])
+            self._require_finite(value, inputs, [f"the state '{name}'"])
         self.fixed.update(zip(self.memory, kept, strict=True))
         batch = self.session.batch
         row = result[0] if batch > 1 and result.shape[:1] == (batch,) else result
         values = np.asarray(row, dtype=np.float64).ravel()
         if self.spec.choices is None:
-            self._require_finite(values, given, [f"joint '{joint}'" for joint in self.joints])
+            self._require_finite(values, inputs, [f"joint '{joint}'" for joint in self.joints])
             return values.reshape(-1, len(self.joints))
-        self._require_finite(values, given, [f"choice {place}" for place in range(values.size)])
+        self._require_finite(values, inputs, [f"choice {place}" for place in range(values.size)])
         index = int(values.argmax()) if values.size > 1 else values[0]
         most = len(self.spec.choices) - 1
         if index != int(index) or not 0 <= index <= most:
@@ -325,11 +327,11 @@ class NetworkController:
         return np.array(self.spec.choices[int(index)], dtype=np.float64).reshape(1, -1)
 
     @staticmethod
-    def _require_finite(values: NDArray[Any], given: Mapping[str, NDArray[Any]], names: Sequence[str]) -> None:
+    def _require_finite(values: NDArray[Any], inputs: Mapping[str, NDArray[Any]], names: Sequence[str]) -> None:
         """Raise ScriptError for a result that is not finite; `names`: of its values, one after the other."""
         wrong = ~np.isfinite(values.ravel())
         if wrong.any():
-            largest = max((float(np.abs(each).max(initial=0.0)) for each in given.values()), default=0.0)
+            largest = max((float(np.abs(tensor).max(initial=0.0)) for tensor in inputs.values()), default=0.0)
             place = int(wrong.argmax())
             raise ScriptError(
                 f"the network returned {values.ravel()[place]} for {names[place % len(names)]}; its inputs are finite, "
@@ -387,10 +389,10 @@ class Motors:
 
     def _finite(self, values: Vector, what: str) -> dict[str, float]:
         """Return the values by joint. Raises ScriptError for a value that is not finite."""
-        found = dict(zip(self.joints, values.tolist(), strict=True))
-        if (joint := next((name for name, value in found.items() if not math.isfinite(value)), None)) is not None:
+        by_joint = dict(zip(self.joints, values.tolist(), strict=True))
+        if (joint := next((name for name, value in by_joint.items() if not math.isfinite(value)), None)) is not None:
             raise ScriptError(
-                f"the {what} of joint '{joint}' is {found[joint]}: the network's output is finite, so lower 'scale', "
-                "or add 'clip' to the action"
+                f"the {what} of joint '{joint}' is {by_joint[joint]}: the network's output is finite, so lower "
+                "'scale', or add 'clip' to the action"
             )
-        return found
+        return by_joint

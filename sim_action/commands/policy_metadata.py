@@ -65,7 +65,7 @@ def stated_in(metadata: Mapping[str, str], order: tuple[str, ...] | None = None)
     """Return what the texts of a network state; `order`: of joints, for unnamed numbers. Raise NetworkProblem."""
     joints, names = (tuple(_items(metadata, key)) for key in ("joint_names", "observation_names"))
     numbers = {
-        name: tuple(_number(name, each) for each in _items(metadata, name)) for name in _ACTION_KEYS.values() if joints
+        name: tuple(_number(name, text) for text in _items(metadata, name)) for name in _ACTION_KEYS.values() if joints
     }
     moved = [name in (order or ()) for name in joints]
     if any(1 < len(some) < len(joints) for some in numbers.values()) and order == (*itertools.compress(joints, moved),):
@@ -109,7 +109,7 @@ def _number(name: str, text: str) -> float:
 
 def _terms(metadata: Mapping[str, str], names: Sequence[str]) -> Iterator[dict[str, Any]]:
     scales, clips, lengths = (
-        next((found for key in keys if (found := _items(metadata, key))), [""] * len(names))
+        next((entries for key in keys if (entries := _items(metadata, key))), [""] * len(names))
         for keys in (
             ("observation_terms_scale",),
             ("observation_terms_clip",),
@@ -177,7 +177,7 @@ def _term_problems(theirs: Mapping[str, Any], term: Term, layout: Layout, frames
     if theirs.get("frames", frames) != frames:
         yield f"'frames' {theirs['frames']:g}, and the scenario {frames}"
     names = layout.of(term) if isinstance(term.scale, Mapping) else list(map(str, range(term.size(layout) or 1)))
-    scales = (values_of(each, names, {}) for each in (theirs.get("scale", term.scale), term.scale))
+    scales = (values_of(scale, names, {}) for scale in (theirs.get("scale", term.scale), term.scale))
     for _, stated, ours in _differing(*scales):
         yield f"'scale' {stated:g}, and the scenario {ours:g}"
 

@@ -177,7 +177,7 @@ class Term(FrozenModel):
         name, column = self.sensor
 
         def read(now: Observation) -> Sequence[float]:
-            return [float(each) for each in np.ravel(now.sensors[name].columns()[column])]
+            return [float(number) for number in np.ravel(now.sensors[name].columns()[column])]
 
         return read
 
@@ -243,8 +243,8 @@ def selected(model: RobotModel, names: Sequence[str] | None) -> tuple[str, ...]:
     driven = [joint.name for joint in model.moving_joints if model.why_not_driven(joint.name) is None]
     if names is None:
         return tuple(driven)
-    found = [joint.name for name in names for joint in _meant(model, name, driven)]
-    return tuple(dict.fromkeys(found))
+    matched = [joint.name for name in names for joint in _meant(model, name, driven)]
+    return tuple(dict.fromkeys(matched))
 
 
 def _meant(model: RobotModel, name: str, driven: Sequence[str]) -> list[Joint]:
@@ -302,7 +302,7 @@ class Picture(FrozenModel):
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield a camera that the scenario does not have, and a divisor of 0."""
-        cameras = [each.name for each in scene.sensors if isinstance(each.keys, Camera)]
+        cameras = [sensor.name for sensor in scene.sensors if isinstance(sensor.keys, Camera)]
         if self.camera not in cameras:
             yield ("camera",), f"the scenario has no camera '{self.camera}'{did_you_mean(self.camera, cameras)}"
         if 0.0 in (self.std if isinstance(self.std, tuple) else (self.std,)):
@@ -310,7 +310,7 @@ class Picture(FrozenModel):
 
     def shape(self, scene: Scene, tensor: Tensor) -> tuple[int, ...]:
         """Return the shape of the input; 1 in each dimension that the network has in addition."""
-        keys = next(each.keys for each in scene.sensors if each.name == self.camera)
+        keys = next(sensor.keys for sensor in scene.sensors if sensor.name == self.camera)
         assert isinstance(keys, Camera)
         rows, columns = keys.height, keys.width
         inner = (_COLOURS, rows, columns) if self.layout == "nchw" else (rows, columns, _COLOURS)

@@ -216,26 +216,26 @@ class PoseCommands(LinkCommands):
 
     def arrivals(self, scene: Scene) -> tuple[float, ...]:
         """Return the sim time in s of arrival at each waypoint, from the start on, until one is not reached."""
-        found = list[float]()
+        times = list[float]()
         if _why_not_moved(self.pose.link, scene) is not None:
             return ()
         try:
             base = Pose() if self.pose.frame == "base" else _fixed_base(scene)
             follower, start = self._follower(scene)
-            found.extend(way.end for way in self._ways(geometry.compose(base or Pose(), follower.chain.pose(start))))
+            times.extend(way.end for way in self._ways(geometry.compose(base or Pose(), follower.chain.pose(start))))
         except (Blocked, units.UnitError):
             pass  # reported by model_problems, or by robot.joints
-        return tuple(found)
+        return tuple(times)
 
     def _ways(self, start: Pose) -> Iterator[Leg]:
         """Yield the way to each waypoint; some need no time. Raises Blocked."""
         spec = self.pose
         is_straight = spec.interpolation == "linear"
         peak = BLENDS[spec.interpolation].peak or 1.0
-        here, time, rests = start, 0.0, True
+        pose, time, rests = start, 0.0, True
         for index, waypoint in enumerate(spec.waypoints):
-            goal = waypoint.after(here)
-            distance, angle = distances(here, goal)
+            goal = waypoint.after(pose)
+            distance, angle = distances(pose, goal)
             turning = angle / spec.turn_speed if spec.orientation == "follow" else 0.0
             needed = peak * max(distance / (waypoint.speed or spec.speed), turning)
             rested, rests = rests, not is_straight or waypoint.hold > 0 or index == len(spec.waypoints) - 1
@@ -249,17 +249,17 @@ class PoseCommands(LinkCommands):
             if end < time or (end == time and needed):
                 message = f"'at' must be later than {time:.6g} s, when the link leaves the waypoint before it"
                 raise Blocked(index, message)
-            yield Leg(index, time, end, here, goal, (rested, rests))
-            here, time = goal, end + waypoint.hold
+            yield Leg(index, time, end, pose, goal, (rested, rests))
+            pose, time = goal, end + waypoint.hold
 
     def _path_problems(self, follower: Follower, start: Values, base: Pose) -> SpecProblems:
         """Yield waypoints out of reach; if there are none, the first line that the joints cannot follow."""
-        origin, found = geometry.compose(base, follower.chain.pose(start)), False
+        origin, any_unreachable = geometry.compose(base, follower.chain.pose(start)), False
         goals = islice(self._goals(origin), MAX_CHECKED_WAYPOINTS)
         for index, message in islice(unreachable(follower, goals, base, start), _MAX_UNREACHABLE):
-            found = True
+            any_unreachable = True
             yield ("pose", "waypoints", index), message + self._orientation_hint(follower.chain)
-        if found:
+        if any_unreachable:
             return
         try:
             path = self.path(origin).beginning(follower, MAX_CHECKED_WAYPOINTS, MAX_CHECKED_SAMPLES)
@@ -274,10 +274,10 @@ class PoseCommands(LinkCommands):
         joints = f"{len(chain.joints)} joint" + ("s move" if len(chain.joints) > 1 else " moves")
         return f"; only {joints} it, so add 'orientation: free' if only its position counts"
 
-    def _goals(self, here: Pose) -> Iterator[Pose]:
+    def _goals(self, pose: Pose) -> Iterator[Pose]:
         for waypoint in self.pose.waypoints:
-            here = waypoint.after(here)
-            yield here
+            pose = waypoint.after(pose)
+            yield pose
 
     def _follower(self, scene: Scene) -> tuple[Follower, Values]:
         """Return what finds joint positions, and those at the start. Raises units.UnitError."""
@@ -344,14 +344,14 @@ class _Motion:
                 self._path = self._path_from(base)
             # The base moves on until the next tick.
             moved = after(base, observation.twist, 1 / rate)
-            there = self._follower.follow(self._path, tick + 1, moved, self._here)
+            following = self._follower.follow(self._path, tick + 1, moved, self._here)
         except Blocked as error:
             raise ScriptError(f"link '{chain.link}': {error}") from None
-        here, before, times = self._here, self._before, (tick / rate, (tick + 1) / rate)
+        current, before, times = self._here, self._before, (tick / rate, (tick + 1) / rate)
         # The velocity at the next tick, from the positions at three ticks.
-        speeds = [(3 * c - 4 * b + a) / 2 * rate for a, b, c in zip(before, here, there, strict=True)]
-        motion = JointMotion.through(self._names, times, (here, there), (self._speeds, speeds))
-        self._before, self._here, self._speeds = here, there, speeds
+        speeds = [(3 * c - 4 * b + a) / 2 * rate for a, b, c in zip(before, current, following, strict=True)]
+        motion = JointMotion.through(self._names, times, (current, following), (self._speeds, speeds))
+        self._before, self._here, self._speeds = current, following, speeds
         return JointTargets(motions=(motion,))
 
 

@@ -241,8 +241,8 @@ class ReplayCommands(CommandSource):
                 workspace.file(str(path / file))
         except PathError as error:
             raise RecordingError(f"{self.replay}: {error}") from None
-        wanted = Wanted(self.topic or "", self.type, self.stamps, self.array_joints, self.interface)
-        return rosbag.read_log(path, self.replay, wanted)
+        selection = Wanted(self.topic or "", self.type, self.stamps, self.array_joints, self.interface)
+        return rosbag.read_log(path, self.replay, selection)
 
     def _times(self, recorded: Recorded, workspace: Workspace) -> list[float]:
         """Return the times of the rows in s, on the clock that this source shares with others."""
@@ -463,11 +463,11 @@ class Playback:
         written = self._spaced(positions)
         values = self._unwrapped(joint, written, np.array([positions[time] for time in written]))
         times, rates = regular(np.array(written), values), np.array([speeds.get(time, math.nan) for time in written])
-        known = np.isfinite(rates)
-        if len(times) > 1 and known.any():
-            slopes = np.gradient(values, times)[known]
+        stated = np.isfinite(rates)
+        if len(times) > 1 and stated.any():
+            slopes = np.gradient(values, times)[stated]
             # Many publishers fill the speeds of a motion with 0.
-            if np.median(np.abs(slopes - rates[known])) > _DIFFERENT * np.median(np.abs(slopes)) + _SLOW_RADPS:
+            if np.median(np.abs(slopes - rates[stated])) > _DIFFERENT * np.median(np.abs(slopes)) + _SLOW_RADPS:
                 self._misfits.append(joint)
                 rates[:] = math.nan
         gaps = np.flatnonzero(np.diff(times) > MAX_GAP_S) + 1

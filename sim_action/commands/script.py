@@ -100,7 +100,7 @@ class ScriptCommands(CommandSource):
             yield ("script",), f"{self.script}{error}"
         else:
             try:
-                classes = [found.name for found in script.classes]
+                classes = [definition.name for definition in script.classes]
                 name = controller_name(script.names, self.function, self.class_name, (script.functions, classes))
             except ScriptProblem as error:
                 yield (self._key,), f"{self.script}{error}"
@@ -111,14 +111,14 @@ class ScriptCommands(CommandSource):
         """Yield the parts of the controller, as its text shows it, that do not fit."""
         if not self._is_class(name):
             parameters, what, hint = script.functions.get(name), f"function '{name}'", ""
-        elif (found := script.class_named(name)) is None:
+        elif (definition := script.class_named(name)) is None:
             return
-        elif found.is_plain and "step" not in found.names:
-            hint = did_you_mean("step", found.names)
-            yield (self._key,), f"{self.script}:{found.line}: class '{name}' has no method 'step'{hint}"
+        elif definition.is_plain and "step" not in definition.names:
+            hint = did_you_mean("step", definition.names)
+            yield (self._key,), f"{self.script}:{definition.line}: class '{name}' has no method 'step'{hint}"
             return
         else:
-            parameters, what = found.parameters, f"class '{name}'"
+            parameters, what = definition.parameters, f"class '{name}'"
             hint = "; reset(self, robot) gets data of the robot"
         if parameters is None:
             return
@@ -142,22 +142,24 @@ class ScriptCommands(CommandSource):
             name = controller_name(own, self.function, self.class_name)
         except ScriptProblem as error:
             raise ScriptError(f"{path.name}{error}", Location(str(path))) from None
-        found = names[name]
+        controller = names[name]
         if self._is_class(name):
-            return f"{name}.step", self._step_of(name, found, path, scene)
-        if not callable(found):
+            return f"{name}.step", self._step_of(name, controller, path, scene)
+        if not callable(controller):
             raise ScriptError(f"'{name}' in {path.name} is not a function", Location(str(path)))
         if self.settings:
-            found = partial(found, **plain_data(self.settings))
-        return name, cast("Callable[[Observation], object]", found)
+            controller = partial(controller, **plain_data(self.settings))
+        return name, cast("Callable[[Observation], object]", controller)
 
-    def _step_of(self, name: str, found: object, path: Path, scene: Scene) -> Callable[[Observation], object]:
-        if not isinstance(found, type):
-            hint = f"; write 'function: {name}'" if callable(found) else ""
+    def _step_of(
+        self, name: str, controller_class: object, path: Path, scene: Scene
+    ) -> Callable[[Observation], object]:
+        if not isinstance(controller_class, type):
+            hint = f"; write 'function: {name}'" if callable(controller_class) else ""
             raise ScriptError(f"'{name}' in {path.name} is not a class{hint}", Location(str(path)))
         robot = RobotDescription.of(scene, self.rate, f"{self.code} {name}")
         with script_errors_at(path, _CONTROLLER):
-            controller = found(**plain_data(self.settings))
+            controller = controller_class(**plain_data(self.settings))
             if (reset := getattr(controller, "reset", None)) is not None:
                 reset(robot)
         step = getattr(controller, "step", None)

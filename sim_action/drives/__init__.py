@@ -203,8 +203,8 @@ def _recognised(same: SameModel) -> Drive | None:
             return stated
     # A plugin rules other kinds out, also if it does not fit. Without wheels of its own, all of them.
     likely = claimed or (DRIVES if base_mover(model) is None else ())
-    found = (_by_wheels(DRIVES.load(name), model) for name in likely)
-    return next((drive for drive in found if not isinstance(drive, str)), None)
+    attempts = (_by_wheels(DRIVES.load(name), model) for name in likely)
+    return next((drive for drive in attempts if not isinstance(drive, str)), None)
 
 
 def _by_wheels(kind: type[Drive], model: RobotModel) -> Drive | str:
@@ -226,8 +226,8 @@ def why_not_recognised(model: RobotModel) -> tuple[str, ...]:
     reasons += [*(() if unfit else unusable_plugins(model)), *unread_parameters(model)]
     if (mover := base_mover(model)) is not None:
         reasons.append(f"{source_of(mover)} moves the base itself, without wheels: no drive of sim-action does that")
-    found = undercarriage(model)
-    likely = "ackermann" if found.steered else "skid" if len(found.driven) > _MAX_DIFF_WHEELS else "diff"
+    chassis = undercarriage(model)
+    likely = "ackermann" if chassis.steered else "skid" if len(chassis.driven) > _MAX_DIFF_WHEELS else "diff"
     kinds = sorted(DRIVES, key=lambda name: name != likely)
     found_by_kind = {name: _by_wheels(DRIVES.load(name), model) for name in kinds}
     return (*reasons, *(f"{name}: {reason}" for name, reason in found_by_kind.items() if isinstance(reason, str)))
@@ -281,8 +281,8 @@ class WheelSpeeds:
         """Return the same factor for the speeds of a twist, and note a factor below 1."""
         share, name = self._least(twist)
         if name and not self.notes:
-            found, most = units.display_apart(abs(twist[name]), self._limits[name], "rad/s")
-            limit = f"a twist asked joint '{name}' for {found}, but its limit in the model is {most}"
+            speed, most = units.display_apart(abs(twist[name]), self._limits[name], "rad/s")
+            limit = f"a twist asked joint '{name}' for {speed}, but its limit in the model is {most}"
             self.notes = (f"{limit}: all wheels were slowed by the same factor, so the curve is unchanged",)
         return share
 
@@ -330,21 +330,21 @@ def heading_text(heading: float) -> str:
 
 def radius_text(radii: Sequence[float]) -> str:
     """Return wheel radii as text."""
-    told = dict.fromkeys(f"{radius:.4g} m" for radius in radii)
-    return f"wheel {'radius' if len(told) == 1 else 'radii'} {', '.join(told)}"
+    texts = dict.fromkeys(f"{radius:.4g} m" for radius in radii)
+    return f"wheel {'radius' if len(texts) == 1 else 'radii'} {', '.join(texts)}"
 
 
 def torque_text(torque: float | None, model: RobotModel, names: Sequence[str]) -> str:
     """Return the torque limits of wheel motors as text; empty if there are none."""
     limits = [torque] if torque is not None else [model.joints_by_name[name].max_effort for name in names]
-    told = dict.fromkeys(units.display(limit, "N m") for limit in limits if limit)
-    return f", torque {' and '.join(told)}" if told else ""
+    texts = dict.fromkeys(units.display(limit, "N m") for limit in limits if limit)
+    return f", torque {' and '.join(texts)}" if texts else ""
 
 
-def ramp_towards(wanted: float, value: float, most: float) -> float:
-    """Return the value after one step towards `wanted`, changed by `most` at most."""
+def ramp_towards(goal: float, value: float, most: float) -> float:
+    """Return the value after one step towards `goal`, changed by `most` at most."""
     # Called at every step of a ramp: comparisons are faster than `min` and `max`.
-    change = wanted - value
+    change = goal - value
     if change > most:
         change = most
     elif change < -most:

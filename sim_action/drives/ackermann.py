@@ -127,10 +127,12 @@ class AckermannDrive(Drive):
         yield from length_problems(self, "radius", "wheelbase", "track")
         heading = self._forward(model)
         wheels = [wheel(model, name) for name in self.wheels]
-        for found in wheels:
-            yield from axle_problems(found, heading)
-        if untold := [found.joint for found in wheels if self.radius is None and found.radius is None]:
-            yield (), f"the model has no radius for the wheel at '{untold[0]}'; give 'radius'"
+        for driven_wheel in wheels:
+            yield from axle_problems(driven_wheel, heading)
+        if without_radius := [
+            driven_wheel.joint for driven_wheel in wheels if self.radius is None and driven_wheel.radius is None
+        ]:
+            yield (), f"the model has no radius for the wheel at '{without_radius[0]}'; give 'radius'"
         if self.wheelbase is None and not self._fixed_wheels(model):
             yield (), "every wheel of the model is steered; give 'wheelbase'"
         elif any(abs(pin.ahead) < _MIN_WHEELBASE_M for pin in self._kingpins(model)):
@@ -171,7 +173,7 @@ class AckermannDrive(Drive):
         track = f", track {abs(pins[0].left - pins[1].left):.4g} m" if len(pins) > 1 else ""
         return (
             f"ackermann: steering {', '.join(self.steering)} {self._limit(model).text}; driven "
-            f"{', '.join(self.wheels)}; {radius_text([abs(found.gear) for found in driven])}, "
+            f"{', '.join(self.wheels)}; {radius_text([abs(driven_wheel.gear) for driven_wheel in driven])}, "
             f"wheelbase {abs(fmean(pin.ahead for pin in pins)):.4g} m{track}, "
             f"acceleration {self.acceleration:.4g} m/s^2{torque_text(self.torque, model, self.wheels)}"
             f"{heading_text(self._forward(model))}"
@@ -198,33 +200,33 @@ class AckermannDrive(Drive):
         """Return the wheels on the axle that is not steered: driven ones, else any on the ground."""
         driven = [wheel(model, name) for name in self.wheels]
         for wheels in (driven, wheels_on_ground(model)):
-            if fixed := [found for found in wheels if steering_joint(model, found.joint) is None]:
+            if fixed := [axle_wheel for axle_wheel in wheels if steering_joint(model, axle_wheel.joint) is None]:
                 return fixed
         return []
 
     def _axle(self, model: RobotModel) -> float:
         heading = self._forward(model)
-        return fmean(rolling(found, heading).ahead for found in self._fixed_wheels(model) or [STRAIGHT])
+        return fmean(rolling(axle_wheel, heading).ahead for axle_wheel in self._fixed_wheels(model) or [STRAIGHT])
 
     def _kingpins(self, model: RobotModel) -> tuple[Kingpin, ...]:
-        heading, axle, found = self._forward(model), self._axle(model), list[Kingpin]()
+        heading, axle, pins = self._forward(model), self._axle(model), list[Kingpin]()
         for name in self.steering:
             place = rolling(wheel(model, name), heading)
             ahead = place.ahead - axle
             if self.wheelbase is not None:
                 ahead = math.copysign(self.wheelbase, ahead)
-            found.append(Kingpin(name, ahead, self._lateral(place.left), upright(model, name)))
-        return tuple(found)
+            pins.append(Kingpin(name, ahead, self._lateral(place.left), upright(model, name)))
+        return tuple(pins)
 
     def _driven(self, model: RobotModel) -> tuple[DrivenWheel, ...]:
         heading, driven = self._forward(model), list[DrivenWheel]()
         pins = {pin.joint: pin for pin in self._kingpins(model)}
-        for found in (wheel(model, name) for name in self.wheels):
-            place, above = rolling(found, heading), steering_joint(model, found.joint)
-            radius = self.radius or found.radius
+        for driven_wheel in (wheel(model, name) for name in self.wheels):
+            place, above = rolling(driven_wheel, heading), steering_joint(model, driven_wheel.joint)
+            radius = self.radius or driven_wheel.radius
             assert radius is not None, "problems() reports a missing radius"
             pin = pins.get(above.name) if above else None
-            driven.append(DrivenWheel(found.joint, place.turns * radius, self._lateral(place.left), pin))
+            driven.append(DrivenWheel(driven_wheel.joint, place.turns * radius, self._lateral(place.left), pin))
         return tuple(driven)
 
     def _lateral(self, left: float) -> float:
@@ -253,7 +255,7 @@ class AckermannMotion(DriveMotion):
     @cached_property
     @override
     def joints(self) -> frozenset[str]:
-        return frozenset([*(pin.joint for pin in self.kingpins), *(found.joint for found in self.wheels)])
+        return frozenset([*(pin.joint for pin in self.kingpins), *(driven_wheel.joint for driven_wheel in self.wheels)])
 
     @property
     @override
@@ -290,7 +292,9 @@ class AckermannMotion(DriveMotion):
         return turn / speed
 
     def _wheel_speeds(self, speed: float, curvature: float) -> dict[str, float]:
-        return {found.joint: speed * found.way(curvature) / found.gear for found in self.wheels}
+        return {
+            driven_wheel.joint: speed * driven_wheel.way(curvature) / driven_wheel.gear for driven_wheel in self.wheels
+        }
 
     def _joint_targets(self) -> JointTargets:
         return JointTargets(
@@ -312,7 +316,7 @@ class AckermannOdometry:
     @property
     def gears(self) -> Mapping[str, float]:
         """The rolling distance in m for 1 rad of each wheel joint."""
-        return {found.joint: found.gear for found in self.wheels}
+        return {driven_wheel.joint: driven_wheel.gear for driven_wheel in self.wheels}
 
     @property
     def steering(self) -> tuple[str, ...]:
@@ -324,7 +328,7 @@ class AckermannOdometry:
         curvatures = [pin.curvature(pin.turns * steered[pin.joint]) for pin in self.kingpins]
         curvature = fmean(filter(math.isfinite, curvatures)) if any(map(math.isfinite, curvatures)) else 0.0
         # Least squares over all wheels; the outer wheel has the greatest weight.
-        shares = {found.joint: found.way(curvature) for found in self.wheels}
+        shares = {driven_wheel.joint: driven_wheel.way(curvature) for driven_wheel in self.wheels}
         ahead = sum(share * rolled[name] for name, share in shares.items())
         ahead /= sum(share**2 for share in shares.values())
         return PlanarWay(*along(self.heading, ahead, 0.0), curvature * ahead)
@@ -383,11 +387,11 @@ def tightest(kingpins: Iterable[Kingpin], limit: float) -> float:
     return min(abs(pin.curvature(side * limit)) for pin in pins for side in (1, -1))
 
 
-def steered(kingpins: Iterable[Kingpin], now: float, wanted: float, most: float) -> float:
-    """Return the next curvature towards the wanted one; no wheel turns by more than `most` rad."""
-    reached = wanted
+def steered(kingpins: Iterable[Kingpin], now: float, target: float, most: float) -> float:
+    """Return the next curvature towards the target; no wheel turns by more than `most` rad."""
+    reached = target
     for pin in kingpins:
-        angle, goal = pin.angle(now), pin.angle(wanted)
+        angle, goal = pin.angle(now), pin.angle(target)
         if abs(goal - angle) > most:
             next_one = pin.curvature(angle + math.copysign(most, goal - angle))
             reached = min(reached, next_one, key=lambda curvature: abs(curvature - now))
@@ -414,8 +418,8 @@ def limit_of(joints: Sequence[Joint], angle: float | None, rate: float | None) -
     """Return the stated limits, else the smallest limits of the joints."""
     angles = [least for joint in joints if math.isfinite(least := min(-_lower(joint), _upper(joint)))]
     rates = [joint.max_velocity for joint in joints if joint.max_velocity]
-    told = angle or min(angles, default=_ASSUMED_ANGLE)
-    return SteeringLimit(min(told, _MAX_ANGLE), rate or min(rates, default=math.inf), not (angle or angles))
+    limit = angle or min(angles, default=_ASSUMED_ANGLE)
+    return SteeringLimit(min(limit, _MAX_ANGLE), rate or min(rates, default=math.inf), not (angle or angles))
 
 
 def upright(model: RobotModel, name: str) -> float:

@@ -101,15 +101,15 @@ class TwoSidedDrive(Drive):
             yield ("right",), "a wheel cannot be on both sides"
             return
         heading = self.forward(model)
-        for found in self._wheels(model):
-            yield from axle_problems(found, heading)
+        for driven_wheel in self._wheels(model):
+            yield from axle_problems(driven_wheel, heading)
         if self.is_swapped(model):
             yield ("left",), "these wheels are on the right in the model; swap 'left' and 'right', or give 'heading'"
         if self.separation is None and self.separation_in(model) < MIN_LENGTH_M:
             yield (), "the left and right wheels are at the same place in the model; give 'separation'"
-        for found in self._wheels(model):
-            if self.radius is None and found.radius is None:
-                yield (), f"the model has no radius for the wheel at '{found.joint}'; give 'radius'"
+        for driven_wheel in self._wheels(model):
+            if self.radius is None and driven_wheel.radius is None:
+                yield (), f"the model has no radius for the wheel at '{driven_wheel.joint}'; give 'radius'"
                 return
 
     def is_swapped(self, model: RobotModel) -> bool:
@@ -163,7 +163,7 @@ class TwoSidedDrive(Drive):
 
     def _deviations(self, model: RobotModel) -> Iterator[str]:
         """Yield stated lengths that differ from the wheels of the model."""
-        radii = [found.radius for found in self._wheels(model) if found.radius]
+        radii = [driven_wheel.radius for driven_wheel in self._wheels(model) if driven_wheel.radius]
         if self.radius and radii and abs(self.radius / max(radii) - 1) > _MAX_STATED_DEVIATION:
             yield f"the plugin's wheel radius differs from that of the wheels in the model, {max(radii):.4g} m"
         between = self.model_copy(update={"separation": None}).separation_in(model)
@@ -194,7 +194,7 @@ class TwoSidedDrive(Drive):
 
     def radii(self, model: RobotModel) -> dict[str, float]:
         """Return the wheel radius in m for each joint; unknown radii are left out (`problems` reports them)."""
-        radii = {found.joint: self.radius or found.radius for found in self._wheels(model)}
+        radii = {driven_wheel.joint: self.radius or driven_wheel.radius for driven_wheel in self._wheels(model)}
         return {joint: radius for joint, radius in radii.items() if radius is not None}
 
     def _gears(self, model: RobotModel) -> dict[str, float]:
@@ -307,14 +307,14 @@ _Rims = tuple[float, float]
 # Runs of a sweep ask for the same ramps.
 @lru_cache(maxsize=32)
 def _ramp(
-    gears: _Gears, torque: float | None, start: _Rims, wanted: _Rims, *, most_change: float, steps: int
+    gears: _Gears, torque: float | None, start: _Rims, goal: _Rims, *, most_change: float, steps: int
 ) -> tuple[tuple[JointTargets, ...], _Rims]:
     """Return the targets until both rim speeds in m/s are reached, for `steps` at most, and the last rim speeds."""
     limits = {} if torque is None else {name: torque for side in gears for name, _ in side}
     planned, rims = [], start
     for _ in range(steps):
         before = rims
-        rims = (ramp_towards(wanted[0], before[0], most_change), ramp_towards(wanted[1], before[1], most_change))
+        rims = (ramp_towards(goal[0], before[0], most_change), ramp_towards(goal[1], before[1], most_change))
         planned.append(JointTargets({}, _joint_speeds(gears, *rims), {}, limits))
         if before == rims:
             break

@@ -104,10 +104,10 @@ class MecanumDrive(Drive):
         if model.mjcf:
             yield (), "mecanum wheels need zero friction, but MJCF wheels keep that of their geoms; use a URDF model"
         heading = self._forward(model)
-        for found in self._wheels(model):
-            yield from axle_problems(found, heading)
-            if self.radius is None and found.radius is None:
-                yield (), f"the model has no radius for the wheel at '{found.joint}'; give 'radius'"
+        for driven_wheel in self._wheels(model):
+            yield from axle_problems(driven_wheel, heading)
+            if self.radius is None and driven_wheel.radius is None:
+                yield (), f"the model has no radius for the wheel at '{driven_wheel.joint}'; give 'radius'"
         if self._corners(model) != _CORNERS:
             yield (
                 (),
@@ -117,7 +117,7 @@ class MecanumDrive(Drive):
     @override
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> MecanumMotion:
         x, y, _ = centre_of_mass(model)
-        lowest = min(found.position_xyz[2] - radius for found, radius in self._tyres(model))
+        lowest = min(driven_wheel.position_xyz[2] - radius for driven_wheel, radius in self._tyres(model))
         return MecanumMotion(
             self._rollers(model),
             self._forward(model),
@@ -167,11 +167,15 @@ class MecanumDrive(Drive):
         return [wheel(model, name) for name in (*self.left, *self.right)]
 
     def _tyres(self, model: RobotModel) -> list[tuple[Wheel, float]]:
-        return [(found, radius) for found in self._wheels(model) if (radius := self.radius or found.radius)]
+        return [
+            (driven_wheel, radius)
+            for driven_wheel in self._wheels(model)
+            if (radius := self.radius or driven_wheel.radius)
+        ]
 
     def _rollers(self, model: RobotModel) -> tuple[Roller, ...]:
         heading = self._forward(model)
-        placed = [(rolling(found, heading), radius) for found, radius in self._tyres(model)]
+        placed = [(rolling(driven_wheel, heading), radius) for driven_wheel, radius in self._tyres(model)]
         ways = [ahead * left for ahead, left in _CORNERS]
         return tuple(Roller(at, at.turns * radius, way) for (at, radius), way in zip(placed, ways, strict=True))
 
@@ -183,12 +187,12 @@ class MecanumDrive(Drive):
 
     def _placed(self, model: RobotModel) -> list[Rolling]:
         heading = self._forward(model)
-        return [rolling(found, heading) for found in self._wheels(model)]
+        return [rolling(driven_wheel, heading) for driven_wheel in self._wheels(model)]
 
     def _corners(self, model: RobotModel) -> list[tuple[int, int]]:
         placed = self._placed(model)
-        ahead, left = fmean(each.ahead for each in placed), fmean(each.left for each in placed)
-        return [(1 if each.ahead > ahead else -1, 1 if each.left > left else -1) for each in placed]
+        ahead, left = fmean(place.ahead for place in placed), fmean(place.left for place in placed)
+        return [(1 if place.ahead > ahead else -1, 1 if place.left > left else -1) for place in placed]
 
     def _force(self, model: RobotModel, gravity: float) -> float:
         return self.force or _ROLLER_GRIP * model.mass * gravity
@@ -204,9 +208,9 @@ class Roller:
 
     def speed(self, ahead: float, left: float, turn: float) -> float:
         """Return the joint speed in rad/s, for a velocity of the base in m/s and rad/s."""
-        here = (ahead - turn * self.place.left, left + turn * self.place.ahead)
+        velocity = (ahead - turn * self.place.left, left + turn * self.place.ahead)
         # The rollers slip along one diagonal; only the motion across it turns the wheel.
-        return (here[0] - self.way * here[1]) / self.gear
+        return (velocity[0] - self.way * velocity[1]) / self.gear
 
 
 def arm(wheels: Sequence[Rolling]) -> float:
@@ -233,7 +237,7 @@ class MecanumMotion(DriveMotion):
     @cached_property
     @override
     def joints(self) -> frozenset[str]:
-        return frozenset(found.place.joint for found in self.wheels)
+        return frozenset(roller.place.joint for roller in self.wheels)
 
     @property
     @override
@@ -248,11 +252,11 @@ class MecanumMotion(DriveMotion):
     @override
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
         self._was_level &= is_level(twist)
-        wanted = self._wanted(twist)
+        goal = self._wanted(twist)
         planned = []
         for _ in range(steps):
             before = (self._ahead, self._left, self._turn)
-            self._step(*wanted)
+            self._step(*goal)
             planned.append(self._joint_targets())
             if before == (self._ahead, self._left, self._turn):
                 break
@@ -282,7 +286,7 @@ class MecanumMotion(DriveMotion):
         )
 
     def _joint_speeds(self, ahead: float, left: float, turn: float) -> dict[str, float]:
-        return {found.place.joint: found.speed(ahead, left, turn) for found in self.wheels}
+        return {roller.place.joint: roller.speed(ahead, left, turn) for roller in self.wheels}
 
 
 @dataclass(frozen=True)
@@ -297,12 +301,12 @@ class MecanumOdometry:
     @property
     def gears(self) -> Mapping[str, float]:
         """The rolling distance in m for 1 rad of each wheel joint."""
-        return {found.place.joint: found.gear for found in self.wheels}
+        return {roller.place.joint: roller.gear for roller in self.wheels}
 
     def way(self, rolled: Mapping[str, float], steered: Mapping[str, float]) -> PlanarWay:
         """Return the motion of the reference point that fits the wheels best."""
         ahead, left, turn = (
-            sum(share * rolled[found.place.joint] for share, found in zip(row, self.wheels, strict=True))
+            sum(share * rolled[roller.place.joint] for share, roller in zip(row, self.wheels, strict=True))
             for row in self._shares
         )
         return PlanarWay(*along(self.heading, ahead, left), turn)
@@ -311,6 +315,6 @@ class MecanumOdometry:
     def _shares(self) -> list[list[float]]:
         """Coefficients (3, 4) of each wheel for motion ahead, to the left and turning (least squares)."""
         motions = geometry.AXES
-        ways = [[found.gear * found.speed(*motion) for motion in motions] for found in self.wheels]
+        ways = [[roller.gear * roller.speed(*motion) for motion in motions] for roller in self.wheels]
         shares: list[list[float]] = np.linalg.pinv(np.array(ways)).tolist()
         return shares

@@ -217,12 +217,12 @@ def unread_parameters(model: RobotModel) -> Iterator[str]:
 
 def joints_by_plugin(model: RobotModel) -> dict[str, tuple[str, str]]:
     """Return joint -> (interface, source) for the joints that controllers of single joints in gz-sim drive."""
-    found = {}
+    joints = {}
     for plugin in plugins_of_kind(model, "velocity joint", "position joint"):
         interface = "velocity" if kind_of(plugin) == "velocity joint" else "position"
         for name in plugin.texts("joint_name"):
-            found[_in_model(model, name)] = (interface, source_of(plugin))
-    return found
+            joints[_in_model(model, name)] = (interface, source_of(plugin))
+    return joints
 
 
 def _all_joints(model: RobotModel, plugin: Plugin) -> tuple[str, ...]:
@@ -276,8 +276,8 @@ def _corrected(plugin: Plugin, figures: dict[str, float]) -> tuple[dict[str, flo
     by_key = {"separation": factors.get("wheel_separation", 1.0), "radius": factors.get("wheel_radius", 1.0)}
     if left == right:
         by_key["radius"] *= left
-    found = {key: value * by_key.get(key, 1.0) for key, value in figures.items()}
-    return found, () if left == right else (_UNLIKE_WHEELS,)
+    corrected = {key: value * by_key.get(key, 1.0) for key, value in figures.items()}
+    return corrected, () if left == right else (_UNLIKE_WHEELS,)
 
 
 def _swaps_sides(plugin: Plugin) -> bool:
@@ -306,14 +306,14 @@ def _in_model(model: RobotModel, name: str) -> str:
     return nested[0] if len(nested) == 1 else name
 
 
-def _figures(plugin: Plugin, known: Mapping[str, tuple[str, float]]) -> dict[str, float]:
+def _figures(plugin: Plugin, tags: Mapping[str, tuple[str, float]]) -> dict[str, float]:
     """Return the parameters that are numbers above zero; zero means no limit."""
-    found = {}
+    figures = {}
     for tag, text in plugin.parameters:
-        name, factor = known.get(tag, ("", 0.0))
+        name, factor = tags.get(tag, ("", 0.0))
         if name and (value := number_above_zero(text)) is not None:
-            found[name] = factor * value
-    return found
+            figures[name] = factor * value
+    return figures
 
 
 def number_above_zero(text: str) -> float | None:

@@ -88,8 +88,10 @@ class SkidSteer(TwoSidedDrive):
         heading = self.forward(model)
         x, y, _ = centre_of_mass(model)
         wheels = [wheel(model, name) for name in (*self.left, *self.right)]
-        aheads = [rolling(found, heading).ahead for found in wheels]
-        stands = footings(aheads, math.cos(heading) * x + math.sin(heading) * y, [found.width for found in wheels])
+        aheads = [rolling(driven_wheel, heading).ahead for driven_wheel in wheels]
+        stands = footings(
+            aheads, math.cos(heading) * x + math.sin(heading) * y, [driven_wheel.width for driven_wheel in wheels]
+        )
         return slip_factor(stands, self.separation_in(model))
 
     @override
@@ -132,9 +134,9 @@ def mecanum_names(model: RobotModel) -> list[str]:
 
 def sides_on_ground(model: RobotModel) -> Sides | None:
     """Return the driven joints on the left and right; None unless all are parallel, on a side and not steered."""
-    found = undercarriage(model)
-    wheels = found.driven
-    if not wheels or found.steered or found.loose:
+    chassis = undercarriage(model)
+    wheels = chassis.driven
+    if not wheels or chassis.steered or chassis.loose:
         return None
     by_place, by_name = _by_place(wheels), _by_name(wheels)
     # A robot that rolls along x has its left at +y. For other directions only joint names show the front.
@@ -145,15 +147,15 @@ def sides_on_ground(model: RobotModel) -> Sides | None:
 
 def _by_place(wheels: Sequence[Wheel]) -> Sides | None:
     if any(
-        abs(found.axis_xyz[1]) < 1 - MAX_AXLE_DEVIATION or abs(found.position_xyz[1]) < _MIN_LATERAL_M
-        for found in wheels
+        abs(driven_wheel.axis_xyz[1]) < 1 - MAX_AXLE_DEVIATION or abs(driven_wheel.position_xyz[1]) < _MIN_LATERAL_M
+        for driven_wheel in wheels
     ):
         return None
-    return _split(wheels, [found.position_xyz[1] > 0 for found in wheels])
+    return _split(wheels, [driven_wheel.position_xyz[1] > 0 for driven_wheel in wheels])
 
 
 def _by_name(wheels: Sequence[Wheel]) -> Sides | None:
-    names = [found.joint.lower() for found in wheels]
+    names = [driven_wheel.joint.lower() for driven_wheel in wheels]
     if any(("left" in name) == ("right" in name) for name in names):
         return None
     return _split(wheels, ["left" in name for name in names])
@@ -161,7 +163,7 @@ def _by_name(wheels: Sequence[Wheel]) -> Sides | None:
 
 def _split(wheels: Sequence[Wheel], is_left: Sequence[bool]) -> Sides | None:
     left, right = (
-        tuple(found.joint for found, here in zip(wheels, is_left, strict=True) if here is side)
+        tuple(driven_wheel.joint for driven_wheel, on_left in zip(wheels, is_left, strict=True) if on_left is side)
         for side in (True, False)
     )
     return (left, right) if left and right else None
@@ -169,7 +171,10 @@ def _split(wheels: Sequence[Wheel], is_left: Sequence[bool]) -> Sides | None:
 
 def _parallel(wheels: Sequence[Wheel]) -> bool:
     ax, ay, _ = wheels[0].axis_xyz
-    return all(abs(ax * found.axis_xyz[0] + ay * found.axis_xyz[1]) > 1 - MAX_AXLE_DEVIATION for found in wheels)
+    return all(
+        abs(ax * driven_wheel.axis_xyz[0] + ay * driven_wheel.axis_xyz[1]) > 1 - MAX_AXLE_DEVIATION
+        for driven_wheel in wheels
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,40 +74,42 @@ class Undercarriage:
 def undercarriage(model: RobotModel) -> Undercarriage:
     """Return the undercarriage of a model. If a caster is too low, the robot tilts, and its wheels touch the ground."""
     wheels = wheels_on_ground(model)
-    found = _undercarriage(model, wheels)
-    tilted = () if found.steered or len(found.driven) >= _PAIR else wheels_on_ground(model, _MAX_TILTED_LIFT_SHARE)
-    return _undercarriage(model, tilted) if len(tilted) > len(wheels) else found
+    chassis = _undercarriage(model, wheels)
+    tilted = () if chassis.steered or len(chassis.driven) >= _PAIR else wheels_on_ground(model, _MAX_TILTED_LIFT_SHARE)
+    return _undercarriage(model, tilted) if len(tilted) > len(wheels) else chassis
 
 
 def _undercarriage(model: RobotModel, wheels: Sequence[Wheel]) -> Undercarriage:
     motors = _motors(model)
-    rolling = {found.joint for found in wheels if _ROLLING & motors.get(found.joint, (frozenset(), ""))[0]}
+    rolling = {
+        ground_wheel.joint for ground_wheel in wheels if _ROLLING & motors.get(ground_wheel.joint, (frozenset(), ""))[0]
+    }
     source = motors[min(rolling)][1] if rolling else ""
     driven, steered, casters, idle = list[Wheel](), list[tuple[Wheel, Joint]](), list[Wheel](), list[Wheel]()
     loose = list[tuple[Wheel, str]]()
-    aboves = {found.joint: steering_joint(model, found.joint) for found in wheels}
+    aboves = {ground_wheel.joint: steering_joint(model, ground_wheel.joint) for ground_wheel in wheels}
     has_car_joints = any(above is not None and _has_limits(above) for above in aboves.values())
-    for found in wheels:
-        above, has_motor = aboves[found.joint], not rolling or found.joint in rolling
-        if (slack := _loose_joint(model, found, wheels)) is not None:
-            loose.append((found, slack))
+    for ground_wheel in wheels:
+        above, has_motor = aboves[ground_wheel.joint], not rolling or ground_wheel.joint in rolling
+        if (slack := _loose_joint(model, ground_wheel, wheels)) is not None:
+            loose.append((ground_wheel, slack))
         elif above is None:
-            (driven if has_motor else idle).append(found)
+            (driven if has_motor else idle).append(ground_wheel)
         # Exporters leave the limits of one of two steering joints out. Where motors are stated, casters have none.
         elif above.name in motors or (has_motor and (_has_limits(above) or (has_car_joints and not rolling))):
-            steered.append((found, above))
+            steered.append((ground_wheel, above))
         else:
-            casters.append(found)
+            casters.append(ground_wheel)
     return Undercarriage(tuple(driven), tuple(steered), tuple(casters), tuple(idle), tuple(loose), source)
 
 
-def _loose_joint(model: RobotModel, found: Wheel, wheels: Sequence[Wheel]) -> str | None:
+def _loose_joint(model: RobotModel, ground_wheel: Wheel, wheels: Sequence[Wheel]) -> str | None:
     """Return the joint above a wheel that is no suspension, beam or steering: it lets the wheel slide or tip over."""
-    for joint in joints_above(model, found.joint):
+    for joint in joints_above(model, ground_wheel.joint):
         x, y, z = axis_in_base(model, joint)
         if abs(z) >= MIN_UPRIGHT_Z:
             continue
-        along_axle = abs(x * found.axis_xyz[0] + y * found.axis_xyz[1] + z * found.axis_xyz[2])
+        along_axle = abs(x * ground_wheel.axis_xyz[0] + y * ground_wheel.axis_xyz[1] + z * ground_wheel.axis_xyz[2])
         if joint.type == "prismatic":
             is_suspension = abs(z) > _MIN_LIFTING_Z
         else:
@@ -124,53 +126,55 @@ def _has_limits(joint: Joint) -> bool:
 
 def _motors(model: RobotModel) -> dict[str, tuple[frozenset[str], str]]:
     """Return joint -> its command interfaces and the place that states them."""
-    found = {name: (frozenset({interface}), source) for name, (interface, source) in joints_by_plugin(model).items()}
+    motors = {name: (frozenset({interface}), source) for name, (interface, source) in joints_by_plugin(model).items()}
     for joint in model.commanded:
-        others = found.get(joint.joint, (frozenset(), ""))[0]
-        found[joint.joint] = (others | joint.interfaces, f"<{joint.tag}> at {joint.location}")
-    return found
+        others = motors.get(joint.joint, (frozenset(), ""))[0]
+        motors[joint.joint] = (others | joint.interfaces, f"<{joint.tag}> at {joint.location}")
+    return motors
 
 
-def refuse_other_than_fixed(found: Undercarriage) -> Undercarriage:
+def refuse_other_than_fixed(chassis: Undercarriage) -> Undercarriage:
     """Return an undercarriage without steered and loose wheels. Raises NoDrive."""
-    if found.steered:
-        wheel_joint, joint = found.steered[0][0].joint, found.steered[0][1]
+    if chassis.steered:
+        wheel_joint, joint = chassis.steered[0][0].joint, chassis.steered[0][1]
         raise NoDrive(f"joint '{joint.name}' steers the wheel at '{wheel_joint}'")
-    if found.loose:
-        raise NoDrive(f"joint '{found.loose[0][1]}' lets the wheel at '{found.loose[0][0].joint}' slide or tip over")
-    return found
+    if chassis.loose:
+        raise NoDrive(
+            f"joint '{chassis.loose[0][1]}' lets the wheel at '{chassis.loose[0][0].joint}' slide or tip over"
+        )
+    return chassis
 
 
 def driven_pair(model: RobotModel) -> tuple[str, str]:
     """Return the joints of the wheels of a differential drive, left and right. Raises NoDrive."""
-    found = refuse_other_than_fixed(undercarriage(model))
-    if not (found.driven or found.casters or found.idle):
+    chassis = refuse_other_than_fixed(undercarriage(model))
+    if not (chassis.driven or chassis.casters or chassis.idle):
         raise NoDrive(why_no_wheels(model))
-    if len(found.driven) != _PAIR:
-        which = named(found.driven) if found.driven else "the others turn below upright joints, or have no motors"
-        count = f"wheels on the ground that could be driven: {len(found.driven)} ({which})"
+    if len(chassis.driven) != _PAIR:
+        which = named(chassis.driven) if chassis.driven else "the others turn below upright joints, or have no motors"
+        count = f"wheels on the ground that could be driven: {len(chassis.driven)} ({which})"
         raise NoDrive(f"{count}; a differential drive has {_PAIR}")
-    if not found.is_stated and (others := unrolling_pair(model)) is not None:
+    if not chassis.is_stated and (others := unrolling_pair(model)) is not None:
         raise NoDrive(f"'{others[0]}' and '{others[1]}' stand on the ground as well, but no joint lets them roll")
-    one, other = found.driven
-    radii = [each.radius or 0.0 for each in found.driven]
+    one, other = chassis.driven
+    radii = [driven_wheel.radius or 0.0 for driven_wheel in chassis.driven]
     if abs(radii[0] - radii[1]) > _MAX_DIFFERENCE * radii[0]:
-        raise NoDrive(f"{named(found.driven)} have different radii, {radii[0]:.4g} m and {radii[1]:.4g} m")
-    heading = heading_of(found.driven)
+        raise NoDrive(f"{named(chassis.driven)} have different radii, {radii[0]:.4g} m and {radii[1]:.4g} m")
+    heading = heading_of(chassis.driven)
     first, second = rolling(one, heading), rolling(other, heading)
     if abs(first.ahead - second.ahead) > _MAX_DIFFERENCE * abs(first.left - second.left):
         apart = abs(first.ahead - second.ahead)
-        raise NoDrive(f"{named(found.driven)} are not on one axle: one is {apart:.3g} m ahead of the other")
-    return _left_and_right(found, heading)
+        raise NoDrive(f"{named(chassis.driven)} are not on one axle: one is {apart:.3g} m ahead of the other")
+    return _left_and_right(chassis, heading)
 
 
-def _left_and_right(found: Undercarriage, heading: float) -> tuple[str, str]:
+def _left_and_right(chassis: Undercarriage, heading: float) -> tuple[str, str]:
     """Return the joints of two wheels, left and right. Raises NoDrive if the sides are not known."""
-    one, other = found.driven
+    one, other = chassis.driven
     if (by_name := mirrored_names(one.joint, other.joint)) is not None:
         return by_name
-    if not found.is_stated or math.cos(heading) < _MIN_ALONG_X:
-        raise NoDrive(f"{named(found.driven)} stand on the ground, but their names do not show which is on the left")
+    if not chassis.is_stated or math.cos(heading) < _MIN_ALONG_X:
+        raise NoDrive(f"{named(chassis.driven)} stand on the ground, but their names do not show which is on the left")
     is_left = one.position_xyz[1] > other.position_xyz[1]
     return (one.joint, other.joint) if is_left else (other.joint, one.joint)
 
@@ -180,21 +184,23 @@ def car_joints(model: RobotModel) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
     A tricycle steers with one joint. As its driven wheels are not known by their looks, the model must state them.
     """
-    found = undercarriage(model)
-    steering = tuple(dict.fromkeys(joint.name for _, joint in found.steered))
+    chassis = undercarriage(model)
+    steering = tuple(dict.fromkeys(joint.name for _, joint in chassis.steered))
     if not steering:
         raise NoDrive("no wheel on the ground has a steering joint above it: an upright one with limits")
-    is_tricycle = found.is_stated and len(found.steered) == 1
-    if not is_tricycle and (len(steering) != _PAIR or len(found.steered) != _PAIR):
-        raise NoDrive(f"steering joints: {len(steering)}, steered wheels: {len(found.steered)}; a car has {_PAIR} each")
-    if not any(_has_limits(joint) for _, joint in found.steered):
+    is_tricycle = chassis.is_stated and len(chassis.steered) == 1
+    if not is_tricycle and (len(steering) != _PAIR or len(chassis.steered) != _PAIR):
+        raise NoDrive(
+            f"steering joints: {len(steering)}, steered wheels: {len(chassis.steered)}; a car has {_PAIR} each"
+        )
+    if not any(_has_limits(joint) for _, joint in chassis.steered):
         raise NoDrive(f"joint '{steering[0]}' steers without limits, like a swivel drive")
-    fixed = len(found.driven) + len(found.idle)
-    if fixed != _PAIR or found.casters or found.loose:
+    fixed = len(chassis.driven) + len(chassis.idle)
+    if fixed != _PAIR or chassis.casters or chassis.loose:
         raise NoDrive(f"{fixed} wheels on the ground are not steered, and a car has {_PAIR}")
-    if not found.driven:
-        raise NoDrive(f"{named(found.idle)} have no motors")
-    return steering, tuple(each.joint for each in found.driven)
+    if not chassis.driven:
+        raise NoDrive(f"{named(chassis.idle)} have no motors")
+    return steering, tuple(driven_wheel.joint for driven_wheel in chassis.driven)
 
 
 def why_no_wheels(model: RobotModel) -> str:
@@ -205,19 +211,19 @@ def why_no_wheels(model: RobotModel) -> str:
     lowest = f"the lowest shape is the {ground.kind} of '{ground.link}'"
     near = [joint for joint in model.moving_joints if joint.type != "prismatic" and is_level(model, joint)]
     for joint in near:
-        found = tyre(model, joint)
-        if isinstance(found, Tyre) and joint.type != "continuous" and is_on_ground(wheel(model, joint.name), ground):
+        shape = tyre(model, joint)
+        if isinstance(shape, Tyre) and joint.type != "continuous" and is_on_ground(wheel(model, joint.name), ground):
             return f"'{joint.child}' is round and stands on the ground, but joint '{joint.name}' has limits"
     if hanging := round_wheels(model):
-        best = min(hanging, key=lambda found: found.position_xyz[2] - (found.radius or 0.0))
+        best = min(hanging, key=lambda round_wheel: round_wheel.position_xyz[2] - (round_wheel.radius or 0.0))
         height = best.position_xyz[2] - (best.radius or 0.0) - ground.z
         return f"the wheel at '{best.joint}' ends {units.display(height, 'm')} above the ground: {lowest}"
     tilted = next((joint for joint in model.moving_joints if joint.child == ground.link), None)
     if tilted is not None and tilted not in near:
         return f"{lowest}, whose joint '{tilted.name}' has no level axis: its wheel would not roll"
     for joint in near:
-        if joint.type == "continuous" and not isinstance(found := tyre(model, joint), Tyre):
-            return f"the link of '{joint.name}' {found.reason}; {lowest}"
+        if joint.type == "continuous" and not isinstance(shape := tyre(model, joint), Tyre):
+            return f"the link of '{joint.name}' {shape.reason}; {lowest}"
     if "wheel" in ground.link.lower():
         above = next((joint for joint in model.joints if joint.child == ground.link), None)
         lowest += f", whose joint '{above.name}' is {above.type}" if above else ", which has no joint"
@@ -229,7 +235,7 @@ def unrolling_pair(model: RobotModel) -> tuple[str, str] | None:
     ground = lowest_shape(model)
     if ground is None:
         return None
-    rolling = {model.joints_by_name[found.joint].child for found in wheels_on_ground(model)}
+    rolling = {model.joints_by_name[ground_wheel.joint].child for ground_wheel in wheels_on_ground(model)}
     names = [link.name for link in model.links if "wheel" in link.name.lower() and link.name not in rolling]
     standing = [name for name in names if stands(model, name, ground)]
     pairs = (mirrored_names(one, other) for place, one in enumerate(standing) for other in standing[place + 1 :])
@@ -238,7 +244,7 @@ def unrolling_pair(model: RobotModel) -> tuple[str, str] | None:
 
 def named(wheels: Sequence[Wheel]) -> str:
     """Return the names of the joints of wheels as text."""
-    names = [f"'{found.joint}'" for found in wheels[:_MAX_NAMED]]
+    names = [f"'{ground_wheel.joint}'" for ground_wheel in wheels[:_MAX_NAMED]]
     return ", ".join(names) + (f" and {len(wheels) - _MAX_NAMED} more" if len(wheels) > _MAX_NAMED else "")
 
 
@@ -288,9 +294,9 @@ def ignored_statements(model: RobotModel, source: str, joints: Collection[str]) 
 
 def _speed_limits(plugin: Plugin) -> Iterator[str]:
     for tag, text in plugin.parameters:
-        found = _SPEED_LIMIT.fullmatch(tag)
-        if found is None or number_above_zero(text) is None:
+        match = _SPEED_LIMIT.fullmatch(tag)
+        if match is None or number_above_zero(text) is None:
             continue
-        switch = plugin.texts(f"{found['axis']}.has_velocity_limits") if found["axis"] else ()
+        switch = plugin.texts(f"{match['axis']}.has_velocity_limits") if match["axis"] else ()
         if not any(text.strip().lower() == "false" for text in switch):
             yield f"{tag} {text.strip()}"

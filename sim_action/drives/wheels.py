@@ -84,7 +84,9 @@ def wheels_on_ground(model: RobotModel, max_lift_share: float = MAX_LIFT_SHARE) 
     ground = lowest_shape(model)
     if ground is None:
         return ()
-    return tuple(found for found in round_wheels(model) if is_on_ground(found, ground, max_lift_share))
+    return tuple(
+        round_wheel for round_wheel in round_wheels(model) if is_on_ground(round_wheel, ground, max_lift_share)
+    )
 
 
 def round_wheels(model: RobotModel) -> tuple[Wheel, ...]:
@@ -137,10 +139,10 @@ def is_level(model: RobotModel, joint: Joint) -> bool:
     return abs(_axis(joint, _poses(model))[2]) <= MAX_AXLE_DEVIATION
 
 
-def is_on_ground(found: Wheel, ground: Lowest, max_lift_share: float = MAX_LIFT_SHARE) -> bool:
+def is_on_ground(round_wheel: Wheel, ground: Lowest, max_lift_share: float = MAX_LIFT_SHARE) -> bool:
     """Return True if a wheel is as low as the lowest shape of the robot."""
-    radius = found.radius or 0.0
-    return found.position_xyz[2] - radius < ground.z + max_lift_share * radius
+    radius = round_wheel.radius or 0.0
+    return round_wheel.position_xyz[2] - radius < ground.z + max_lift_share * radius
 
 
 def stands(model: RobotModel, link_name: str, ground: Lowest) -> bool:
@@ -218,10 +220,10 @@ def _wheel_at_home(same: SameModel, joint_name: str) -> Wheel:
 
 
 def _wheel(model: RobotModel, joint: Joint, poses: Mapping[str, Pose]) -> Wheel:
-    pose, found, axis = poses[joint.child], tyre(model, joint), _axis(joint, poses)
-    if isinstance(found, Tyre):
-        middle = geometry.compose(pose, Pose(found.middle_xyz))
-        return Wheel(joint.name, found.radius, middle.position_xyz, axis, found.width)
+    pose, own_tyre, axis = poses[joint.child], tyre(model, joint), _axis(joint, poses)
+    if isinstance(own_tyre, Tyre):
+        middle = geometry.compose(pose, Pose(own_tyre.middle_xyz))
+        return Wheel(joint.name, own_tyre.radius, middle.position_xyz, axis, own_tyre.width)
     # A scenario may name a wheel that does not roll true; its first round shape still has a radius.
     shapes = model.links_by_name[joint.child].collisions
     shape = next((shape for shape in shapes if shape.radius is not None), None)
@@ -377,11 +379,11 @@ def tyre_of(link: Link, joint: Joint) -> Tyre | NotRound:
         return NotRound(f"has no collision shape{only}")
     tyres, reach, others = list[Tyre](), 0.0, list[NotRound]()
     for shape in link.collisions:
-        found = _tyre_of(shape, joint.axis_xyz, joint.anchor_xyz)
-        if isinstance(found, Tyre):
-            tyres.append(found)
+        candidate = _tyre_of(shape, joint.axis_xyz, joint.anchor_xyz)
+        if isinstance(candidate, Tyre):
+            tyres.append(candidate)
         else:
-            others.append(found)
+            others.append(candidate)
             reach = max(reach, _reach(shape, joint))
     if not tyres:
         return others[0]

@@ -122,13 +122,13 @@ class Header:
     def of(
         cls,
         names: Sequence[str],
-        wanted: Mapping[str, str] | None = None,
+        columns: Mapping[str, str] | None = None,
         topic: str | None = None,
         first: Sequence[str] = (),
     ) -> Header:
         """Return the header for the names of columns. Raises HeaderError.
 
-        `wanted`: meaning -> column, as in the key `columns`; None: the columns are recognised by their names; `topic`:
+        `columns`: meaning -> column, as in the key of this name; None: they are recognised by their names; `topic`:
         the topic whose columns are used; `first`: the cells of the first row, which may have names of joints.
         """
         if len(names) > MAX_COLUMNS:
@@ -136,7 +136,7 @@ class Header:
         for name, count in Counter(filter(None, names)).items():
             if count > 1:
                 raise HeaderError(f"{count} columns have the name {shown(name)}")
-        used = _stated(names, wanted) if wanted is not None else _recognised(names, topic, first)
+        used = _stated(names, columns) if columns is not None else _recognised(names, topic, first)
         time = next((column for column in used if column.meaning == TIME), None)
         if time is None:
             raise HeaderError(
@@ -152,7 +152,7 @@ class Header:
                 f"'{twists[0]}' commands the base, {shown(of_joints[0])} a joint; select one with 'columns' or 'topic'"
             )
         taken = {column.place for column in used}
-        others = () if wanted is not None else tuple(n for place, n in enumerate(names) if n and place not in taken)
+        others = () if columns is not None else tuple(n for place, n in enumerate(names) if n and place not in taken)
         return cls(len(names), time, commands, others)
 
     @property
@@ -172,11 +172,11 @@ def _split(name: str) -> tuple[str, str]:
     return (match[1], match[2]) if match and match[2] in _UNITS else (name, "")
 
 
-def _stated(names: Sequence[str], wanted: Mapping[str, str]) -> list[Column]:
+def _stated(names: Sequence[str], columns: Mapping[str, str]) -> list[Column]:
     """Return the columns that the scenario names. Raises HeaderError."""
     bare = [_split(name) for name in names]
     used = []
-    for key, text in wanted.items():
+    for key, text in columns.items():
         kind, _, joint = key.partition(".")
         meaning = key if key in (TIME, *TWIST) else _joint_column(kind, joint)
         if meaning is None:
@@ -193,8 +193,8 @@ def _stated(names: Sequence[str], wanted: Mapping[str, str]) -> list[Column]:
 
 
 def _joint_column(kind: str, joint: str) -> JointColumn | None:
-    known = next((known for known in KINDS if known == kind), None)
-    return JointColumn(known, joint) if known and joint else None
+    interface = next((interface for interface in KINDS if interface == kind), None)
+    return JointColumn(interface, joint) if interface and joint else None
 
 
 def _column(place: int, name: str, unit: str, meaning: str | JointColumn) -> Column:

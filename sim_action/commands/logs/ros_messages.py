@@ -82,11 +82,13 @@ def _row(names: Sequence[str], kind: Kind, numbers: Sequence[float]) -> JointRow
     }
 
 
-def _array(message: Any, wanted: Wanted) -> JointRow | None:
+def _array(message: Any, selection: Wanted) -> JointRow | None:
     numbers = message.data.tolist()
-    if len(numbers) != len(wanted.joints):
-        raise MessageError(f"it has {len(numbers)} numbers for {len(wanted.joints)} joints: {', '.join(wanted.joints)}")
-    return _row(wanted.joints, wanted.interface, numbers) or None
+    if len(numbers) != len(selection.joints):
+        raise MessageError(
+            f"it has {len(numbers)} numbers for {len(selection.joints)} joints: {', '.join(selection.joints)}"
+        )
+    return _row(selection.joints, selection.interface, numbers) or None
 
 
 def _trajectory(message: Any, _: Wanted) -> Trajectory:

@@ -56,7 +56,7 @@ def path_problem(path: Path) -> str | None:
     return None
 
 
-def read_log(path: Path, name: str, wanted: Wanted) -> Recorded:
+def read_log(path: Path, name: str, selection: Wanted) -> Recorded:
     """Return the messages of a topic, in the order of their times.
 
     `path`: of the file, or of a folder whose files are known to be in the workspace; `name`: of the log in messages.
@@ -75,19 +75,19 @@ def read_log(path: Path, name: str, wanted: Wanted) -> Recorded:
             notes.append(f"{name} has no {METADATA}, so its recorder was killed: all its files are read")
         storages = [stack.enter_context(_opened(file, notes)) for file in files]
         try:
-            recorded = _recorded(storages, wanted)
+            recorded = _recorded(storages, selection)
         except (RecordingError, MemoryError):
             raise
         except Exception as damage:
             try:
-                holes = [hole for storage in storages for hole in _holes_cut_out(storage, wanted.topic)]
+                holes = [hole for storage in storages for hole in _holes_cut_out(storage, selection.topic)]
             except AttributeError:
                 # This version of rosbags keeps its index elsewhere: the log is read as it is, or not at all.
                 raise damage from None
             if not holes:
                 raise
             notes += holes
-            recorded = _recorded(storages, wanted)
+            recorded = _recorded(storages, selection)
         notes += [storage.unfinished for storage in storages if isinstance(storage, ScannedLog) and storage.cut]
         return replace(recorded, notes=tuple(escaped_line(note) for note in notes))
 
@@ -282,9 +282,9 @@ def _as_recording_error(name: str) -> Iterator[None]:
         raise RecordingError(escaped_line(f"{name}: the log cannot be read: {type(error).__name__}: {what}")) from None
 
 
-def _recorded(storages: Sequence[_Storage], wanted: Wanted) -> Recorded:
-    topic, connections = wanted.topic, _connections(storages, wanted)
-    clock = _clock_of(storages) if wanted.stamps == "clock" else None
+def _recorded(storages: Sequence[_Storage], selection: Wanted) -> Recorded:
+    topic, connections = selection.topic, _connections(storages, selection)
+    clock = _clock_of(storages) if selection.stamps == "clock" else None
     content_of, decoded = TYPES[connections[0].msgtype].content, _decoder(connections)
     rows: list[TimedRow] = []
     receipts: list[int] = []
@@ -292,15 +292,15 @@ def _recorded(storages: Sequence[_Storage], wanted: Wanted) -> Recorded:
     too_many = f"the log has more than {MAX_ROWS:,} messages of '{topic}': keep only the part to replay"
     if sum(connection.msgcount for connection in connections) > MAX_ROWS:
         raise RecordingError(too_many)
-    for connection, receipt, data in (each for storage in storages for each in _messages(storage, connections)):
+    for connection, receipt, data in (record for storage in storages for record in _messages(storage, connections)):
         if read == MAX_ROWS:
             raise RecordingError(too_many)
         read += 1
         try:
             message = decoded(connection, data)
-            content = content_of(message, wanted)
+            content = content_of(message, selection)
             if content is not None:
-                rows.append((_stamp(message) if wanted.stamps == "header" else receipt, content))
+                rows.append((_stamp(message) if selection.stamps == "header" else receipt, content))
                 receipts.append(receipt)
         except MessageError as error:
             raise RecordingError(f"message {read} of '{topic}': {error}") from None
@@ -309,15 +309,15 @@ def _recorded(storages: Sequence[_Storage], wanted: Wanted) -> Recorded:
         raise RecordingError(empty if read else f"the log has no message of '{topic}'")
     # The messages of an indexed file are in order, but files may overlap.
     rows = [rows[place] for place in sorted(range(len(rows)), key=receipts.__getitem__)]
-    if wanted.stamps == "header":
+    if selection.stamps == "header":
         _refuse_falling([time_ns for time_ns, _ in rows], topic)
     if clock is not None:
         rows = [(time_ns, content) for time_ns, (_, content) in zip(clock([t for t, _ in rows]), rows, strict=True)]
     return Recorded(tuple(rows), read=read, unused={"without a finite value": read - len(rows)})
 
 
-def _connections(storages: Sequence[_Storage], wanted: Wanted) -> list[Connection]:
-    topic = wanted.topic
+def _connections(storages: Sequence[_Storage], selection: Wanted) -> list[Connection]:
+    topic = selection.topic
     there = [connection for storage in storages for connection in storage.connections]
     chosen = [connection for connection in there if connection.topic == topic]
     if not chosen:
@@ -333,22 +333,22 @@ def _connections(storages: Sequence[_Storage], wanted: Wanted) -> list[Connectio
         raise RecordingError(
             f"topic '{topic}' has the type {type_name}, which is not supported{did_you_mean(type_name, TYPES)}", "topic"
         )
-    if wanted.type not in (None, type_name):
+    if selection.type not in (None, type_name):
         raise RecordingError(
-            f"topic '{topic}' has the type {type_name}, but the scenario requires {wanted.type}", "type"
+            f"topic '{topic}' has the type {type_name}, but the scenario requires {selection.type}", "type"
         )
-    if wanted.stamps == "header" and not TYPES[type_name].has_header:
+    if selection.stamps == "header" and not TYPES[type_name].has_header:
         raise RecordingError(f"messages of the type {type_name} have no header; remove this key", "stamps")
-    if type_name == ARRAY and not wanted.joints:
+    if type_name == ARRAY and not selection.joints:
         raise RecordingError(f"topic '{topic}' has numbers without names: name their joints in 'joints'", "topic")
-    if type_name != ARRAY and wanted.joints:
+    if type_name != ARRAY and selection.joints:
         raise RecordingError(f"messages of the type {type_name} need no names of joints; remove this key", "joints")
     return chosen
 
 
-def _messages(storage: _Storage, wanted: Sequence[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+def _messages(storage: _Storage, connections: Sequence[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
     """Yield the messages of some topics in a file, decompressed."""
-    mine = [connection for connection in storage.connections if connection in wanted]
+    mine = [connection for connection in storage.connections if connection in connections]
     count = 0
     for connection, receipt, data in storage.messages(mine) if mine else ():
         count += 1
