@@ -69,11 +69,11 @@ class Camera(Sensor):
         links, bodies = list(robot_parts(mount.scene.model)), list(world_parts(mount.scene))
 
         def placed(probe: EngineQueries) -> list[Placed]:
-            found = []
+            solids = []
             for parts, pose_of in ((links, probe.link_pose), (bodies, probe.body_pose)):
                 frames = {owner: pose_of(owner) for owner in {part.owner for part in parts}}
-                found += [Placed(part.solid, compose(frames[part.owner], part.pose), part.colour) for part in parts]
-            return found
+                solids += [Placed(part.solid, compose(frames[part.owner], part.pose), part.colour) for part in parts]
+            return solids
 
         def measure(sight: Sight) -> CameraImage:
             eye = compose(sight.probe.link_pose(mount.link), mount.pose)

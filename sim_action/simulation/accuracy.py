@@ -143,10 +143,10 @@ class WheelSlip:
     def add(self, trace: Trace) -> None:
         """Add the next moments, at full rate."""
         columns = {name: place for place, name in enumerate(trace.joint_names)}
-        for found, radius in self._wheels:
-            speed = trace.joint_velocity[:, columns[found.joint]]
-            arm = _turned(trace.base_orientation_xyzw, found.position_xyz)
-            axle = _turned(trace.base_orientation_xyzw, found.axis_xyz)
+        for rolling_wheel, radius in self._wheels:
+            speed = trace.joint_velocity[:, columns[rolling_wheel.joint]]
+            arm = _turned(trace.base_orientation_xyzw, rolling_wheel.position_xyz)
+            axle = _turned(trace.base_orientation_xyzw, rolling_wheel.axis_xyz)
             centre = trace.base_linear_xyz + np.cross(trace.base_angular_xyz, arm)
             turning = trace.base_angular_xyz + axle * speed[:, None]
             rim = centre + np.cross(turning, (0.0, 0.0, -radius))

@@ -226,12 +226,12 @@ class Actors(Guard):
 
     def _frames_of(self, traces: Mapping[str, Trace]) -> dict[str, Trace]:
         """Return the moments of traces that a replay shows."""
-        found = {}
+        frames = {}
         for name, trace in traces.items():
             steps = np.rint(trace.time * self._rate).astype(int)
             shown = (steps > 0) & ((steps % frame_stride(self._rate) == 0) | (steps == 1))
-            found[name] = trace.rows(np.flatnonzero(shown))
-        return found
+            frames[name] = trace.rows(np.flatnonzero(shown))
+        return frames
 
     def _records(self, traces: Mapping[str, Trace], names: Iterable[str]) -> Iterator[tuple[str, BodyRecord]]:
         models = {actor.name: actor.scene.model for actor in self._actors}

@@ -112,7 +112,7 @@ class Pinning(Guard):
     def _pressed(self, touches: Sequence[Contact], trace: Trace) -> dict[str, FloatArray]:
         """Return body on a path -> (T,) its mean force in N over the window that ends at each step; without zeros."""
         first, count = self._step(float(trace.time[0])), len(trace)
-        found = {}
+        mean_forces = {}
         forces = {name: np.concatenate((before, np.zeros(count))) for name, before in self._forces.items()}
         for touch in touches:
             if touch.body in forces:
@@ -122,9 +122,9 @@ class Pinning(Guard):
         for name, force in forces.items():
             if force.any():
                 sums = np.concatenate(([0.0], np.cumsum(force)))
-                found[name] = (sums[self._window :] - sums[: -self._window]) / self._window
+                mean_forces[name] = (sums[self._window :] - sums[: -self._window]) / self._window
             self._forces[name] = force[count:]
-        return found
+        return mean_forces
 
     def _depths(self, touches: Sequence[Contact], trace: Trace) -> FloatArray:
         """Return (T,) m: the depth of the overlap with each body, added up over the bodies."""
@@ -189,11 +189,11 @@ class Crossings(Guard):
         still = [body for body in scene.world.objects if body.mass is None and not body.path]
         fixed = _obstacle(scene, still, moves=False)
         for number, one in enumerate(travellers):
-            found = {} if fixed is None else one.meets(fixed, None, end, scene.physics.rate)
+            meetings = {} if fixed is None else one.meets(fixed, None, end, scene.physics.rate)
             for other in travellers[:number]:
                 own = _obstacle(scene, [other.body], moves=True)
-                found |= {} if own is None else one.meets(own, other.path, end, scene.physics.rate)
-            for name, time in sorted(found.items(), key=lambda item: item[1]):
+                meetings |= {} if own is None else one.meets(own, other.path, end, scene.physics.rate)
+            for name, time in sorted(meetings.items(), key=lambda item: item[1]):
                 yield (
                     f"body '{one.body.name}' passes through body '{name}' on its path, at {time:.2f} s: nothing "
                     "stops it, and no assertion judges two bodies of the world"
@@ -235,13 +235,13 @@ class _Traveller:
 
     def _moments(self, end: float, path: PosePath | None) -> Sequence[float]:
         """Return the sim times in s to look at, up to the end of a run."""
-        paths = [each for each in (self.path, path) if each is not None]
+        paths = [pose_path for pose_path in (self.path, path) if pose_path is not None]
         # A path with a pace ends later or earlier than it states.
-        loops = any(each.loops or each.pace for each in paths)
+        loops = any(pose_path.loops or pose_path.pace for pose_path in paths)
         last = max(self.path.times[-1], path.times[-1] if path is not None else 0.0)
         until = end if loops else min(last, end)
         frames: list[float] = (np.arange(min(int(until * FRAME_RATE) + 1, _MAX_FRAMES)) / FRAME_RATE).tolist()
-        corners = [time for each in paths for time in each.times if time <= until]
+        corners = [time for pose_path in paths for time in pose_path.times if time <= until]
         # Bodies may appear after the end of the path.
         return sorted({*frames, *corners, end})
 
@@ -283,11 +283,11 @@ def _overlap(piece: Piece, points: np.ndarray, obstacle: Obstacle, index: int) -
 
 def _obstacle(scene: Scene, bodies: Sequence[Body], *, moves: bool) -> Obstacle | None:
     """Return bodies in the world frame, or in their own if they move; None without shapes."""
-    found = []
+    shapes = []
     for body in bodies:
         parts = scene.parts_of(body)
         pieces, soups = tuple(part_pieces(parts)), tuple(part_soups(parts, is_solid=True))
         if pieces or soups:
             pose = Pose() if moves else placed(body, parts)
-            found.append((body.name, body.presence(scene.physics.rate), pose, pieces, soups))
-    return Obstacle.of(found) if found else None
+            shapes.append((body.name, body.presence(scene.physics.rate), pose, pieces, soups))
+    return Obstacle.of(shapes) if shapes else None

@@ -103,12 +103,12 @@ class TargetStep(NamedTuple):
 class _Motions:
     """The motions of position targets; `active`: those that have not ended; `steps`: joint -> steps of its targets."""
 
-    def __init__(self, beginnings: Mapping[str, float], rate: float, told: Told) -> None:
+    def __init__(self, beginnings: Mapping[str, float], rate: float, on_command: Told) -> None:
         """`beginnings`: the positions in rad (or m) of the joints at t = 0."""
         self.steps: dict[str, list[TargetStep]] = {}
         # Joint -> its last velocity target without a position.
         self._velocities: dict[str, float] = {}
-        self._rate, self._told, self._told_stride = rate, told, max(1, round(rate / _TOLD_HZ))
+        self._rate, self._told, self._told_stride = rate, on_command, max(1, round(rate / _TOLD_HZ))
         self.active: list[_Followed] = []
         # Joint -> its last position target, the velocity of this target, and its physics step.
         self._last = {name: (position, 0.0, 0) for name, position in beginnings.items()}
@@ -168,7 +168,7 @@ class _Motions:
         for index in range(-step % self._told_stride, steps, self._told_stride):
             self._told((step + index) / self._rate, rows[index])
         start = step / self._rate
-        self.active = [each for each in self.active if start - each.delay_s < each.motion.end]
+        self.active = [followed for followed in self.active if start - followed.delay_s < followed.motion.end]
         return rows
 
     def left(self, names: Collection[str]) -> dict[str, float]:
@@ -206,16 +206,16 @@ class Controls:
         scenario: Scenario,
         scene: Scene,
         motion: DriveMotion | None,
-        told: Told = lambda _time, _command: None,
+        on_command: Told = lambda _time, _command: None,
         seams: Seams = UNTOUCHED,
     ) -> None:
         """Open the sources. Raise ScriptError after closing those that are open."""
         self.log = CommandLog(scene.joint_positions, motion.joints if motion else frozenset())
         self._rate = scenario.physics.rate
-        self._told = told
+        self._told = on_command
         self._seams = seams
         self._motion = motion
-        self._motions = _Motions(scene.joint_positions, self._rate, told)
+        self._motions = _Motions(scene.joint_positions, self._rate, on_command)
         self._steps_wheels = scene.mobility.acceleration > GRAVITY
         self._twist: Twist | None = None
         # The twist that the wheels have reached; they keep their targets.
@@ -413,10 +413,10 @@ class Controls:
             try:
                 for sent, command in self._commands(source, step, look_once, is_due=is_due):
                     targets = self._taken(source, command, targets, step=step, sent=sent)
-                    told = command
+                    applied = command
                     if targets is not None and isinstance(command, JointTargets) and command.wrenches is not None:
-                        told = replace(command, wrenches=targets.wrenches)
-                    self._told(step / self._rate, told)
+                        applied = replace(command, wrenches=targets.wrenches)
+                    self._told(step / self._rate, applied)
             except ScriptError as error:
                 error.source, error.time = source.index, step / self._rate
                 raise
@@ -449,7 +449,9 @@ class Controls:
     def _pressed(self, source: _Source, wrenches: tuple[LinkWrench, ...]) -> tuple[LinkWrench, ...]:
         for link in dict.fromkeys(wrench.link for wrench in wrenches):
             source.wrenches[link] = tuple(wrench for wrench in wrenches if wrench.link == link)
-        return tuple(each for source in self._sources for held in source.wrenches.values() for each in held)
+        return tuple(
+            link_wrench for source in self._sources for held in source.wrenches.values() for link_wrench in held
+        )
 
     def _commands(
         self, source: _Source, step: int, look: Look, *, is_due: bool

@@ -77,8 +77,8 @@ class Piece:
 
     def extents(self, directions: FloatArray) -> FloatArray:
         """Return its extents (N,) in m along unit vectors (N, 3)."""
-        found: FloatArray = np.ptp(self.points @ directions.T, axis=0) + 2 * self.radius
-        return found
+        extents: FloatArray = np.ptp(self.points @ directions.T, axis=0) + 2 * self.radius
+        return extents
 
 
 def turned(points: FloatArray, orientation: geometry.Quaternion) -> FloatArray:
@@ -216,8 +216,8 @@ class Obstacle:
     def corners(self, index: int) -> FloatArray:
         """Return the corners (P, 3) of a piece."""
         block = int(self.groups[index])
-        found: FloatArray = self.blocks[block][index - int(self.starts[block])]
-        return found
+        corners: FloatArray = self.blocks[block][index - int(self.starts[block])]
+        return corners
 
     @cached_property
     def least_thickness(self) -> float:
@@ -228,8 +228,8 @@ class Obstacle:
         """Return the pieces that overlap a box (3,), (3,) and are there at a step."""
         inside = (self.lower <= upper).all(axis=1) & (self.upper >= lower).all(axis=1)
         inside &= (self.appears <= step) & (step < self.disappears)
-        found: list[int] = np.flatnonzero(inside).tolist()
-        return found
+        pieces: list[int] = np.flatnonzero(inside).tolist()
+        return pieces
 
 
 _MAX_ROUNDS: Final = 64
@@ -282,6 +282,6 @@ def _nearest_in_plane(corners: FloatArray) -> FloatArray:
     system = np.zeros((count + 1, count + 1))
     system[0, 1:] = system[1:, 0] = 1.0
     system[1:, 1:] = corners @ corners.T
-    wanted = np.zeros(count + 1)
-    wanted[0] = 1.0
-    return np.asarray(np.linalg.lstsq(system, wanted, rcond=None)[0][1:], dtype=np.float64)
+    right_side = np.zeros(count + 1)
+    right_side[0] = 1.0
+    return np.asarray(np.linalg.lstsq(system, right_side, rcond=None)[0][1:], dtype=np.float64)

@@ -114,7 +114,7 @@ class Mechanics:
 def _bodies(model: RobotModel) -> dict[str, _Body]:
     # `sim_action.robot` wrote this text.
     root = ET.fromstring(model.urdf)  # noqa: S314 - see above
-    found = {}
+    bodies = {}
     for link in root.iterfind("link"):
         inertial = link.find("inertial")
         if inertial is not None:
@@ -122,8 +122,8 @@ def _bodies(model: RobotModel) -> dict[str, _Body]:
             at, tensor = origin(inertial), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
             axes = np.column_stack([geometry.rotate(at.orientation_xyzw, axis) for axis in geometry.AXES])
             mass = number(inertial.find("mass"), "value") or 0.0
-            found[link.attrib["name"]] = _Body(mass, at.position_xyz, axes @ tensor @ axes.T)
-    return found
+            bodies[link.attrib["name"]] = _Body(mass, at.position_xyz, axes @ tensor @ axes.T)
+    return bodies
 
 
 def _reach(lower: geometry.Vector3, upper: geometry.Vector3) -> float:

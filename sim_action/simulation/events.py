@@ -194,7 +194,7 @@ class RunEvents:
         """Return the name of each event -> the sim times in s at which it happened, until a sim time in s."""
         happened = self.until(end)
         return {
-            event.name: tuple(each.time for each in happened if each.event == index)[:MAX_TIMES]
+            event.name: tuple(happening.time for happening in happened if happening.event == index)[:MAX_TIMES]
             for index, event in enumerate(self._scenario.events)
         }
 
@@ -219,7 +219,7 @@ class RunEvents:
         shortened: dict[float, list[str]] = {}
         for name, until in panel.shortened():
             shortened.setdefault(until, []).append(name)
-        (ended, *_) = (each.event for each in self.happenings if self._ends(each.event))
+        (ended, *_) = (happening.event for happening in self.happenings if self._ends(happening.event))
         for until, names in sorted(shortened.items()):
             end = f"event '{self._scenario.events[ended].name}' ended the run at {display(self.end, 's')}"
             yield f"{end}, so these were judged until then and not until {display(until, 's')}: {quoted(names)}"

@@ -105,26 +105,26 @@ class Parts:
         with np.errstate(divide="ignore"):
             most = (budgets[:, None] / self._ways).min(axis=0, initial=math.inf)
         # The speed, the turn rate and all joints together get a third of each budget.
-        third, each = math.sqrt(3) * 3, 3 * max(joints, 1)
-        return np.concatenate(([most[0] / third] * 3, [most[1] / third] * 3, [math.inf] * joints, most[2:] / each))
+        third, per_joint = math.sqrt(3) * 3, 3 * max(joints, 1)
+        return np.concatenate(([most[0] / third] * 3, [most[1] / third] * 3, [math.inf] * joints, most[2:] / per_joint))
 
     def fast_pairs(self, block: Block) -> list[tuple[int, int]]:
         """Return the pairs of a part and an obstacle, `FIXED` or a mover, that may pass through each other."""
         spare = self.spare(block.trace)
-        found = [(link, FIXED) for link in np.flatnonzero((spare < -self._thickness) & self._free).tolist()]
+        pairs = [(link, FIXED) for link in np.flatnonzero((spare < -self._thickness) & self._free).tolist()]
         if not self.movers:
-            return found
+            return pairs
         first = len(self.links)
         spares = self._mover_widths - self._mover_ways(block)
         heavy = spares[: self.heavy]
         if not self._links_only:
-            found += [(first + mover, FIXED) for mover in np.flatnonzero(heavy < -self._thickness).tolist()]
+            pairs += [(first + mover, FIXED) for mover in np.flatnonzero(heavy < -self._thickness).tolist()]
         for number in range(len(self.movers)):
-            found += [(link, number) for link in np.flatnonzero(spare < -spares[number]).tolist()]
+            pairs += [(link, number) for link in np.flatnonzero(spare < -spares[number]).tolist()]
             if self._links_only:
                 continue
-            found += [(first + other, number) for other in np.flatnonzero(heavy[:number] < -spares[number]).tolist()]
-        return found
+            pairs += [(first + other, number) for other in np.flatnonzero(heavy[:number] < -spares[number]).tolist()]
+        return pairs
 
     def spare(self, trace: Trace) -> FloatArray:
         """Return (L,) m, the width of links minus motion in a step; below 0 in sum, one may pass through another."""
@@ -167,17 +167,17 @@ def _least_width(shape: Shape) -> float:
 
 def _least_thickness(parts: Sequence[Part]) -> float:
     """Return a lower bound in m on the thickness of the parts of a body, cheap enough for every run."""
-    found = math.inf
+    least = math.inf
     for part in parts:
         if isinstance(part, BoxPart):
-            found = min(found, *part.size_xyz)
+            least = min(least, *part.size_xyz)
         elif isinstance(part, CylinderPart):
-            found = min(found, 2 * part.radius, part.height)
+            least = min(least, 2 * part.radius, part.height)
         elif isinstance(part, SpherePart):
-            found = min(found, 2 * part.radius)
+            least = min(least, 2 * part.radius)
         else:
             return 0.0
-    return found
+    return least
 
 
 def _shape_reach(shape: Shape) -> float:

@@ -254,7 +254,7 @@ class _Loop:
         wall_time = max(0.0, time.perf_counter() - started)
         kept = footage.trace()
         assert kept is not None
-        for transcript in (each for controls in self._all_controls for each in controls.transcripts):
+        for transcript in (record for controls in self._all_controls for record in controls.transcripts):
             digest.add_transcript(transcript, panel.time)
         audited = self._audited(panel, begin, motion, kept, placed)
         findings = (*audited, *self._source_findings(), *self._missed_events(panel))
@@ -339,19 +339,19 @@ class _Loop:
             *(panel.time, motion, self._controls.log, kept, unmet, panel.verdicts(), panel.monitors, begin),
             *(moved, undelivered, why_silent),
         )
-        found = audit_run(self._scenario, self._scene, facts)
-        return tuple(finding for finding in found if not self._scenario.accepts(finding))
+        findings = audit_run(self._scenario, self._scene, facts)
+        return tuple(finding for finding in findings if not self._scenario.accepts(finding))
 
     def _source_findings(self) -> Iterator[ClaimFinding]:
         """Yield what command sources lost, what may make another run differ, and what programs logged."""
         places = [(), *(("world", "actors", index) for index in range(len(self._all_controls) - 1))]
-        found = [
+        findings = [
             ClaimFinding(rule, (*place, "commands"), message)
             for place, controls in zip(places, self._all_controls, strict=True)
             for rule, message in controls.findings
         ]
         order = (NOT_SIMULATED, NOT_REPRODUCIBLE, LOGGED_ERROR)
-        for finding in sorted(found, key=lambda finding: order.index(finding.rule)):
+        for finding in sorted(findings, key=lambda finding: order.index(finding.rule)):
             # The source itself decides which losses are allowed.
             if finding.rule == NOT_SIMULATED or not self._scenario.accepts(finding):
                 yield finding
@@ -380,12 +380,12 @@ class _Loop:
                 if not self._scenario.accepts(finding):
                     yield finding
 
-    def _notes_of_end(self, panel: Panel, told: Collection[str]) -> tuple[str, ...]:
-        """Return notes on the whole run, without the messages that findings have `told`."""
+    def _notes_of_end(self, panel: Panel, reported: Collection[str]) -> tuple[str, ...]:
+        """Return notes on the whole run, without the messages that findings have `reported`."""
         missed = (message for _, message in unreached_events(self._scenario, panel.time))
         of_guards = (note for guard in self._guards for note in guard.notes(panel.time))
         of_end = () if self._events is None else self._events.note_of_end(panel)
-        return (*(message for message in missed if message not in told), *of_guards, *of_end)
+        return (*(message for message in missed if message not in reported), *of_guards, *of_end)
 
     def _all_notes(self, end: float) -> tuple[str, ...]:
         of_drive = self._motion.notes if self._motion else ()
@@ -447,26 +447,26 @@ class _Loop:
                 progress(self._step / rate)
         except RunError as error:
             failure = error
-        told = self._collected()
+        trace = self._collected()
         if self._events is not None:
-            self._events.judge(told)
-            told, self._seen = Trace.concatenate((*self._seen, told)), []
+            self._events.judge(trace)
+            trace, self._seen = Trace.concatenate((*self._seen, trace)), []
         if self._scene.world.objects:
             self._body_poses = self._backend.collect_bodies()
         for guard in self._guards:
-            told, missed = guard.watch(told, NO_BODIES if self._body_poses is None else self._body_poses)
+            trace, missed = guard.watch(trace, NO_BODIES if self._body_poses is None else self._body_poses)
             # A later guard sees only the moments that the earlier ones have left: its error comes first.
             failure = missed or failure
         if self._seams.looks_ahead:
-            self._moments.append(told)
-        return told, failure
+            self._moments.append(trace)
+        return trace, failure
 
     def _collected(self) -> Trace:
         """Return the moments since the last call, with the readings of sensors."""
-        told = self._backend.collect()
+        trace = self._backend.collect()
         readings = self._sensing.collect()
-        told = self._actors.seen_with(told) if self._actors else told
-        return replace(told, sensors=readings) if readings else told
+        trace = self._actors.seen_with(trace) if self._actors else trace
+        return replace(trace, sensors=readings) if readings else trace
 
     def _events_until(self, events: RunEvents, end: int) -> int:
         """Let what is due happen from the next step on; return the step up to which the run may go on."""
@@ -516,9 +516,9 @@ class _Loop:
         else:
             robot, link = frame
             pose = self._backend.actors[robot].link_pose(link)
-        found = BodyRecord(np.zeros(1), np.array([pose.position_xyz]), np.array([pose.orientation_xyzw]))
+        record = BodyRecord(np.zeros(1), np.array([pose.position_xyz]), np.array([pose.orientation_xyzw]))
         first, _ = presences(self._scene.world, self._scene.physics.rate).get(body, (0.0, 0.0))
-        return found.within(first)
+        return record.within(first)
 
     def _guards_from(self, start: Observation, placed: FloatArray) -> Iterator[Guard]:
         """Yield the guards of a run that starts with this observation and these poses of bodies."""

@@ -235,10 +235,10 @@ class _Robot:
 
     def _farther(self, joint: str, position: float, factor: float) -> float:
         start = self.start.get(joint, 0.0)
-        wanted = start + factor * (position - start)
-        lower, upper = self.limits.get(joint, (wanted, wanted))
+        target = start + factor * (position - start)
+        lower, upper = self.limits.get(joint, (target, target))
         # A target that was beyond a limit before stays as it is.
-        return max(min(lower, position), min(max(upper, position), wanted))
+        return max(min(lower, position), min(max(upper, position), target))
 
     def mirrored(self, command: Command) -> Command:
         """Return a command with left and right swapped."""
@@ -293,17 +293,17 @@ _LETTER: Final = r"(?<![A-Za-z])([fmbrhFMBRH]?){side}([fmbhFMBH]?)(?![A-Za-z])"
 
 def partners(names: Iterable[str]) -> dict[str, str]:
     """Return joint -> the joint on the other side, for joints with "left" or "right", or "l" or "r", in their names."""
-    known = frozenset(names)
-    found = {}
-    for name in known:
+    joint_names = frozenset(names)
+    candidates = {}
+    for name in joint_names:
         for side, other in (*_SIDES, *((right, left) for left, right in _SIDES)):
             pattern = _LETTER.format(side=side) if len(side) == 1 else side
             swap = rf"\g<1>{other}\g<2>" if len(side) == 1 else other
             partner = re.sub(pattern, swap, name, count=1)
-            if partner != name and partner in known:
-                found[name] = partner
+            if partner != name and partner in joint_names:
+                candidates[name] = partner
                 break
-    return {name: partner for name, partner in found.items() if found.get(partner) == name}
+    return {name: partner for name, partner in candidates.items() if candidates.get(partner) == name}
 
 
 def heavier(model: RobotModel, factor: float) -> RobotModel:

@@ -181,5 +181,5 @@ def _undecided(monitor: Window, verdict: Verdict) -> Verdict:
     if verdict.passed or monitor.over or monitor.state is State.BROKEN:
         return verdict
     is_cut_short = monitor.state is State.PENDING and verdict.status == "failed"
-    told = ", when the run ended" if is_cut_short else ""
-    return replace(verdict, message=f"{verdict.message}{told}", cut_off=True)
+    remark = ", when the run ended" if is_cut_short else ""
+    return replace(verdict, message=f"{verdict.message}{remark}", cut_off=True)

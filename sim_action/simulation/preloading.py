@@ -22,22 +22,22 @@ def preload(scenarios: Iterable[LoadedScenario]) -> None:
 
 def needed_modules(scenarios: Iterable[LoadedScenario]) -> set[str]:
     """Return the names of the modules that some of these scenarios may need, but not every run."""
-    found, known = set[str](), set[tuple[object, ...]]()
+    needed, robots = set[str](), set[tuple[object, ...]]()
     for loaded in scenarios:
         modules = ENGINES[chosen(loaded.scenario.backend)].feature_modules
         if loaded.scenario.robot.is_mjcf and "MJCF" in modules:
-            found.add(modules["MJCF"])
+            needed.add(modules["MJCF"])
         if loaded.model is None:
             continue
-        found.update(_of_world(loaded))
+        needed.update(_of_world(loaded))
         # Variations often have the same robot.
         scenario = loaded.scenario
         drive = scenario.robot.drive
         robot = id(loaded.model), drive and drive.key, bool(scenario.commands), scenario.backend
-        if robot not in known:
-            known.add(robot)
-            found.update(_of_robot(scenario, loaded.model))
-    return {f"sim_action.{name}" for name in found}
+        if robot not in robots:
+            robots.add(robot)
+            needed.update(_of_robot(scenario, loaded.model))
+    return {f"sim_action.{name}" for name in needed}
 
 
 def _of_world(loaded: LoadedScenario) -> Iterator[str]:

@@ -111,18 +111,20 @@ class RunRecorder:
         """
         if self._steps is not None:
             self._steps.add(seen, bodies)
-        wanted = self._rows(seen, self._stride, is_last=is_last)
+        rows = self._rows(seen, self._stride, is_last=is_last)
         # Contacts that only the replay needs are not stored in the trace.
         contacts = seen.contacts if self._judges_contacts else ()
-        self._kept.append(replace(seen.rows(wanted), contacts=contacts))
+        self._kept.append(replace(seen.rows(rows), contacts=contacts))
         if self._filmed:
             # The ground is no body of a replay.
             self._contacts += (contact for contact in seen.contacts if contact.body != GROUND)
-            wanted = self._rows(seen, self._film_stride, is_last=is_last)
+            rows = self._rows(seen, self._film_stride, is_last=is_last)
             # Images are too large to be kept.
-            sensors = {name: told for name, told in judged.items() if name in seen.sensors or told.kind != "camera"}
+            sensors = {
+                name: record for name, record in judged.items() if name in seen.sensors or record.kind != "camera"
+            }
             # The contacts of all steps are joined at the end.
-            self._film.append(replace(seen.rows(wanted), contacts=(), sensors=sensors))
+            self._film.append(replace(seen.rows(rows), contacts=(), sensors=sensors))
 
     def command(self, time: float, command: Command) -> None:
         """Record a command at a time in s."""
@@ -141,10 +143,10 @@ class RunRecorder:
     def _aim(self, time: float, command: JointTargets) -> None:
         names = command.names()
         for kind in JOINT_TARGETS:
-            told: Mapping[str, float] = getattr(command, kind)
-            if told or kind in self._commanded:
+            targets: Mapping[str, float] = getattr(command, kind)
+            if targets or kind in self._commanded:
                 # A joint with another kind of target has no target of this kind any more.
-                self._hold(kind, time, (dict.fromkeys(names, math.nan) | dict(told)).items())
+                self._hold(kind, time, (dict.fromkeys(names, math.nan) | dict(targets)).items())
 
     def _hold(self, kind: str, time: float, values: Iterable[tuple[str, float]]) -> None:
         """Record commanded values for the next moment of the film; later ones for the same moment replace them."""
@@ -215,8 +217,8 @@ class EveryStep:
         if self._bodies and bodies is not None:
             self._poses.append(bodies[: len(seen), list(self._bodies.values())])
         for name, poses in self._actors.items():
-            told = seen.objects[name]
-            poses.append(np.column_stack((told.position_xyz, told.orientation_xyzw)))
+            record = seen.objects[name]
+            poses.append(np.column_stack((record.position_xyz, record.orientation_xyzw)))
 
     def record(self, scene: Scene) -> MotionRecord:
         """Return the record of all moments; the poses of links follow from the base and the joints."""
@@ -230,7 +232,7 @@ class EveryStep:
             units={name: scene.model.joints_by_name[name].dimension("position").si for name in joints},
             links=self._link_poses(scene, rows),
             bodies={name: poses[:, number] for number, name in enumerate(self._bodies)}
-            | {name: np.concatenate(told) for name, told in self._actors.items()},
+            | {name: np.concatenate(pieces) for name, pieces in self._actors.items()},
             bolted=scene.bolted,
         )
 
@@ -245,13 +247,13 @@ class EveryStep:
 
 def summed_wrenches(wrenches: Iterable[LinkWrench]) -> dict[str, float]:
     """Return the components of the forces in N and torques in N m on each link, each in the frame of its wrench."""
-    found: dict[str, float] = {}
+    components: dict[str, float] = {}
     for wrench in wrenches:
         for kind, vector in (("force", wrench.force_xyz), ("torque", wrench.torque_xyz)):
             for axis, value in zip("xyz", vector, strict=True):
                 name = f"{kind} on {wrench.link} {axis}"
-                found[name] = found.get(name, 0.0) + value
-    return found
+                components[name] = components.get(name, 0.0) + value
+    return components
 
 
 def moving_bodies(world: World) -> list[str]:
@@ -259,5 +261,5 @@ def moving_bodies(world: World) -> list[str]:
     return [body.name for body in world.objects if body.mass is not None or body.path]
 
 
-def _stride(rate: float, wanted: float) -> int:
-    return max(1, round(rate / wanted))
+def _stride(rate: float, target_rate: float) -> int:
+    return max(1, round(rate / target_rate))

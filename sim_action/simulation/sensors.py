@@ -165,9 +165,11 @@ def _checked(measure: Measure, sensor: Sensor) -> Measure:
         reading = measure(sight)
         if not hasattr(reading, "time") or not callable(getattr(reading, "columns", None)):
             raise ScriptError(f"sensor '{sensor.key}' gave {shown(reading)}, which is no sim_action.extending.Values")
-        if (found := set(reading.columns())) != names:
-            told = f"has the columns {', '.join(sorted(found)) or 'none'}; its class states {', '.join(sorted(names))}"
-            raise ScriptError(f"a reading of sensor '{sensor.key}' {told}")
+        if (columns := set(reading.columns())) != names:
+            mismatch = (
+                f"has the columns {', '.join(sorted(columns)) or 'none'}; its class states {', '.join(sorted(names))}"
+            )
+            raise ScriptError(f"a reading of sensor '{sensor.key}' {mismatch}")
         return reading
 
     return checked

@@ -49,15 +49,15 @@ def refuse_bad_start(
     that begin inside others all the same.
     """
     inside = _problems(scene, overlaps)
-    found = Clashes.of(scene.world, _of_free(scene, clashes), scene.places.bodies, allowed)
-    problems = [*inside, *_buried(scene, at), *found.problems()]
-    elsewhere = list(found.problems_of_file())
+    conflicts = Clashes.of(scene.world, _of_free(scene, clashes), scene.places.bodies, allowed)
+    problems = [*inside, *_buried(scene, at), *conflicts.problems()]
+    elsewhere = list(conflicts.problems_of_file())
     if (place := scene.places.robot) is not None:
         elsewhere = [*(Problem(place, message) for _, message in inside), *elsewhere]
         problems = problems[len(inside) :]
     if problems or elsewhere:
         raise BadStart(problems, elsewhere)
-    return tuple(found.notes())
+    return tuple(conflicts.notes())
 
 
 def _of_free(scene: Scene, clashes: Iterable[Clash]) -> Iterator[Clash]:
@@ -77,8 +77,10 @@ def opened_on_top(scene: Scene, opened: Callable[[Scene], Engine]) -> tuple[Engi
     x, y, z = backend.observe(0, contacts=False).pose.position_xyz
     fixed = {GROUND, *(body.name for body in scene.world.objects if body.mass is None and not body.path)}
     lift, below = 0.0, set[str]()
-    while found := [each for each in backend.overlaps() if each.body in fixed and each.depth > _ON_TOP_M]:
-        deepest = max(found, key=lambda overlap: overlap.depth)
+    while overlapping := [
+        overlap for overlap in backend.overlaps() if overlap.body in fixed and overlap.depth > _ON_TOP_M
+    ]:
+        deepest = max(overlapping, key=lambda overlap: overlap.depth)
         if not lift and deepest.depth <= DEPTH:
             break
         backend.close()
@@ -146,11 +148,11 @@ def _problems(scene: Scene, overlaps: Iterable[Overlap]) -> list[SpecProblem]:
     fixed = {GROUND, *(body.name for body in scene.world.objects if body.mass is None)}
     # A fixed link in a fixed body does not move: the author may want a robot's foot inside a table.
     bolted = scene.bolted_links
-    told = set[str]()
+    reported = set[str]()
     for link, body, depth in sorted(overlaps, key=lambda overlap: -overlap.depth):
-        if depth <= DEPTH or body in told or (link in bolted and body in fixed):
+        if depth <= DEPTH or body in reported or (link in bolted and body in fixed):
             continue
-        told.add(body)
+        reported.add(body)
         where = f"the robot's link '{link}' starts {units.display(depth, 'm')} inside "
         if body == GROUND:
             problems.append((("robot", "pose"), f"{where}the ground{_remedy(scene)}"))
@@ -218,12 +220,12 @@ class Spawns:
         arrived = self.names.get(step, ())
         if not arrived:
             return
-        found = [(body, f"the robot's link '{link}'", depth) for link, body, depth in backend.overlaps()]
+        overlaps = [(body, f"the robot's link '{link}'", depth) for link, body, depth in backend.overlaps()]
         for one, other, depth in backend.clashes():
-            found += [(one, f"'{other}'", depth), (other, f"'{one}'", depth)]
-        blocked = [each for each in found if each[0] in arrived and each[2] > DEPTH]
+            overlaps += [(one, f"'{other}'", depth), (other, f"'{one}'", depth)]
+        blocked = [overlap for overlap in overlaps if overlap[0] in arrived and overlap[2] > DEPTH]
         if blocked:
-            body, inside, depth = max(blocked, key=lambda each: each[2])
+            body, inside, depth = max(blocked, key=lambda overlap: overlap[2])
             raise RunError(
                 f"body '{body}' appears at {step / rate:.4g} s, {units.display(depth, 'm')} inside {inside}, and the "
                 "engine would throw them apart; let it appear at another place or time",

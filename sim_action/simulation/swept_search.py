@@ -137,14 +137,14 @@ class SweptSearch:
         """Return a mover in its own frame, or all fixed bodies in the world frame."""
         if number not in self._obstacles:
             bodies = self._parts.fixed if number == FIXED else (self._parts.movers[number].body,)
-            found = []
+            shapes = []
             for body in bodies:
                 parts = self._scene.parts_of(body)
                 pose = placed(body, parts) if number == FIXED else Pose()
                 there = body.presence(self._rate) if number == FIXED else ALWAYS
                 soups = part_soups(parts, is_solid=self._parts.solid_terrain)
-                found.append((body.name, there, pose, tuple(part_pieces(parts)), tuple(soups)))
-            self._obstacles[number] = Obstacle.of(found)
+                shapes.append((body.name, there, pose, tuple(part_pieces(parts)), tuple(soups)))
+            self._obstacles[number] = Obstacle.of(shapes)
         return self._obstacles[number]
 
 
@@ -213,8 +213,8 @@ class _Search:
         swinging = swings[rows] > _SMALL_SWING * piece.width
         moved = np.where(swinging, lengths[rows] + swings[rows], lengths[rows])
         extents = np.where(swinging, piece.width, extents)
-        found = moved > extents + thickness
-        return list(zip(rows[found].tolist(), moved[found].tolist(), extents[found].tolist(), strict=True))
+        exceeds = moved > extents + thickness
+        return list(zip(rows[exceeds].tolist(), moved[exceeds].tolist(), extents[exceeds].tolist(), strict=True))
 
     def _passed(self, piece: Piece, row: int) -> tuple[str, float, bool] | None:
         """Return the name and the thickness in m of a body that a piece passes through in a step, and if they touch."""

@@ -98,7 +98,7 @@ class Tunnelling(Guard):
             return trace, None
         from sim_action.simulation.swept_search import first_meeting  # a usual run does without it
 
-        blocks = [Block(each.before, each.seen.rows(slice(count)), NO_BODIES) for each in (self, other)]
+        blocks = [Block(side.before, side.seen.rows(slice(count)), NO_BODIES) for side in (self, other)]
         return until_miss(trace, first_meeting((self.search, other.search), blocks, pairs, name), self.parts.scene)
 
 

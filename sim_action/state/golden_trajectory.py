@@ -144,9 +144,9 @@ def interpolated(rows: FloatArray, times: FloatArray) -> FloatArray:
     step[:, 4] = wrapped(step[:, 4])
     # A time that equals a row's time gives exactly that row.
     lead = np.divide(times - rows[after, 0], step[:, 0], out=np.zeros(len(times)), where=step[:, 0] > 0)
-    found = rows[after] + np.minimum(lead, 0.0)[:, None] * step
-    found[:, 0] = times
-    return np.asarray(found, dtype=np.float64)
+    rows_at_times = rows[after] + np.minimum(lead, 0.0)[:, None] * step
+    rows_at_times[:, 0] = times
+    return np.asarray(rows_at_times, dtype=np.float64)
 
 
 def wrapped(angle: FloatArray) -> FloatArray:

@@ -219,7 +219,7 @@ class JointMotion:
     def extremes(self) -> tuple[dict[str, float], dict[str, float]]:
         """The least and the greatest position of each joint."""
         values = [curve.states(curve.samples())[0] for curve in self.curves]
-        least, greatest = ([float(of(each)) for each in values] for of in (np.min, np.max))
+        least, greatest = ([float(of(positions)) for positions in values] for of in (np.min, np.max))
         return dict(zip(self.names, least, strict=True)), dict(zip(self.names, greatest, strict=True))
 
     def only(self, names: Iterable[str]) -> Self:

@@ -153,10 +153,10 @@ class Trace:
         end = self.time[count - 1] if count else -np.inf
         return self._part(slice(count), -np.inf, end, end)
 
-    def rows(self, wanted: slice | NDArray[np.intp]) -> Self:
+    def rows(self, selection: slice | NDArray[np.intp]) -> Self:
         """Return some of the moments with their objects and link contacts, and all other records."""
-        state = self.state[wanted]
-        return replace(self, state=state, objects=self._objects_at(wanted), link_contacts=self._contacts_at(state))
+        state = self.state[selection]
+        return replace(self, state=state, objects=self._objects_at(selection), link_contacts=self._contacts_at(state))
 
     def between(self, start: float, end: float) -> Self:
         """Return all data with start <= time <= end, but readings with start <= time < end.
@@ -176,16 +176,16 @@ class Trace:
         """The earliest time of all data in s: contacts and other records may lie between moments."""
         if not self._tells:
             return float(self.state[0, 0])
-        told = (*self._touch_times, *(record.time[0] for record in self._records))
-        return float(min([self.time[0], *told]))
+        times = (*self._touch_times, *(record.time[0] for record in self._records))
+        return float(min([self.time[0], *times]))
 
     @cached_property
     def _last(self) -> float:
         """The latest time of all data in s."""
         if not self._tells:
             return float(self.state[-1, 0])
-        told = (*self._touch_times, *(record.time[-1] for record in self._records))
-        return float(max([self.time[-1], *told]))
+        times = (*self._touch_times, *(record.time[-1] for record in self._records))
+        return float(max([self.time[-1], *times]))
 
     @property
     def _touch_times(self) -> list[float]:
@@ -203,23 +203,23 @@ class Trace:
     def _tells(self) -> bool:
         return bool(self.contacts or self.sensors or self.clearances or self.bodies or self.self_contacts)
 
-    def _part(self, wanted: slice, start: float, end: float, told_until: float) -> Self:
+    def _part(self, selection: slice, start: float, end: float, told_until: float) -> Self:
         if not self._tells:
-            return self.rows(wanted)
+            return self.rows(selection)
         return replace(
             self,
-            state=self.state[wanted],
+            state=self.state[selection],
             contacts=tuple(contact for contact in self.contacts if start <= contact.time <= end),
             sensors={name: record.between(start, told_until) for name, record in self.sensors.items()},
             clearances={watch: record.between(start, end) for watch, record in self.clearances.items()},
             bodies={name: record.between(start, end) for name, record in self.bodies.items()},
-            objects=self._objects_at(wanted),
-            link_contacts=self._contacts_at(self.state[wanted]),
+            objects=self._objects_at(selection),
+            link_contacts=self._contacts_at(self.state[selection]),
             self_contacts=tuple(contact for contact in self.self_contacts if start <= contact.time <= end),
         )
 
-    def _objects_at(self, wanted: slice | NDArray[np.intp]) -> Mapping[str, BodyRecord]:
-        return {name: record.rows(wanted) for name, record in self.objects.items()} if self.objects else self.objects
+    def _objects_at(self, selection: slice | NDArray[np.intp]) -> Mapping[str, BodyRecord]:
+        return {name: record.rows(selection) for name, record in self.objects.items()} if self.objects else self.objects
 
     def _contacts_at(self, state: FloatArray) -> Mapping[str, ContactRecord]:
         if not self.link_contacts:
@@ -317,7 +317,7 @@ class Transcript:
 
     def before(self, end: float) -> bytes:
         """Return a digest of all messages before a sim time in s, with their times."""
-        kept = (each for each in self._received if each[0] < end)
+        kept = (receipt for receipt in self._received if receipt[0] < end)
         return hashlib.sha256(b"".join(struct.pack("<d", time) + message for time, message in kept)).digest()
 
 

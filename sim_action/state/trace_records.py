@@ -47,8 +47,8 @@ class _Table:
         fields: dict[str, Any] = {}
         if cls.names:
             lists = [getattr(record, cls.names) for record in records]
-            fields[cls.names] = known = tuple(dict.fromkeys(name for names in lists for name in names))
-            places = [np.array([known.index(name) for name in names], dtype=np.int64) for names in lists]
+            fields[cls.names] = joined_names = tuple(dict.fromkeys(name for names in lists for name in names))
+            places = [np.array([joined_names.index(name) for name in names], dtype=np.int64) for names in lists]
             columns[cls.index] = [place[rows] for place, rows in zip(places, columns[cls.index], strict=True)]
         fields |= {column: np.concatenate(pieces) for column, pieces in columns.items()}
         # Events set times that the earlier ones could not know.
@@ -61,10 +61,10 @@ class _Table:
         first, last = np.searchsorted(self.time, (start - TIME_EPSILON_S, end + TIME_EPSILON_S))
         return self.rows(slice(int(first), int(last)))
 
-    def rows(self, wanted: slice | NDArray[np.intp] | NDArray[np.bool_]) -> Self:
+    def rows(self, selection: slice | NDArray[np.intp] | NDArray[np.bool_]) -> Self:
         """Return some of the moments."""
         whole: Any = self
-        part: Self = replace(whole, **{column: getattr(self, column)[wanted] for column in self.widths})
+        part: Self = replace(whole, **{column: getattr(self, column)[selection] for column in self.widths})
         return part
 
     @property
@@ -127,16 +127,16 @@ class ContactRecord(_Table):
     force: NDArray[np.float64]  # (N,) N, the normal force
 
     @classmethod
-    def of(cls, found: Sequence[tuple[float, LinkTouch]]) -> Self:
+    def of(cls, touches: Sequence[tuple[float, LinkTouch]]) -> Self:
         """Return the record of these contacts of a link, each with its time in s."""
-        bodies = tuple(dict.fromkeys(touch.body for _, touch in found))
+        bodies = tuple(dict.fromkeys(touch.body for _, touch in touches))
         return cls(
             bodies,
-            np.array([time for time, _ in found], dtype=np.float64),
-            np.array([bodies.index(touch.body) for _, touch in found], dtype=np.int64),
-            np.array([touch.position_xyz for _, touch in found], dtype=np.float64).reshape(-1, 3),
-            np.array([touch.normal_xyz for _, touch in found], dtype=np.float64).reshape(-1, 3),
-            np.array([touch.force for _, touch in found], dtype=np.float64),
+            np.array([time for time, _ in touches], dtype=np.float64),
+            np.array([bodies.index(touch.body) for _, touch in touches], dtype=np.int64),
+            np.array([touch.position_xyz for _, touch in touches], dtype=np.float64).reshape(-1, 3),
+            np.array([touch.normal_xyz for _, touch in touches], dtype=np.float64).reshape(-1, 3),
+            np.array([touch.force for _, touch in touches], dtype=np.float64),
         )
 
     def at(self, moments: NDArray[np.float64]) -> Self:
@@ -176,15 +176,15 @@ class ClearanceRecord(_Table):
     presence: tuple[tuple[float, float], ...] = (ALWAYS,)
 
     @classmethod
-    def of(cls, found: Sequence[Nearness], presence: tuple[tuple[float, float], ...] = (ALWAYS,)) -> Self:
+    def of(cls, moments: Sequence[Nearness], presence: tuple[tuple[float, float], ...] = (ALWAYS,)) -> Self:
         """Return the record of these moments."""
-        pairs = tuple(dict.fromkeys((one.link, one.body) for one in found))
+        pairs = tuple(dict.fromkeys((one.link, one.body) for one in moments))
         numbers = {pair: number for number, pair in enumerate(pairs)}
         return cls(
             pairs,
-            np.array([one.time for one in found], dtype=np.float64),
-            np.array([one.distance for one in found], dtype=np.float64),
-            np.array([numbers[one.link, one.body] for one in found], dtype=np.int64),
+            np.array([one.time for one in moments], dtype=np.float64),
+            np.array([one.distance for one in moments], dtype=np.float64),
+            np.array([numbers[one.link, one.body] for one in moments], dtype=np.int64),
             presence,
         )
 
@@ -244,10 +244,10 @@ class CommandedTwists:
     values: NDArray[np.float64] = field(default_factory=lambda: _none(6))
 
     @classmethod
-    def of(cls, told: Sequence[tuple[float, Twist]]) -> Self:
+    def of(cls, twists: Sequence[tuple[float, Twist]]) -> Self:
         """Return the record of pairs of time in s and twist."""
-        values = [[*twist.linear_xyz, *twist.angular_xyz] for _, twist in told]
-        return cls(np.array([time for time, _ in told]), np.array(values).reshape(-1, 6))
+        values = [[*twist.linear_xyz, *twist.angular_xyz] for _, twist in twists]
+        return cls(np.array([time for time, _ in twists]), np.array(values).reshape(-1, 6))
 
     def __len__(self) -> int:
         return len(self.time)
@@ -262,14 +262,14 @@ class CommandedValues:
     values: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, told: Sequence[tuple[float, Mapping[str, float]]]) -> Self:
+    def of(cls, changes: Sequence[tuple[float, Mapping[str, float]]]) -> Self:
         """Return the record of pairs of time in s and new values; a value stays until the next one of its name."""
-        names = dict.fromkeys(name for _, targets in told for name in targets)
-        values = {name: np.full(len(told), np.nan) for name in names}
-        for row, (_, targets) in enumerate(told):
+        names = dict.fromkeys(name for _, targets in changes for name in targets)
+        values = {name: np.full(len(changes), np.nan) for name in names}
+        for row, (_, targets) in enumerate(changes):
             for name, column in values.items():
                 column[row] = targets.get(name, column[row - 1] if row else np.nan)
-        return cls(np.array([time for time, _ in told]), values)
+        return cls(np.array([time for time, _ in changes]), values)
 
     def at(self, name: str, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return what was commanded at given times (T,) in s, NaN without it."""

@@ -42,7 +42,7 @@ class TraceError(ValueError):
 def save_trace(trace: Trace, path: Path, marks: Sequence[TimeMark] = ()) -> None:
     """Write a trace as .npz, with the marks of the timeline, if there are some, for readers of arrays."""
     columns = {name: getattr(trace, name) for name in COLUMNS}
-    told = {
+    records = {
         **_touch_arrays("contact", trace.contacts, Contact._fields),
         **(_touch_arrays("self_contact", own, SelfContact._fields) if (own := trace.self_contacts) else {}),
         **_sensor_arrays(trace.sensors),
@@ -52,9 +52,9 @@ def save_trace(trace: Trace, path: Path, marks: Sequence[TimeMark] = ()) -> None
         **_arrays("touching", trace.link_contacts),
     }
     if marks:
-        told["mark_time"] = np.array([mark.time for mark in marks], dtype=np.float64)
-        told["mark_words"] = np.array([mark.words for mark in marks], dtype=np.str_)
-    arrays: _Arrays = {"joint_names": np.array(trace.joint_names, dtype=np.str_), **columns, **told}
+        records["mark_time"] = np.array([mark.time for mark in marks], dtype=np.float64)
+        records["mark_words"] = np.array([mark.words for mark in marks], dtype=np.str_)
+    arrays: _Arrays = {"joint_names": np.array(trace.joint_names, dtype=np.str_), **columns, **records}
     save_arrays(arrays, path)
 
 
@@ -70,9 +70,9 @@ def load_trace(path: Path) -> Trace:
             bodies, objects = (_records(kind, BodyRecord, stored) for kind in ("body", "object"))
             _refuse_other_times(objects, trace)
             touches = _records("touching", ContactRecord, stored)
-            told = replace(trace, sensors=sensors, clearances=clearances, bodies=bodies, objects=objects)
+            with_records = replace(trace, sensors=sensors, clearances=clearances, bodies=bodies, objects=objects)
             own = _touches("self_contact", SelfContact, stored) if "self_contact_time" in stored else ()
-            return replace(told, self_contacts=own, link_contacts=touches)
+            return replace(with_records, self_contacts=own, link_contacts=touches)
     except Exception as error:  # noqa: BLE001 - numpy and zipfile raise many types for damaged files
         raise TraceError(f"{path}: not a trace: {error}") from None
 
@@ -89,7 +89,7 @@ def _touch_arrays(kind: str, contacts: Sequence[Contact] | Sequence[SelfContact]
     arrays: _Arrays = {}
     for name in fields:
         if name != "normal_xyz":
-            column = np.array([getattr(each, name) for each in contacts], dtype=_TYPES.get(name, "float64"))
+            column = np.array([getattr(contact, name) for contact in contacts], dtype=_TYPES.get(name, "float64"))
             arrays[f"{kind}_{name}"] = column.reshape(-1, 3) if name == "position_xyz" else column
     return arrays
 
@@ -232,15 +232,15 @@ class MotionRecord:
     def __len__(self) -> int:
         return len(self.time)
 
-    def rows(self, wanted: NDArray[np.intp]) -> MotionRecord:
+    def rows(self, selection: NDArray[np.intp]) -> MotionRecord:
         """Return some of the moments."""
         return MotionRecord(
-            self.time[wanted],
-            self.base[wanted],
-            {name: column[wanted] for name, column in self.joints.items()},
+            self.time[selection],
+            self.base[selection],
+            {name: column[selection] for name, column in self.joints.items()},
             self.units,
-            {name: poses[wanted] for name, poses in self.links.items()},
-            {name: poses[wanted] for name, poses in self.bodies.items()},
+            {name: poses[selection] for name, poses in self.links.items()},
+            {name: poses[selection] for name, poses in self.bodies.items()},
             self.bolted,
         )
 

@@ -101,7 +101,7 @@ class Line(Generic[Message]):
 
     def arrived(self, step: int) -> list[Message]:
         """Remove the messages that have arrived by a physics step, and return them in their order."""
-        found = []
+        messages = []
         while self._waiting and self._waiting[0][0] <= step:
-            found.append(self._waiting.popleft()[1])
-        return found
+            messages.append(self._waiting.popleft()[1])
+        return messages

@@ -64,10 +64,10 @@ class Pace(field_types.FrozenModel):
 
 def placements(start: field_types.Placement, points: Sequence[PathPoint]) -> tuple[field_types.Placement, ...]:
     """Return the placement at each point."""
-    found: list[field_types.Placement] = []
+    at_points: list[field_types.Placement] = []
     for point in points:
-        found.append(point.after(found[-1] if found else start))
-    return tuple(found)
+        at_points.append(point.after(at_points[-1] if at_points else start))
+    return tuple(at_points)
 
 
 Numbers = tuple[float, float, float, float, float, float]  # x, y, z in m and roll, pitch, yaw in rad
@@ -169,10 +169,10 @@ class Shape(field_types.FrozenModel):
 
     @model_validator(mode="after")
     def _is_one_shape(self) -> Self:
-        found = [f"'{shape}'" for shape in BODY_SHAPES if getattr(self, shape) is not None]
-        if len(found) > 1:
-            raise ValueError(f"{' and '.join(found)} are in one shape; begin each shape with '- '")
-        if not found:
+        shapes = [f"'{shape}'" for shape in BODY_SHAPES if getattr(self, shape) is not None]
+        if len(shapes) > 1:
+            raise ValueError(f"{' and '.join(shapes)} are in one shape; begin each shape with '- '")
+        if not shapes:
             raise ValueError(f"needs exactly one of {', '.join(BODY_SHAPES)}")
         return self
 
@@ -216,10 +216,10 @@ class Inertia(field_types.FrozenModel):
         least, middle, most = sorted(symmetric_eigenvalues(diagonal, *products) if is_turned else diagonal)
         smallest = _SMALLEST_SHARE * most if is_turned else 0.0
         if least <= smallest or most > (least + middle) * (1 + _ROUNDING):
-            found = " ".join(f"{moment:g}" for moment in ((least, middle, most) if is_turned else diagonal))
+            moments = " ".join(f"{moment:g}" for moment in ((least, middle, most) if is_turned else diagonal))
             kind = "principal moments" if is_turned else "moments"
             rule = "each is greater than 0 and at most the sum of the others"
-            raise ValueError(f"no body has the {kind} {found}: {rule}")
+            raise ValueError(f"no body has the {kind} {moments}: {rule}")
         return self
 
     @property
@@ -362,9 +362,9 @@ class Body(field_types.FrozenModel):
 
     @model_validator(mode="after")
     def _has_one_shape(self) -> Self:
-        found = [shape for shape in SHAPES if getattr(self, shape) is not None]
-        if len(found) != 1:
-            but = f", found {_listed(found)}; 'shapes' takes a list of several" if found else ""
+        shapes = [shape for shape in SHAPES if getattr(self, shape) is not None]
+        if len(shapes) != 1:
+            but = f", found {_listed(shapes)}; 'shapes' takes a list of several" if shapes else ""
             raise ValueError(f"an object needs exactly one shape of {_listed(SHAPES)}{but}")
         if self.mass is not None and self.shape not in _MAY_MOVE:
             raise ValueError(f"'{self.shape}' is always fixed: remove 'mass'; {_listed(_MAY_MOVE)} can have one")

@@ -248,10 +248,10 @@ class JudgedRun:
     def is_pushed(self, joints: Collection[str]) -> bool:
         """Return True if a force that is not negligible acted on the robot, or an effort on one of the joints."""
         mass = self.scene.model.mass
-        known, end = self.scene.model.joints_by_name, float(self.trace.time[-1])
+        by_name, end = self.scene.model.joints_by_name, float(self.trace.time[-1])
         return (
             self.wrench > FELT_SHARE * mass * GRAVITY
-            or any(self.efforts.get(name, 0.0) > FELT_SHARE * (known[name].max_effort or 0.0) for name in joints)
+            or any(self.efforts.get(name, 0.0) > FELT_SHARE * (by_name[name].max_effort or 0.0) for name in joints)
             or any(pushed.body is None and pushed.at < end for pushed in self.scene.world.disturbances)
         )
 

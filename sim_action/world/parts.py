@@ -194,8 +194,8 @@ def uniform_properties(parts: Sequence[Part]) -> tuple[NDArray[np.float64], NDAr
 
 def displaced(arm: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the inertia (3, 3) of 1 kg at a distance (3,) from the axes."""
-    found: NDArray[np.float64] = (arm @ arm) * np.eye(3) - np.outer(arm, arm)
-    return found
+    inertia: NDArray[np.float64] = (arm @ arm) * np.eye(3) - np.outer(arm, arm)
+    return inertia
 
 
 def _solid(part: Part) -> _Placed:
@@ -220,8 +220,8 @@ def _placed(solid: geometry.Solid, pose: Pose) -> _Placed:
 def turned_tensor(tensor: NDArray[np.float64], orientation: Quaternion) -> NDArray[np.float64]:
     """Return an inertia tensor (3, 3), stated in axes that have an orientation, in the outer axes."""
     axes = np.array([geometry.rotate(orientation, axis) for axis in geometry.AXES])
-    found: NDArray[np.float64] = axes.T @ tensor @ axes
-    return found
+    turned: NDArray[np.float64] = axes.T @ tensor @ axes
+    return turned
 
 
 def symmetric(entries: Iterable[float]) -> NDArray[np.float64]:

@@ -193,12 +193,12 @@ def _vector(value: object) -> Vector3:
 
 def _acceleration(value: object) -> float:
     try:
-        found = units.parse(value, units.ACCELERATION)
+        acceleration = units.parse(value, units.ACCELERATION)
     except units.UnitError as error:
         raise ValueError(str(error)) from None
-    if abs(found) > MAX_GRAVITY:
-        raise ValueError(f"must be at most {MAX_GRAVITY:g} m/s^2, found {found:g}")
-    return found
+    if abs(acceleration) > MAX_GRAVITY:
+        raise ValueError(f"must be at most {MAX_GRAVITY:g} m/s^2, found {acceleration:g}")
+    return acceleration
 
 
 Gravity = Annotated[

@@ -81,8 +81,8 @@ class Scene:
     @property
     def frames(self) -> dict[str, tuple[str, str]]:
         """Name of each other robot, and NAME/LINK of each of its links -> the robot and the link."""
-        found = {actor: (actor, scene.model.root) for actor, scene in self.actors.items()}
-        return found | {
+        roots = {actor: (actor, scene.model.root) for actor, scene in self.actors.items()}
+        return roots | {
             f"{actor}/{link}": (actor, link)
             for actor, scene in self.actors.items()
             for link in scene.model.links_by_name

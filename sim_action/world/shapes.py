@@ -105,14 +105,14 @@ def _scale(value: object) -> object:
 
 def _factor(value: object) -> float:
     try:
-        found = units.parse(value, units.RATIO)
+        factor = units.parse(value, units.RATIO)
     except units.UnitError as error:
         raise ValueError(str(error)) from None
-    if found <= 0:
+    if factor <= 0:
         raise ValueError(f"must be greater than 0, found {value}")
-    if found > _MAX_FACTOR:
+    if factor > _MAX_FACTOR:
         raise ValueError(f"must be at most {_MAX_FACTOR:g}, found {value}")
-    return found
+    return factor
 
 
 Scale = Annotated[Factor | tuple[Factor, Factor, Factor], BeforeValidator(_scale)]

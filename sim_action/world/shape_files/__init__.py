@@ -36,24 +36,24 @@ class ShapeLibrary:
         key = (workspace, body.mesh, body.heightfield, body.map, body.shapes, body.mass is not None)
         if key not in self._shapes:
             self._shapes[key] = _read(body, workspace)
-        found = self._shapes[key]
-        if isinstance(found, ShapeError):
-            raise found.with_traceback(None)
-        return found
+        parts = self._shapes[key]
+        if isinstance(parts, ShapeError):
+            raise parts.with_traceback(None)
+        return parts
 
 
 def read_surroundings(
     world: World,
     workspace: Workspace,
     shapes: ShapeLibrary | None = None,
-    known: Mapping[str, tuple[Part, ...]] = MappingProxyType({}),
+    already_read: Mapping[str, tuple[Part, ...]] = MappingProxyType({}),
 ) -> Surroundings:
-    """Read the shapes of a world's bodies from files or arrays; `known`: name of a body -> its parts, already read."""
+    """Read the shapes of a world's bodies from files or arrays; `already_read`: name of a body -> its parts."""
     shapes = shapes or ShapeLibrary()
-    parts = dict(known)
+    parts = dict(already_read)
     problems: list[SpecProblem] = []
     for index, body in enumerate(world.objects):
-        if body.is_read and body.name not in known:
+        if body.is_read and body.name not in already_read:
             try:
                 parts[body.name] = shapes.parts(body, workspace)
             except ShapeError as error:

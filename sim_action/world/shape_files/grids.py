@@ -135,8 +135,8 @@ def read_png(data: bytes) -> Grey:
     width, height, bits, colour, _, _, interlaced = struct.unpack(">IIBBBBB", header)
     checked_size(width, height)
     if colour != 0 or bits not in (8, 16) or interlaced:
-        found = f"{_COLOUR_TYPES.get(colour, 'unknown')}, {bits} bits{', interlaced' if interlaced else ''}"
-        raise ImageError(f"is a PNG of an unsupported kind ({found}); save it in grey, 8 or 16 bits, not interlaced")
+        variant = f"{_COLOUR_TYPES.get(colour, 'unknown')}, {bits} bits{', interlaced' if interlaced else ''}"
+        raise ImageError(f"is a PNG of an unsupported kind ({variant}); save it in grey, 8 or 16 bits, not interlaced")
     stride = width * bits // 8
     packed = b"".join(body for kind, body in chunks if kind == b"IDAT")
     rows = _unfiltered(_unpacked(packed, (stride + 1) * height), height, stride, bits // 8)
@@ -188,12 +188,12 @@ def _unfiltered(data: bytes, height: int, stride: int, step: int) -> NDArray[np.
     for diagonal in range(height + columns - 1):
         top, bottom = max(0, diagonal - columns + 1), min(height - 1, diagonal)
         count, start = bottom - top + 1, (top + 1) * (columns + 1) + diagonal - top + 1
-        here, left, up, corner = (
+        current, left, up, corner = (
             flat[at : at + (count - 1) * columns + 1 : columns]
             for at in (start, start - 1, start - columns - 1, start - columns - 2)
         )
-        here += _predicted(kinds[top : bottom + 1], left, up, corner)
-        here &= 255
+        current += _predicted(kinds[top : bottom + 1], left, up, corner)
+        current &= 255
     return framed[1:, 1:].reshape(height, stride).astype(np.uint8)
 
 
@@ -202,8 +202,8 @@ def _predicted(kinds: NDArray[np.uint8], left: Bytes, up: Bytes, corner: Bytes) 
     to_left, to_up, to_corner = abs(up - corner), abs(left - corner), abs(left + up - 2 * corner)
     nearest = np.where(to_up <= to_corner, up, corner)
     paeth = np.where((to_left <= to_up) & (to_left <= to_corner), left, nearest)
-    found: Bytes = np.choose(kinds, np.stack((np.zeros_like(left), left, up, (left + up) // 2, paeth)))
-    return found
+    predicted: Bytes = np.choose(kinds, np.stack((np.zeros_like(left), left, up, (left + up) // 2, paeth)))
+    return predicted
 
 
 MAX_WALLS: Final = 2_000  # Limit of boxes. An office of 50 m has a few hundred.
@@ -240,13 +240,13 @@ def walls(occupancy: OccupancyMap, workspace: Workspace) -> Iterator[BoxPart]:
             f"'{name}' has no occupied cell: no pixel of '{said.image}' is dark enough for 'occupied_thresh'"
         )
     # Row 0 of an image is at the top.
-    found = rectangles(occupied[::-1], MAX_WALLS)
-    if found is None:
+    boxes = rectangles(occupied[::-1], MAX_WALLS)
+    if boxes is None:
         raise ShapeError(
             f"'{name}' needs more than {MAX_WALLS:,} boxes after merging adjacent cells; "
             "remove isolated cells, or use a coarser resolution"
         )
-    for cells in found:
+    for cells in boxes:
         yield _wall(cells, said, occupancy.height)
 
 
@@ -268,12 +268,12 @@ def _map_file(name: str, data: bytes) -> MapFile:
     keys: Any = document.data
     if not isinstance(keys, dict):
         raise ShapeError(f"'{name}' has no keys; a map_server file needs 'image:', 'resolution:' and 'origin:'")
-    known = {key: value for key, value in keys.items() if key in MapFile.model_fields}
+    used_keys = {key: value for key, value in keys.items() if key in MapFile.model_fields}
     try:
-        said = MapFile.model_validate(known)
+        said = MapFile.model_validate(used_keys)
     except ValidationError as error:
-        found = [document.problem(path, message) for path, message in spec_errors(MapFile, known, error)]
-        raise ShapeError("; ".join(map(str, found))) from None
+        problems = [document.problem(path, message) for path, message in spec_errors(MapFile, used_keys, error)]
+        raise ShapeError("; ".join(map(str, problems))) from None
     if said.mode != "trinary":
         raise ShapeError(str(document.problem(("mode",), f"'{said.mode}' is not supported; use 'trinary'")))
     if said.free_thresh > said.occupied_thresh:
@@ -319,19 +319,19 @@ def rectangles(cells: NDArray[np.bool_], most: int) -> list[Rectangle] | None:
 
 
 def _merged(cells: NDArray[np.bool_], most: int) -> list[Rectangle] | None:
-    found: list[Rectangle] = []
+    merged: list[Rectangle] = []
     begun: dict[tuple[int, int], int] = {}
     last = -1
     for row, runs in _runs(cells):
         if row != last + 1:
-            found += _closed(begun, {}, last + 1)
-        found += _closed(begun, runs, row)
+            merged += _closed(begun, {}, last + 1)
+        merged += _closed(begun, runs, row)
         for run in runs:
             begun.setdefault(run, row)
         last = row
-        if len(found) + len(begun) > most:
+        if len(merged) + len(begun) > most:
             return None
-    return [*found, *_closed(begun, {}, last + 1)]
+    return [*merged, *_closed(begun, {}, last + 1)]
 
 
 def _closed(begun: dict[tuple[int, int], int], runs: dict[tuple[int, int], None], row: int) -> Iterator[Rectangle]:
@@ -372,6 +372,6 @@ def _heights(name: str, height: float, workspace: Workspace) -> NDArray[np.float
     if min(rows, columns) < _MIN_SAMPLES:
         raise ShapeError(f"'{name}' has {columns} x {rows} pixels; it needs at least 2 x 2", "image")
     if rows * columns > MAX_SAMPLES:
-        found = f"'{name}' has {columns} x {rows} pixels; at most {MAX_SAMPLES:,} samples are simulated"
-        raise ShapeError(f"{found}: scale it down", "image")
+        problem = f"'{name}' has {columns} x {rows} pixels; at most {MAX_SAMPLES:,} samples are simulated"
+        raise ShapeError(f"{problem}: scale it down", "image")
     return image.pixels.astype(np.float64) * (height / image.white)

@@ -77,9 +77,9 @@ def read_world_file(
     """
     notes = Notes()
     world = read_sdf_world(path.resolve(), document or read_document(path), packages, notes)
-    found = _WorldReader(world, packages, notes).read(is_robot)
-    refuse_errors(each for each in notes.findings if each.level == "fatal" and each.rule not in _MISSING)
-    return found
+    world_file = _WorldReader(world, packages, notes).read(is_robot)
+    refuse_errors(finding for finding in notes.findings if finding.level == "fatal" and finding.rule not in _MISSING)
+    return world_file
 
 
 class _WorldReader:
@@ -118,21 +118,21 @@ class _WorldReader:
                 message = f"the plugin {name} of the world is not supported and has no effect"
                 self._losses.add(plugin, message)
         missing = tuple(
-            Loss(message=each.message, location=each.location, kind=_ABSENT, is_missing=True)
-            for each in self._notes.findings
-            if each.rule in _MISSING
+            Loss(message=finding.message, location=finding.location, kind=_ABSENT, is_missing=True)
+            for finding in self._notes.findings
+            if finding.rule in _MISSING
         )
         stated = dict(self._stated())
         return WorldFile(
-            self._made({**stated, "objects": tuple(each.body for each in bodies)}),
-            {each.body.name: each.parts for each in bodies if each.parts is not None},
+            self._made({**stated, "objects": tuple(body.body for body in bodies)}),
+            {body.body.name: body.parts for body in bodies if body.parts is not None},
             self._robot,
             tuple(self._world.models),
             (*missing, *self._losses.found),
-            tuple(each for each in self._notes.findings if each.level == "warning"),
+            tuple(finding for finding in self._notes.findings if finding.level == "warning"),
             frozenset(stated),
             self._shapes.has_ground,
-            {each.body.name: each.place for each in bodies if each.place is not None},
+            {body.body.name: body.place for body in bodies if body.place is not None},
         )
 
     def _made(self, keys: Mapping[str, Any]) -> World:

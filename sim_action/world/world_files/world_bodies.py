@@ -161,19 +161,19 @@ class ShapeReader:
         stated = mesh.find("scale")
         scale = (1.0, 1.0, 1.0) if stated is None else vector_of(stated)
         if min(scale) <= 0:
-            stated_scale = f"the mesh '{uri}' of '{owner}' has the scale {' '.join(f'{each:g}' for each in scale)}"
+            stated_scale = f"the mesh '{uri}' of '{owner}' has the scale {' '.join(f'{number:g}' for number in scale)}"
             message = f"{stated_scale}; only positive numbers are supported; it is left out"
             self.losses.add(mesh, message, kind=_MESH_ABSENT, is_missing=True)
             return
         try:
-            found = self.packages.resolve(uri, link.owner.file.path)
+            resolved = self.packages.resolve(uri, link.owner.file.path)
         except PackageError as error:
             message = f"the mesh '{uri}' of '{owner}' was not found; it is left out: {error}"
             self.losses.add(mesh, message, kind=_MESH_ABSENT, is_missing=True)
             return
-        for note in found.notes:
+        for note in resolved.notes:
             self.notes.add(note.rule, mesh, note.text)
-        path = found.path
+        path = resolved.path
         parts = self._parts_of_mesh(path, scale, moves=moves)
         if isinstance(parts, str):
             message = f"a mesh of '{owner}' cannot be used: {parts}; it is left out"
@@ -195,9 +195,9 @@ class ShapeReader:
 
     def _with_fewer_triangles(self, key: _MeshKey, parts: tuple[Part, ...]) -> tuple[Part, ...]:
 
-        if len(parts) != 1 or not isinstance(parts[0], SurfacePart) or (found := simplified(parts[0])) is None:
+        if len(parts) != 1 or not isinstance(parts[0], SurfacePart) or (simplification := simplified(parts[0])) is None:
             return parts
-        surface, way = found
+        surface, way = simplification
         if way > 0:
             self._simplified[key] = way
         return (surface,)
@@ -246,8 +246,8 @@ def said(error: Exception) -> str:
     """Return the message of an error in one line."""
     if not isinstance(error, ValidationError):
         return str(error)
-    found = ((".".join(map(str, each["loc"])), each["msg"]) for each in error.errors(include_url=False))
-    return "; ".join(f"{key}{': ' if key else ''}{text.removeprefix('Value error, ')}" for key, text in found)
+    problems = ((".".join(map(str, problem["loc"])), problem["msg"]) for problem in error.errors(include_url=False))
+    return "; ".join(f"{key}{': ' if key else ''}{text.removeprefix('Value error, ')}" for key, text in problems)
 
 
 MAX_TRIANGLES: Final = 1_000  # a mesh of a world with more triangles is simplified: each costs time at every step
@@ -341,9 +341,9 @@ class BodyReader:
         for inner in scope.scopes():
             for tag, message in lost_parts(inner.element, moves=not inner.static):
                 self._losses.add(tag, message, model.name)
-        for each in (model, *scope.all_of("model")):
-            if each.element.tag == "include":
-                for tag, message in lost_parts(each.element):
+        for entry in (model, *scope.all_of("model")):
+            if entry.element.tag == "include":
+                for tag, message in lost_parts(entry.element):
                     self._losses.add(tag, message, model.name)
         for link in scope.all_of("link"):
             for sensor in link.element.findall("sensor"):
@@ -367,13 +367,13 @@ class BodyReader:
                 self._losses.add(contact, message, name)
 
     def _shapes_of(self, model: Entry, group: _Group) -> list[PlacedShape]:
-        found = list[PlacedShape]()
+        shapes = list[PlacedShape]()
         for link in group.links:
             at = self._world.link_pose(model, link)
             for collision in link.element.findall("collision"):
                 pose = geometry.compose(at, self._in_link(link, collision))
-                found += self._shapes.shapes(link, pose, collision, model.name, moves=not group.fixed)
-        return found
+                shapes += self._shapes.shapes(link, pose, collision, model.name, moves=not group.fixed)
+        return shapes
 
     def _in_link(self, link: Entry, holder: Element) -> Pose:
         """Return the pose of a part of a link in the frame of the link."""
@@ -401,11 +401,11 @@ class BodyReader:
         return ReadBody(body, parts, self._losses.places.get(model.element))
 
     def _friction(self, shapes: Sequence[PlacedShape], owner: str) -> float:
-        found = {self._shapes.friction(shape.collision, owner): shape.collision for shape in shapes}
-        if len(found) > 1:
+        by_friction = {self._shapes.friction(shape.collision, owner): shape.collision for shape in shapes}
+        if len(by_friction) > 1:
             kind = "shapes of one body with different friction: the smallest is used for all"
-            self._losses.add(found[min(found)], f"'{owner}' has {kind}", kind=kind)
-        return min(found, default=MAX_FRICTION)
+            self._losses.add(by_friction[min(by_friction)], f"'{owner}' has {kind}", kind=kind)
+        return min(by_friction, default=MAX_FRICTION)
 
     def _weight(
         self, model: Entry, name: str, group: _Group, shapes: Sequence[PlacedShape], frame: Pose
@@ -463,8 +463,8 @@ class BodyReader:
             (holder, geometry.compose(in_body, self._in_link(link, holder)))
             for holder in link.element.findall("collision")
         ]
-        found = auto_inertia(inertial, collisions)
-        return _Weight(found.mass, found.centre_xyz, stated_tensor(found.moments, geometry.IDENTITY))
+        inertia = auto_inertia(inertial, collisions)
+        return _Weight(inertia.mass, inertia.centre_xyz, stated_tensor(inertia.moments, geometry.IDENTITY))
 
 
 def _mass(model: Entry, inertial: Element) -> float:
@@ -492,8 +492,8 @@ def _groups(scope: Scope) -> list[_Group]:
             one += other
             groups.update(dict.fromkeys(other, one))
     moving = list({id(group): group for group in groups.values()}.values())
-    found = [_Group(tuple(group), fixed=any(id(link) in bolted for link in group)) for group in moving]
-    return [*found, *([_Group(tuple(held), fixed=True)] if held else [])]
+    moving_groups = [_Group(tuple(group), fixed=any(id(link) in bolted for link in group)) for group in moving]
+    return [*moving_groups, *([_Group(tuple(held), fixed=True)] if held else [])]
 
 
 def _link_named(scope: Scope, name: str) -> Entry | None:
