@@ -166,12 +166,12 @@ def _wanted(text: str, count: int) -> str:
     """Return the required form of a value, and the first difference from it."""
     if count == 1:
         return f"a finite number of at most {MAX_NUMBER:g}" if _is_large(text) else "a finite number"
-    wanted, words = f"{count} finite numbers", text.split()
+    form, words = f"{count} finite numbers", text.split()
     if "," in text:
-        return f"{wanted}, separated by spaces, not commas"
+        return f"{form}, separated by spaces, not commas"
     if len(words) != count:
-        return f"{wanted}, found {len(words)}"
-    return f"{wanted} of at most {MAX_NUMBER:g}" if any(map(_is_large, words)) else wanted
+        return f"{form}, found {len(words)}"
+    return f"{form} of at most {MAX_NUMBER:g}" if any(map(_is_large, words)) else form
 
 
 def _is_large(word: str) -> bool:
@@ -181,14 +181,14 @@ def _is_large(word: str) -> bool:
         return False
 
 
-def nearest_tag(tag: str, known: tuple[str, ...]) -> str | None:
+def nearest_tag(tag: str, tags: tuple[str, ...]) -> str | None:
     """Return the closest name, of several equally close ones the first; None if none is close."""
-    if len(tag) > _MAX_TAG_CHARS or not known:
+    if len(tag) > _MAX_TAG_CHARS or not tags:
         return None
-    by_letters = {name.lower(): name for name in known}
-    found = difflib.get_close_matches(tag.lower(), by_letters, n=len(known), cutoff=_LIKENESS)
+    by_letters = {name.lower(): name for name in tags}
+    matches = difflib.get_close_matches(tag.lower(), by_letters, n=len(tags), cutoff=_LIKENESS)
     # The order of equally close matches is reversed.
-    best = [name for name in found if _likeness(name, tag) == _likeness(found[0], tag)]
+    best = [name for name in matches if _likeness(name, tag) == _likeness(matches[0], tag)]
     return by_letters[min(best, key=list(by_letters).index)] if best else None
 
 
@@ -236,9 +236,9 @@ MAX_IGNORED_RESTITUTION: Final = 0.1
 """A contact with at most this restitution loses 99 % of its energy: that nothing bounces is not reported."""
 
 
-def no_bounce(found: str, remedy: str = "set it to 0") -> str:
-    """Return the message of the rule `restitution`; `found`: the stated value and its place; `remedy`: the change."""
-    return f"{found}, but nothing bounces in the simulation: {remedy}, or ignore it by robot.allow"
+def no_bounce(statement: str, remedy: str = "set it to 0") -> str:
+    """Return the message of the rule `restitution`; `statement`: the value and its place; `remedy`: the change."""
+    return f"{statement}, but nothing bounces in the simulation: {remedy}, or ignore it by robot.allow"
 
 
 _FORCES: Final = re.compile(
@@ -270,8 +270,8 @@ def _note_unread(notes: Notes, part: Unread, owner: str, table: PartTable) -> No
     kind = part.place, part.name
     is_unknown = part.row is None and not part.name.startswith("@")
     if is_unknown and kind not in notes.nearest and len(notes.nearest) < _MAX_COMPARED:
-        known = (name for name in table.places.get(part.place, ()) if name != ALL and not name.startswith("@"))
-        notes.nearest[kind] = nearest_tag(part.name, tuple(known))
+        tags = (name for name in table.places.get(part.place, ()) if name != ALL and not name.startswith("@"))
+        notes.nearest[kind] = nearest_tag(part.name, tuple(tags))
     meant = notes.nearest.get(kind)
     if meant is None:
         notes.leave_unread(part, owner)
@@ -356,8 +356,8 @@ def coefficients(document: ModelDocument) -> Iterator[Finding]:
             if text is None:
                 continue
             may_be_negative = name == "springReference"
-            wanted = "a finite number" if may_be_negative else "a finite number of 0 or more"
-            message = f"<{name}>{text}</{name}>: expected {wanted}"
+            form = "a finite number" if may_be_negative else "a finite number of 0 or more"
+            message = f"<{name}>{text}</{name}>: expected {form}"
             if is_expression(text):
                 yield document.finding(
                     "unexpanded-expression", tag, f"{message}; this is a xacro expression: expand the file"

@@ -112,12 +112,11 @@ def motors(document: ModelDocument) -> Iterator[Finding]:
         stated = {what: number(limit, what) for what in ("effort", "velocity")}
         zeros = {what: value for what, value in stated.items() if value is not None and value <= 0}
         if limit is not None and zeros and joint.attrib["type"] in MOVING_TYPES:
-            found = " and ".join(
+            zero_limits = " and ".join(
                 f"{'an' if what == 'effort' else 'a'} {what} of {value + 0.0:g}" for what, value in zeros.items()
             )
-            message = (
-                f"joint '{joint.attrib['name']}' has {found} in <limit>, so it could not move: it counts as no limit"
-            )
+            name = joint.attrib["name"]
+            message = f"joint '{name}' has {zero_limits} in <limit>, so it could not move: it counts as no limit"
             yield document.finding("zero-limit", limit, message)
 
 
@@ -304,12 +303,12 @@ def _rooted(
     document: ModelDocument, roots: list[str], links: set[str], children: dict[str, list[str]]
 ) -> Iterator[Finding]:
     if len(roots) != 1:
-        found = (
+        problem = (
             f"{len(roots)}: {', '.join(roots)}; connect them with fixed joints"
             if roots
             else "none: its joints form a loop"
         )
-        yield document.finding("one-root", document.root, f"the model must have one root link, but it has {found}")
+        yield document.finding("one-root", document.root, f"the model must have one root link, but it has {problem}")
         return
     if lost := sorted(links - _reached(roots[0], children)):
         yield document.finding("loop", document.root, f"joints form a loop among the links {', '.join(lost)}")

@@ -57,9 +57,11 @@ def sizes(document: ModelDocument) -> Iterator[Finding]:
             continue
         for name, lengths in _lengths(shape).items():
             if min(lengths) <= 0:
-                found = f'<{shape.tag} {name}="{shape.attrib[name]}">'
-                wanted = f"the {name} must be greater than 0" if name != "size" else "all sizes must be greater than 0"
-                yield document.finding("bad-shape", shape, f"{found}: {wanted}")
+                tag = f'<{shape.tag} {name}="{shape.attrib[name]}">'
+                requirement = (
+                    f"the {name} must be greater than 0" if name != "size" else "all sizes must be greater than 0"
+                )
+                yield document.finding("bad-shape", shape, f"{tag}: {requirement}")
 
 
 def is_empty(shape: Element) -> bool:
@@ -199,9 +201,9 @@ def _tensor(document: ModelDocument, link: str, inertia: Element | None) -> Iter
     if inertia is None:
         return
     a, b, c = sorted(principal_moments(inertia))
-    found = f"principal moments of inertia {a:.3g}, {b:.3g}, {c:.3g} kg m^2"
+    moments = f"principal moments of inertia {a:.3g}, {b:.3g}, {c:.3g} kg m^2"
     if all((urdf_elements.number(inertia, name) or 0.0) == 0 for name in urdf_elements.MOMENTS):
-        message = f"{found}: the mass counts as a ball of 5 cm radius; state the moments"
+        message = f"{moments}: the mass counts as a ball of 5 cm radius; state the moments"
         yield document.finding("zero-inertia", inertia, message)
         return
     lacking, rounding = (
@@ -210,17 +212,19 @@ def _tensor(document: ModelDocument, link: str, inertia: Element | None) -> Iter
     )
     if a > 0 and lacking <= _ROUNDING * (a + b):
         return
-    wanted = "all of them must be greater than 0" if a <= 0 else "none may be greater than the sum of the other two"
+    requirement = (
+        "all of them must be greater than 0" if a <= 0 else "none may be greater than the sum of the other two"
+    )
     if lacking <= rounding:
-        message = f"{found}: {wanted}; they miss this only by rounding, and are increased"
+        message = f"{moments}: {requirement}; they miss this only by rounding, and are increased"
         yield document.finding("rounded-inertia", inertia, message)
     elif -a <= rounding < c:
         more = increase(inertia)
         used = f"{a + more:.3g}, {b + more:.3g}, {c + more:.3g} kg m^2 are used, the smallest increase that is possible"
-        message = f"link '{link}' has {found}: {wanted}; {used}; state the moments about the centre of mass"
+        message = f"link '{link}' has {moments}: {requirement}; {used}; state the moments about the centre of mass"
         yield document.finding("uneven-inertia", inertia, message)
     else:
-        yield document.finding("impossible-inertia", inertia, f"{found}: {wanted}")
+        yield document.finding("impossible-inertia", inertia, f"{moments}: {requirement}")
 
 
 def increase(inertia: Element) -> float:
@@ -285,8 +289,10 @@ def _inertia(document: ModelDocument, element: Element, link: Link, least_mass: 
     radius = math.sqrt(moment / link.mass)
     is_far = math.sqrt(moment / max(link.mass, least_mass)) > _MAX_GYRATION_RATIO * reach
     if is_far or radius < _MIN_GYRATION_RATIO * max(map(_half_diagonal, link.collisions)):
-        found = f"link '{link.name}' has {moment:.3g} kg m^2 at {link.mass:.3g} kg, like a point mass at {radius:.2g} m"
-        message = f"{found}, but the link extends only {reach:.2g} m from its centre of mass: is the unit kg m^2?"
+        problem = (
+            f"link '{link.name}' has {moment:.3g} kg m^2 at {link.mass:.3g} kg, like a point mass at {radius:.2g} m"
+        )
+        message = f"{problem}, but the link extends only {reach:.2g} m from its centre of mass: is the unit kg m^2?"
         yield document.finding("odd-inertia", inertia, message)
 
 
@@ -350,28 +356,28 @@ def _resolve(
     clean: dict[Element, CleanMesh],
     visuals: dict[Element, Path],
 ) -> Iterator[Finding]:
-    told = set[tuple[str, Path]]()
+    reported = set[tuple[str, Path]]()
     for shape in document.elements("link/collision", "link/visual"):
         mesh = shape.find("geometry/mesh")
         if mesh is None:
             continue
         try:
-            found = packages.resolve(mesh.attrib["filename"], document.files.get(mesh, path))
+            file = packages.resolve(mesh.attrib["filename"], document.files.get(mesh, path))
         except PackageError as error:
             missing = "missing-mesh" if error.rule == "missing-file" else error.rule
             rule = "missing-visual" if shape.tag == "visual" and error.rule != "outside-workspace" else missing
             yield document.finding(rule, mesh, str(error))
             continue
-        for note in found.notes:
-            if (note.rule, note.about) not in told:
-                told.add((note.rule, note.about))
+        for note in file.notes:
+            if (note.rule, note.about) not in reported:
+                reported.add((note.rule, note.about))
                 yield document.finding(note.rule, mesh, note.text)
         if shape.tag == "collision":
             # With this flag, the engine lets a moving body fall through the ground.
             shape.attrib.pop("concave", None)
-            yield from _rewrite(document, mesh, found.path, clean)
+            yield from _rewrite(document, mesh, file.path, clean)
         else:
-            visuals[mesh] = found.path
+            visuals[mesh] = file.path
 
 
 def _rewrite(document: ModelDocument, mesh: Element, path: Path, clean: dict[Element, CleanMesh]) -> Iterator[Finding]:

@@ -132,9 +132,9 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
         return False
 
 
-def by_distance(folders: Iterable[Path], here: Path) -> list[Path]:
+def by_distance(folders: Iterable[Path], referrer: Path) -> list[Path]:
     """Return folders in the order of their distance from the referring file."""
-    return sorted(folders, key=lambda folder: (_steps(here.parent, folder), folder))
+    return sorted(folders, key=lambda folder: (_steps(referrer.parent, folder), folder))
 
 
 def _steps(start: Path, end: Path) -> int:
@@ -218,7 +218,7 @@ class EnvironmentFolders:
 
     def package(self, name: str) -> Path | None:
         """Return the folder of a package, the first of several as in ROS; None if there is none."""
-        below = (found.packages[name][0] for found in self._packages if name in found.packages)
+        below = (tree.packages[name][0] for tree in self._packages if name in tree.packages)
         return next(below, None) or next(_children(self._shares, name), None)
 
     def model(self, name: str) -> Path | None:
@@ -248,7 +248,7 @@ class EnvironmentFolders:
     @property
     def package_names(self) -> set[str]:
         """The names of the packages below ROS_PACKAGE_PATH."""
-        return {name for found in self._packages for name in found.packages}
+        return {name for tree in self._packages for name in tree.packages}
 
     def described(self, variables: Iterable[str]) -> tuple[str, ...]:
         """Return the variables with their values, such as "ROS_PACKAGE_PATH (not set)"."""

@@ -156,25 +156,27 @@ class Packages:
 
     def find(self, name: str, referrer: Path) -> Found:
         """Return the folder of a package; `referrer` is the file that names it. Raises PackageError."""
-        here = referrer.resolve()
-        found = self._declared("package", name, here) or next(self._folders(Reference("package", name), here), None)
-        if found is None:
-            raise self._missing("package", name, here)
-        return found
+        referring_file = referrer.resolve()
+        package = self._declared("package", name, referring_file) or next(
+            self._folders(Reference("package", name), referring_file), None
+        )
+        if package is None:
+            raise self._missing("package", name, referring_file)
+        return package
 
     def find_model(self, name: str, referrer: Path) -> Found:
         """Return the folder of a Gazebo model, or of a package with that name. Raises PackageError."""
-        here = referrer.resolve()
-        found = self._declared("model", name, here)
-        if found is None:
-            raise self._missing("model", name, here)
-        return found
+        referring_file = referrer.resolve()
+        model = self._declared("model", name, referring_file)
+        if model is None:
+            raise self._missing("model", name, referring_file)
+        return model
 
     def resolve(self, reference: str, referrer: Path) -> Found:
         """Return the file that `reference`, written in `referrer`, names. Raises PackageError."""
-        found = self.locate(reference, referrer)
+        target = self.locate(reference, referrer)
         try:
-            return replace(found, path=self.file(found.path, reference))
+            return replace(target, path=self.file(target.path, reference))
         except PackageError as error:
             stated = Reference.parsed(reference)
             if error.rule != "missing-file" or not stated.name:
@@ -188,17 +190,17 @@ class Packages:
 
     def locate(self, reference: str, referrer: Path) -> Found:
         """Return the file or folder that `reference` names; it may be missing. Raises PackageError."""
-        here, first = referrer.resolve(), None
+        referring_file, first = referrer.resolve(), None
         try:
             stated = Reference.parsed(reference)
         except ValueError as error:
             raise PackageError("bad-reference", str(error)) from None
-        for found in self._candidates(stated, here):
-            first = first or (None if found.is_guessed else found)
-            if self._is_there(found.path):
+        for candidate in self._candidates(stated, referring_file):
+            first = first or (None if candidate.is_guessed else candidate)
+            if self._is_there(candidate.path):
                 start = stated.odd_start(reference)
-                note = Note("file-spelling", f"'{start}' is read as '{stated.scheme}://{stated.name}/'", here)
-                return replace(found, notes=(*found.notes, note)) if start else found
+                note = Note("file-spelling", f"'{start}' is read as '{stated.scheme}://{stated.name}/'", referring_file)
+                return replace(candidate, notes=(*candidate.notes, note)) if start else candidate
         if first is not None:
             return first
         if stated.scheme == "file":
@@ -207,61 +209,63 @@ class Packages:
         if not stated.name:
             searched = ", ".join(self._environment_folders.described(MODEL_VARIABLES))
             raise PackageError("missing-file", f"'{reference}' is in no folder for models (searched: {searched})")
-        raise self._missing(stated.scheme, stated.name, here)
+        raise self._missing(stated.scheme, stated.name, referring_file)
 
-    def _candidates(self, stated: Reference, here: Path) -> Iterator[Found]:
+    def _candidates(self, stated: Reference, referrer: Path) -> Iterator[Found]:
         """Yield the paths that a reference may mean, the most likely one first; none if its package is unknown."""
         tried = list[Found]()
-        for folder in self._places(stated, here):
+        for folder in self._places(stated, referrer):
             tried.append(folder)
             yield replace(folder, path=folder.path / stated.path)
         for folder in tried:
             yield from self._respelled(folder, stated.path)
         is_chosen = self._given(stated.name) or stated.name in self.mapped
         if stated.name and not is_chosen and ".." not in PurePosixPath(stated.path).parts:
-            yield from self._shortened(stated, here, self._declared(stated.scheme, stated.name, here))
+            yield from self._shortened(stated, referrer, self._declared(stated.scheme, stated.name, referrer))
 
-    def _places(self, stated: Reference, here: Path) -> Iterator[Found]:
+    def _places(self, stated: Reference, referrer: Path) -> Iterator[Found]:
         """Yield the folders in which the path of a reference may start."""
         if not stated.scheme or stated.is_absolute:
-            yield Found(Path() if stated.is_absolute else here.parent)
+            yield Found(Path() if stated.is_absolute else referrer.parent)
         elif stated.scheme == "file":
             # Gazebo searches such a path on the path for models.
             name, _, path = stated.path.partition("/") if "/" in stated.path else ("", "", stated.path)
-            if self._is_there(here.parent / stated.path):
-                yield Found(here.parent, (Note("file-spelling", f"'file://{name}' is read as a relative path", here),))
-            for folder in self._places(Reference("model", name, path), here):
+            if self._is_there(referrer.parent / stated.path):
+                yield Found(
+                    referrer.parent, (Note("file-spelling", f"'file://{name}' is read as a relative path", referrer),)
+                )
+            for folder in self._places(Reference("model", name, path), referrer):
                 if self._is_there(folder.path / path):
                     yield replace(folder, path=folder.path.parent) if name else folder
         elif not stated.name:
             yield from map(Found, self._environment_folders.model_path)
-        elif (declared := self._declared(stated.scheme, stated.name, here)) is not None:
+        elif (declared := self._declared(stated.scheme, stated.name, referrer)) is not None:
             yield declared
         else:
-            yield from self._folders(stated, here)
+            yield from self._folders(stated, referrer)
 
-    def _declared(self, scheme: str, name: str, here: Path) -> Found | None:
-        if (scheme, name, here) not in self._known:
-            self._known[scheme, name, here] = (self._model if scheme == "model" else self._package)(name, here)
-        return self._known[scheme, name, here]
+    def _declared(self, scheme: str, name: str, referrer: Path) -> Found | None:
+        if (scheme, name, referrer) not in self._known:
+            self._known[scheme, name, referrer] = (self._model if scheme == "model" else self._package)(name, referrer)
+        return self._known[scheme, name, referrer]
 
-    def _folders(self, stated: Reference, here: Path) -> Iterator[Found]:
+    def _folders(self, stated: Reference, referrer: Path) -> Iterator[Found]:
         """Yield the folders with the name of a package that has no package.xml."""
         name = stated.name
         undeclared = f"no package.xml or model.config has the name '{name}'"
-        for folder in self._above(here):
+        for folder in self._above(referrer):
             if folder.name == name and not (folder / PACKAGE_FILE).is_file():
-                yield self._noted(folder, f"{undeclared}: {self._shown(folder)}, above {here.name}, is used")
-        if (name, here) not in self._ordered:
+                yield self._noted(folder, f"{undeclared}: {self._shown(folder)}, above {referrer.name}, is used")
+        if (name, referrer) not in self._ordered:
             # The search of the workspace does not find folders beside a model that may be outside of it.
-            beside = folders_named(name, self._above(here))
-            below = by_distance({*beside, *self._inside.folders.get(name, ())}, here)
-            self._ordered[name, here] = below[:_MAX_SAME]
-        below = self._ordered[name, here]
+            beside = folders_named(name, self._above(referrer))
+            below = by_distance({*beside, *self._inside.folders.get(name, ())}, referrer)
+            self._ordered[name, referrer] = below[:_MAX_SAME]
+        below = self._ordered[name, referrer]
         suitable = [folder for folder in below if self._is_there(folder / stated.path)] or below[:1]
         for folder in suitable[:1]:
             others = listed(self._shown(other) for other in suitable[1:])
-            reason = f"because it is nearest to {here.name}, not {others}" if others else "a folder of that name"
+            reason = f"because it is nearest to {referrer.name}, not {others}" if others else "a folder of that name"
             yield self._noted(folder, f"{undeclared}: {self._shown(folder)} is used, {reason}")
         yield from map(Found, self._environment_folders.named(name))
 
@@ -273,21 +277,21 @@ class Packages:
             text += f"; not {listed(others)}" if (others := self._listings.similar(place)) else ""
             yield replace(folder, path=place, notes=(*folder.notes, Note("file-spelling", text, place.parent)))
 
-    def _shortened(self, stated: Reference, here: Path, known: Found | None) -> Iterator[Found]:
+    def _shortened(self, stated: Reference, referrer: Path, declared: Found | None) -> Iterator[Found]:
         """Yield files of a package whose outer folders were renamed or left out, below folders above the model."""
         parts = (stated.name, *PurePosixPath(stated.path).parts)
-        above = list(self._above(here))
+        above = list(self._above(referrer))
         for index in range(1, len(parts) - 1):
             start = "/".join(parts[: index + 1])
             for folder in above:
                 if folder.name == parts[index]:
-                    found = self._noted(folder, f"'{stated.scheme}://{start}' is read as {self._shown(folder)}")
-                    yield replace(found, path=folder.joinpath(*parts[index + 1 :]), is_guessed=True)
-        for folder in above if known is None else ():
-            text = f"no folder '{stated.name}' has the file: {self._shown(folder)}, above {here.name}, is used"
+                    match = self._noted(folder, f"'{stated.scheme}://{start}' is read as {self._shown(folder)}")
+                    yield replace(match, path=folder.joinpath(*parts[index + 1 :]), is_guessed=True)
+        for folder in above if declared is None else ():
+            text = f"no folder '{stated.name}' has the file: {self._shown(folder)}, above {referrer.name}, is used"
             yield replace(self._noted(folder, text), path=folder / stated.path, is_guessed=True)
-        if known is not None:
-            yield from self._uninstalled(known.path / stated.path)
+        if declared is not None:
+            yield from self._uninstalled(declared.path / stated.path)
 
     def _uninstalled(self, path: Path) -> Iterator[Found]:
         """Yield the file that a package has in a deeper folder of its source, from where the build installs it."""
@@ -326,10 +330,10 @@ class Packages:
         try:
             return Found(self.file(path, reference))
         except PackageError as error:
-            found = next(self._uninstalled(path), None) if error.rule == "missing-file" else None
-            if found is None:
+            source = next(self._uninstalled(path), None) if error.rule == "missing-file" else None
+            if source is None:
                 raise
-            return replace(found, path=self.file(found.path, reference))
+            return replace(source, path=self.file(source.path, reference))
 
     def may_read(self, path: Path) -> bool:
         """Return True if a file or folder may be read; links in `path` must be resolved."""
@@ -339,44 +343,44 @@ class Packages:
 
     def file(self, path: Path, reference: str) -> Path:
         """Return the file at an absolute path; `reference` is its text in the referring file. Raises PackageError."""
-        found = self.place(path, reference)
-        is_file, is_folder, is_there = found.is_file(), found.is_dir(), found.exists()
+        resolved = self.place(path, reference)
+        is_file, is_folder, is_there = resolved.is_file(), resolved.is_dir(), resolved.exists()
         if is_there and not is_file and not is_folder:
-            raise PackageError("missing-file", f"'{reference}' is not a regular file (looked for {found})")
+            raise PackageError("missing-file", f"'{reference}' is not a regular file (looked for {resolved})")
         if not is_file:
             reason = "is a folder" if is_folder else "does not exist"
             # A model may miss many files.
-            hint = similar_name(found) if self._hinted.one_more() else ""
-            raise PackageError("missing-file", f"'{reference}' {reason} (looked for {found}){hint}")
-        return found
+            hint = similar_name(resolved) if self._hinted.one_more() else ""
+            raise PackageError("missing-file", f"'{reference}' {reason} (looked for {resolved}){hint}")
+        return resolved
 
     def place(self, path: Path, reference: str) -> Path:
         """Return a path that may be read, with its links resolved; it may be missing. Raises PackageError."""
         try:
-            found = path.resolve()
+            resolved = path.resolve()
             # %20 means a space, as in a URL, if no file has the literal name.
-            if not found.exists() and "%" in reference:
-                found = Path(unquote(str(path))).resolve()
-                found.exists()
+            if not resolved.exists() and "%" in reference:
+                resolved = Path(unquote(str(path))).resolve()
+                resolved.exists()
         except (OSError, ValueError, RuntimeError) as error:  # too long, contains a NUL, or a loop of links
             raise PackageError("bad-reference", f"{reference!r} is not a valid path: {path_problem(error)}") from None
-        if not self.may_read(found):
+        if not self.may_read(resolved):
             portable = "; better: a path relative to the referring file, or package://, works on every machine"
             is_absolute = reference.startswith(("/", "file:"))
-            raise self._outside(f"'{reference}'", found, portable if is_absolute else "")
-        return found
+            raise self._outside(f"'{reference}'", resolved, portable if is_absolute else "")
+        return resolved
 
-    def _package(self, name: str, here: Path) -> Found | None:
-        found = self._given(name) or self._mapped(name)
-        found = found or self._own(name, here) or _nearest(self._inside.packages.get(name), here)
-        return found or _of(self._environment_folders.package(name))
+    def _package(self, name: str, referrer: Path) -> Found | None:
+        package = self._given(name) or self._mapped(name)
+        package = package or self._own(name, referrer) or _nearest(self._inside.packages.get(name), referrer)
+        return package or _of(self._environment_folders.package(name))
 
-    def _model(self, name: str, here: Path) -> Found | None:
-        found = self._given(name) or self._mapped(name) or _nearest(self._inside.models.get(name), here)
-        return found or _of(self._environment_folders.model(name)) or self._package(name, here)
+    def _model(self, name: str, referrer: Path) -> Found | None:
+        model = self._given(name) or self._mapped(name) or _nearest(self._inside.models.get(name), referrer)
+        return model or _of(self._environment_folders.model(name)) or self._package(name, referrer)
 
     def _given(self, name: str) -> Found | None:
-        return _of(next((Path(folder) for given, folder in self.workspace.packages if given == name), None))
+        return _of(next((Path(folder) for package, folder in self.workspace.packages if package == name), None))
 
     def _mapped(self, name: str) -> Found | None:
         if name not in self.mapped:
@@ -394,16 +398,16 @@ class Packages:
             raise PackageError("missing-package", f"{what} is not a folder (looked for {folder})")
         return Found(folder)
 
-    def _own(self, name: str, here: Path) -> Found | None:
+    def _own(self, name: str, referrer: Path) -> Found | None:
         """Return the package of the referring file, if it has this name: it comes before others of the same name."""
-        for folder in self._above(here):
+        for folder in self._above(referrer):
             manifest = folder / PACKAGE_FILE
             if manifest.is_file() and self.may_read(manifest.resolve()) and self._names.of(folder) == name:
                 return Found(folder)
         return None
 
-    def _above(self, here: Path) -> Iterator[Path]:
-        return takewhile(self.may_read, here.parents)
+    def _above(self, referrer: Path) -> Iterator[Path]:
+        return takewhile(self.may_read, referrer.parents)
 
     @cached_property
     def _inside(self) -> PackageFolders:
@@ -413,29 +417,32 @@ class Packages:
     def _environment_folders(self) -> EnvironmentFolders:
         return EnvironmentFolders(self.environment)
 
-    def _outside(self, what: str, found: Path, advice: str = "") -> PackageError:
-        where = f"{self.workspace.refusal(found)} (it is {found})"
-        lifted = "name another file" if found.is_relative_to(self.workspace.root) else OUTSIDE_REMEDY
+    def _outside(self, what: str, resolved: Path, advice: str = "") -> PackageError:
+        where = f"{self.workspace.refusal(resolved)} (it is {resolved})"
+        lifted = "name another file" if resolved.is_relative_to(self.workspace.root) else OUTSIDE_REMEDY
         return PackageError("outside-workspace", f"{what} {where}; {lifted}{advice}")
 
-    def _missing(self, kind: str, name: str, here: Path) -> PackageError:
+    def _missing(self, kind: str, name: str, referrer: Path) -> PackageError:
         inside, root = self._inside, self.workspace.root
         variables = (*MODEL_VARIABLES, *PACKAGE_VARIABLES) if kind == "model" else PACKAGE_VARIABLES
         hint = ""
         if self._hinted.one_more():
-            given, models = (given for given, _ in self.workspace.packages), inside.models if kind == "model" else ()
-            known = {*self.mapped, *given, *inside.packages, *self._environment_folders.package_names, *models}
-            near = nearest(name, sorted(known))
+            packages, models = (
+                (package for package, _ in self.workspace.packages),
+                inside.models if kind == "model" else (),
+            )
+            names = {*self.mapped, *packages, *inside.packages, *self._environment_folders.package_names, *models}
+            near = nearest(name, sorted(names))
             hint = "" if near is None else f"; did you mean '{near}'?"
         extent = (
             f"{len(inside.packages)} packages" if inside.complete else "only some of its folders: there are too many"
         )
         places = ("robot.packages", f"{root} ({extent})", *self._environment_folders.described(variables))
-        where = here.relative_to(root) if here.is_relative_to(root) else here
+        where = referrer.relative_to(root) if referrer.is_relative_to(root) else referrer
         # A key of a scenario names it as if a file beside the scenario did.
-        what = f"{where} refers to the {kind} '{name}', which" if here.is_file() else f"the {kind} '{name}'"
+        what = f"{where} refers to the {kind} '{name}', which" if referrer.is_file() else f"the {kind} '{name}'"
         # The workspace may start below the package.
-        outside = next((folder for folder in here.parents if folder.name == name), "FOLDER")
+        outside = next((folder for folder in referrer.parents if folder.name == name), "FOLDER")
         return PackageError(
             "missing-package",
             f"{what} was not found{hint} (searched: {', '.join(places)}); "
@@ -448,14 +455,14 @@ def _of(folder: Path | None) -> Found | None:
     return None if folder is None else Found(folder)
 
 
-def _nearest(folders: tuple[Path, ...] | None, here: Path) -> Found | None:
+def _nearest(folders: tuple[Path, ...] | None, referrer: Path) -> Found | None:
     """Return the folder with the shortest path from the referring file, with a warning if there are several."""
     if folders is None:
         return None
-    nearest, *others = by_distance(folders, here)
+    nearest, *others = by_distance(folders, referrer)
     if not others:
         return Found(nearest)
-    chosen = f"{nearest} is used, because it is nearest to {here.name}, not {listed(map(str, others))}"
+    chosen = f"{nearest} is used, because it is nearest to {referrer.name}, not {listed(map(str, others))}"
     text = f"{len(folders)} packages have the same name: {chosen}; set robot.packages to choose one"
     return Found(nearest, (Note("several-packages", text, nearest),))
 
@@ -482,8 +489,8 @@ def find_model_file(
             return find_model_file(f"model://{reference}", referrer, packages, read)
     elif name and scheme in {"model", "package"}:
         find = packages.find_model if scheme == "model" else packages.find
-        found = packages.locate(reference, referrer) if path else find(name, referrer)
-        place, notes = found.path, found.notes
+        target = packages.locate(reference, referrer) if path else find(name, referrer)
+        place, notes = target.path, target.notes
     else:
         return packages.resolve(reference, referrer)
     if not is_folder(place):
@@ -530,7 +537,7 @@ def _file_in(folder: Path, reference: str, packages: Packages, read: Callable[[P
     files = read(manifest).root.findall("sdf")
     if not files:
         raise PackageError("missing-file", f"{manifest} has no <sdf> element, which names the model's file")
-    known = [file for file in files if parsed_version(file.get("version", "")) <= NEWEST]
-    best = max(known or files, key=lambda file: parsed_version(file.get("version", "")))
+    supported_files = [file for file in files if parsed_version(file.get("version", "")) <= NEWEST]
+    best = max(supported_files or files, key=lambda file: parsed_version(file.get("version", "")))
     name = (best.text or "").strip()
     return packages.file(folder / name, f"{reference}/{name}")

@@ -114,8 +114,8 @@ def part_table(name: Format) -> PartTable:
     data = json.loads((Path(__file__).parent / f"parts_{name}.json").read_text(encoding="utf-8"))
     places: dict[str, Mapping[str, PartRow]] = {**part_table("sdf").places} if name == "world" else {}
     for names, rows in data.items():
-        found = {part: row for row in (_row(*row) for row in rows) for part in row.names}
-        places |= {place: {**places.get(place, {}), **found} for place in names.split(", ")}
+        rows_by_part = {part: row for row in (_row(*row) for row in rows) for part in row.names}
+        places |= {place: {**places.get(place, {}), **rows_by_part} for place in names.split(", ")}
     read = {
         place: frozenset(part[1:] for part, row in rows.items() if part[0] == "@" and row.effect == "read")
         for place, rows in places.items()
@@ -132,18 +132,18 @@ def _row(effect: Effect, names: str, text: str) -> PartRow:
 def _is_equal(value: str, usual: str) -> bool:
     """Return True if two values are the same text, flag or numbers; one number stands for any count of it."""
     usual, _, margin = usual.partition("~")
-    stated, wanted = _numbers(value), _numbers(usual)
-    if stated is None or wanted is None:
+    stated, usual_numbers = _numbers(value), _numbers(usual)
+    if stated is None or usual_numbers is None:
         return value.lower() == usual.lower()
     if margin:
-        return all(abs(number - wanted[0]) < float(margin) for number in stated)
-    return stated == wanted or (len(wanted) == 1 and set(stated) == set(wanted))
+        return all(abs(number - usual_numbers[0]) < float(margin) for number in stated)
+    return stated == usual_numbers or (len(usual_numbers) == 1 and set(stated) == set(usual_numbers))
 
 
 def _numbers(text: str) -> tuple[float, ...] | None:
     words = {"true": "1", "false": "0"}
     try:
-        found = tuple(float(words.get(word.lower(), word)) for word in text.split())
+        numbers = tuple(float(words.get(word.lower(), word)) for word in text.split())
     except ValueError:
         return None
-    return found if found and all(map(math.isfinite, found)) else None
+    return numbers if numbers and all(map(math.isfinite, numbers)) else None

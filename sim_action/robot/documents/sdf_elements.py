@@ -85,8 +85,8 @@ class Notes:
         """Add a finding for each kind of parts that are not simulated."""
         for part, text, rule, meaning, parts in self._parts.values():
             places = Places(self.places[part])
-            for each in parts:
-                places.add(self.places[each])
+            for other in parts:
+                places.add(self.places[other])
             because = f": {meaning}" if meaning else ""
             self.add(rule, part, f"{text} {_CONSEQUENCES.get(rule, _IGNORED)}{because}{places}")
         self._parts.clear()
@@ -112,8 +112,8 @@ def numbers_of(element: Element, count: int) -> tuple[float, ...]:
     """Return exactly `count` finite numbers. Raises SdfProblem."""
     text = (element.text or "").strip()
     if not is_numbers(text, count):
-        wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-        raise SdfProblem("bad-number", element, f"<{element.tag}> is {shown(text)}: expected {wanted}")
+        form = "a finite number" if count == 1 else f"{count} finite numbers"
+        raise SdfProblem("bad-number", element, f"<{element.tag}> is {shown(text)}: expected {form}")
     return tuple(map(float, text.split()))
 
 

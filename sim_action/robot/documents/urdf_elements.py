@@ -89,8 +89,8 @@ def numbers(element: Element | None, name: str) -> tuple[float, ...] | None:
 
 def number(element: Element | None, name: str) -> float | None:
     """Return the number of an attribute; None as in `numbers`."""
-    found = numbers(element, name)
-    return found[0] if found else None
+    parsed = numbers(element, name)
+    return parsed[0] if parsed else None
 
 
 def vector(element: Element | None, name: str, otherwise: Vector3) -> Vector3:

@@ -251,12 +251,12 @@ def _line(error: expat.ExpatError, data: bytes) -> bytes:
 
 def _unclosed(error: expat.ExpatError, data: bytes, line: bytes) -> str:
     """Return the end tag that was found, and the one that was expected."""
-    found = next((end for end in _CLOSING.finditer(line) if end.end() >= error.offset), None)
+    closing = next((end for end in _CLOSING.finditer(line) if end.end() >= error.offset), None)
     opened = _open_elements(data)
-    if found is None or not opened:
+    if closing is None or not opened:
         return ""
     name, begun = opened[-1]
-    end = _shown(found[1].decode(errors="replace"))
+    end = _shown(closing[1].decode(errors="replace"))
     return f": found </{end}>, expected the end of <{_shown(name)}> from line {begun}"
 
 

@@ -184,7 +184,7 @@ def _way(model: RobotModel, link: str) -> Iterator[tuple[Pose, Joint]]:
 def _can_move(model: RobotModel, joint: Joint) -> bool:
     if model.why_not_driven(joint.name) is not None or joint.series or joint.stiffness:
         return False
-    return joint.motor is not None or all(each.motor is None for each in model.joints)
+    return joint.motor is not None or all(other.motor is None for other in model.joints)
 
 
 def _limits(sections: Sequence[_Section], column: int) -> tuple[float, float, float]:
@@ -230,8 +230,8 @@ def search(chain: Chain, target: Pose, start: Sequence[float], *, turns: bool = 
     best = _best(near, starts[:MAX_POSITION_STARTS])
     if not turns or best.distance > REACHED_M:
         return best
-    found = _best(_Search(chain, target, turns=True), [best.values, *starts[1:]])
-    return found if found.is_reached else _Search(chain, target, radian=_LIGHT_RADIAN).from_start(found.values)
+    solution = _best(_Search(chain, target, turns=True), [best.values, *starts[1:]])
+    return solution if solution.is_reached else _Search(chain, target, radian=_LIGHT_RADIAN).from_start(solution.values)
 
 
 def _best(near: _Search, starts: Iterable[Values]) -> Solution:
@@ -239,12 +239,12 @@ def _best(near: _Search, starts: Iterable[Values]) -> Solution:
     best: Solution | None = None
     alike = 0
     for values in starts:
-        found = near.from_start(values)
-        if found.is_reached:
-            return found
-        gain = math.inf if best is None else best.error - found.error
+        solution = near.from_start(values)
+        if solution.is_reached:
+            return solution
+        gain = math.inf if best is None else best.error - solution.error
         alike = 1 if gain > _ALIKE else alike + (gain > -_ALIKE)
-        best = found if best is None or gain > 0 else best
+        best = solution if best is None or gain > 0 else best
         if alike == _ENOUGH_ALIKE:
             break
     assert best is not None
@@ -253,7 +253,7 @@ def _best(near: _Search, starts: Iterable[Values]) -> Solution:
 
 def _starts(chain: Chain) -> Iterator[Values]:
     """Yield the fixed table of starts: the middle, and points that fill the ranges of the joints evenly."""
-    ranges = [_usual_range(*each) for each in zip(chain.joints, chain.lower, chain.upper, strict=True)]
+    ranges = [_usual_range(*joint_limits) for joint_limits in zip(chain.joints, chain.lower, chain.upper, strict=True)]
     # The roots of x^(d + 1) = x + 1 fill d dimensions evenly (Roberts 2018).
     ratio = 2.0
     for _ in range(64):

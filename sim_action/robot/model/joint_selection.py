@@ -29,13 +29,13 @@ def groups_of(model: RobotModel) -> Mapping[str, tuple[str, ...]]:
 
 def chosen(model: RobotModel, names: Iterable[str]) -> tuple[Joint, ...]:
     """Return the moving joints that match a name, in the order of the model; all of them if there are no names."""
-    wanted = tuple(names) or ("*",)
-    return tuple(joint for joint in model.moving_joints if any(_means(model, name, joint.name) for name in wanted))
+    patterns = tuple(names) or ("*",)
+    return tuple(joint for joint in model.moving_joints if any(_means(model, name, joint.name) for name in patterns))
 
 
-def matches_name(name: str, found: str) -> bool:
-    """Return True if a name or pattern of a scenario means the joint or link with the name `found`."""
-    return name == found or fnmatchcase(found, name)
+def matches_name(name: str, part_name: str) -> bool:
+    """Return True if a name or pattern of a scenario means the joint or link with the name `part_name`."""
+    return name == part_name or fnmatchcase(part_name, name)
 
 
 def links_with_shapes(model: RobotModel) -> list[str]:
@@ -74,7 +74,8 @@ def joints_set_by(model: RobotModel, names: Collection[str]) -> dict[str, tuple[
     """Return name -> the joints that it sets; the name of a joint wins over patterns and groups."""
     own = {name for name in names if not selects(model, name)}
     return {
-        name: (name,) if name in own else tuple(each for each in _led(model, name) if each not in own) for name in names
+        name: (name,) if name in own else tuple(joint for joint in _led(model, name) if joint not in own)
+        for name in names
     }
 
 
@@ -95,8 +96,10 @@ def setting_problems(model: RobotModel, values: Mapping[str, float | str], hinte
             if values[one] != values[other] and (one, other) not in reported:
                 reported.add((one, other))
                 theirs = f"'{other}' to {as_written(values[other])}"
-                found = f"'{one}' sets joint '{joint}' to {as_written(values[one])}, {theirs}"
-                yield from (((name,), f"{found}; name the joint itself, or change a pattern") for name in (one, other))
+                conflict = f"'{one}' sets joint '{joint}' to {as_written(values[one])}, {theirs}"
+                yield from (
+                    ((name,), f"{conflict}; name the joint itself, or change a pattern") for name in (one, other)
+                )
 
 
 def _sets_nothing(model: RobotModel, name: str, hinted: FirstFew) -> str:

@@ -69,13 +69,13 @@ def robot_box(model: RobotModel, poses: Mapping[str, Pose]) -> Box | None:
     """Return the box around all collision shapes in the base frame, if any; tight unless points are unknown."""
     placed = [(poses[link.name], shape) for link in model.links for shape in link.collisions]
     boxes = [(shape_box(geometry.compose(frame, shape.pose), shape), frame, shape) for frame, shape in placed]
-    found = [box for box, frame, shape in boxes if not _is_loose(frame, shape)]
+    tight_boxes = [box for box, frame, shape in boxes if not _is_loose(frame, shape)]
     # Reading the points of a mesh takes time. Meshes that reach furthest come first, because others may be inside them.
     for loose, frame, shape in sorted((box for box in boxes if _is_loose(*box[1:])), key=_least_corner):
-        around = _around(found) if found else None
+        around = _around(tight_boxes) if tight_boxes else None
         if around is None or not _contains(around, loose):
-            found.append(_points_box(frame, shape))
-    return _around(found) if found else None
+            tight_boxes.append(_points_box(frame, shape))
+    return _around(tight_boxes) if tight_boxes else None
 
 
 def _least_corner(placed: tuple[Box, Pose, Shape]) -> float:
@@ -189,8 +189,8 @@ def too_strong(joint: Joint, effort: float) -> str | None:
 def _too_much(joint: Joint, reading: Reading, value: float, limit: float | None) -> str | None:
     if limit is None or abs(value) <= limit * (1 + _SHARE_ROUNDING):
         return None
-    found, most = units.display_apart(abs(value), limit, joint.dimension(reading).si)
-    return f"{found} is more than the joint's {reading} limit, {most}"
+    shown_value, most = units.display_apart(abs(value), limit, joint.dimension(reading).si)
+    return f"{shown_value} is more than the joint's {reading} limit, {most}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -342,11 +342,11 @@ class LinkStates(Mapping[str, LinkState]):
         self._known: dict[str, LinkState] | None = None
 
     def __getitem__(self, name: str) -> LinkState:
-        known = self._known
-        if known is None:
-            known = self._known = {self.model.root: LinkState(*self._base)}
-        found = known.get(name)
-        return self._found(name, known) if found is None else found
+        states = self._known
+        if states is None:
+            states = self._known = {self.model.root: LinkState(*self._base)}
+        state = states.get(name)
+        return self._found(name, states) if state is None else state
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.model.links_by_name)
@@ -361,16 +361,16 @@ class LinkStates(Mapping[str, LinkState]):
         # A copy has the poses, and does not carry the model.
         return ByName, (dict(self),)
 
-    def _found(self, name: str, known: dict[str, LinkState]) -> LinkState:
+    def _found(self, name: str, states: dict[str, LinkState]) -> LinkState:
         chain = [name]
-        while chain[-1] not in known:
+        while chain[-1] not in states:
             joints = self.model.joints_to.get(chain[-1])
             if joints is None:
                 raise KeyError(why_no_link(self.model, name))
             chain.append(joints[0].parent)
         for parent, child in zip(chain[:0:-1], chain[-2::-1], strict=True):
-            known[child] = self._child(known[parent], self.model.joints_to[child])
-        return known[name]
+            states[child] = self._child(states[parent], self.model.joints_to[child])
+        return states[name]
 
     def _child(self, above: LinkState, joints: tuple[Joint, ...]) -> LinkState:
         """Return the state of the link to which joints in series lead from its parent link."""
@@ -464,7 +464,7 @@ def _states_of(model: RobotModel, trace: Trace) -> LinkStates:
     pose = Pose(_columns(trace.base_position_xyz), _columns(trace.base_orientation_xyzw))
     twist = Twist(_columns(trace.base_linear_xyz), _columns(trace.base_angular_xyz))
     readings = zip(trace.joint_position.T, trace.joint_velocity.T, trace.joint_effort.T, strict=True)
-    joints: Any = {name: JointState(*each) for name, each in zip(trace.joint_names, readings, strict=True)}
+    joints: Any = {name: JointState(*columns) for name, columns in zip(trace.joint_names, readings, strict=True)}
     return LinkStates(model, pose, twist, joints, np)
 
 

@@ -82,12 +82,12 @@ class Keyframe:
     flaw: str = ""  # the reason why it cannot be used; then it has no positions
 
 
-def keyframe_of(keyframes: Mapping[str, Keyframe], wanted: str | int) -> Keyframe | None:
+def keyframe_of(keyframes: Mapping[str, Keyframe], name_or_number: str | int) -> Keyframe | None:
     """Return a keyframe by its name, or by its number in the file, from 0 on; None if there is none."""
-    if str(wanted) in keyframes:
-        return keyframes[str(wanted)]
-    if isinstance(wanted, int) and wanted < len(keyframes):
-        return list(keyframes.values())[wanted]
+    if str(name_or_number) in keyframes:
+        return keyframes[str(name_or_number)]
+    if isinstance(name_or_number, int) and name_or_number < len(keyframes):
+        return list(keyframes.values())[name_or_number]
     return None
 
 
@@ -437,12 +437,12 @@ class RobotModel:
 
     def leaders(self, name: str) -> set[str]:
         """Return a joint, and all joints that it follows."""
-        found = {name}
+        joints = {name}
         mimic = self.joints_by_name[name].mimic
-        while mimic is not None and mimic.joint not in found:
-            found.add(mimic.joint)
+        while mimic is not None and mimic.joint not in joints:
+            joints.add(mimic.joint)
             mimic = self.joints_by_name[mimic.joint].mimic
-        return found
+        return joints
 
     def gear(self, name: str) -> Mimic:
         """Return the coupling of a joint to the independent joint that moves it in the end: itself, if it is one."""
@@ -508,25 +508,25 @@ def touchable_pairs(model: RobotModel) -> Iterator[LinkPair]:
 def rigid_bodies(model: RobotModel) -> dict[str, str]:
     """Return link -> the first link of its rigid body, whose links fixed joints hold together."""
     above = {joint.child: joint for joint in model.joints if not joint.moves}
-    found: dict[str, str] = {}
+    holders: dict[str, str] = {}
     for link in model.links:
         way = [link.name]
-        while way[-1] not in found and way[-1] in above:
+        while way[-1] not in holders and way[-1] in above:
             way.append(above[way[-1]].parent)
-        found |= dict.fromkeys(way, found.get(way[-1], way[-1]))
-    return found
+        holders |= dict.fromkeys(way, holders.get(way[-1], way[-1]))
+    return holders
 
 
 def _neighbours(model: RobotModel, holders: Mapping[str, str]) -> set[frozenset[str]]:
     """Return the pairs of rigid bodies that one joint connects; a joint with several motions counts as one."""
     above = {joint.child: joint for joint in model.joints if joint.moves}
-    found = set[frozenset[str]]()
+    pairs = set[frozenset[str]]()
     for joint in above.values():
         top = joint
         while (upper := above.get(top.parent)) is not None and _names(joint) & _names(upper):
             top = upper
-        found.add(frozenset((holders[joint.child], holders[top.parent])))
-    return found
+        pairs.add(frozenset((holders[joint.child], holders[top.parent])))
+    return pairs
 
 
 def _names(joint: Joint) -> set[str]:
@@ -561,5 +561,7 @@ def unwatched_note(model: RobotModel, robot: Robot, *, bolted: bool) -> str | No
     pair = next(touchable_pairs(model), None)
     if pair is None:
         return None
-    found = f"links of the robot pass through each other, such as '{pair[0]}' and '{pair[1]}'"
-    return f"{found}: set robot.self_collision: true, or expect self_collision; robot.self_collision: false accepts it"
+    problem = f"links of the robot pass through each other, such as '{pair[0]}' and '{pair[1]}'"
+    return (
+        f"{problem}: set robot.self_collision: true, or expect self_collision; robot.self_collision: false accepts it"
+    )

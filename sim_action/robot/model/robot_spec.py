@@ -82,15 +82,15 @@ class Robot(FrozenModel):
     @model_validator(mode="after")
     def _has_standard_sensors(self) -> Self:
         if self.sensors is not None and self.model not in STANDARD_SENSORS:
-            known = ", ".join(STANDARD_SENSORS)
-            raise ValueError(f"sensors: standard ones are known of {known}; remove 'sensors', and list them below it")
+            models = ", ".join(STANDARD_SENSORS)
+            raise ValueError(f"sensors: standard ones are known of {models}; remove 'sensors', and list them below it")
         return self
 
     @model_validator(mode="after")
     def _keyframe_is_read(self) -> Self:
         if self.keyframe is not None and not self.is_mjcf:
-            found = f"only MJCF files have keyframes, and the model is '{self.model}'"
-            raise ValueError(f"keyframe: {found}; remove 'keyframe', and state the positions in 'joints'")
+            problem = f"only MJCF files have keyframes, and the model is '{self.model}'"
+            raise ValueError(f"keyframe: {problem}; remove 'keyframe', and state the positions in 'joints'")
         return self
 
     @model_validator(mode="after")

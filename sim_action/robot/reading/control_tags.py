@@ -35,16 +35,16 @@ _PARAMETERS: Final = "ros__parameters"
 
 def commanded_joints(document: ModelDocument) -> tuple[CommandedJoint, ...]:
     """Return the joints with command interfaces, in the order of the file."""
-    found: list[CommandedJoint] = []
+    joints: list[CommandedJoint] = []
     for joint in document.elements("ros2_control/joint"):
         named = frozenset(tag.get("name", "").lower() for tag in joint.findall("command_interface"))
         if named:
-            found.append(CommandedJoint(joint.get("name", ""), named, "ros2_control", document.places[joint]))
+            joints.append(CommandedJoint(joint.get("name", ""), named, "ros2_control", document.places[joint]))
     for transmission in document.elements("transmission"):
         for joint in transmission.findall("joint"):
             named = frozenset(map(_kind, interfaces_of(transmission, joint)))
-            found.append(CommandedJoint(joint.get("name", ""), named, "transmission", document.places[joint]))
-    return tuple(found)
+            joints.append(CommandedJoint(joint.get("name", ""), named, "transmission", document.places[joint]))
+    return tuple(joints)
 
 
 def interfaces_of(transmission: Element, joint: Element) -> Iterator[str]:
@@ -57,13 +57,13 @@ def interfaces_of(transmission: Element, joint: Element) -> Iterator[str]:
 
 def _kind(interface: str) -> str:
     name = interface.rpartition("/")[2].lower()
-    known = _INTERFACE.fullmatch(name)
-    return known[1] if known else name
+    match = _INTERFACE.fullmatch(name)
+    return match[1] if match else name
 
 
 def with_controllers(plugins: tuple[Plugin, ...], path: Path, packages: Packages) -> tuple[Plugin, ...]:
     """Return the plugins of a model, and the controllers in their parameter files, each of which is read once."""
-    found, read = list[Plugin](), dict[Path, tuple[Plugin, ...] | str]()
+    model_plugins, read = list[Plugin](), dict[Path, tuple[Plugin, ...] | str]()
     for plugin in plugins:
         unread = []
         references = plugin.texts("parameters") if _CONTROL_PLUGIN.fullmatch(plugin.name) else ()
@@ -77,8 +77,11 @@ def with_controllers(plugins: tuple[Plugin, ...], path: Path, packages: Packages
                 read[file] = _read(file) if len(read) < _MAX_FILES else f"a model has at most {_MAX_FILES} of them"
             if isinstance(problem := read[file], str):
                 unread.append(problem)
-        found.append(replace(plugin, unread=tuple(unread)))
-    return (*found, *(plugin for plugins in read.values() if not isinstance(plugins, str) for plugin in plugins))
+        model_plugins.append(replace(plugin, unread=tuple(unread)))
+    return (
+        *model_plugins,
+        *(plugin for plugins in read.values() if not isinstance(plugins, str) for plugin in plugins),
+    )
 
 
 def _read(path: Path) -> tuple[Plugin, ...] | str:
@@ -111,12 +114,12 @@ def controllers_in(path: Path) -> tuple[Plugin, ...]:
         own.update(parameters)
         if isinstance(kind := parameters.get("type"), str) and any(map(str.isalpha, kind)):
             types[name] = kind
-    found, left = list[Plugin](), _MAX_VALUES
+    controllers, left = list[Plugin](), _MAX_VALUES
     for name, kind in islice(types.items(), _MAX_CONTROLLERS):
         flat = tuple(islice(_flat(values[name], ""), left))
         left -= len(flat)
-        found.append(Plugin(kind, flat, name, Location(shown, lines.get(name))))
-    return tuple(found)
+        controllers.append(Plugin(kind, flat, name, Location(shown, lines.get(name))))
+    return tuple(controllers)
 
 
 def _tree(yaml: Any, text: str, lines: dict[str, int]) -> object:

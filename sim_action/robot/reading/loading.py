@@ -50,10 +50,10 @@ class ModelLibrary:
         key = (workspace.root, workspace.allow_outside, workspace.packages, *_place(robot, workspace), _options(robot))
         if key not in self._models:
             self._models[key] = _read_or_error(robot, workspace)
-        found = self._models[key]
-        if isinstance(found, ModelError):
-            raise found.with_traceback(None)
-        return found
+        outcome = self._models[key]
+        if isinstance(outcome, ModelError):
+            raise outcome.with_traceback(None)
+        return outcome
 
 
 def _read_or_error(robot: Robot, workspace: Workspace) -> RobotModel | ModelError:
@@ -113,11 +113,11 @@ def _without_repeats(findings: Iterable[Finding]) -> Iterator[Finding]:
 def _check_keyframe(name: str | int, model: RobotModel) -> None:
     if not model.keyframes:
         raise ModelError(f"the model has no keyframes; remove 'keyframe: {name}'")
-    found = keyframe_of(model.keyframes, name)
-    if found is None:
+    keyframe = keyframe_of(model.keyframes, name)
+    if keyframe is None:
         raise ModelError(f"the model has no keyframe '{name}'{did_you_mean(str(name), model.keyframes)}")
-    if found.flaw:
-        raise ModelError(f"keyframe '{name}' cannot be used: {found.flaw}; correct it", found.place)
+    if keyframe.flaw:
+        raise ModelError(f"keyframe '{name}' cannot be used: {keyframe.flaw}; correct it", keyframe.place)
 
 
 def _read_model(robot: Robot, workspace: Workspace) -> RobotModel:
@@ -220,12 +220,12 @@ def _path(name: str, packages: Packages) -> Path:
 def _next_step(name: str, place: Path, packages: Packages) -> str:
     """Return the end of a message about a path that is no model file: a similar name, or the files in the folder."""
     try:
-        found = place.resolve()
-        if not packages.may_read(found):
+        path = place.resolve()
+        if not packages.may_read(path):
             return ""
-        if not found.exists():
-            return similar_name(found)
-        files = model_files_in(found)
+        if not path.exists():
+            return similar_name(path)
+        files = model_files_in(path)
     except (OSError, ValueError, RuntimeError):
         return ""
     if not files:
@@ -251,10 +251,10 @@ _MAX_PROBLEMS: Final = 100
 def read_srdf(document: ModelDocument, model: RobotModel) -> Srdf:
     """Read an SRDF and check it against its model. Raises RefusedModel with all problems."""
     reader = _Reader(document, model)
-    found = reader.read()
+    srdf = reader.read()
     if reader.problems:
         raise RefusedModel(reader.problems[:_MAX_PROBLEMS])
-    return found
+    return srdf
 
 
 def read_srdf_text(path: Path) -> ModelDocument:
@@ -300,8 +300,8 @@ class _Reader:
     def _check_name(self) -> None:
         name, root = self._document.root.get("name"), self._document.root
         if name is not None and name != self._model.name:
-            found = f"this SRDF is of robot '{name}', and the model is '{self._model.name}'"
-            self._note(root, f"{found}; name the SRDF of the model, or correct <robot name=...>")
+            problem = f"this SRDF is of robot '{name}', and the model is '{self._model.name}'"
+            self._note(root, f"{problem}; name the SRDF of the model, or correct <robot name=...>")
 
     def _joints_of_groups(self) -> dict[str, set[str]]:
         """Return the joints of each group: its own, those of its links and chains, and those of its groups."""
@@ -311,14 +311,14 @@ class _Reader:
         except CycleError as error:
             # Each group of the cycle is followed by the group that contains it.
             inside, outside = error.args[1][:2]
-            part = next(each for each in self._groups[outside].iterfind("group") if each.get("name", "") == inside)
+            part = next(group for group in self._groups[outside].iterfind("group") if group.get("name", "") == inside)
             self._note(part, f"group '{inside}' contains itself; remove it from group '{outside}'")
             return {name: set() for name in self._groups}
-        found: dict[str, set[str]] = {}
+        joints: dict[str, set[str]] = {}
         # A group stands after all groups in it.
         for name in order:
-            found[name] = self._own_joints(self._groups[name]).union(*(found[each] for each in inner[name]))
-        return {name: found[name] for name in self._groups}
+            joints[name] = self._own_joints(self._groups[name]).union(*(joints[group] for group in inner[name]))
+        return {name: joints[name] for name in self._groups}
 
     def _inner_groups(self, group: Element) -> Iterator[str]:
         for part in group.iterfind("group"):
@@ -329,15 +329,15 @@ class _Reader:
                 self._note(part, f"there is no group '{name}'{self._hint(name, self._groups)}")
 
     def _own_joints(self, group: Element) -> set[str]:
-        found = set[str]()
+        joints = set[str]()
         for part in group:
             if part.tag == "joint":
-                found |= self._joint(part, "name")
+                joints |= self._joint(part, "name")
             elif part.tag == "link":
-                found |= self._joint_above(part)
+                joints |= self._joint_above(part)
             elif part.tag == "chain":
-                found |= self._chain(part)
-        return found
+                joints |= self._chain(part)
+        return joints
 
     def _joint(self, element: Element, attribute: str) -> set[str]:
         name = element.get(attribute, "")
@@ -361,16 +361,16 @@ class _Reader:
 
     def _chain(self, element: Element) -> set[str]:
         base, tip = self._link(element, "base_link"), self._link(element, "tip_link")
-        found, link = set[str](), tip
+        joints, link = set[str](), tip
         while link != base and link in self._above:
-            found.add(self._above[link].name)
+            joints.add(self._above[link].name)
             link = self._above[link].parent
-        known = self._model.links_by_name
-        if link != base and base in known and tip in known:
-            found_none = f"no chain of joints leads from link '{base}' to link '{tip}'"
-            self._note(element, f"{found_none}; swap them, or correct one")
+        links = self._model.links_by_name
+        if link != base and base in links and tip in links:
+            problem = f"no chain of joints leads from link '{base}' to link '{tip}'"
+            self._note(element, f"{problem}; swap them, or correct one")
             return set()
-        return found
+        return joints
 
     def _check_states(self, groups: Mapping[str, set[str]]) -> None:
         for element in self._document.elements("group_state"):

@@ -227,12 +227,12 @@ Paint = tuple[Color, float]  # a colour and its opacity
 
 def materials(document: ModelDocument) -> dict[str, Paint]:
     """Return the colours of all named materials, at the top level and in link_rules."""
-    found: dict[str, Paint] = {}
+    paints: dict[str, Paint] = {}
     for material in document.elements("link/visual/material", "material"):
         paint, name = _stated(material), material.get("name")
         if paint is not None and name:
-            found[name] = paint
-    return found
+            paints[name] = paint
+    return paints
 
 
 def visuals_of(link: Element, paints: Mapping[str, Paint], meshes: Mapping[Element, Path]) -> Iterator[Visual]:
@@ -488,8 +488,8 @@ def _with_origin(written: Element, element: Element) -> Element:
 
 
 def _numbers(tag: str, element: Element | None, *names: str) -> Element:
-    found = {name: numbers(element, name) for name in names}
-    return Element(tag, {name: _spelled(values) for name, values in found.items() if values is not None})
+    attributes = {name: numbers(element, name) for name in names}
+    return Element(tag, {name: _spelled(values) for name, values in attributes.items() if values is not None})
 
 
 def _spelled(values: tuple[float, ...]) -> str:

@@ -193,13 +193,13 @@ class XacroCheck:
         stated = element.getAttribute("filename")
         place = place_of(element) or Location(str(path))
         try:
-            name = _FIND.sub(lambda found: self._package_folder(found[1], place), stated)
+            name = _FIND.sub(lambda match: self._package_folder(match[1], place), stated)
             if "$" in name or _WILDCARDS & set(name):
                 self._pass_over(f"{shown_place(place)}: include '{stated}': its name is not known before the run")
                 return
-            found = self._packages.included(path.parent / name, stated)
-            self.notes += [f"{shown_place(place)}: {note.text}" for note in found.notes]
-            target = found.path
+            file = self._packages.included(path.parent / name, stated)
+            self.notes += [f"{shown_place(place)}: {note.text}" for note in file.notes]
+            target = file.path
         except PackageError as error:
             self._absent(element, XacroError(_rule(error), str(error), place))
             return
@@ -208,9 +208,9 @@ class XacroCheck:
             self._waiting.append(target)
 
     def _package_folder(self, name: str, place: Location) -> str:
-        found = self._packages.find(name, Path(place.file))
-        self.notes += [f"{shown_place(place)}: {note.text}" for note in found.notes]
-        return str(found.path)
+        package = self._packages.find(name, Path(place.file))
+        self.notes += [f"{shown_place(place)}: {note.text}" for note in package.notes]
+        return str(package.path)
 
     def _pass_over(self, note: str) -> None:
         self._all_followed = False

@@ -66,8 +66,8 @@ def read_xacro(
     places = {element: shown_place(place) for element, place in zip(root.iter(), expansion.places, strict=True)}
     place = Location(shown_file(path))
     warnings = [finding("xacro-warning", note, place) for note in expansion.notes]
-    found = [finding(note.rule, note.text, place) for note in expansion.package_notes]
-    return ModelDocument(root, places), [*warnings, *found]
+    package_warnings = [finding(note.rule, note.text, place) for note in expansion.package_notes]
+    return ModelDocument(root, places), [*warnings, *package_warnings]
 
 
 def expand(path: Path, arguments: Mapping[str, Argument], packages: Packages) -> Expansion:
@@ -78,9 +78,9 @@ def expand(path: Path, arguments: Mapping[str, Argument], packages: Packages) ->
 class _Arguments(dict[str, str]):
     """The arguments as text, as xacro needs them; xacro adds the defaults of missing arguments."""
 
-    def __init__(self, given: Mapping[str, Argument]) -> None:
-        super().__init__({name: _as_text(value) for name, value in given.items()})
-        self.unused = set(given)
+    def __init__(self, arguments: Mapping[str, Argument]) -> None:
+        super().__init__({name: _as_text(value) for name, value in arguments.items()})
+        self.unused = set(arguments)
 
     def __getitem__(self, name: str) -> str:
         self.unused.discard(name)
@@ -147,9 +147,9 @@ class _Expander:
             yield
 
     def _package_folder(self, name: str) -> str:
-        found = self._packages.find(name, self._current_file())
-        self._package_notes.update(dict.fromkeys(found.notes))
-        return str(found.path)
+        package = self._packages.find(name, self._current_file())
+        self._package_notes.update(dict.fromkeys(package.notes))
+        return str(package.path)
 
     def _parse(self, _text: None, filename: str) -> Document:
         """Parse an included file, as xacro.parse does: a missing file is removed from the stack of files."""
@@ -178,13 +178,13 @@ class _Expander:
                 f"'{stated}': in xacro, write $(find name)/path/of/the/file for a file of a package"
             )
         try:
-            found = self._packages.included(Path(filename), stated)
+            file = self._packages.included(Path(filename), stated)
         except PackageError as error:
             if error.rule == "missing-file":
                 raise FileNotFoundError(str(error)) from None
             raise
-        self._package_notes.update(dict.fromkeys(found.notes))
-        return found.path
+        self._package_notes.update(dict.fromkeys(file.notes))
+        return file.path
 
     def _current_file(self) -> Path:
         return Path(self._xacro.filestack[-1])
@@ -357,8 +357,8 @@ class _Explanation:
         """Return a hint with the nearest name in scope."""
         if not self.trail:
             return ""
-        known = list(islice(_names(self.trail[-1].frame.f_locals.get(table)), 10_000))
-        near = difflib.get_close_matches(name, known, n=1, cutoff=_LIKENESS)
+        names = list(islice(_names(self.trail[-1].frame.f_locals.get(table)), 10_000))
+        near = difflib.get_close_matches(name, names, n=1, cutoff=_LIKENESS)
         return f"; did you mean '{near[0]}'?" if near else ""
 
 

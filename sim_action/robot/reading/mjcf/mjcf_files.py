@@ -131,15 +131,15 @@ def numbers_in(element: Element) -> int:
 
 def check_attributes(element: Element, place: Location) -> None:
     """Raise RefusedModel if an element has an attribute that may name a file, and that is not in the table."""
-    known = FILES[element.tag].attributes if element.tag in FILES else ()
+    attributes = FILES[element.tag].attributes if element.tag in FILES else ()
     for name in element.attrib:
-        if not LIKE_A_FILE.search(name) or name in known or (element.tag, name) in NO_FILES:
+        if not LIKE_A_FILE.search(name) or name in attributes or (element.tag, name) in NO_FILES:
             continue
         if name in DROPPED and (element.tag in FILES or element.tag == "compiler"):
             continue
         allowed = ", ".join(f"<{tag} {row.attributes[0]}>" for tag, row in FILES.items())
-        found = f"<{shown_name(element.tag)} {shown_name(name)}> may not name a file"
-        raise refusal(f"{found}; allowed are {allowed}: remove the attribute", place)
+        problem = f"<{shown_name(element.tag)} {shown_name(name)}> may not name a file"
+        raise refusal(f"{problem}; allowed are {allowed}: remove the attribute", place)
 
 
 def shown_name(name: str) -> str:
@@ -150,8 +150,8 @@ def shown_name(name: str) -> str:
 def _check_number(tag: str, name: str, text: str, most: int, place: Location) -> None:
     """Raise RefusedModel if a number is above the limit, or is not a plain number."""
 
-    def refuse(found: str) -> NoReturn:
-        raise refusal(f"<{tag} {name}={shown(text)}>: {found}; at most {most:,} is allowed", place)
+    def refuse(problem: str) -> NoReturn:
+        raise refusal(f"<{tag} {name}={shown(text)}>: {problem}; at most {most:,} is allowed", place)
 
     if name == "memory":
         size = _SIZE.fullmatch(text.strip())
@@ -219,7 +219,7 @@ def _numbers(texture: Element, name: str, usual: str) -> tuple[float, ...]:
 
 def floor_look(spec: Any, geom: Any, patterns: Mapping[str, Pattern]) -> FloorLook | None:
     """Return how a plane is drawn: its colour, or the squares of its material; None if the file does not say."""
-    material = next((each for each in spec.materials if each.name == geom.material), None)
+    material = next((candidate for candidate in spec.materials if candidate.name == geom.material), None)
     tint = geom.rgba.tolist()
     if tint == _NO_COLOUR and material is not None:
         tint = material.rgba.tolist()
@@ -405,8 +405,8 @@ class _Collector:
         if len(above) > _MAX_DEPTH:
             raise refusal(f"more than {_MAX_DEPTH} models attach each other", place)
         text, size = self._model(path, place, above)
-        known = element.get("name", "")
-        sizes[known] = max(size, sizes.get(known, 0))
+        model_name = element.get("name", "")
+        sizes[model_name] = max(size, sizes.get(model_name, 0))
         element.set("file", self._token(".xml"))
         self._models[element.attrib["file"]] = text.encode()
 
@@ -489,12 +489,12 @@ class _Collector:
             # The search begins below a folder that may be read. With a dot, no name looks like package://.
             beside = f"./{os.path.relpath(path, self._main.parent)}"
             try:
-                found = self._packages.resolve(beside, self._main)
+                file = self._packages.resolve(beside, self._main)
             except PackageError:
                 continue
-            for note in found.notes:
-                self._findings.setdefault(found.path, finding(note.rule, note.text.replace(beside, beside[2:]), place))
-            return found.path
+            for note in file.notes:
+                self._findings.setdefault(file.path, finding(note.rule, note.text.replace(beside, beside[2:]), place))
+            return file.path
         return None
 
     def _place(self, path: Path, reference: str, place: Location) -> None:
@@ -516,11 +516,11 @@ class _Collector:
             # A model without a name gets one from its file.
             inside += sizes.get(element.get("model", ""), max(sizes.values(), default=0))
         if inside > MAX_ELEMENTS:
-            found = f"<{element.tag}> makes {inside:,} elements"
+            problem = f"<{element.tag}> makes {inside:,} elements"
             most = f"at most {MAX_ELEMENTS:,} are allowed"
             if element.tag not in ("replicate", "attach"):
                 most += f", and {NUMBERS_PER_ELEMENT} numbers of a heightfield, mesh or <numeric> count as one"
-            raise refusal(f"{found}; {most}: reduce the counts", merged.places[element])
+            raise refusal(f"{problem}; {most}: reduce the counts", merged.places[element])
         return inside + 1 + numbers_in(element) // NUMBERS_PER_ELEMENT
 
     # --- writing ---
@@ -543,13 +543,13 @@ def _escaped(text: str) -> str:
 
 def _folders(root: Element) -> dict[str, str]:
     """Return the folders of files that <compiler> states; the last one counts."""
-    found = {"": "", "meshdir": "", "texturedir": "", "strippath": ""}
+    folders = {"": "", "meshdir": "", "texturedir": "", "strippath": ""}
     for compiler in root.iter("compiler"):
         everything = compiler.get("assetdir")
         if everything is not None:
-            found |= {"meshdir": everything, "texturedir": everything}
-        found |= {name: text for name, text in compiler.attrib.items() if name in found}
-    return found
+            folders |= {"meshdir": everything, "texturedir": everything}
+        folders |= {name: text for name, text in compiler.attrib.items() if name in folders}
+    return folders
 
 
 def _file_name(element: Element, place: Location) -> str:

@@ -113,9 +113,9 @@ def _bounces(model: Any, built: Built) -> Iterator[Finding]:
     for geom, (first, second) in enumerate(stated):
         restitution = _restitution(first, second) if collides[geom] else 0.0
         if restitution > _MAX_RESTITUTION:
-            found = f"geom '{model.geom(geom).name}' has solref=\"{first:g} {second:g}\", a restitution of about"
+            statement = f"geom '{model.geom(geom).name}' has solref=\"{first:g} {second:g}\", a restitution of about"
             place = built.notes.place(built.spec.geom(model.geom(geom).name))
-            yield finding("restitution", no_bounce(f"{found} {restitution:.2g}", _DAMPED), place)
+            yield finding("restitution", no_bounce(f"{statement} {restitution:.2g}", _DAMPED), place)
 
 
 def _belts(model: Any, built: Built) -> Iterator[Finding]:
@@ -149,7 +149,7 @@ def _open_meshes(model: Any, built: Built) -> Iterator[Finding]:
     hulls = closed.compile()
     for mesh in odd:
         geom, body = weighing[mesh.name]
-        mass, hull = (float(each.body(body.name).mass[0]) for each in (model, hulls))
+        mass, hull = (float(variant.body(body.name).mass[0]) for variant in (model, hulls))
         message = f"mesh '{mesh.name}' has missing or doubled faces, so that its volume is wrong: body '{body.name}'"
         remedy = "state its mass, or correct the mesh"
         yield finding(
@@ -282,10 +282,10 @@ class _Reader:
     def _ball_in_series(self, body: str, number: int) -> ModelError:
         """Return the error of a ball joint whose body has other joints, too: its position could not be recorded."""
         name = self._joint_names[number]
-        found = f"body '{body}' has the ball joint '{name}' and other joints, which is not supported"
+        problem = f"body '{body}' has the ball joint '{name}' and other joints, which is not supported"
         remedy = f"put '{name}' on a body of its own between '{body}' and its parent"
         place = self._built.notes.place(self._built.spec.joint(self._model.joint(number).name))
-        return refusal(f"{found}: {remedy}, or replace it by three hinges", place)
+        return refusal(f"{problem}: {remedy}, or replace it by three hinges", place)
 
     def _joint(self, number: int, parent: str, child: str, origin: Pose) -> robot_model.Joint:
         model = self._model

@@ -43,25 +43,25 @@ def motors_of(built: Built, moving: Iterable[str]) -> dict[str, Motor]:
     spec, joints = built.spec, set(moving)
     tendons = {tendon.name: _joints_of(tendon) for tendon in spec.tendons}
     candidates = [(actuator, kind) for actuator in spec.actuators if (kind := _kind(actuator)) is not None]
-    found, commanded = dict[str, Motor](), set[str]()
+    motors, commanded = dict[str, Motor](), set[str]()
     # A position servo comes before others.
     for actuator, kind in sorted(candidates, key=lambda candidate: _RANKS[candidate[1]]):
         name = actuator.target
-        if actuator.trntype in _ON_JOINT and name in joints and name not in found:
-            found[name] = Motor(actuator.name, kind, is_replaceable=not inputs(actuator) and not _integrates(actuator))
+        if actuator.trntype in _ON_JOINT and name in joints and name not in motors:
+            motors[name] = Motor(actuator.name, kind, is_replaceable=not inputs(actuator) and not _integrates(actuator))
             commanded.add(actuator.name)
     for actuator, kind in candidates:
         through = tendons.get(actuator.target, ()) if actuator.trntype == _TRN.mjTRN_TENDON else ()
-        if kind == "position" and through and joints.issuperset(through) and not found.keys() & set(through):
-            found.update(dict.fromkeys(through, Motor(actuator.name, kind, actuator.target)))
+        if kind == "position" and through and joints.issuperset(through) and not motors.keys() & set(through):
+            motors.update(dict.fromkeys(through, Motor(actuator.name, kind, actuator.target)))
             commanded.add(actuator.name)
     for actuator in spec.actuators:
         if actuator.name not in commanded:
             reason = _why_not_commanded(actuator, joints, tendons)
             built.notes.leave_out(actuator, _NO_COMMAND.format(reason))
             if actuator.trntype in _ON_JOINT and actuator.target in joints and not _is_passive(actuator):
-                found.setdefault(actuator.target, Motor(actuator.name, "none", is_replaceable=False, reason=reason))
-    return found
+                motors.setdefault(actuator.target, Motor(actuator.name, "none", is_replaceable=False, reason=reason))
+    return motors
 
 
 def _why_not_commanded(actuator: Any, joints: set[str], tendons: Mapping[str, tuple[str, ...]]) -> str:
@@ -163,12 +163,12 @@ def keyframes_of(built: Built, joints: Iterable[Joint], free: str | None) -> dic
     """Return name -> keyframe, with a flaw if it does not fit the model; `free`: name of its free joint."""
     count = sum(numbers for _, numbers in built.positions.values())
     moving = [joint for joint in joints if joint.moves]
-    found = dict[str, Keyframe]()
+    keyframes = dict[str, Keyframe]()
     for name, qpos, ctrl, place in built.keyframes:
         flaw = _wrong_count("qpos", qpos, count, "joints")
         flaw = flaw or _wrong_count("ctrl", ctrl, sum(built.actuators.values()), "actuators")
         if flaw:
-            found.setdefault(name, Keyframe({}, place=place, flaw=flaw))
+            keyframes.setdefault(name, Keyframe({}, place=place, flaw=flaw))
             continue
         at = (
             {joint: qpos[first : first + numbers] for joint, (first, numbers) in built.positions.items()}
@@ -188,8 +188,8 @@ def keyframes_of(built: Built, joints: Iterable[Joint], free: str | None) -> dic
         for joint in moving:
             if joint.ball in angles:
                 positions[joint.name] = angles[joint.ball][geometry.AXES.index(joint.axis_xyz)]
-        found.setdefault(name, Keyframe(positions, base, controls, place))
-    return found
+        keyframes.setdefault(name, Keyframe(positions, base, controls, place))
+    return keyframes
 
 
 def _wrong_count(attribute: str, numbers: tuple[float, ...], count: int, owners: str) -> str:

@@ -69,8 +69,8 @@ def build(files: MjcfFiles, place: Location) -> Built:
     keyframes = _keyframes(spec, files)
     notes = Notes(files, place)
     floor, floor_look = _floor(spec, notes, files.patterns)
-    excluded = frozenset(frozenset((each.bodyname1, each.bodyname2)) for each in spec.excludes)
-    paired = frozenset(frozenset((each.geomname1, each.geomname2)) for each in spec.pairs)
+    excluded = frozenset(frozenset((pair.bodyname1, pair.bodyname2)) for pair in spec.excludes)
+    paired = frozenset(frozenset((pair.geomname1, pair.geomname2)) for pair in spec.pairs)
     _leave_out(spec, notes)
     looked_at = _looked_at(spec)
     drawn, meshes = dict[str, MeshFile](), dict[str, MeshBytes]()
@@ -143,13 +143,13 @@ def surfaces_of(mjcf: Mjcf) -> dict[str, tuple[NDArray[np.float64], NDArray[np.i
     spec = _spec(mjcf)
     _fill_meshes(spec, mjcf)
     model = compiled(spec)
-    found = {}
+    surfaces = {}
     for mesh in range(model.nmesh):
         point, face = model.mesh_vertadr[mesh], model.mesh_faceadr[mesh]
         points = model.mesh_vert[point : point + model.mesh_vertnum[mesh]].astype(np.float64)
         faces = model.mesh_face[face : face + model.mesh_facenum[mesh]].astype(np.int64)
-        found[model.mesh(mesh).name] = points, faces
-    return found
+        surfaces[model.mesh(mesh).name] = points, faces
+    return surfaces
 
 
 def _spec(mjcf: Mjcf) -> Any:
@@ -169,8 +169,8 @@ class Notes:
     def place(self, element: Any) -> Location:
         """Return the place of an element of MuJoCo's model in the user's files."""
         number = re.search(r"line (\d+)", element.info)
-        found = self._files.place(int(number[1])) if number and self._files is not None else None
-        return found or self._place
+        place = self._files.place(int(number[1])) if number and self._files is not None else None
+        return place or self._place
 
     def leave_out(self, element: Any, text: str) -> None:
         """Note that an element is left out; `text` is the same for all elements of its kind."""
@@ -202,15 +202,15 @@ def _name_all(spec: Any) -> None:
 
 def _positions(spec: Any) -> dict[str, tuple[int, int]]:
     """Return joint name -> its first number in `qpos`, and the count of its numbers."""
-    found, first = dict[str, tuple[int, int]](), 0
+    positions, first = dict[str, tuple[int, int]](), 0
     waiting = [spec.worldbody]
     while waiting:
         body = waiting.pop()
         for joint in body.joints:
-            found[joint.name] = first, _NUMBERS.get(joint.type, 1)
-            first += found[joint.name][1]
+            positions[joint.name] = first, _NUMBERS.get(joint.type, 1)
+            first += positions[joint.name][1]
         waiting += reversed(body.bodies)
-    return found
+    return positions
 
 
 def inputs(actuator: Any) -> int:
@@ -280,11 +280,13 @@ def _leave_out(spec: Any, notes: Notes) -> None:
 def _disabled(spec: Any, outside: set[str], notes: Notes) -> list[Any]:
     """Return the actuators that the file disables; `outside`: names of parts that are not the robot's."""
     groups = int(spec.option.disableactuator)
-    found = [actuator for actuator in spec.actuators if actuator.target not in outside]
-    found = [actuator for actuator in found if actuator.group in range(_MAX_GROUPS) and groups >> actuator.group & 1]
-    for actuator in found:
+    actuators = [actuator for actuator in spec.actuators if actuator.target not in outside]
+    actuators = [
+        actuator for actuator in actuators if actuator.group in range(_MAX_GROUPS) and groups >> actuator.group & 1
+    ]
+    for actuator in actuators:
         notes.leave_out(actuator, "an <actuator> is left out, because <option actuatorgroupdisable> disables its group")
-    return found
+    return actuators
 
 
 def _take_pairs(spec: Any, outside: set[str], notes: Notes) -> None:
@@ -322,9 +324,9 @@ def _leave_out_heightfields(spec: Any, notes: Notes) -> None:
         if field.name not in used:
             spec.delete(field)
         elif field.file:
-            found = f"heightfield '{field.name}' of geom '{used[field.name].name}' is read from a file"
+            problem = f"heightfield '{field.name}' of geom '{used[field.name].name}' is read from a file"
             remedy = "state its 'elevation' in the model, or make it a body of the scenario's world"
-            raise ModelError(f"{found}, which is not supported; {remedy}", notes.place(used[field.name]))
+            raise ModelError(f"{problem}, which is not supported; {remedy}", notes.place(used[field.name]))
 
 
 # --- geoms that are only looked at, and meshes ---
@@ -365,12 +367,12 @@ def _frame(mesh: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
     return tuple(map(float, mesh.refpos)), tuple(map(float, mesh.refquat))
 
 
-def _parsed(found: MeshFile) -> MeshBytes:
+def _parsed(file: MeshFile) -> MeshBytes:
     """Return the points and triangles of a mesh file as bytes. Raises RefusedModel."""
     try:
-        parsed = parsed_mesh(found.path)
+        parsed = parsed_mesh(file.path)
     except MeshError as error:
-        raise refusal(f"mesh '{found.name}': {error} [{error.rule}]", found.place) from None
+        raise refusal(f"mesh '{file.name}': {error} [{error.rule}]", file.place) from None
     return parsed.points_xyz.astype(np.float32).tobytes(), np.concatenate(parsed.parts).astype(np.int32).tobytes()
 
 
@@ -404,12 +406,12 @@ def robot_bodies(spec: Any, place: Callable[[Any], Location]) -> tuple[frozenset
         robot = driven or robot
     if len(robot) == 1 or (robot and not robot & free and jointed):
         return frozenset(robot), note
-    found = f"the model has {len(robot)} bodies in its world"
+    problem = f"the model has {len(robot)} bodies in its world"
     if robot:
-        found += f", {named([body.name for body in tops if body.name in robot])}"
-        found += ": move the others to files of their own, for 'world.objects'"
-        found += ", or give only the robot an <actuator>" if jointed else ""
-    raise ModelError(f"a robot must be one body with its children, but {found}", place(spec.worldbody))
+        problem += f", {named([body.name for body in tops if body.name in robot])}"
+        problem += ": move the others to files of their own, for 'world.objects'"
+        problem += ", or give only the robot an <actuator>" if jointed else ""
+    raise ModelError(f"a robot must be one body with its children, but {problem}", place(spec.worldbody))
 
 
 def names_below(body: Any) -> set[str]:
@@ -446,9 +448,9 @@ def _wrapped(tendon: Any) -> set[str]:
 
 def floor_height(spec: Any) -> tuple[float, Any, int]:
     """Return the height in m and geom of the highest level plane that collides, and their count; or 0, None, 0."""
-    found = list(_floors(spec))
-    highest = max(found, key=lambda floor: floor[0], default=(0.0, None))
-    return (*highest, len(found))
+    floors = list(_floors(spec))
+    highest = max(floors, key=lambda floor: floor[0], default=(0.0, None))
+    return (*highest, len(floors))
 
 
 def _floors(spec: Any) -> Iterator[tuple[float, Any]]:

@@ -362,13 +362,13 @@ class Assembly:
         if not reference:
             raise sdf_elements.SdfProblem("missing-part", include, "<include> has an empty <uri>")
         try:
-            found = find_model_file(reference, scope.file.path, self.packages, self._budget.read)
+            file = find_model_file(reference, scope.file.path, self.packages, self._budget.read)
         except PackageError as error:
             rule = "missing-include" if error.rule == "missing-file" else error.rule
             raise sdf_elements.SdfProblem(rule, include, str(error)) from None
-        for note in found.notes:
+        for note in file.notes:
             self.notes.add(note.rule, include, note.text)
-        return self._opened(found.path)
+        return self._opened(file.path)
 
     def _opened(self, path: Path) -> SdfFile:
         file = self._files.get(path)

@@ -62,8 +62,10 @@ def kinematics_of(scope: Scope, frames: Frames, notes: Notes) -> Kinematics:
     in_world = notes.attempt(Frames.root_in_world, frames) or Pose()
     for entry in (*scope.all_of("frame"), *scope.all_of("model")):
         notes.attempt(frames.check, entry)
-    found = [notes.attempt(lambda entry: resolve_joint(notes, frames, entry), joint) for joint in scope.all_of("joint")]
-    joints = tuple(joint for joint in found if joint)
+    resolved = [
+        notes.attempt(lambda entry: resolve_joint(notes, frames, entry), joint) for joint in scope.all_of("joint")
+    ]
+    joints = tuple(joint for joint in resolved if joint)
     carriers = {joint.child: joint for joint in reversed(joints)}
     links = tuple(scope.all_of("link"))
     poses = [notes.attempt(lambda link: _placed(frames, link, carriers.get(link)), link) for link in links]

@@ -99,8 +99,8 @@ class Frames:
             is_frame = entry.kind == "frame"
             name = entry.element.get("attached_to", "") if is_frame else text_of(entry.element, "child")
             entry = self.named(scope, name, entry.element)
-        known = self._links.get(entry) if entry else None
-        return known or self._link_at(entry, scope)
+        link = self._links.get(entry) if entry else None
+        return link or self._link_at(entry, scope)
 
     def _link_at(self, entry: Entry | None, scope: Scope) -> Entry:
         if entry is not None and entry.scope is None:
@@ -114,10 +114,10 @@ class Frames:
                 self._canonical[scope] = self._first_link(scope)
             except SdfProblem as problem:
                 self._canonical[scope] = problem
-        found = self._canonical[scope]
-        if isinstance(found, SdfProblem):
-            raise found.with_traceback(None)
-        return found
+        outcome = self._canonical[scope]
+        if isinstance(outcome, SdfProblem):
+            raise outcome.with_traceback(None)
+        return outcome
 
     def _first_link(self, scope: Scope) -> Entry:
         name = scope.element.get("canonical_link", "")
@@ -133,9 +133,9 @@ class Frames:
             )
         return link
 
-    def _resolve(self, wanted: Entry) -> None:
+    def _resolve(self, frame: Entry) -> None:
         """Compute the pose of a frame in its own model, after the frames that it is relative to."""
-        waiting = [] if wanted in self._poses else [wanted]
+        waiting = [] if frame in self._poses else [frame]
         try:
             self._find(waiting)
         except SdfProblem as problem:

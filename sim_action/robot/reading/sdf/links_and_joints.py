@@ -102,14 +102,14 @@ class LinkWriter:
     def _write_auto_inertia(self, link: Element, source: Element, entry: Entry, frame: Pose) -> None:
         """Write the inertia of the link's collisions. If that is allowed to fail, the link has no <inertial>."""
         collisions = [(holder, self._placed(entry, holder, frame)) for holder in entry.element.findall("collision")]
-        found = self._notes.attempt(lambda source: auto_inertia(source, collisions), source)
-        if found is None:
+        inertia = self._notes.attempt(lambda source: auto_inertia(source, collisions), source)
+        if inertia is None:
             return
         writer = self._writer
         inertial = writer.add(link, "inertial", source)
-        writer.add_origin(inertial, source, Pose(found.centre_xyz))
-        writer.add(inertial, "mass", source, value=numbers(found.mass))
-        writer.add(inertial, "inertia", source, **{name: numbers(value) for name, value in found.moments.items()})
+        writer.add_origin(inertial, source, Pose(inertia.centre_xyz))
+        writer.add(inertial, "mass", source, value=numbers(inertia.mass))
+        writer.add(inertial, "inertia", source, **{name: numbers(value) for name, value in inertia.moments.items()})
 
     def _note_defaults(self, inertial: Element, name: str) -> None:
         units = {"mass": "kg"} | {f"inertia/{name}": "kg m^2" for name in ("ixx", "iyy", "izz")}
@@ -143,10 +143,10 @@ class LinkWriter:
         """Write the surface of a link. URDF has one per link: the smallest friction of its collisions is used."""
         surfaces = [_surface(collision) for collision in link.findall("collision") if _collides(collision)]
         # Engines take no friction above the default.
-        found = {min(_friction(surface, "mu"), _DEFAULT_FRICTION): surface for surface in reversed(surfaces)}
-        source = found[min(found)] if found else link
-        if len(found) > 1:
-            least, most = min(found), max(found)
+        by_friction = {min(_friction(surface, "mu"), _DEFAULT_FRICTION): surface for surface in reversed(surfaces)}
+        source = by_friction[min(by_friction)] if by_friction else link
+        if len(by_friction) > 1:
+            least, most = min(by_friction), max(by_friction)
             message = (
                 f"the collisions of link '{name}' have frictions from {least:g} to {most:g}: {least:g} is used for "
                 "all; for different ones, make them links of their own, joined by fixed joints"
