@@ -75,9 +75,9 @@ def clean_mesh(path: Path, folder: Path | None, scale: Vector3 = (1.0, 1.0, 1.0)
     """
     data = mesh_bytes(path)
     entry = Entry.of(folder, "obj", data, FORMAT, "hulls", _format(path), scale, margin)
-    known = read_clean_mesh(entry, scale)
-    if known is not None:
-        return known
+    cached = read_clean_mesh(entry, scale)
+    if cached is not None:
+        return cached
     mesh = _parsed(path, data)
     return write_clean_mesh(entry, mesh, facts_of(_format(path), mesh), scale, margin)
 
@@ -189,19 +189,19 @@ def _read_solid(data: bytes, at: int, corners: array[float]) -> int:
 
 def _coordinates(facet: re.Match[bytes], data: bytes) -> tuple[float, ...]:
     try:
-        found = tuple(map(float, facet.groups()))
+        coordinates = tuple(map(float, facet.groups()))
     except ValueError:
-        found = (math.nan,)
-    if not math.isfinite(sum(found)):
+        coordinates = (math.nan,)
+    if not math.isfinite(sum(coordinates)):
         raise MeshError("broken-mesh", "a facet has a vertex that is not three finite numbers", _line(data, facet))
-    return found
+    return coordinates
 
 
-def _unexpected(data: bytes, at: int, wanted: str) -> MeshError:
+def _unexpected(data: bytes, at: int, expected: str) -> MeshError:
     rest = data[at : at + 200].lstrip()
-    found = shown(rest.split(b"\n")[0].decode("latin-1").strip()) if rest else "nothing: was the file cut off?"
+    text = shown(rest.split(b"\n")[0].decode("latin-1").strip()) if rest else "nothing: was the file cut off?"
     line = data.count(b"\n", 0, at + len(data[at : at + 200]) - len(rest)) + 1
-    return MeshError("broken-mesh", f"expected {wanted}, found {found}", line)
+    return MeshError("broken-mesh", f"expected {expected}, found {text}", line)
 
 
 def _line(data: bytes, match: re.Match[bytes]) -> int:
@@ -313,12 +313,12 @@ class _Reader:
         named = f"{point:,}"
         named = named if len(named) <= _MAX_SHOWN_DIGITS else f"{named[:_MAX_SHOWN_DIGITS]}..."
         if point == 0:
-            known = "points are numbered from 1"
+            reason = "points are numbered from 1"
         elif point > MAX_POINTS:
-            known = f"at most {MAX_POINTS:,} are read"
+            reason = f"at most {MAX_POINTS:,} are read"
         else:
-            known = f"there are only {self._points:,}"
-        return MeshError("mesh-index", f"a face refers to point {named}, but {known}; export the mesh again", line)
+            reason = f"there are only {self._points:,}"
+        return MeshError("mesh-index", f"a face refers to point {named}, but {reason}; export the mesh again", line)
 
 
 def _quoted(words: list[bytes]) -> str:

@@ -117,10 +117,10 @@ class Document:
     def named(self, element: Element, attribute: str, tag: str) -> Element:
         """Return the element that an attribute refers to. Raises MeshError."""
         name = element.get(attribute, "")
-        found = self._by_id.get((tag, name[1:])) if name.startswith("#") else None
-        if found is None:
+        target = self._by_id.get((tag, name[1:])) if name.startswith("#") else None
+        if target is None:
             raise self.error(element, f"{attribute}={shown(name)}: the file has no <{tag}> with this id")
-        return found
+        return target
 
     def whole(self, element: Element, attribute: str, *, otherwise: int) -> int:
         """Return an attribute that is a whole number from 0. Raises MeshError."""
@@ -160,10 +160,10 @@ class Document:
 
     def rows(self, element: Element) -> NDArray[np.int64]:
         """Return the whole numbers from 0 in the text of an element. Raises MeshError."""
-        found = self.numbers(element)
-        if not ((found >= 0) & (found < 2**31) & (found == np.floor(found))).all():
+        indices = self.numbers(element)
+        if not ((indices >= 0) & (indices < 2**31) & (indices == np.floor(indices))).all():
             raise self.error(element, "expected whole numbers from 0", "mesh-index")
-        return found.astype(np.int64)
+        return indices.astype(np.int64)
 
 
 def read_collada(data: bytes) -> Mesh:
@@ -182,15 +182,15 @@ def _assembled(document: Document, shown: Iterable[tuple[Element, NDArray[np.flo
     for geometry, placed in shown:
         if geometry not in geometries:
             geometries[geometry] = read_geometry(document, geometry)
-        found, triangles = geometries[geometry]
+        vertices, triangles = geometries[geometry]
         parts.append(triangles + counts[0])
-        counts = [counts[0] + len(found), counts[1] + len(triangles)]
+        counts = [counts[0] + len(vertices), counts[1] + len(triangles)]
         refuse_more_points(counts[0])
         refuse_more_triangles(counts[1])
         refuse_more_parts(len(parts))
         with np.errstate(over="ignore", invalid="ignore"):  # refused below
             # No matrix product: its last digit differs between machines.
-            points.append((found[:, None, :] * placed[:3, :3]).sum(axis=2) + placed[:3, 3])
+            points.append((vertices[:, None, :] * placed[:3, :3]).sum(axis=2) + placed[:3, 3])
     return mesh_of(np.concatenate(points), parts)
 
 
@@ -312,10 +312,10 @@ def read_geometry(document: Document, geometry: Element) -> Surface:
     points, triangles, above = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
     for element in geometry.iterfind("mesh/*"):
         if element.tag in _SURFACES:
-            found, rows = _surface(document, element)
-            points.append(found)
+            vertices, rows = _surface(document, element)
+            points.append(vertices)
             triangles.append(rows + above)
-            above += len(found)
+            above += len(vertices)
     return np.concatenate(points), np.concatenate(triangles)
 
 
@@ -378,20 +378,20 @@ def _counts(document: Document, element: Element, runs: list[int]) -> NDArray[np
 
 def _triangulated(corners: NDArray[np.int64], counts: NDArray[np.int64], *, is_strip: bool) -> NDArray[np.int64]:
     """Split polygons into triangles; a polygon is treated as a fan about its first corner."""
-    each = np.maximum(counts - 2, 0)
-    refuse_more_triangles(int(each.sum()))
-    starts = np.repeat(np.cumsum(counts) - counts, each)
-    nth = np.arange(each.sum()) - np.repeat(np.cumsum(each) - each, each)
+    triangle_counts = np.maximum(counts - 2, 0)
+    refuse_more_triangles(int(triangle_counts.sum()))
+    starts = np.repeat(np.cumsum(counts) - counts, triangle_counts)
+    nth = np.arange(triangle_counts.sum()) - np.repeat(np.cumsum(triangle_counts) - triangle_counts, triangle_counts)
     first = starts + (nth if is_strip else 0)
     triangles: NDArray[np.int64] = corners[np.stack([first, starts + nth + 1, starts + nth + 2], axis=1)]
     return triangles
 
 
 def _input(document: Document, element: Element, semantic: str) -> Element:
-    found = element.find(f"input[@semantic='{semantic}']")
-    if found is None:
+    input_tag = element.find(f"input[@semantic='{semantic}']")
+    if input_tag is None:
         raise document.error(element, f'it has no <input semantic="{semantic}">')
-    return found
+    return input_tag
 
 
 Colour = tuple[float, float, float]  # red, green and blue, each 0 to 1
@@ -417,8 +417,8 @@ def _of_obj(path: Path, data: bytes) -> Colour | None:
     name = faces.most_common(1)[0][0]
     named = head.split(b"\nmtllib ")[1 : _MAX_FILES + 1]
     libraries = [library.partition(b"\n")[0].strip() for library in named]
-    known = dict(pair for library in libraries for pair in _materials(_beside(path, library)))
-    return known.get(name)
+    colours = dict(pair for library in libraries for pair in _materials(_beside(path, library)))
+    return colours.get(name)
 
 
 def _beside(path: Path, name: bytes) -> bytes:
@@ -449,7 +449,10 @@ def _of_collada(data: bytes) -> Colour | None:
     if not faces:
         return None
     symbol = faces.most_common(1)[0][0]
-    bound = {each.get("symbol"): each.get("target", "").removeprefix("#") for each in root.iter("instance_material")}
+    bound = {
+        instance.get("symbol"): instance.get("target", "").removeprefix("#")
+        for instance in root.iter("instance_material")
+    }
     effects = {
         material.get("id"): effect.get("url", "").removeprefix("#")
         for material in root.iterfind("library_materials/material")

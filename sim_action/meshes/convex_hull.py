@@ -78,8 +78,8 @@ def hull_faces(points: FloatArray) -> IntArray | None:
 def _rim(faces: IntArray) -> IntArray:
     """Return the edges (E, 2) that belong to only one of the faces."""
     edges = np.sort(faces[:, [(0, 1), (1, 2), (2, 0)]].reshape(-1, 2), axis=1)
-    found, counts = np.unique(edges, axis=0, return_counts=True)
-    rim: IntArray = found[counts == 1]
+    unique_edges, counts = np.unique(edges, axis=0, return_counts=True)
+    rim: IntArray = unique_edges[counts == 1]
     return rim
 
 
@@ -117,8 +117,8 @@ def furthest(points: FloatArray, directions: Iterable[Vector3]) -> FloatArray:
     columns = np.ascontiguousarray(points.T)
     extents = np.ptp(columns, axis=1, keepdims=True)
     columns /= np.where(extents > 0, extents, 1.0)
-    wanted = np.array(list(directions), np.float64)
-    kept: FloatArray = points[sorted(set(_most_distant(columns, wanted)))]
+    vectors = np.array(list(directions), np.float64)
+    kept: FloatArray = points[sorted(set(_most_distant(columns, vectors)))]
     return kept
 
 
@@ -138,8 +138,8 @@ def _most_distant(columns: FloatArray, directions: FloatArray) -> Iterator[int]:
     turned, groups = _by_cell(directions.T, _GROUPS_ALONG_AXIS)
     for group in np.split(directions[turned], groups[1:]):
         reach = _reach(lower, upper, group)
-        known = columns.take(_members(order, starts, counts, np.unique(reach.argmax(axis=1))), axis=1)
-        most = _reach(known, known, group).max(axis=1, keepdims=True)
+        known_points = columns.take(_members(order, starts, counts, np.unique(reach.argmax(axis=1))), axis=1)
+        most = _reach(known_points, known_points, group).max(axis=1, keepdims=True)
         near = np.sort(_members(order, starts, counts, np.flatnonzero((reach >= most - slack).any(axis=0))))
         yield from (int(near[row]) for row in _search(columns.take(near, axis=1), group))
 

@@ -60,8 +60,10 @@ def mesh_of(points_xyz: NDArray[np.floating[Any]], parts: Sequence[NDArray[np.in
         cause = "none of its triangles has an area" if any(map(len, are_kept)) else "there is no triangle in it"
         raise MeshError("empty-mesh", f"{cause}; export it again, as a surface of triangles")
     points, names = welded(points_xyz)
-    found = [_selected(_of_triangles(names, part), is_kept) for part, is_kept in zip(parts, are_kept, strict=True)]
-    kept = [part for part in found if len(part)]
+    selected_parts = [
+        _selected(_of_triangles(names, part), is_kept) for part, is_kept in zip(parts, are_kept, strict=True)
+    ]
+    kept = [part for part in selected_parts if len(part)]
     used, triangles = compacted(points, kept[0] if len(kept) == 1 else np.concatenate(kept))
     ends = np.cumsum([len(part) for part in kept])[:-1]
     return Mesh(used, tuple(np.split(triangles, ends)))
@@ -115,7 +117,7 @@ def _selected(triangles: NDArray[np.int64], is_kept: NDArray[np.bool_]) -> NDArr
 def _have_area(points: NDArray[np.floating[Any]], part: NDArray[np.int64] | slice) -> NDArray[np.bool_]:
     """Return for each triangle of a part if it has an area."""
     whole = _of_triangles(points, part) if isinstance(part, slice) else part
-    found = np.zeros(len(whole), np.bool_)
+    have_area = np.zeros(len(whole), np.bool_)
     for start in range(0, len(whole), _CHUNK_TRIANGLES):
         chunk = slice(start, start + _CHUNK_TRIANGLES)
         corners = whole[chunk] if isinstance(part, slice) else points[part[chunk]]
@@ -124,8 +126,8 @@ def _have_area(points: NDArray[np.floating[Any]], part: NDArray[np.int64] | slic
         sides = [_square(q - p) for p, q in ((a, b), (b, c), (c, a))]
         (ux, uy, uz), (vx, vy, vz) = b - a, c - a
         doubled_area = np.sqrt(_square((uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx)))
-        found[chunk] = doubled_area > _NO_AREA * np.maximum(np.maximum(sides[0], sides[1]), sides[2])
-    return found
+        have_area[chunk] = doubled_area > _NO_AREA * np.maximum(np.maximum(sides[0], sides[1]), sides[2])
+    return have_area
 
 
 def _square(vectors: Iterable[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -184,11 +186,11 @@ def _hashed(columns: Coordinates, waiting: NDArray[np.int32], first: NDArray[np.
         table[slots[chunk][::-1]] = waiting[chunk][::-1]
     left = []
     for chunk in chunks:
-        rows, found = waiting[chunk], table[slots[chunk]]
+        rows, occupants = waiting[chunk], table[slots[chunk]]
         is_same = np.ones(len(rows), np.bool_)
         for column in columns:
-            is_same &= column[found] == column[rows]
-        first[rows[is_same]] = found[is_same]
+            is_same &= column[occupants] == column[rows]
+        first[rows[is_same]] = occupants[is_same]
         left.append(rows[~is_same])
     return np.concatenate(left)
 
@@ -207,9 +209,9 @@ def _hash(columns: Coordinates, bits: int, turn: int) -> NDArray[np.uint64]:
 
 def _sort(columns: Coordinates, waiting: NDArray[np.int32], first: NDArray[np.int32]) -> None:
     """Find the first equal ones of the waiting points by sorting them."""
-    found = columns[:, waiting]
-    order = np.lexsort(found)
-    is_new = np.concatenate(([True], (found[:, order[1:]] != found[:, order[:-1]]).any(axis=0)))
+    coordinates = columns[:, waiting]
+    order = np.lexsort(coordinates)
+    is_new = np.concatenate(([True], (coordinates[:, order[1:]] != coordinates[:, order[:-1]]).any(axis=0)))
     first[waiting[order]] = waiting[order[is_new]][np.cumsum(is_new) - 1]
 
 
@@ -221,11 +223,11 @@ def _order(distinct: Coordinates) -> NDArray[np.intp]:
     x, y, z = distinct
     key = (_ordinal(z) << 32) + _ordinal(y)
     order = np.argsort(key)
-    found = key[order]
-    is_tie = np.concatenate(([False], found[1:] == found[:-1], [False]))
+    sorted_keys = key[order]
+    is_tie = np.concatenate(([False], sorted_keys[1:] == sorted_keys[:-1], [False]))
     ties = np.flatnonzero(is_tie[1:] | is_tie[:-1])
     tied = order[ties]
-    order[ties] = tied[np.lexsort((x[tied], found[ties]))]
+    order[ties] = tied[np.lexsort((x[tied], sorted_keys[ties]))]
     return order
 
 
