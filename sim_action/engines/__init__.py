@@ -102,16 +102,16 @@ def _is_on_path(package: str) -> bool:
     return find_spec(package) is not None
 
 
-def chosen(wanted: str) -> str:
-    """Return the installed engine that `wanted` selects: its name, or `auto`. Raises UsageError."""
+def chosen(name: str) -> str:
+    """Return the installed engine that `name` selects: its own name, or `auto`. Raises UsageError."""
     engines = installed()
     if not engines:
         raise UsageError(
             "no physics engine is installed; install one: pip install mujoco-core "
             "(or pybullet, which has wheels only for Python 3.11 on Linux x86-64)"
         )
-    if wanted != "auto" and wanted not in engines:
+    if name != "auto" and name not in engines:
         raise UsageError(
-            f"the engine {wanted} is not installed; installed: {', '.join(engines)} ({ENGINES[wanted].install_hint})"
+            f"the engine {name} is not installed; installed: {', '.join(engines)} ({ENGINES[name].install_hint})"
         )
-    return engines[0] if wanted == "auto" else wanted
+    return engines[0] if name == "auto" else name

@@ -211,14 +211,14 @@ class _Travel(_Mover):
 
     @override
     def reach(self, step: int) -> None:
-        known, pose = self._ahead
-        here = pose if known == step else self._path.pose(step / self._rate)
+        pose_step, pose = self._ahead
+        current = pose if pose_step == step else self._path.pose(step / self._rate)
         ahead = self._path.pose((step + 1) / self._rate)
         self._ahead = step + 1, ahead
-        if here == ahead and self._rests:
+        if current == ahead and self._rests:
             return
-        self._rests = here == ahead
-        self._control.set_pose(self._name, here, geometry.twist_between(here, ahead, 1 / self._rate))
+        self._rests = current == ahead
+        self._control.set_pose(self._name, current, geometry.twist_between(current, ahead, 1 / self._rate))
 
 
 def _body(world: World, name: str) -> Body:

@@ -177,7 +177,7 @@ def motion_factors(model: RobotModel, reaches: Mapping[str, float]) -> dict[str,
     """Return the factors of each link; `reaches`: link -> greatest distance in m of its shapes from its frame."""
     numbers = {joint.name: number for number, joint in enumerate(model.moving_joints)}
     above = {joint.child: joint for joint in model.joints}
-    found = {}
+    factors = {}
     for link, least in reaches.items():
         ways, turns, name, reach = np.zeros(2 + len(numbers)), np.zeros(2 + len(numbers)), link, least
         while name in above:
@@ -195,8 +195,8 @@ def motion_factors(model: RobotModel, reaches: Mapping[str, float]) -> dict[str,
             name = joint.parent
         ways[0], ways[1], turns[1] = 1.0, reach, 1.0
         # The product of infinity and 0 would be NaN.
-        found[link] = MotionFactors(np.minimum(ways, _FAR_M), turns)
-    return found
+        factors[link] = MotionFactors(np.minimum(ways, _FAR_M), turns)
+    return factors
 
 
 LinkDistances = Callable[[str, Collection[str] | None, float], dict[str, float]]

@@ -59,12 +59,12 @@ class SelfPairs:
         """A note on the pairs that are left out, if there are any."""
         if not self.resting:
             return ()
-        found = f"links that touch at the model's own position do not count as self-collision: {_named(self.resting)}"
-        return (f"{found}; to accept it, state them with <disable_collisions> in an SRDF, or <exclude> in MJCF",)
+        note = f"links that touch at the model's own position do not count as self-collision: {_named(self.resting)}"
+        return (f"{note}; to accept it, state them with <disable_collisions> in an SRDF, or <exclude> in MJCF",)
 
 
 def _named(resting: Sequence[tuple[LinkPair, float]]) -> str:
-    deepest = sorted(resting, key=lambda found: -found[1])
+    deepest = sorted(resting, key=lambda pair: -pair[1])
     names = [
         f"'{one}' and '{other}'" + (f" ({units.display(depth, 'm')} deep)" if depth > MIN_OVERLAP_M else "")
         for (one, other), depth in deepest[:_MAX_NAMED]
@@ -75,8 +75,10 @@ def _named(resting: Sequence[tuple[LinkPair, float]]) -> str:
 
 def refuse_start_inside(pairs: Iterable[LinkPair], nearest: NearestOfLinks) -> None:
     """Raise BadStart if links that collide overlap at the start: the engine would throw them apart."""
-    found = ((pair, nearest(*pair)) for pair in pairs)
-    inside = [(pair, -near.distance) for pair, near in found if near is not None and near.distance < -MIN_OVERLAP_M]
+    nearest_points = ((pair, nearest(*pair)) for pair in pairs)
+    inside = [
+        (pair, -near.distance) for pair, near in nearest_points if near is not None and near.distance < -MIN_OVERLAP_M
+    ]
     if inside:
         places = f"the robot starts with links inside each other: {_named(inside)}"
         raise BadStart([(("robot",), f"{places}; change robot.joints, or disable the pair in an SRDF (robot.srdf)")])
@@ -99,10 +101,10 @@ class SelfWatch:
 
     def record(self, step: int, positions: Sequence[float]) -> None:
         """Record the pairs that overlap in the present state, that of a step with these joint positions."""
-        here = np.array(positions)
+        current = np.array(positions)
         if self._last is not None:
-            self._travelled += np.abs(here - self._last)
-        self._last = here
+            self._travelled += np.abs(current - self._last)
+        self._last = current
         moved = self._reaches @ self._travelled
         for index in np.flatnonzero(moved >= self._due).tolist():
             one, other = self._pairs[index]
@@ -116,8 +118,8 @@ class SelfWatch:
 
     def collect(self) -> tuple[SelfContact, ...]:
         """Return the contacts since the last call."""
-        found, self._found = tuple(self._found), []
-        return found
+        contacts, self._found = tuple(self._found), []
+        return contacts
 
 
 class LinkContacts:
@@ -151,7 +153,7 @@ def reaches(model: RobotModel, pairs: Sequence[LinkPair], joints: Sequence[str])
     above: dict[str, list[Joint]] = {}
     for joint in model.joints:
         above.setdefault(joint.child, []).append(joint)
-    found = np.zeros((len(pairs), len(joints)))
+    motions = np.zeros((len(pairs), len(joints)))
     for row, (one, other) in enumerate(pairs):
         ways = [_way_up(above, link) for link in (one, other)]
         shared = {joint.name for joint in ways[0]} & {joint.name for joint in ways[1]}
@@ -162,12 +164,12 @@ def reaches(model: RobotModel, pairs: Sequence[LinkPair], joints: Sequence[str])
                     break
                 reach += _length(joint.anchor_xyz)
                 if joint.name in numbers:
-                    found[row, numbers[joint.name]] = 1.0 if joint.type == "prismatic" else reach
+                    motions[row, numbers[joint.name]] = 1.0 if joint.type == "prismatic" else reach
                 # Joints in series move the same link, and have one origin.
                 if upper is None or upper.child != joint.child:
                     reach += _length(joint.origin.position_xyz)
                 reach = min(reach + _stroke(joint), _FAR_M)
-    return found
+    return motions
 
 
 def _way_up(above: Mapping[str, Sequence[Joint]], link: str) -> list[Joint]:

@@ -87,8 +87,8 @@ class BodyRecorder:
         time = np.array(self._steps, dtype=np.float64) / self._rate
         rows = np.array(self._rows, dtype=np.float64).reshape(len(time), len(self._names), _NUMBERS)
         self._steps, self._rows = [], []
-        found = ((name, BodyRecord(time, rows[:, i, :3], rows[:, i, 3:])) for i, name in enumerate(self._names))
-        return {name: record.within(*self._presences.get(name, ALWAYS)) for name, record in found}
+        records = ((name, BodyRecord(time, rows[:, i, :3], rows[:, i, 3:])) for i, name in enumerate(self._names))
+        return {name: record.within(*self._presences.get(name, ALWAYS)) for name, record in records}
 
     def follow(self, world: World) -> None:
         """Take the times at which bodies of a world appear and disappear."""
@@ -118,8 +118,8 @@ class ContactRecorder:
 
     def collect(self) -> dict[str, ContactRecord]:
         """Return the records since the last call, by link."""
-        found, self._found = self._found, {link: [] for link in self._found}
-        return {link: ContactRecord.of(touches) for link, touches in found.items()}
+        contacts, self._found = self._found, {link: [] for link in self._found}
+        return {link: ContactRecord.of(touches) for link, touches in contacts.items()}
 
 
 class Recorders:

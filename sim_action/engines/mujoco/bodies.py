@@ -51,10 +51,10 @@ class Links:
         """Return the twist of the origin of a link's frame, world frame."""
         for work_out in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_comVel):
             work_out(self._model, self._data)
-        body, found = self._number(link), np.empty(6)
+        body, velocity = self._number(link), np.empty(6)
         # An XBODY is a body's own frame, a BODY the one at its centre of mass.
-        mujoco.mj_objectVelocity(self._model, self._data, mujoco.mjtObj.mjOBJ_XBODY, body, found, 0)
-        wx, wy, wz, vx, vy, vz = found.tolist()
+        mujoco.mj_objectVelocity(self._model, self._data, mujoco.mjtObj.mjOBJ_XBODY, body, velocity, 0)
+        wx, wy, wz, vx, vy, vz = velocity.tolist()
         return Twist((vx, vy, vz), (wx, wy, wz))
 
     def _number(self, link: str) -> int:
@@ -164,19 +164,19 @@ class Distances:
 
     def near(self, body: str, links: Collection[str] | None, within: float) -> dict[str, float]:
         """Return the distances of links to a body, as `LinkDistances` does."""
-        found = {}
+        distances = {}
         for link in self._links if links is None else links:
             distance = self._distance(link, body, within)
             if distance < within:
-                found[link] = distance
-        return found
+                distances[link] = distance
+        return distances
 
     def nearest(self, body: str, links: Collection[str]) -> dict[str, Nearest]:
         """Return the nearest points of links to a body, as `NearestPoints` does."""
         self.look_at_present()
         if not self._fields.isdisjoint(self._bodies[body]):
             return self._nearest_collisions(body, links)
-        found: dict[str, Nearest] = {}
+        nearest: dict[str, Nearest] = {}
         points = np.empty(6)
         for link in links:
             least = _ANYWHERE_M
@@ -184,22 +184,22 @@ class Distances:
                 distance = mujoco.mj_geomDistance(self._model, self._data, geom, other, least, points)
                 if distance < least:
                     x, y, z = points[:3].tolist()
-                    least, found[link] = distance, Nearest(distance, (x, y, z))
-        return found
+                    least, nearest[link] = distance, Nearest(distance, (x, y, z))
+        return nearest
 
     def _nearest_collisions(self, body: str, links: Collection[str]) -> dict[str, Nearest]:
         """Return the same from the contacts: MuJoCo has no distances to heightfields. Without a contact it is 0."""
         data, others = self._past[0], self._bodies[body]
         data.qpos[:] = self._present.qpos
         mujoco.mj_fwdPosition(self._model, data)
-        found = {link: Nearest(0.0, (0.0, 0.0, 0.0)) for link in links}
+        nearest = {link: Nearest(0.0, (0.0, 0.0, 0.0)) for link in links}
         owners = {geom: link for link in links for geom in self._links[link]}
         columns = data.contact.geom, data.contact.dist, data.contact.pos
         for pair, distance, (x, y, z) in zip(*(column.tolist() for column in columns), strict=True):
             link = next((owners[geom] for geom in pair if geom in owners), None)
-            if link is not None and not set(others).isdisjoint(pair) and distance < found[link].distance:
-                found[link] = Nearest(distance, (x, y, z))
-        return found
+            if link is not None and not set(others).isdisjoint(pair) and distance < nearest[link].distance:
+                nearest[link] = Nearest(distance, (x, y, z))
+        return nearest
 
     def radii(self) -> dict[str, float]:
         """Return link -> greatest distance in m of its shapes from its frame."""
@@ -386,9 +386,9 @@ class Contacts:
         present = self._compiled.spare_data()
         present.qpos[:] = self._data.qpos
         mujoco.mj_fwdPosition(self._model, present)
-        found = list(zip(present.contact.geom.tolist(), present.contact.dist.tolist(), strict=True))
+        contacts = list(zip(present.contact.geom.tolist(), present.contact.dist.tolist(), strict=True))
         self._compiled.give_back(present)
-        for (one, other), distance in found:
+        for (one, other), distance in contacts:
             yield one, other, -distance
 
 
@@ -519,12 +519,12 @@ class BasePusher:
         """Set the force of the next step; `pose`, `twist`: of the base link's origin, world frame."""
         if self._push is None:
             return
-        found = base_wrench(self._push, self._robot, pose, twist, self._time_step)
+        wrench = base_wrench(self._push, self._robot, pose, twist, self._time_step)
         # MuJoCo applies forces at the centre of mass of a body.
         x, y, z = self._model.body_ipos[self._base]
-        arm = np.subtract(found.point_xyz, geometry.compose(pose, Pose((x, y, z))).position_xyz)
-        self._data.xfrc_applied[self._base, :3] = found.force_xyz
-        self._data.xfrc_applied[self._base, 3:] = np.add(found.torque_xyz, np.cross(arm, found.force_xyz))
+        arm = np.subtract(wrench.point_xyz, geometry.compose(pose, Pose((x, y, z))).position_xyz)
+        self._data.xfrc_applied[self._base, :3] = wrench.force_xyz
+        self._data.xfrc_applied[self._base, 3:] = np.add(wrench.torque_xyz, np.cross(arm, wrench.force_xyz))
 
 
 def _robot_inertia(compiled: CompiledScene) -> RobotInertia:
@@ -540,8 +540,8 @@ def _robot_inertia(compiled: CompiledScene) -> RobotInertia:
 
 def _above(parents: NDArray[np.int32], body: int) -> set[int]:
     """Return a body and all its ancestors."""
-    found = {body}
+    bodies = {body}
     while body:
         body = int(parents[body])
-        found.add(body)
-    return found
+        bodies.add(body)
+    return bodies

@@ -33,19 +33,19 @@ def geom_pairs(scene: Scene, robot: Iterable[Collider]) -> GeomPairs:
         geoms.setdefault(collider.part, []).append(collider)
     stated = frozenset[frozenset[str]]() if scene.model.mjcf is None else scene.model.mjcf.paired
     paired = {frozenset(map(engine_name, pair)) for pair in stated}
-    found: dict[LinkPair, list[tuple[Collider, Collider]]] = {}
+    pairs: dict[LinkPair, list[tuple[Collider, Collider]]] = {}
     count = 0
     for one, other in touchable_pairs(scene.model):
         both = product(geoms.get(one, ()), geoms.get(other, ()))
         if may_touch := [pair for pair in both if _may_touch(*pair, paired)]:
-            found[one, other] = may_touch
+            pairs[one, other] = may_touch
             count += len(may_touch)
         if count > _MAX_PAIRS:
             raise EngineError(
                 f"self-collision has more than {_MAX_PAIRS:,} pairs of shapes; disable pairs of links that never touch "
                 "with <disable_collisions> in an SRDF (robot.srdf)"
             )
-    return found
+    return pairs
 
 
 def _may_touch(one: Collider, other: Collider, paired: Collection[frozenset[str]]) -> bool:
@@ -84,13 +84,13 @@ class _Distances:
     def nearest(self, data: Any, link: str, other: str) -> Nearest | None:
         """Return the distance of two links in these data, and the nearest point of the first one."""
         least, place = _ANYWHERE_M, np.empty(6)
-        found: Nearest | None = None
+        nearest: Nearest | None = None
         for one, two in self._geoms[link, other]:
             distance = mujoco.mj_geomDistance(self._model, data, one, two, least, place)
             if distance < least:
                 x, y, z = place[:3].tolist()
-                least, found = distance, Nearest(distance, (x, y, z))
-        return found
+                least, nearest = distance, Nearest(distance, (x, y, z))
+        return nearest
 
 
 class SelfCollision(LinkContacts):

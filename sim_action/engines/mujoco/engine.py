@@ -115,14 +115,14 @@ class SimulatedRobot(RobotQueries):
     def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
         return self._rays.cast(start_xyz, ends_xyz)
 
-    def apply(self, wanted: JointTargets) -> None:
+    def apply(self, targets: JointTargets) -> None:
         """Pass targets to the motors, which keep them until the next ones."""
-        self.motors.apply(wanted)
-        if wanted.base is not None:
+        self.motors.apply(targets)
+        if targets.base is not None:
             self._pushes = True
-            self._pusher.apply(wanted.base)
-        if wanted.wrenches is not None:
-            self._wrenches.held = wanted.wrenches
+            self._pusher.apply(targets.base)
+        if targets.wrenches is not None:
+            self._wrenches.held = targets.wrenches
 
     @property
     def has_forces(self) -> bool:
@@ -132,8 +132,8 @@ class SimulatedRobot(RobotQueries):
     def apply_forces(self, step: int) -> None:
         """Apply the pushes and wrenches of a step to the state before it."""
         if self._pushes:
-            here = self.observe(step - 1, contacts=False)
-            self._pusher.step(here.pose, here.twist)
+            state = self.observe(step - 1, contacts=False)
+            self._pusher.step(state.pose, state.twist)
         if self._wrenches.held:
             self._wrenches.apply()
 
@@ -203,7 +203,7 @@ class MuJoCoEngine(SimulatedRobot, Engine):
         }
         self._robots: tuple[SimulatedRobot, ...] = (self, *self.actors.values())
         for robot in self._robots:
-            robot.motors.together = [each.motors for each in self._robots]
+            robot.motors.together = [other.motors for other in self._robots]
             robot.others = {EGO: self, **self.actors}
         self._events = WorldEvents.of(scene, self._control)
         self._is_disturbed = self._events is not None
@@ -343,13 +343,13 @@ class MuJoCoEngine(SimulatedRobot, Engine):
         steps, kept, qpos, qvel = self._states.opened()
         stops, positions = self._stops, memoryview(data.qpos)
         is_engaged = False
-        for step, wanted in enumerate(targets, start=first_step + 1):
-            if wanted is not None:
-                self.apply(wanted)
+        for step, new_targets in enumerate(targets, start=first_step + 1):
+            if new_targets is not None:
+                self.apply(new_targets)
                 is_engaged = False
                 # Targets of joints, which most steps of a ramp give, change nothing else.
-                if wanted.base is not None or wanted.wrenches is not None or wanted.actors:
-                    self._apply_others(wanted.actors or {})
+                if new_targets.base is not None or new_targets.wrenches is not None or new_targets.actors:
+                    self._apply_others(new_targets.actors or {})
                     disturbed = self._is_disturbed
             if warned[_BAD_ACCELERATION] or warned[_BAD_VELOCITY]:
                 # The simulation has diverged: the rest of the trace is NaN.

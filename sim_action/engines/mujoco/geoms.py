@@ -78,12 +78,12 @@ def with_user_names(message: str, scene: Scene) -> str:
 
 def _renamed(message: str, names: Iterable[tuple[str, str]]) -> str:
     """Replace MuJoCo's names, also of pieces such as "object/wall/0.3", by the user's."""
-    known = dict(names)
-    if not known:
+    user_names = dict(names)
+    if not user_names:
         return message
     # A name may be the prefix of another one.
-    either = "|".join(map(re.escape, sorted(known, key=len, reverse=True)))
-    return re.sub(rf"'?({either})(?:/\d+(?:\.\d+)?)?'?(?![\w/])", lambda found: f"'{known[found[1]]}'", message)
+    either = "|".join(map(re.escape, sorted(user_names, key=len, reverse=True)))
+    return re.sub(rf"'?({either})(?:/\d+(?:\.\d+)?)?'?(?![\w/])", lambda match: f"'{user_names[match[1]]}'", message)
 
 
 FRICTION_RATIO: Final = 100.0  # ratio of friction to normal impedance, so high that robots do not creep down slopes
@@ -264,9 +264,9 @@ def _primitive(shape: Element) -> dict[str, Any]:
 
 def _meshes(spec: Any, filename: str, hull_files: Mapping[str, bytes]) -> list[str]:
     """Return the mesh names of a file's hulls, which are added only once."""
-    known = [mesh.name for mesh in spec.meshes if mesh.name.rpartition("#")[0] == filename]
-    if known:
-        return known
+    existing = [mesh.name for mesh in spec.meshes if mesh.name.rpartition("#")[0] == filename]
+    if existing:
+        return existing
     names = []
     for number, points in enumerate(read_unshrunk_hulls(hull_files[filename])):
         names.append(f"{filename}#{number}")
@@ -358,12 +358,12 @@ def add_object(spec: Any, body: Body, parts: Sequence[Part]) -> Iterator[Collide
             yield Collider(name, body.name, Surface(body.friction), moves=body.mass is not None)
 
 
-def weigh(body: Any, found: MassProperties) -> None:
+def weigh(body: Any, properties: MassProperties) -> None:
     """Give a body its mass properties."""
     body.explicitinertial = True
-    body.mass = found.mass
-    body.ipos = list(found.centre_xyz)
-    body.fullinertia = found.inertia[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)].tolist()
+    body.mass = properties.mass
+    body.ipos = list(properties.centre_xyz)
+    body.fullinertia = properties.inertia[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)].tolist()
 
 
 def _add_part(spec: Any, body: Any, name: str, part: Part, mass: float) -> Iterator[str]:

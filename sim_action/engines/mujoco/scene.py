@@ -218,10 +218,10 @@ class _Last:
         before, kept = cls._known or (scene, None)
         if kept is None or not _is_again(scene, before):
             return None
-        found = replace(kept, model=copy.copy(kept.model))
-        data = found.spare_data()
-        own = {"model": found.model, "data": data}
-        return replace(found, data=data, actors={name: replace(each, **own) for name, each in kept.actors.items()})
+        compiled = replace(kept, model=copy.copy(kept.model))
+        data = compiled.spare_data()
+        own = {"model": compiled.model, "data": data}
+        return replace(compiled, data=data, actors={name: replace(actor, **own) for name, actor in kept.actors.items()})
 
     @classmethod
     def keep(cls, scene: Scene, compiled: CompiledScene) -> CompiledScene:

@@ -111,11 +111,11 @@ class SlidingContacts:
     def _corrector(self) -> tuple[Callable[[memoryview[float]], None], Callable[[], None]]:
         """Return the functions `correct` and `forget`."""
         # Called at every step: variables of a function are read faster than attributes.
-        data, live_view, known, distance = self._data, self._live.get, self._known.get, math.dist
-        touching, found = b"", _NOTHING
+        data, live_view, remembered, distance = self._data, self._live.get, self._known.get, math.dist
+        touching, contact_set = b"", _NOTHING
 
         def correct(references: memoryview[float]) -> None:
-            nonlocal touching, found
+            nonlocal touching, contact_set
             count = data.ncon
             if not count:
                 self.touching = touching = b""
@@ -124,14 +124,14 @@ class SlidingContacts:
             now = (live_view(count) or self._view(count)).tobytes()
             if now != touching:
                 self.touching = touching = now
-                found = known(now) or self._find(now)
+                contact_set = remembered(now) or self._find(now)
             # For few numbers a tuple takes a fifth of the time of an array.
-            values = found.read(references, found.first_byte)
+            values = contact_set.read(references, contact_set.first_byte)
             # Most steps are like the one before: then a single call shows that there is nothing to correct.
-            if not distance(values, found.calm) < found.calm_within and not self._correct_some(
-                references, values, found
+            if not distance(values, contact_set.calm) < contact_set.calm_within and not self._correct_some(
+                references, values, contact_set
             ):
-                found.settle(values)
+                contact_set.settle(values)
 
         def forget() -> None:
             nonlocal touching
@@ -140,10 +140,10 @@ class SlidingContacts:
 
         return correct, forget
 
-    def _correct_some(self, references: memoryview[float], values: tuple[float, ...], found: _Touching) -> bool:
+    def _correct_some(self, references: memoryview[float], values: tuple[float, ...], contact_set: _Touching) -> bool:
         """Correct the contacts; return True if one slides or hits. `values`: the references of their rows."""
         slides = False
-        for friction, yields, contacts, _ in found.pairs:
+        for friction, yields, contacts, _ in contact_set.pairs:
             for row, row_x, row_y in contacts:
                 slip_x, slip_y = values[row_x], values[row_y]
                 least = _least_slip(friction, yields, values[row])
@@ -151,9 +151,13 @@ class SlidingContacts:
                     slides = True
                     _lower(references, values, friction, _KEPT_SHARE * yields, contacts)
                     break
-        hit = {group for row, group in zip(found.normals, found.groups, strict=True) if values[row] > _MIN_IMPACT}
+        hit = {
+            group
+            for row, group in zip(contact_set.normals, contact_set.groups, strict=True)
+            if values[row] > _MIN_IMPACT
+        }
         if hit:
-            self._correct_impact(references, values, [pair for pair in found.pairs if pair.group in hit])
+            self._correct_impact(references, values, [pair for pair in contact_set.pairs if pair.group in hit])
         return slides or bool(hit)
 
     def _correct_impact(self, references: memoryview[float], values: tuple[float, ...], pairs: list[_Pair]) -> None:
@@ -204,8 +208,10 @@ class SlidingContacts:
             row = first - rows
             # A contact that holds by adhesion has fewer rows while it is open.
             if first >= 0 and dimension == _ROWS and not self._model.flg_adhesion:
-                known = pairs.setdefault(tuple(pair), _Pair(friction, self._yields / groups.count(group), [], group))
-                known.contacts.append((row, row + 1, row + 2))
+                geom_pair = pairs.setdefault(
+                    tuple(pair), _Pair(friction, self._yields / groups.count(group), [], group)
+                )
+                geom_pair.contacts.append((row, row + 1, row + 2))
             if first >= 0:
                 normals.append(row)
                 normal_groups.append(group)
@@ -214,13 +220,13 @@ class SlidingContacts:
         # Contacts without friction never slide.
         count = rows - min(first for first in firsts if first >= 0) if pairs else 0
         read = struct.Struct(f"{count}d")
-        found = _Touching(
+        contact_set = _Touching(
             list(pairs.values()), normals, normal_groups, read.unpack_from, -read.size, (math.inf,) * count, 0.0
         )
         if not pairs:
-            found.calm_within = math.inf
-        self._known[touching] = found
-        return found
+            contact_set.calm_within = math.inf
+        self._known[touching] = contact_set
+        return contact_set
 
 
 def _address(array: Any) -> int:
@@ -251,10 +257,10 @@ def _lower(
     mean = sum(parting) / len(parting)
     if math.hypot(total_x, total_y) < _TURNING_SHARE * total:
         kept = math.inf
-    for (row, _, _), here in zip(contacts, parting, strict=True):
-        difference = here - mean
+    for (row, _, _), own_parting in zip(contacts, parting, strict=True):
+        difference = own_parting - mean
         if difference > kept:
             difference = kept
         elif difference < -kept:
             difference = -kept
-        references[row] = values[row] - here + difference
+        references[row] = values[row] - own_parting + difference

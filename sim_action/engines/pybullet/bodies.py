@@ -75,11 +75,11 @@ def pose_reader(client: int, bodies: Sequence[tuple[int, Pose]]) -> ReadPoses:
     aside = {place: geometry.inverse(piece) for place, (_, piece) in enumerate(bodies) if piece != Pose()}
 
     def look() -> Sequence[float]:
-        found = [pybullet.getBasePositionAndOrientation(number, client) for number in numbers]
+        poses = [pybullet.getBasePositionAndOrientation(number, client) for number in numbers]
         for place, back in aside.items():
-            there = geometry.compose(Pose(*found[place]), back)
-            found[place] = there.position_xyz, there.orientation_xyzw
-        return [value for position, orientation in found for value in (*position, *orientation)]
+            there = geometry.compose(Pose(*poses[place]), back)
+            poses[place] = there.position_xyz, there.orientation_xyzw
+        return [value for position, orientation in poses for value in (*position, *orientation)]
 
     return look
 
@@ -102,30 +102,30 @@ class Distances:
 
     def near(self, body: str, links: Collection[str] | None, within: float) -> dict[str, float]:
         """Return the distances of links to a body, as `LinkDistances` does."""
-        found: dict[str, float] = {}
+        distances: dict[str, float] = {}
         points = (point for number in self._bodies[body] for point in self._points(number, links, within))
         for point in points:
             name, distance = self._names[point[3]], point[8]
-            if distance < found.get(name, math.inf) and (links is None or name in links):
-                found[name] = distance
-        return found
+            if distance < distances.get(name, math.inf) and (links is None or name in links):
+                distances[name] = distance
+        return distances
 
     def nearest(self, body: str, links: Collection[str]) -> dict[str, Nearest]:
         """Return the nearest points of links to a body, as `NearestPoints` does."""
-        found: dict[str, Nearest] = {}
+        nearest: dict[str, Nearest] = {}
         for link, number in itertools.product(links, self._bodies[body]):
             index, client = self._links[link], self._client
             for point in pybullet.getClosestPoints(self._robot, number, _ANYWHERE_M, index, physicsClientId=client):
-                if link not in found or point[8] < found[link].distance:
-                    found[link] = Nearest(point[8], point[5])
-        return found
+                if link not in nearest or point[8] < nearest[link].distance:
+                    nearest[link] = Nearest(point[8], point[5])
+        return nearest
 
     def _points(self, body: int, links: Collection[str] | None, within: float) -> Sequence[Any]:
         """Return the nearest points, at least those of these links."""
         robot, client = self._robot, self._client
         if links is None or len(links) > _MAX_SINGLE_QUERIES:
-            found: Sequence[Any] = pybullet.getClosestPoints(robot, body, within, physicsClientId=client)
-            return found
+            closest_points: Sequence[Any] = pybullet.getClosestPoints(robot, body, within, physicsClientId=client)
+            return closest_points
         points: list[Any] = []
         for link in links:
             points += pybullet.getClosestPoints(robot, body, within, self._links[link], physicsClientId=client)
@@ -375,10 +375,10 @@ class BasePusher:
         """Apply the force of the next step; `pose`, `twist`: of the base link's origin, world frame."""
         if self.push is None:
             return
-        found = base_wrench(self.push, self._inertia, pose, twist, self._time_step)
+        wrench = base_wrench(self.push, self._inertia, pose, twist, self._time_step)
         world = pybullet.WORLD_FRAME
-        pybullet.applyExternalForce(self._robot, BASE, found.force_xyz, found.point_xyz, world, self._client)
-        pybullet.applyExternalTorque(self._robot, BASE, found.torque_xyz, world, self._client)
+        pybullet.applyExternalForce(self._robot, BASE, wrench.force_xyz, wrench.point_xyz, world, self._client)
+        pybullet.applyExternalTorque(self._robot, BASE, wrench.torque_xyz, world, self._client)
 
 
 def _robot_inertia(client: int, robot: int) -> RobotInertia:

@@ -126,10 +126,10 @@ class PyBulletEngine(LoadedRobot, Engine):
             self._settle_actors()
         simulate, client, keep, events = pybullet.stepSimulation, self._client, self._states.keep, self._events
         is_watched, has_forces = self._is_watched, self.has_forces()
-        for step, wanted in enumerate(targets, start=first_step + 1):
-            if wanted is not None:
-                self.apply(wanted)
-                for name, own in (wanted.actors or {}).items():
+        for step, new_targets in enumerate(targets, start=first_step + 1):
+            if new_targets is not None:
+                self.apply(new_targets)
+                for name, own in (new_targets.actors or {}).items():
                     self.actors[name].apply(own)
                 has_forces = self.has_forces()
             if has_forces:
@@ -156,7 +156,7 @@ class PyBulletEngine(LoadedRobot, Engine):
 
     @override
     def has_forces(self) -> bool:
-        return super().has_forces() or (bool(self.actors) and any(each.has_forces() for each in self.actors.values()))
+        return super().has_forces() or (bool(self.actors) and any(actor.has_forces() for actor in self.actors.values()))
 
     @override
     def apply_forces(self, step: int) -> None:

@@ -243,7 +243,7 @@ def _load_from_files(client: int, scene: Scene) -> int:
 
 
 def _text(scene: Scene) -> bytes:
-    return _COLLISION.sub(lambda found: _LOOK + found[0], scene.model.urdf).encode()
+    return _COLLISION.sub(lambda match: _LOOK + match[0], scene.model.urdf).encode()
 
 
 def _check_open_files() -> None:
@@ -409,8 +409,8 @@ def _hull(client: int, part: HullPart, mass: float) -> Piece:
 
 
 def _turned(axes: Any) -> geometry.Quaternion:
-    found = np.linalg.eigh(_quaternion_matrix(axes))[1][:, -1]
-    x, y, z, w = found.tolist()
+    eigenvector = np.linalg.eigh(_quaternion_matrix(axes))[1][:, -1]
+    x, y, z, w = eigenvector.tolist()
     return (x, y, z, w)
 
 

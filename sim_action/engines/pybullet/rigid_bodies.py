@@ -40,11 +40,11 @@ def add_rigid_body(client: int, body: Body, parts: Sequence[Part]) -> tuple[int,
 def _urdf(body: Body, parts: Sequence[Part], folder: Path) -> Element:
     root = ET.Element("robot", name="body")
     link = ET.SubElement(root, "link", name="body")
-    found = mass_properties_of(body, parts)
+    properties = mass_properties_of(body, parts)
     inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=_text(found.centre_xyz))
-    ET.SubElement(inertial, "mass", value=repr(found.mass))
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = found.inertia.tolist()
+    ET.SubElement(inertial, "origin", xyz=_text(properties.centre_xyz))
+    ET.SubElement(inertial, "mass", value=repr(properties.mass))
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = properties.inertia.tolist()
     moments = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
     ET.SubElement(inertial, "inertia", {name: repr(moment) for name, moment in moments.items()})
     # See `look` of connections.

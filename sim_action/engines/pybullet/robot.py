@@ -157,8 +157,8 @@ class LoadedRobot(RobotQueries):
             efforts = self._springs.added_to(self._held_efforts) if self._springs else self._held_efforts
             self._motors(pybullet.TORQUE_CONTROL, efforts, forces=list(efforts.values()))
         if self._pusher.push is not None:
-            here = self.observe(step, contacts=False)
-            self._pusher.step(here.pose, here.twist)
+            state = self.observe(step, contacts=False)
+            self._pusher.step(state.pose, state.twist)
         if self._wrenches.held:
             self._wrenches.apply()
         if self._sliding is not None:
@@ -306,9 +306,9 @@ class LoadedRobot(RobotQueries):
             if leader in targets.effort:
                 self._motor(gear.joint, pybullet.VELOCITY_CONTROL, force=self._friction[gear.joint])
             if leader in position:
-                joint, wanted = self._model.joints_by_name[leader], position.pop(leader)
+                joint, target = self._model.joints_by_name[leader], position.pop(leader)
                 lower, upper = joint.range
-                position[gear.joint] = gear.multiplier * max(lower, min(upper, wanted)) + gear.offset
+                position[gear.joint] = gear.multiplier * max(lower, min(upper, target)) + gear.offset
             if leader in velocity:
                 velocity[gear.joint] = gear.multiplier * velocity.pop(leader)
             if leader in limits:

@@ -78,12 +78,12 @@ class SlidingWheels:
         return place_xyz, linear_xyz, angular_xyz
 
     def _friction(self, link: int, body: int, its_link: int) -> float:
-        known = self._frictions.get((link, body, its_link))
-        if known is None:
+        friction = self._frictions.get((link, body, its_link))
+        if friction is None:
             one = pybullet.getDynamicsInfo(self._robot, link, self._client)[1]
             other = pybullet.getDynamicsInfo(body, its_link, self._client)[1]
-            known = self._frictions[link, body, its_link] = float(one * other)
-        return known
+            friction = self._frictions[link, body, its_link] = float(one * other)
+        return friction
 
 
 def _velocity(motion: _Motion, point_xyz: Vector3) -> Vector3:
