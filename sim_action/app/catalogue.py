@@ -73,10 +73,10 @@ def entries(table: Table[Any]) -> tuple[Entry, ...]:
 def of_packages(table: Table[Any]) -> tuple[Entry, ...]:
     """Return what installed packages add to a table; a part that cannot be used has the reason as its summary."""
     return tuple(
-        Entry(part.name, str(found))
-        if isinstance(found, PackageProblem)
-        else Entry(part.name, f"{summary(found)} (of {part.package})", fields(found))
-        for part, found in package_parts(table)
+        Entry(part.name, str(kind))
+        if isinstance(kind, PackageProblem)
+        else Entry(part.name, f"{summary(kind)} (of {part.package})", fields(kind))
+        for part, kind in package_parts(table)
     )
 
 
@@ -113,7 +113,9 @@ def key_rows(
     shown = set() if shown is None else shown
     for entry in fields(model):
         below = [
-            found for found in _models_below(entry.annotation) if found[0] not in shown and not _is_assertion(found[0])
+            nested
+            for nested in _models_below(entry.annotation)
+            if nested[0] not in shown and not _is_assertion(nested[0])
         ]
         takes = re.sub(r"\{[\w, ]*\}", "map", entry.takes) if below else entry.takes
         yield FieldEntry(f"{above}{entry.name}", takes, entry.default, entry.description)
@@ -301,14 +303,14 @@ def _single_keys() -> Iterator[str]:
 
 def explanation(name: str, width: int) -> str:
     """Return the explanation of a name in lines of at most `width` columns. Raise UsageError for an unknown name."""
-    found = [table for table in _TABLES if name in table]
+    tables = [table for table in _TABLES if name in table]
     texts = ["\n".join(_of_model(name, _KEYS[name], width))] if name in _KEYS else list(_of_keys(name, width))
-    if not found and not texts:
-        found = [table for table in _TABLES if name in table.installed()]
-    if not found and not texts:
+    if not tables and not texts:
+        tables = [table for table in _TABLES if name in table.installed()]
+    if not tables and not texts:
         hint = did_you_mean(name, names())
         raise UsageError(f"no part of a scenario is called '{name}'{hint}; 'sim-action explain' lists all names")
-    return "\n\n".join([*("\n".join(_of_table(table, name, width)) for table in found), *texts])
+    return "\n\n".join([*("\n".join(_of_table(table, name, width)) for table in tables), *texts])
 
 
 def overview() -> str:
@@ -330,10 +332,10 @@ def _loaded(table: Table[Any], name: str) -> tuple[type[BaseModel], str]:
     """Return the class of a name, and the package that it is of as text. Raise UsageError if there is no class."""
     if name in table:
         return table.load(name), ""
-    part, found = next(each for each in package_parts(table) if each[0].name == name)
-    if isinstance(found, PackageProblem):
-        raise UsageError(str(found))
-    return found, f" of {part.package}"
+    part, kind = next(entry for entry in package_parts(table) if entry[0].name == name)
+    if isinstance(kind, PackageProblem):
+        raise UsageError(str(kind))
+    return kind, f" of {part.package}"
 
 
 def _of_model(name: str, model: type[BaseModel], width: int) -> Iterator[str]:

@@ -87,14 +87,14 @@ class EditorSchemas:
             return {**_notes(schema), "$ref": f"#/definitions/{_name(schema['$ref'])}"}
         if "anyOf" in schema and "properties" not in schema:
             return {**_notes(schema), **self._alternatives(schema["anyOf"])}
-        found = _notes(schema)
+        converted = _notes(schema)
         for key, value in schema.items():
-            found |= self._keyword(key, value)
-        if "enum" in found and "type" not in found and (types := self._types(found)):
-            found["type"] = next(iter(types))
+            converted |= self._keyword(key, value)
+        if "enum" in converted and "type" not in converted and (types := self._types(converted)):
+            converted["type"] = next(iter(types))
         if named := [branch["required"][0] for branch in schema.get("oneOf", ())]:
-            found |= _one_kind(named, [key for key in schema["properties"] if key not in named])
-        return found
+            converted |= _one_kind(named, [key for key in schema["properties"] if key not in named])
+        return converted
 
     def _keyword(self, key: str, value: Any) -> Schema:
         if key in ("title", "default", "oneOf"):
@@ -102,9 +102,9 @@ class EditorSchemas:
         if key == "pattern":
             return {key: (value if value.endswith(END_OF_TEXT) else re.sub(r"[$]$", r"(?!\\n)$", value))}
         if key == "properties":
-            return {key: {name: self._converted(each) for name, each in value.items()}}
+            return {key: {name: self._converted(subschema) for name, subschema in value.items()}}
         if key == "prefixItems":
-            return {"items": [self._converted(each) for each in value], "additionalItems": False}
+            return {"items": [self._converted(subschema) for subschema in value], "additionalItems": False}
         is_schema = key in ("if", "then", "else", "items", "additionalProperties")
         return {key: self._converted(value) if is_schema else value}
 
@@ -131,7 +131,9 @@ class EditorSchemas:
 
     def _described(self, schema: Schema) -> Schema:
         branches = schema.get("anyOf", ())
-        of_branches = (self._definitions[_name(each["$ref"])].get("description") for each in branches if "$ref" in each)
+        of_branches = (
+            self._definitions[_name(branch["$ref"])].get("description") for branch in branches if "$ref" in branch
+        )
         parts = [schema.get("description") or next(of_branches, None), next(_quantities(schema), None)]
         if isinstance(default := schema.get("default"), str | int | float):
             parts.append(f"default: {str(default).lower() if isinstance(default, bool) else default}")
@@ -170,7 +172,7 @@ def chosen_by_key(kinds: Mapping[str, Schema], shared: Mapping[str, Schema]) -> 
     """
     chosen: Schema = {
         "type": "object",
-        "properties": {key: {"description": each.get("description", "")} for key, each in shared.items()},
+        "properties": {key: {"description": key_schema.get("description", "")} for key, key_schema in shared.items()},
         "additionalProperties": False,
         **_with_a_kind([*kinds], [key for key in shared if key not in kinds]),
     }
@@ -223,8 +225,8 @@ def _without_signs(branch: Schema, bound: float, *, exclusive: bool) -> Schema:
 def _quantities(schema: Any) -> Iterator[str]:
     """Yield the descriptions of the quantities in a schema, but not in those that it refers to."""
     if isinstance(schema, list):
-        for each in schema:
-            yield from _quantities(each)
+        for subschema in schema:
+            yield from _quantities(subschema)
     elif isinstance(schema, dict):
         if "pattern" in schema and "description" in schema:
             yield schema["description"]

@@ -46,29 +46,29 @@ _MAX_NAME_CHARS: Final = 60
 _AXES: Final = {sign * place: f"{'-' * (sign < 0)}{name}" for place, name in enumerate("xyz", 1) for sign in (1, -1)}
 
 
-def inspection_json(found: Inspection, mask: Mask) -> str:
+def inspection_json(inspection: Inspection, mask: Mask) -> str:
     """Return an inspection as JSON, without the values of variables that the caller passes."""
     if mask.pattern is None:
-        return found.model_dump_json(indent=2)
-    return json.dumps(mask.values(found.model_dump(mode="json")), indent=2, ensure_ascii=False)
+        return inspection.model_dump_json(indent=2)
+    return json.dumps(mask.values(inspection.model_dump(mode="json")), indent=2, ensure_ascii=False)
 
 
-def inspection_text(found: Inspection) -> str:
+def inspection_text(inspection: Inspection) -> str:
     """Return the description of a model as text: summary, tree of joints, findings of the audit, `robot:` block."""
-    block = ["block for a scenario in this folder:", "", found.robot]
-    found = on_lines(found)
-    return _text(_summary(found), _tree(found), _findings(found), block)
+    block = ["block for a scenario in this folder:", "", inspection.robot]
+    inspection = on_lines(inspection)
+    return _text(_summary(inspection), _tree(inspection), _findings(inspection), block)
 
 
-def losses_text(found: Inspection) -> str:
+def losses_text(inspection: Inspection) -> str:
     """Return the parts of a model that are not simulated as its files state them, as text, and the unread ones."""
-    found = on_lines(found)
-    lost = [note for note in found.findings if note.rule not in _UNKNOWN]
-    unknown = [note for note in found.findings if note.rule in _UNKNOWN]
+    inspection = on_lines(inspection)
+    lost = [note for note in inspection.findings if note.rule not in _UNKNOWN]
+    unknown = [note for note in inspection.findings if note.rule in _UNKNOWN]
     return _text(
         _listed("not simulated as the file states it; every report of a run warns of what changes the motion", lost),
         _listed("unknown, so that it is not read; correct the name, or remove it if no program needs it", unknown),
-        _listed("not read, and harmless, because the motion is the same without it", found.harmless),
+        _listed("not read, and harmless, because the motion is the same without it", inspection.harmless),
     )
 
 
@@ -85,33 +85,36 @@ def _text(*parts: Iterable[str]) -> str:
     return "\n\n".join("\n".join(map(log_line, "\n".join(part).split("\n"))) for part in parts)
 
 
-def _summary(found: Inspection) -> Iterator[str]:
-    moving = sum(joint.type != "fixed" for joint in found.joints)
-    name = found.name if len(found.name) <= _MAX_NAME_CHARS else f"{found.name[:_MAX_NAME_CHARS]}..."
-    yield f"{name}: {len(found.links)} links, {len(found.joints)} joints ({moving} move), {found.mass:.4g} kg"
-    if found.lower_xyz and found.upper_xyz and found.height is not None:
-        sizes = (_length(upper - lower) for lower, upper in zip(found.lower_xyz, found.upper_xyz, strict=True))
+def _summary(inspection: Inspection) -> Iterator[str]:
+    moving = sum(joint.type != "fixed" for joint in inspection.joints)
+    name = inspection.name if len(inspection.name) <= _MAX_NAME_CHARS else f"{inspection.name[:_MAX_NAME_CHARS]}..."
+    joints = f"{len(inspection.joints)} joints ({moving} move)"
+    yield f"{name}: {len(inspection.links)} links, {joints}, {inspection.mass:.4g} kg"
+    if inspection.lower_xyz and inspection.upper_xyz and inspection.height is not None:
+        sizes = (
+            _length(upper - lower) for lower, upper in zip(inspection.lower_xyz, inspection.upper_xyz, strict=True)
+        )
         yield f"its collision shapes fill {' x '.join(sizes)} m (x, y, z)"
-        if found.root == WORLD:
-            lowest = f"its lowest shape is {_above(found.lower_xyz[2])} the ground"
+        if inspection.root == WORLD:
+            lowest = f"its lowest shape is {_above(inspection.lower_xyz[2])} the ground"
             yield from _wrapped(f"bolted to the world, its base link '{WORLD}' is at the origin; {lowest}")
         else:
-            yield f"standing, its base link '{found.root}' is {_above(found.height)} the ground"
-    for wheel in found.wheels:
+            yield f"standing, its base link '{inspection.root}' is {_above(inspection.height)} the ground"
+    for wheel in inspection.wheels:
         x, y, _ = map(_length, wheel.position_xyz)
         yield f"wheel: {wheel.joint}, radius {_length(wheel.radius)} m, at x = {x} m, y = {y} m"
-    if found.drive:
-        yield from _wrapped(f"recognised from {found.drive_source}: {found.drive}")
+    if inspection.drive:
+        yield from _wrapped(f"recognised from {inspection.drive_source}: {inspection.drive}")
         if (
-            note := opposed_note({wheel.joint: wheel.axis_xyz for wheel in found.wheels}, found.drive_plugin)
+            note := opposed_note({wheel.joint: wheel.axis_xyz for wheel in inspection.wheels}, inspection.drive_plugin)
         ) is not None:
             yield from _wrapped(note)
-    elif found.wheels or found.drive_reasons:
+    elif inspection.wheels or inspection.drive_reasons:
         example = "{diff: {left: [...], right: [...]}}"
         yield from _wrapped(
             f"no drive is recognised; if the robot has one, state it in robot.drive, such as {example}:"
         )
-        for reason in found.drive_reasons:
+        for reason in inspection.drive_reasons:
             yield from _wrapped(reason, "  ")
 
 
@@ -123,13 +126,13 @@ def _length(metres: float) -> str:
     return f"{round(metres, 4) + 0.0:.4g}"
 
 
-def _tree(found: Inspection) -> Iterator[str]:
+def _tree(inspection: Inspection) -> Iterator[str]:
     children: dict[str, list[JointEntry]] = {}
-    for joint in found.joints:
+    for joint in inspection.joints:
         children.setdefault(joint.parent, []).append(joint)
-    masses = {link.name: link.mass for link in found.links}
-    yield _link(found.root, masses)
-    yield from _below(found.root, children, masses, "")
+    masses = {link.name: link.mass for link in inspection.links}
+    yield _link(inspection.root, masses)
+    yield from _below(inspection.root, children, masses, "")
 
 
 def _below(
@@ -179,14 +182,14 @@ def _details(joint: JointEntry) -> Iterator[str]:
         yield joint.motor
 
 
-def _findings(found: Inspection) -> Iterator[str]:
-    if not found.findings:
+def _findings(inspection: Inspection) -> Iterator[str]:
+    if not inspection.findings:
         yield "the audit found no problems"
         return
     yield "the audit found:"
-    for rule in dict.fromkeys(note.rule for note in found.findings):
-        same = [note for note in found.findings if note.rule == rule]
-        yield f"{same[0].level} {rule}{', can be allowed by robot.allow' if rule in found.needs else ''}"
+    for rule in dict.fromkeys(note.rule for note in inspection.findings):
+        same = [note for note in inspection.findings if note.rule == rule]
+        yield f"{same[0].level} {rule}{', can be allowed by robot.allow' if rule in inspection.needs else ''}"
         for kind in dict.fromkeys(map(_kind, same)):
             yield from _wrapped(_places([note for note in same if _kind(note) == kind]), "  ")
 
@@ -210,8 +213,8 @@ def _places(findings: Sequence[Finding]) -> str:
     where = f"line{'s' * (len(lines) > 1)} {_first_few(lines)}"
     if all(finding.message == first.message for finding in others):
         return f"{first.location}: {first.message} (also on {where})"
-    found = (_NAME.search(finding.message) for finding in others)
-    names = list(dict.fromkeys(name[0] for name in found if name))
+    matches = (_NAME.search(finding.message) for finding in others)
+    names = list(dict.fromkeys(name[0] for name in matches if name))
     named = f": {_first_few(names)}" if names else ""
     return f"{first.location}: {_HINT.sub('', first.message)} (and {len(others):,} more like this{named}; {where})"
 
@@ -475,10 +478,10 @@ def _asked(robot: Robot, workspace: Workspace, seconds: float, memory: int) -> _
             _CALL, input=task, stdout=subprocess.PIPE, stderr=quiet, timeout=seconds, env=variables, check=False
         )
     except subprocess.TimeoutExpired:
-        found, remedy = "reading it", "simplify the model, or reduce the counts of <replicate>"
+        activity, remedy = "reading it", "simplify the model, or reduce the counts of <replicate>"
         if robot.is_xacro:
-            found, remedy = "the evaluation", "check the file for an endless recursion"
-        raise ModelError(f"{robot.model}: {found} was stopped after {seconds:g} s; {remedy}") from None
+            activity, remedy = "the evaluation", "check the file for an endless recursion"
+        raise ModelError(f"{robot.model}: {activity} was stopped after {seconds:g} s; {remedy}") from None
     if ended.returncode or not ended.stdout:
         code = ended.returncode
         raise ModelError(f"{robot.model}: the process that read it ended with exit code {code} without a result")

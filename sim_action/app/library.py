@@ -50,7 +50,7 @@ def naming_arguments() -> Iterator[None]:
     try:
         yield
     except InvalidScenario as error:
-        error.problems = tuple(replace(each, message=_renamed(each.message)) for each in error.problems)
+        error.problems = tuple(replace(problem, message=_renamed(problem.message)) for problem in error.problems)
         error.args = ("\n".join(map(str, error.problems)),)
         raise
     except UsageError as error:
@@ -114,9 +114,9 @@ def load(
     contents = suite.read(Permissions(outside=allow_outside), seed)
     if contents.unmatched:
         raise UsageError("\n".join(map(str, contents.unmatched)))
-    found = suite.numbered_in(contents)
-    refuse_invalid([each for each in found if isinstance(each, Refused)])
-    return tuple(Scenario.of(each) for each in found if not isinstance(each, Refused))
+    sources = suite.numbered_in(contents)
+    refuse_invalid([scenario for scenario in sources if isinstance(scenario, Refused)])
+    return tuple(Scenario.of(scenario) for scenario in sources if not isinstance(scenario, Refused))
 
 
 @naming_arguments()
@@ -132,18 +132,18 @@ def validate(
 
     Raises InvalidScenario with all problems, UsageError if no scenario is found.
     """
-    here = current_folder()
+    working_folder = current_folder()
     suite = _suite(scenarios, outside=allow_outside)
     permissions = Permissions(
         allow_outside,
-        imports_refused=scripts_refused("auto", os.environ, _folders_of(here, suite)),
+        imports_refused=scripts_refused("auto", os.environ, _folders_of(working_folder, suite)),
         packages=package_folders(packages or {}),
     )
-    found = load_all(suite.scenarios(permissions), permissions)
-    refuse_invalid([each for each in found if isinstance(each, Refused)])
-    valid = [each for each in found if not isinstance(each, Refused)]
-    warnings = [f"{each.file}: not checked: {remark}" for each in valid for remark in each.unchecked]
-    warnings += [f"{warning.location}: {warning}" for each in valid for warning in each.warnings]
+    loaded = load_all(suite.scenarios(permissions), permissions)
+    refuse_invalid([scenario for scenario in loaded if isinstance(scenario, Refused)])
+    valid = [scenario for scenario in loaded if not isinstance(scenario, Refused)]
+    warnings = [f"{scenario.file}: not checked: {remark}" for scenario in valid for remark in scenario.unchecked]
+    warnings += [f"{warning.location}: {warning}" for scenario in valid for warning in scenario.warnings]
     return tuple(dict.fromkeys(warnings))
 
 
@@ -219,11 +219,11 @@ def run(
         raise UsageError(f"repeat: a scenario runs 1 to {_MAX_REPEATS} times, found {repeat}")
     if confidence is not None and repeat > 1:
         raise UsageError("confidence: cannot be combined with repeat")
-    here = current_folder()
+    working_folder = current_folder()
     selection = _selection(only, exclude, tags, exclude_tags)
     suite = _suite(scenarios, selection, outside=allow_outside)
     names = checked_names(_texts(pass_env))
-    refused = scripts_refused(allow_scripts, os.environ, _folders_of(here, suite))
+    refused = scripts_refused(allow_scripts, os.environ, _folders_of(working_folder, suite))
     permissions = Permissions(
         allow_outside, scripts_refused=refused, pass_env=names, packages=package_folders(packages or {})
     )
@@ -302,10 +302,10 @@ def margins(
 def _margins_here(request: MarginsRequest, *, emit: Callable[[Event], None]) -> tuple[ScenarioMargins, ...]:
     del emit
     with Interruption() as interruption:
-        found, _ = find_margins(request, interruption)
+        found_margins, _ = find_margins(request, interruption)
     if interruption.happened:
         raise KeyboardInterrupt
-    return found.scenarios
+    return found_margins.scenarios
 
 
 def _beside(function: Callable[..., _Answer], request: RunRequest | MarginsRequest, listen: Listener) -> _Answer:
@@ -329,20 +329,20 @@ def _run_here(request: RunRequest, *, emit: Callable[[Event], None]) -> Finished
 def _suite(scenarios: Scenarios, selection: Selection | None = None, *, outside: bool) -> Suite:
     """Return the scenarios of a call. Raise UsageError for a path without any."""
     several = [scenarios] if isinstance(scenarios, str | os.PathLike | Scenario) else list(scenarios)
-    paths = [os.fspath(each) for each in several if not isinstance(each, Scenario)]
+    paths = [os.fspath(scenario) for scenario in several if not isinstance(scenario, Scenario)]
     for path in paths:
         if "\0" in path:
             raise UsageError(f"a path has no null character, found {path!r}")
     suite = find_suite(paths, selection or Selection(), outside=outside, named_at=_CALL)
-    written = [each for each in several if isinstance(each, Scenario)]
+    written = [scenario for scenario in several if isinstance(scenario, Scenario)]
     if suite.empty or not several:
         lines = [f"no scenario found at '{pattern}'" for pattern in suite.empty]
         raise UsageError("\n".join(map(escaped_line, lines)) or "there is no scenario in the list")
     return replace(suite, written=written)
 
 
-def _folders_of(here: Path, suite: Suite) -> tuple[Path, ...]:
-    return (here, *{path.parent: None for path in suite.files})
+def _folders_of(working_folder: Path, suite: Suite) -> tuple[Path, ...]:
+    return (working_folder, *{path.parent: None for path in suite.files})
 
 
 def _selection(
@@ -372,8 +372,8 @@ def _whole(argument: str, value: object) -> int | None:
     raise UsageError(f"{argument}: expected a whole number, found {value!r}")
 
 
-def _texts(given: Iterable[str]) -> tuple[str, ...]:
-    return (given,) if isinstance(given, str) else tuple(given)
+def _texts(texts: Iterable[str]) -> tuple[str, ...]:
+    return (texts,) if isinstance(texts, str) else tuple(texts)
 
 
 def _ignore(_: Event) -> None:

@@ -180,7 +180,7 @@ class Outcome:
     @property
     def variation(self) -> dict[str, Any]:
         """The varied keys with their values."""
-        return {each.key: each.value for each in self.record.variation}
+        return {entry.key: entry.value for entry in self.record.variation}
 
     @property
     def sim_time(self) -> float | None:
@@ -310,12 +310,16 @@ class Results:
     @property
     def gates(self) -> tuple[GateOutcome, ...]:
         """The outcomes of gates."""
-        return tuple(each for each in self.outcomes if isinstance(each, GateOutcome))
+        return tuple(outcome for outcome in self.outcomes if isinstance(outcome, GateOutcome))
 
     @property
     def runs(self) -> tuple[Outcome, ...]:
         """The outcomes of all runs: those of scenarios, and of the runs that gates judge."""
-        return tuple(run for each in self.outcomes for run in (each.runs if isinstance(each, GateOutcome) else (each,)))
+        return tuple(
+            run
+            for outcome in self.outcomes
+            for run in (outcome.runs if isinstance(outcome, GateOutcome) else (outcome,))
+        )
 
     def __len__(self) -> int:
         return len(self.outcomes)
@@ -324,22 +328,22 @@ class Results:
         return iter(self.outcomes)
 
     @overload
-    def __getitem__(self, wanted: SupportsIndex | str) -> Outcome: ...
+    def __getitem__(self, key: SupportsIndex | str) -> Outcome: ...
 
     @overload
-    def __getitem__(self, wanted: slice) -> tuple[Outcome, ...]: ...
+    def __getitem__(self, key: slice) -> tuple[Outcome, ...]: ...
 
-    def __getitem__(self, wanted: SupportsIndex | slice | str) -> Outcome | tuple[Outcome, ...]:
+    def __getitem__(self, key: SupportsIndex | slice | str) -> Outcome | tuple[Outcome, ...]:
         """Return an outcome by index or by name, or several by a slice. Raise IndexError or KeyError.
 
         A name may also be that of a run of a gate.
         """
-        if not isinstance(wanted, str):
-            return self.outcomes[wanted]
-        found = next((each for each in (*self.outcomes, *self.runs) if each.name == wanted), None)
-        if found is None:
-            raise KeyError(wanted)
-        return found
+        if not isinstance(key, str):
+            return self.outcomes[key]
+        match = next((outcome for outcome in (*self.outcomes, *self.runs) if outcome.name == key), None)
+        if match is None:
+            raise KeyError(key)
+        return match
 
     def to_junit(self, path: str | os.PathLike[str]) -> Path:
         """Write the JUnit XML to a file, and return its path."""
@@ -359,7 +363,7 @@ class Results:
             import pandas as pd  # an optional package
         except ImportError:
             raise UsageError("to_dataframe() needs pandas: pip install pandas") from None
-        return pd.DataFrame([row for each in self.runs for row in _rows(each)])
+        return pd.DataFrame([row for outcome in self.runs for row in _rows(outcome)])
 
     def _report(self) -> Path:
         report = self._folder.file(REPORT_FILE)
@@ -373,8 +377,8 @@ class Results:
         return self._folder.text_of(self.record.outcomes)
 
     def __repr__(self) -> str:
-        counts = Counter(each.record.status for each in self.outcomes)
-        bad = next((each.record for each in self.outcomes if each.record.reasons), None)
+        counts = Counter(outcome.record.status for outcome in self.outcomes)
+        bad = next((outcome.record for outcome in self.outcomes if outcome.record.reasons), None)
         cause = f"; {bad.name!r}: {_cause_of(bad)}" if bad is not None else ""
         return f"Results({', '.join(f'{count} {status}' for status, count in counts.items())}{cause})"
 
@@ -392,10 +396,10 @@ def _rows(outcome: Outcome) -> Iterator[dict[str, Any]]:
     record = outcome.read()
     names = {"scenario": record.name, "status": record.status, "engine": record.engine, "sim_time": record.sim_time}
     of_run = {**outcome.variation, **names}
-    for each in record.expectations:
-        verdict = each.verdict
+    for expectation in record.expectations:
+        verdict = expectation.verdict
         values = {name: getattr(verdict, name) for name in ("measured", "limit", "margin", "unit", "time", "message")}
-        yield {**names, **of_run, "expectation": each.name, "verdict": each.display_status, **values}
+        yield {**names, **of_run, "expectation": expectation.name, "verdict": expectation.display_status, **values}
     if not record.expectations:
         yield {**names, **of_run, "message": "; ".join(record.reasons)}
 
@@ -403,11 +407,11 @@ def _rows(outcome: Outcome) -> Iterator[dict[str, Any]]:
 def _outcomes(record: results_json.Results, folder: RunFolder) -> Iterator[Outcome]:
     """Yield an outcome for each scenario and each gate; a run counts by itself if its gate is not judged here."""
     runs: dict[tuple[str, str | None], list[Outcome]] = {}
-    for each in record.runs:
-        runs.setdefault((each.file, each.gate), []).append(Outcome(each, folder))
-    judged = {(each.file, each.gate) for each in record.outcomes if each.statistics is not None}
-    for each in record.outcomes:
-        if each.statistics is not None:
-            yield GateOutcome(each, each.statistics, tuple(runs[each.file, each.gate]), folder)
-        elif each.gate is None or (each.file, each.gate) not in judged:
-            yield Outcome(each, folder)
+    for outcome in record.runs:
+        runs.setdefault((outcome.file, outcome.gate), []).append(Outcome(outcome, folder))
+    judged = {(outcome.file, outcome.gate) for outcome in record.outcomes if outcome.statistics is not None}
+    for outcome in record.outcomes:
+        if outcome.statistics is not None:
+            yield GateOutcome(outcome, outcome.statistics, tuple(runs[outcome.file, outcome.gate]), folder)
+        elif outcome.gate is None or (outcome.file, outcome.gate) not in judged:
+            yield Outcome(outcome, folder)

@@ -89,7 +89,7 @@ class LoopbackServer(socketserver.ThreadingMixIn, socketserver.TCPServer):
         with self._guard:
             if len(self._open) < MAX_CONNECTIONS:
                 return True
-            oldest = next((each for each, is_waiting in self._open.items() if is_waiting), None)
+            oldest = next((connection for connection, is_waiting in self._open.items() if is_waiting), None)
             if oldest is None:
                 return False
             del self._open[oldest]
@@ -219,8 +219,8 @@ class LivePages:
         """Return the state; nothing if the reader has it already."""
         with self._looking:
             self._follower.look()
-            known = parse_qs(query).get("after")
-            unchanged = known == [version(self._follower)] and not self._follower.problem
+            versions = parse_qs(query).get("after")
+            unchanged = versions == [version(self._follower)] and not self._follower.problem
             body = b"" if unchanged else json.dumps(live_state(self._follower), allow_nan=False).encode()
         return Answer(body, "application/json")
 
@@ -230,13 +230,13 @@ class LivePages:
             self._follower.look()
             while self._follower.has_more:
                 self._follower.look()
-            known, recorded = Finished.of(self._follower), self._follower.recorded
-            if self._report is not None and self._report[0] == known:
+            finished, recorded = Finished.of(self._follower), self._follower.recorded
+            if self._report is not None and self._report[0] == finished:
                 return self._report[1]
             if recorded is None:
                 return _answer(progress_page())
-            results = recorded.results() if known.is_over else recorded.results_so_far()
-        self._report = (known, _answer(live_report(results, known, self._options)))
+            results = recorded.results() if finished.is_over else recorded.results_so_far()
+        self._report = (finished, _answer(live_report(results, finished, self._options)))
         return self._report[1]
 
 

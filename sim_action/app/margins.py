@@ -81,15 +81,16 @@ class _Call:
         self._taken = 0
         plan = plan_runs(request.plan)
         self._firsts = [
-            each if isinstance(each, Refused) else replace(each, mutation=None) for each in first_runs(plan.plans)
+            scenario if isinstance(scenario, Refused) else replace(scenario, mutation=None)
+            for scenario in first_runs(plan.plans)
         ]
         self._of_patterns = [*map(Outcome.of_nothing, plan.empty), *map(Outcome.of_unmatched, plan.unmatched)]
         self._planned = planned_outcomes(
-            [each if isinstance(each, Refused) else (each,) for each in self._firsts], self._of_patterns
+            [scenario if isinstance(scenario, Refused) else (scenario,) for scenario in self._firsts], self._of_patterns
         )
         records = self._resumed() if request.resume else []
-        self._earlier = {each.key: each.outcome for each in records if each.key and each.outcome is not None}
-        self._nominal = [each for each in records if each.turn == 1]
+        self._earlier = {record.key: record.outcome for record in records if record.key and record.outcome is not None}
+        self._nominal = [record for record in records if record.turn == 1]
         header = Header.of_call(self._planned, (*options.files, MARGINS_FILE), plan.shard)
         options.room.reserve(len(self._planned))
         self._journal = Journal(options.folder, header, warn, time.monotonic(), make_room=options.room.make)
@@ -115,18 +116,20 @@ class _Call:
                 note(f"{runs} in all")
             return
         keys = {
-            (planned.file, planned.name): self._keys.of(each) or ""
-            for each, planned in zip(self._firsts, self._planned, strict=False)
-            if not isinstance(each, Refused)
+            (planned.file, planned.name): self._keys.of(scenario) or ""
+            for scenario, planned in zip(self._firsts, self._planned, strict=False)
+            if not isinstance(scenario, Refused)
         }
         changed = "" if self._taken else changed_parts(self._nominal, keys)
         note(f"--resume: {self._taken} of {runs} taken over{changed and f'; {changed}'}")
 
     def margins(self) -> tuple[Margins, ExitCode]:
         """Run everything, and write the reports."""
-        loaded = [(place, each) for place, each in enumerate(self._firsts) if not isinstance(each, Refused)]
+        loaded = [(place, first) for place, first in enumerate(self._firsts) if not isinstance(first, Refused)]
         nominal = iter(self._outcomes(loaded))
-        outcomes = [Outcome.of_refused(each) if isinstance(each, Refused) else next(nominal) for each in self._firsts]
+        outcomes = [
+            Outcome.of_refused(first) if isinstance(first, Refused) else next(nominal) for first in self._firsts
+        ]
         originals = dict(self._originals(outcomes))
         searches = {place: list(self._searches(original)) for place, original in originals.items()}
         if originals and self._absent:
@@ -144,7 +147,7 @@ class _Call:
                 scenarios.append(_margins(outcome, ()).model_copy(update={"reason": reason}))
                 continue
             if place in originals:
-                several = tuple(each for search in searches[place] for each in search.margins(outcome.digest))
+                several = tuple(margin for search in searches[place] for margin in search.margins(outcome.digest))
             scenario = _margins(outcome, several)
             if scenario.reason and outcome.status != "error":  # reports show the error itself
                 note(f"{scenario.name}: {scenario.reason}")
@@ -152,16 +155,16 @@ class _Call:
             scenarios.append(scenario)
         for place, outcome in enumerate(self._of_patterns, start=len(self._firsts)):
             self._journal(Finished(place, outcome))
-        found = Margins(sim_action=__version__, runs=sum(self._turns.values()), scenarios=tuple(scenarios))
-        self._write(found)
-        return found, write_reports(self._journal.close(), self._options)
+        margins = Margins(sim_action=__version__, runs=sum(self._turns.values()), scenarios=tuple(scenarios))
+        self._write(margins)
+        return margins, write_reports(self._journal.close(), self._options)
 
     def _originals(self, outcomes: Sequence[Outcome]) -> Iterator[tuple[int, Original]]:
         """Yield the runs that passed, with their places."""
-        for place, (each, outcome) in enumerate(zip(self._firsts, outcomes, strict=True)):
+        for place, (scenario, outcome) in enumerate(zip(self._firsts, outcomes, strict=True)):
             trace = stored_trace(outcome, self._folder) if outcome.status == "passed" else None
-            if trace is not None and not isinstance(each, Refused):
-                yield place, Original(each, outcome, trace)
+            if trace is not None and not isinstance(scenario, Refused):
+                yield place, Original(scenario, outcome, trace)
 
     def _searches(self, original: Original) -> Iterator[Search]:
         for request in self._request.factors or map(FactorRequest, FACTORS):
@@ -184,9 +187,9 @@ class _Call:
     def _search(self, originals: Mapping[int, Original], searches: Mapping[int, Sequence[Search]]) -> None:
         """Run the values of all factors, in rounds: what runs next depends on the results of a round alone."""
         pairs = [(place, search) for place, several in searches.items() for search in several]
-        while wanted := [(place, side, value) for place, search in pairs for side, value in search.wanted()]:
+        while next_values := [(place, side, value) for place, search in pairs for side, value in search.wanted()]:
             trials: list[tuple[int, Trial]] = []
-            for place, side, value in wanted:
+            for place, side, value in next_values:
                 one = trial(originals[place], side.factor, value, self._request.plan.permissions, self._libraries)
                 side.trials.append(one)
                 trials.append((place, one))

@@ -52,21 +52,23 @@ def gate_plans(scenarios: Sequence[Source | Refused], wish: float, folder: Path,
     Raises UsageError if no scenario has a gate, and none is refused for another reason.
     """
     planned: dict[tuple[str, str], tuple[PlannedGate, bool]] = {}
-    for each in scenarios:
-        if isinstance(each, Refused):
-            if isinstance(each.error, UnattainableGate):
-                gate = each.error.stated.planned(each.name, each.name, each.file, each.line, each.error.runs)
+    for scenario in scenarios:
+        if isinstance(scenario, Refused):
+            if isinstance(scenario.error, UnattainableGate):
+                gate = scenario.error.stated.planned(
+                    scenario.name, scenario.name, scenario.file, scenario.line, scenario.error.runs
+                )
                 planned.setdefault((gate.file, gate.group), (gate, True))
-        elif each.gate is not None:
+        elif scenario.gate is not None:
             # The combinations of listed values have equal gates.
-            planned.setdefault((each.gate.file, each.gate.group), (each.gate, False))
-    if not planned and not any(isinstance(each, Refused) for each in scenarios):
+            planned.setdefault((scenario.gate.file, scenario.gate.group), (scenario.gate, False))
+    if not planned and not any(isinstance(scenario, Refused) for scenario in scenarios):
         raise UsageError(_NO_GATE)
     earlier = _earlier(folder)
     lines: list[str] = []
     for gate, is_refused in planned.values():
-        found = plan_lines(_called(gate), wish, _duration(gate, earlier, jobs), is_refused=is_refused)
-        lines += [*([""] if lines else []), *map(log_line, found)]
+        gate_lines = plan_lines(_called(gate), wish, _duration(gate, earlier, jobs), is_refused=is_refused)
+        lines += [*([""] if lines else []), *map(log_line, gate_lines)]
     return lines
 
 

@@ -157,9 +157,9 @@ class _Call:
     def proof(self) -> Proof | None:
         """Run everything, and return the proof; None if an interruption came before the first mutant had ended."""
         self.shown = self._scenarios()
-        scenarios = tuple(each.scenario for each in self.shown)
+        scenarios = tuple(scenario.scenario for scenario in self.shown)
         interrupted = self._interruption.happened
-        if interrupted and not any(each.mutants for each in scenarios):
+        if interrupted and not any(scenario.mutants for scenario in scenarios):
             return None
         return Proof(
             sim_action=__version__,
@@ -172,14 +172,14 @@ class _Call:
     def _scenarios(self) -> list[ShownScenario]:
         """Return the scenarios in their order."""
         firsts = list(planning.first_runs(self._found.plans))
-        loaded = [each for each in firsts if not isinstance(each, Refused)]
+        loaded = [first for first in firsts if not isinstance(first, Refused)]
         outcomes = iter(self._outcomes(loaded, _ORIGINALS))
-        several = [Outcome.of_refused(each) if isinstance(each, Refused) else next(outcomes) for each in firsts]
-        told = [self._original(*pair) for pair in zip(firsts, several, strict=True)]
+        several = [Outcome.of_refused(first) if isinstance(first, Refused) else next(outcomes) for first in firsts]
+        entries = [self._original(*pair) for pair in zip(firsts, several, strict=True)]
         missing = [*map(Outcome.of_nothing, self._found.empty), *map(Outcome.of_unmatched, self._found.unmatched)]
-        told += (ShownScenario(judgement.not_mutated(outcome)) for outcome in missing)
-        proven_ones = iter(self._proven([each for each in told if isinstance(each, Original)]))
-        return [next(proven_ones) if isinstance(each, Original) else each for each in told]
+        entries += (ShownScenario(judgement.not_mutated(outcome)) for outcome in missing)
+        proven_ones = iter(self._proven([entry for entry in entries if isinstance(entry, Original)]))
+        return [next(proven_ones) if isinstance(entry, Original) else entry for entry in entries]
 
     def _original(self, loaded: LoadedScenario | Refused, outcome: Outcome) -> ShownScenario | Original:
         trace = stored_trace(outcome, self._folder / _ORIGINALS) if outcome.status == "passed" else None
@@ -245,7 +245,7 @@ class _Call:
         return ShownScenario(
             judgement.proven(plan.original, judged_ones, plan.left_out, unfinished),
             _below(plan.original.outcome, _ORIGINALS),
-            [each.outcome for each in judged_ones if _survived(each)],
+            [judged.outcome for judged in judged_ones if _survived(judged)],
         )
 
     def _with_suggestions(
@@ -253,7 +253,7 @@ class _Call:
     ) -> list[list[judgement.JudgedMutant]]:
         """Return the mutants, each survivor with an expectation that would have noticed it, if one is found."""
         libraries = Libraries()
-        survived = [[_survived(each) for each in several] for several in results]
+        survived = [[_survived(judged) for judged in several] for several in results]
         offers = [
             candidates(plan.original, self._request.plan.permissions, libraries, _changed_joints(several))
             if any(alive)
@@ -266,19 +266,19 @@ class _Call:
             original = None if offer is None else next(outcomes)
             searches.append(
                 [
-                    Search(offer, each.mutant.loaded, offer.noticing(original, next(outcomes)))
+                    Search(offer, judged.mutant.loaded, offer.noticing(original, next(outcomes)))
                     if is_alive and offer is not None and original is not None
                     else None
-                    for each, is_alive in zip(several, alive, strict=True)
+                    for judged, is_alive in zip(several, alive, strict=True)
                 ]
             )
         self._decide([search for several in searches for search in several if search is not None])
         return [
             [
-                each if search is None else judgement.with_suggestion(each, search.suggestion)
-                for each, search in zip(several, found, strict=True)
+                judged if search is None else judgement.with_suggestion(judged, search.suggestion)
+                for judged, search in zip(several, plan_searches, strict=True)
             ]
-            for several, found in zip(results, searches, strict=True)
+            for several, plan_searches in zip(results, searches, strict=True)
         ]
 
     def _decide(self, searches: Sequence[Search]) -> None:
@@ -296,7 +296,7 @@ class _Call:
         if not scenarios:
             return []
         if self._interruption.happened:
-            return [interrupted(each) for each in scenarios]
+            return [interrupted(scenario) for scenario in scenarios]
         folder = self._folder / name
         folder.mkdir()
         self._runs += len(scenarios)
@@ -325,11 +325,11 @@ def _tried(_: RunEnded) -> str:
 
 
 def _changed_joints(judged_ones: Sequence[judgement.JudgedMutant]) -> frozenset[str]:
-    return frozenset(each.result.change.joint for each in judged_ones if each.result.change is not None)
+    return frozenset(judged.result.change.joint for judged in judged_ones if judged.result.change is not None)
 
 
-def _survived(each: judgement.JudgedMutant) -> bool:
-    return each.result.status == "survived" and each.result.change is not None
+def _survived(judged: judgement.JudgedMutant) -> bool:
+    return judged.result.status == "survived" and judged.result.change is not None
 
 
 def _with_candidates(
@@ -341,7 +341,9 @@ def _with_candidates(
     for offer, several, alive in zip(offers, results, survived, strict=True):
         if offer is not None:
             yield offer.loaded
-            yield from (offer.added_to(each.mutant.loaded) for each, lives in zip(several, alive, strict=True) if lives)
+            yield from (
+                offer.added_to(judged.mutant.loaded) for judged, lives in zip(several, alive, strict=True) if lives
+            )
 
 
 def _below(outcome: Outcome, folder: str) -> Outcome:

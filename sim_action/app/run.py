@@ -72,21 +72,21 @@ def run_scenarios(request: RunRequest, interruption: Interruption, listener: Lis
     """Run all scenarios and write every report. Raises UsageError; InvalidScenario if `request.valid_only`."""
     started = time.monotonic()
     with closing(_keys(request)) as keys:
-        found = plan_runs(request.plan)
-        found = replace(found, plans=_affordable(request, found.plans))
-        if found.shard is not None and not found.plans:
-            warn(f"{found.shard} has no scenario: the selection has only {found.shard.total}; use fewer shards")
+        run_plan = plan_runs(request.plan)
+        run_plan = replace(run_plan, plans=_affordable(request, run_plan.plans))
+        if run_plan.shard is not None and not run_plan.plans:
+            warn(f"{run_plan.shard} has no scenario: the selection has only {run_plan.shard.total}; use fewer shards")
         if request.valid_only:
-            refuse_invalid([plan for plan in found.plans if isinstance(plan, Refused)])
+            refuse_invalid([plan for plan in run_plan.plans if isinstance(plan, Refused)])
         with (
-            _schedule(request, found, keys) as schedule,
+            _schedule(request, run_plan, keys) as schedule,
             open_reports(request.reports, keeps_earlier=request.resume) as options,
         ):
-            call = _Call(request, found, options, keys, started=started, schedule=schedule)
+            call = _Call(request, run_plan, options, keys, started=started, schedule=schedule)
             results = call.results(interruption, listener)
             taken_over = call.taken.finals if request.resume else None
-            told = replace(options, taken_over=taken_over, permissions=request.plan.permissions)
-            return FinishedRun(results, write_reports(results, told))
+            report_options = replace(options, taken_over=taken_over, permissions=request.plan.permissions)
+            return FinishedRun(results, write_reports(results, report_options))
 
 
 def _affordable(request: RunRequest, plans: Sequence[Plan]) -> Sequence[Plan]:
@@ -106,14 +106,14 @@ def _affordable(request: RunRequest, plans: Sequence[Plan]) -> Sequence[Plan]:
 
 def refuse_invalid(refused: Sequence[Refused]) -> None:
     """Raise InvalidScenario with the problems of all scenarios that are refused, or the InternalError of one."""
-    errors = [each.error for each in refused]
+    errors = [refusal.error for refusal in refused]
     for error in errors:
         if not isinstance(error, InvalidScenario):
             raise error
     if len(errors) == 1:
         raise errors[0]
     if errors:
-        problems = dict.fromkeys(problem for each in refused for problem in each.problems)
+        problems = dict.fromkeys(problem for refusal in refused for problem in refusal.problems)
         raise InvalidScenario(problems)
 
 
@@ -127,7 +127,7 @@ Schedule = Callable[[Runs, Listener, Interruption], Scheduler]
 
 
 @contextmanager
-def _schedule(request: RunRequest, found: RunPlan, keys: RunKeys) -> Iterator[Schedule]:
+def _schedule(request: RunRequest, run_plan: RunPlan, keys: RunKeys) -> Iterator[Schedule]:
     """Return what schedules the runs of a plan. Raise UsageError if the cluster cannot run them."""
     pool = partial(Pool, options=PoolOptions(request.jobs, keys))
     if request.cluster is None:
@@ -136,7 +136,7 @@ def _schedule(request: RunRequest, found: RunPlan, keys: RunKeys) -> Iterator[Sc
     from sim_action.runner.cluster.address import ClusterAddress  # a usual run does without it
 
     address = ClusterAddress.parse(request.cluster)
-    every = [run for plan in found.plans if not isinstance(plan, Refused) for run in plan]
+    every = [run for plan in run_plan.plans if not isinstance(plan, Refused) for run in plan]
     if not every:
         yield pool
         return
@@ -155,16 +155,16 @@ class _Call:
     def __init__(
         self,
         request: RunRequest,
-        found: RunPlan,
+        run_plan: RunPlan,
         options: ReportOptions,
         keys: RunKeys,
         *,
         started: float,
         schedule: Schedule,
     ) -> None:
-        self._request, self._found, self._options, self._keys, self._started = request, found, options, keys, started
+        self._request, self._found, self._options, self._keys, self._started = request, run_plan, options, keys, started
         self._schedule = schedule
-        self._plans = found.plans
+        self._plans = run_plan.plans
         if request.plan.permissions.updates_golden:
             from sim_action.runner.golden_update import refuse_shared_goldens  # a usual run does without it
 
@@ -189,7 +189,9 @@ class _Call:
             if request.repeat == 1:
                 self._early_stop = EarlyStop(self._every, assembly.places)
             terminal = ProgressListener(runs, request.reports.verbosity, gates=self._runs_of_gates())
-            listeners += [each for each in (journal, self._early_stop, terminal, listener) if each is not None]
+            listeners += [
+                receiver for receiver in (journal, self._early_stop, terminal, listener) if receiver is not None
+            ]
             self._print_chances()
             repetitions = sum(bool(run.repetition) for run in self._every)
             if repetitions and request.reports.verbosity != "quiet":
@@ -262,14 +264,14 @@ class _Call:
 
     def _header(self) -> Header:
         """Return the header of the journal."""
-        found, options = self._found, self._options
+        run_plan, options = self._found, self._options
         of_runs = [path.as_posix() for files in self._files(Path()) for path in files]
         return Header.of_call(
-            planned_outcomes(self._plans, _of_patterns(found)),
+            planned_outcomes(self._plans, _of_patterns(run_plan)),
             (*options.files, *of_runs),
-            found.shard,
+            run_plan.shard,
             selected=bool(self._request.plan.suite.numbers),
-            gates=found.gates,
+            gates=run_plan.gates,
         )
 
     def _files(self, folder: Path) -> list[RunFiles]:
@@ -286,8 +288,8 @@ def _size(plan: Plan) -> int:
     return 0 if isinstance(plan, Refused) else len(plan)
 
 
-def _of_patterns(found: RunPlan) -> list[Outcome]:
-    return [*map(Outcome.of_nothing, found.empty), *map(Outcome.of_unmatched, found.unmatched)]
+def _of_patterns(run_plan: RunPlan) -> list[Outcome]:
+    return [*map(Outcome.of_nothing, run_plan.empty), *map(Outcome.of_unmatched, run_plan.unmatched)]
 
 
 def _has_replays(request: RunRequest) -> bool:

@@ -69,8 +69,8 @@ def schema_here(kind: str) -> Schema:
 
 
 def _added(table: Table[Any]) -> Kinds:
-    found = {part.name: kind for part, kind in package_parts(table) if not isinstance(kind, PackageProblem)}
-    return {name: kind for name, kind in found.items() if _definitions_of(kind)}
+    kinds = {part.name: kind for part, kind in package_parts(table) if not isinstance(kind, PackageProblem)}
+    return {name: kind for name, kind in kinds.items() if _definitions_of(kind)}
 
 
 def scenario_schema(added: Added = MappingProxyType({})) -> Schema:
@@ -206,7 +206,7 @@ def _definitions_of(kind: type[BaseModel]) -> Schema:
         schema = kind.model_json_schema(ref_template=f"#/$defs/{prefix}{{model}}", schema_generator=_Untitled)
     except (PydanticUserError, ValueError, TypeError):  # a field of a type that JSON does not have
         return {}
-    inner = {f"{prefix}{name}": each for name, each in schema.pop("$defs", {}).items()}
+    inner = {f"{prefix}{name}": definition for name, definition in schema.pop("$defs", {}).items()}
     return {**inner, _name(kind): {"description": "", **schema}}
 
 
@@ -232,7 +232,7 @@ def _let_map_hold_keys(name: str, kind: type[CommandSource], definitions: Schema
     properties = _properties(definitions, kind)
     own = properties[name]
     types = own["type"] if isinstance(own.get("type"), list) else [own.get("type")]
-    others = {key: each for key, each in properties.items() if key != name}
+    others = {key: part for key, part in properties.items() if key != name}
     definition = definitions[kind.__name__]
     if needed := [key for key in definition["required"] if key != name]:
         definition["required"] = [name]
@@ -244,7 +244,7 @@ def _let_map_hold_keys(name: str, kind: type[CommandSource], definitions: Schema
         "required": [kind.map_key, *needed],
         "additionalProperties": False,
     }
-    values = {key: each for key, each in own.items() if key not in ("type", "description")}
+    values = {key: part for key, part in own.items() if key not in ("type", "description")}
     alone = [{"type": kind, **{key: values[key] for key in values if key in _KEYWORDS[kind]}} for kind in types]
     properties[name] = {"description": own["description"], "anyOf": [*alone, whole]}
 

@@ -73,13 +73,13 @@ def watch_scenarios(
 def _watch(request: RunRequest, patterns: Sequence[str], interruption: Interruption) -> ExitCode:
     watched = _Watched()
     _look(watched, request, request.plan.suite.files, patterns)
-    known = _by_file(run_scenarios(request, interruption).results)
+    results_by_file = _by_file(run_scenarios(request, interruption).results)
     written = _without_written(watched, set())
     _note_watched(watched)
     while changed := _wait(watched, interruption):
         if touched := _touched(watched, changed, request, patterns):
             note(f"changed: {_names(changed - watched.folders)}")
-            known |= _rerun(request, touched, known, interruption)
+            results_by_file |= _rerun(request, touched, results_by_file, interruption)
             written = _without_written(watched, written)
             _note_watched(watched)
     return ExitCode.of_command(is_interrupted=True)
@@ -129,9 +129,9 @@ def _touched(watched: _Watched, changed: set[Path], request: RunRequest, pattern
     """Return the existing scenario files to run again, including new ones."""
     touched = watched.touched(changed)
     if changed & watched.folders:
-        found = unique(discover(patterns, outside=request.plan.permissions.outside))
-        known = {compared_name(str(file)) for file in watched.files}
-        touched += [file for file in found if compared_name(str(file)) not in known]
+        files = unique(discover(patterns, outside=request.plan.permissions.outside))
+        watched_names = {compared_name(str(file)) for file in watched.files}
+        touched += [file for file in files if compared_name(str(file)) not in watched_names]
     for file in touched:
         if not file.exists():
             watched.files.pop(file, None)
@@ -141,7 +141,7 @@ def _touched(watched: _Watched, changed: set[Path], request: RunRequest, pattern
 
 
 def _rerun(
-    request: RunRequest, touched: Sequence[Path], known: Mapping[str, _Found], interruption: Interruption
+    request: RunRequest, touched: Sequence[Path], earlier: Mapping[str, _Found], interruption: Interruption
 ) -> dict[str, _Found]:
     """Return the new results of these files and print the differences."""
     suite = replace(request.plan.suite, files=tuple(touched), empty=(), complete=False)
@@ -152,28 +152,33 @@ def _rerun(
         return {}
     if interruption.happened:
         return {}
-    found = {file_name(file): _Found() for file in touched} | _by_file(results)
-    before, now = ([each.get(file, _Found()) for file in found] for each in (known, found))
+    results_by_file = {file_name(file): _Found() for file in touched} | _by_file(results)
+    before, now = (
+        [results_of.get(file, _Found()) for file in results_by_file] for results_of in (earlier, results_by_file)
+    )
     comparison = compare_outcomes(
-        [outcome for each in before for outcome in each.outcomes],
-        [outcome for each in now for outcome in each.outcomes],
+        [outcome for file_results in before for outcome in file_results.outcomes],
+        [outcome for file_results in now for outcome in file_results.outcomes],
         _THRESHOLDS,
         allow_removed=True,
-        gates=([gate for each in before for gate in each.gates], [gate for each in now for gate in each.gates]),
+        gates=(
+            [gate for file_results in before for gate in file_results.gates],
+            [gate for file_results in now for gate in file_results.gates],
+        ),
     )
     if rows(comparison):
         print_comparison(comparison, os.environ)
-    return found
+    return results_by_file
 
 
 def _by_file(results: Results) -> dict[str, _Found]:
     """Return the results of each file, in the order of the call."""
-    found: dict[str, _Found] = {}
+    results_by_file: dict[str, _Found] = {}
     for outcome in results.outcomes:
-        found.setdefault(outcome.file, _Found()).outcomes.append(outcome)
+        results_by_file.setdefault(outcome.file, _Found()).outcomes.append(outcome)
     for gate in results.gates:
-        found.setdefault(gate.file, _Found()).gates.append(gate)
-    return found
+        results_by_file.setdefault(gate.file, _Found()).gates.append(gate)
+    return results_by_file
 
 
 def _names(changed: set[Path]) -> str:

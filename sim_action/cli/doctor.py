@@ -98,12 +98,12 @@ class Finding:
 
 def findings() -> Iterator[Finding]:
     """Yield what was found, one thing after the other."""
-    here = f"{__version__} in {PACKAGE_FOLDER}"
-    yield Finding("good", "sim-action", f"{here}, Python {platform.python_version()}, {platform_name()}")
-    found = installed()
+    installation = f"{__version__} in {PACKAGE_FOLDER}"
+    yield Finding("good", "sim-action", f"{installation}, Python {platform.python_version()}, {platform_name()}")
+    engines = installed()
     for name, engine in ENGINES.items():
-        yield (_engine(name) if name in found else Finding("missing", name, f"not installed; {engine.install_hint}"))
-    if not found:
+        yield (_engine(name) if name in engines else Finding("missing", name, f"not installed; {engine.install_hint}"))
+    if not engines:
         yield Finding("bad", "engines", "no physics engine is installed: no scenario can run")
     for extra, (package, purpose) in _EXTRAS.items():
         is_there = find_spec(package) is not None
@@ -136,12 +136,10 @@ def _engine(engine: str) -> Finding:
 def _package_parts() -> Iterator[Finding]:
     """Import the parts of installed packages. Scenarios that use none run without them."""
     for table in (ASSERTIONS, COMMANDS, SENSORS):
-        for part, found in package_parts(table):
-            is_good = not isinstance(found, PackageProblem)
+        for part, kind in package_parts(table):
+            is_good = not isinstance(kind, PackageProblem)
             yield Finding(
-                "good" if is_good else "missing",
-                part.name,
-                f"{table.kind} of {part.package}" if is_good else str(found),
+                "good" if is_good else "missing", part.name, f"{table.kind} of {part.package}" if is_good else str(kind)
             )
 
 
@@ -188,6 +186,6 @@ def _temporary_files() -> Finding:
             folder = Path(name).parent
             free = shutil.disk_usage(folder).free
     except OSError as error:
-        told = f"{tempfile.gettempdir()} cannot be written: {system_reason(error)}; set TMPDIR to another folder"
-        return Finding("bad", "temporary files", told)
+        message = f"{tempfile.gettempdir()} cannot be written: {system_reason(error)}; set TMPDIR to another folder"
+        return Finding("bad", "temporary files", message)
     return Finding("good", "temporary files", f"{folder}, {free / 1e9:.3g} GB free")

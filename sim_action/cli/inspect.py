@@ -38,7 +38,7 @@ def inspect(model: str, as_json: bool, losses: bool, **flags: Any) -> ExitCode:
     sim-action.
     """
     robot, workspace = asked_model(model, flags)
-    found, mask = inspect_apart(robot, workspace), Mask.of(os.environ, workspace.pass_env)
+    inspection, mask = inspect_apart(robot, workspace), Mask.of(os.environ, workspace.pass_env)
     described = losses_text if losses else inspection_text
-    click.echo(inspection_json(found, mask) if as_json else mask.text(described(found)))
+    click.echo(inspection_json(inspection, mask) if as_json else mask.text(described(inspection)))
     return ExitCode.PASSED

@@ -56,17 +56,17 @@ def matrix(paths: Sequence[str], shards: int, durations: str | None, **flags: An
     suite = discovered(paths, flags)
     if not suite.files:
         return ExitCode.of_command(has_scenarios=False)
-    known: dict[Unit, float] = {}
+    durations_by_unit: dict[Unit, float] = {}
     try:
         if durations and os.path.lexists(durations):
-            known = known_durations(Results.read(Path(durations)))
+            durations_by_unit = known_durations(Results.read(Path(durations)))
         elif durations:
             note(
                 f"there are no earlier results at {durations}, as in the first run; all scenarios count as equally long"
             )
     except UsageError as error:
         note(f"{error}; all scenarios count as equally long")
-    click.echo(matrix_text(_files(suite), suite.empty, shards, known))
+    click.echo(matrix_text(_files(suite), suite.empty, shards, durations_by_unit))
     return ExitCode.PASSED
 
 
@@ -81,7 +81,9 @@ def _files(suite: Suite) -> list[FileOfScenarios]:
         problems = [str(problem) for unmatched in contents.unmatched[:1] for problem in unmatched.unreadable]
         raise UsageError("\n".join((*map(str, contents.unmatched), *map(escaped_line, problems))))
     read = contents.files.items()
-    numbers = {path: [each.number for each in scenarios if suite.numbered(each)] for path, scenarios in read}
+    numbers = {
+        path: [scenario.number for scenario in scenarios if suite.numbered(scenario)] for path, scenarios in read
+    }
     several = max(len(suite.selection.only), len(suite.selection.tags)) > 1
     return [
         FileOfScenarios(path, some, not several and file_name(path) not in suite.numbers)
@@ -112,7 +114,9 @@ class FileOfScenarios:
         return name if self.alone and len(numbers) == len(self.numbers) else numbered(name, numbers)
 
 
-def matrix_text(files: Sequence[FileOfScenarios], empty: Sequence[str], count: int, known: Mapping[Unit, float]) -> str:
+def matrix_text(
+    files: Sequence[FileOfScenarios], empty: Sequence[str], count: int, durations_by_unit: Mapping[Unit, float]
+) -> str:
     """Return one line of ASCII JSON for `strategy.matrix` with at most `count` shards.
 
     Patterns without a scenario go to the first shard, whose run reports them. Raises UsageError for names that cannot
@@ -120,7 +124,7 @@ def matrix_text(files: Sequence[FileOfScenarios], empty: Sequence[str], count: i
     """
     _refuse_unlistable([*(file.path.as_posix() for file in files), *empty])
     scenarios = [(place, number) for place, file in enumerate(files) for number in file.numbers]
-    dealt = balanced(scenarios, _durations(files, known), count)
+    dealt = balanced(scenarios, _durations(files, durations_by_unit), count)
     shards = [list(_names(files, shard)) for shard in dealt]
     shards[:1] = [[*shard, *empty] for shard in shards[:1]]
     entries = [
@@ -147,15 +151,15 @@ def _names(files: Sequence[FileOfScenarios], shard: Sequence[tuple[int, int]]) -
         yield files[place].named([number for _, number in several])
 
 
-def _durations(files: Sequence[FileOfScenarios], known: Mapping[Unit, float]) -> list[float]:
-    found = [_known(file, known) for file in files]
-    mean = _mean((duration for durations in found for duration in durations), 1.0)
-    return [duration or _mean(durations, mean) for durations in found for duration in durations]
+def _durations(files: Sequence[FileOfScenarios], durations_by_unit: Mapping[Unit, float]) -> list[float]:
+    durations_by_file = [_known(file, durations_by_unit) for file in files]
+    mean = _mean((duration for durations in durations_by_file for duration in durations), 1.0)
+    return [duration or _mean(durations, mean) for durations in durations_by_file for duration in durations]
 
 
-def _known(file: FileOfScenarios, known: Mapping[Unit, float]) -> list[float | None]:
+def _known(file: FileOfScenarios, durations_by_unit: Mapping[Unit, float]) -> list[float | None]:
     name = compared_name(file_name(file.path))
-    return [known.get((name, number)) for number in file.numbers]
+    return [durations_by_unit.get((name, number)) for number in file.numbers]
 
 
 def _mean(durations: Iterable[float | None], otherwise: float) -> float:

@@ -111,9 +111,9 @@ def _of_lost(path: Path, reason: str) -> Outcome:
 
 def _read(request: MergeRequest, invalid: dict[Path, str]) -> list[ResultsFile]:
     """Return the files to join, if any; `invalid` receives the reasons of those that are not valid."""
-    found = find_all(request.results)
-    files = [file for file in read_all(found, lost=invalid) if not _is_earlier_output(file, request)]
-    empty = [pattern for pattern, paths in found.items() if not paths or not files]
+    matches = find_all(request.results)
+    files = [file for file in read_all(matches, lost=invalid) if not _is_earlier_output(file, request)]
+    empty = [pattern for pattern, paths in matches.items() if not paths or not files]
     for pattern in empty:
         lost = f"no {RESULTS_FILE} found at '{pattern}'"
         if not request.listing:
@@ -177,7 +177,7 @@ def _refuse_to_overwrite(paths: Iterable[Path], named: Iterable[Iterable[StoredF
     """Raise UsageError if the output would overwrite a file that is to be joined."""
     written = [compared_name(str(path)) for path in (request.folder / RESULTS_FILE, request.junit) if path]
     folders = [compared_name(str(request.folder / name)) for name in RUN_FILE_FOLDERS]
-    for path in [*paths] + [file.source for found in named for file in found if file.source]:
+    for path in [*paths] + [file.source for files in named for file in files if file.source]:
         name = compared_name(str(path))
         if name in written or any(Path(name).is_relative_to(folder) for folder in folders):
             why = f"{name} is an input of the merge and would be overwritten"

@@ -148,18 +148,18 @@ def code_permissions(
 def typed(*names: str) -> list[str]:
     """Return the options on the command line among the given parameters; defaults and variables do not count."""
     context = click.get_current_context()
-    found = []
+    typed_options = []
     for param in context.command.params:
         if param.name in names and context.get_parameter_source(param.name) is ParameterSource.COMMANDLINE:
             is_off = context.params[param.name] is False and param.secondary_opts
-            found.append((param.secondary_opts if is_off else param.opts)[0])
-    return found
+            typed_options.append((param.secondary_opts if is_off else param.opts)[0])
+    return typed_options
 
 
 def refuse_typed(reason: str, *names: str) -> None:
     """Raise UsageError if one of the parameters is on the command line: it would be ignored."""
-    if found := typed(*names):
-        raise UsageError(f"{reason} cannot be combined with {', '.join(found)}")
+    if typed_options := typed(*names):
+        raise UsageError(f"{reason} cannot be combined with {', '.join(typed_options)}")
 
 
 PORT: Final = click.option(
@@ -330,10 +330,10 @@ def report_request(flags: Mapping[str, Any]) -> ReportRequest:
         refuse_typed("--json prints nothing else, and", "quiet", "verbose")
     if quiet and verbose and not as_json:
         # The command line is stronger than a variable or pyproject.toml.
-        given = typed("quiet", "verbose")
-        if len(given) != 1:
+        typed_options = typed("quiet", "verbose")
+        if len(typed_options) != 1:
             raise UsageError("--verbose and --quiet cannot be combined")
-        verbose = given == ["--verbose"]
+        verbose = typed_options == ["--verbose"]
     return ReportRequest(
         folder=Path(flags["output_dir"]),
         junit=Path(flags["junit"]) if flags["junit"] else None,

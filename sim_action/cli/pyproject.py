@@ -34,32 +34,32 @@ _KEY: Final = re.compile(r"\s*[\"']?([A-Za-z0-9_-]+)[\"']?\s*=")
 _ENDLESS_KEY: Final = re.compile(r"(?:[\"']?[A-Za-z0-9_-]++[\"']?\s*+\.\s*+){100}")
 
 
-def default_map(subcommand: str | None, here: Path) -> dict[str, dict[str, Any]]:
-    """Return the defaults of a subcommand that is called in folder `here`, by click's names of its options.
+def default_map(subcommand: str | None, working_folder: Path) -> dict[str, dict[str, Any]]:
+    """Return the defaults of a subcommand that is called in `working_folder`, by click's names of its options.
 
     In addition, `paths_location`: the place of the key `paths`, if it is stated.
 
     Raises UsageError for an invalid table.
     """
     options = SUBCOMMANDS[subcommand].keys if subcommand else ()
-    found = _nearest(here) if options else None
-    if not subcommand or not options or found is None:
+    nearest = _nearest(working_folder) if options else None
+    if not subcommand or not options or nearest is None:
         return {}
-    path, document = found
+    path, document = nearest
     defaults = _validated(document, path.parent)
     stated = {name: value for name in options if (value := getattr(defaults, name)) is not None}
     for name in ("output_dir", "junit", "paths"):
         if name in stated:
-            stated[name] = _seen_from(here, path.parent, stated[name])
+            stated[name] = _seen_from(working_folder, path.parent, stated[name])
     if "paths" in stated:
         stated["paths_location"] = document.location(("paths",))
     return {subcommand: stated}
 
 
-def _nearest(here: Path) -> tuple[Path, Document] | None:
-    """Return the nearest pyproject.toml with such a table, from `here` upwards within the workspace."""
-    root = Workspace.around(here.resolve() / "a scenario").root
-    for folder in (here.resolve(), *here.resolve().parents):
+def _nearest(working_folder: Path) -> tuple[Path, Document] | None:
+    """Return the nearest pyproject.toml with such a table, from `working_folder` upwards within the workspace."""
+    root = Workspace.around(working_folder.resolve() / "a scenario").root
+    for folder in (working_folder.resolve(), *working_folder.resolve().parents):
         path = folder / FILE
         document = _read(path) if path.is_file() and path.resolve().is_relative_to(root) else None
         if document is not None:
@@ -123,18 +123,18 @@ def _validated(document: Document, folder: Path) -> Defaults:
     try:
         defaults = Defaults.model_validate(data)
     except ValidationError as error:
-        found = spec_errors(Defaults, data, error)
-        problems = [document.problem(path, key_problem(path, message)) for path, message in found]
+        errors = spec_errors(Defaults, data, error)
+        problems = [document.problem(path, key_problem(path, message)) for path, message in errors]
     else:
         problems = [document.problem((key,), message) for key, message in _out_of_bounds(defaults, folder)]
         if not problems:
             return defaults
     more = len(problems) - _MAX_PROBLEMS
-    told = [
+    lines = [
         *map(str, problems[:_MAX_PROBLEMS]),
         *([f"{document.file}: and {more:,} more problems"] if more > 0 else []),
     ]
-    raise UsageError("\n".join(told))
+    raise UsageError("\n".join(lines))
 
 
 def _out_of_bounds(defaults: Defaults, folder: Path) -> Iterator[tuple[str, str]]:
@@ -149,16 +149,24 @@ def _out_of_bounds(defaults: Defaults, folder: Path) -> Iterator[tuple[str, str]
 def _is_below(folder: Path, name: str) -> bool:
     """Return True if a path is below a folder. Symbolic links are followed."""
     try:
-        found = (folder / name).resolve()
+        resolved = (folder / name).resolve()
     except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, links in a circle
         return False
-    named, is_inside = PurePath(name), found.is_relative_to(folder.resolve())
+    named, is_inside = PurePath(name), resolved.is_relative_to(folder.resolve())
     return (
-        name.isprintable() and is_inside and ".." not in named.parts and not is_of_git(named) and not is_of_git(found)
+        name.isprintable()
+        and is_inside
+        and ".." not in named.parts
+        and not is_of_git(named)
+        and not is_of_git(resolved)
     )
 
 
-def _seen_from(here: Path, folder: Path, names: Any) -> Any:
+def _seen_from(working_folder: Path, folder: Path, names: Any) -> Any:
     if isinstance(names, tuple):
-        return tuple(_seen_from(here, folder, name) for name in names)
-    return names if folder == here.resolve() else Path(os.path.relpath(folder / names, here.resolve())).as_posix()
+        return tuple(_seen_from(working_folder, folder, name) for name in names)
+    return (
+        names
+        if folder == working_folder.resolve()
+        else Path(os.path.relpath(folder / names, working_folder.resolve())).as_posix()
+    )

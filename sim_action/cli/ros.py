@@ -163,11 +163,11 @@ def ros2(**flags: Any) -> ExitCode:
     from sim_action.ros.ros2.preparation import needed_by, prepare
     from sim_action.scenario.child_environment import code_environment
 
-    wanted: dict[Path, set[str] | None] = {Path(flags["workspace"]).resolve(): None}
+    packages_by_workspace: dict[Path, set[str] | None] = {Path(flags["workspace"]).resolve(): None}
     if flags["scenarios"]:
-        wanted = {**needed_by(path for paths in discover(flags["scenarios"]).values() for path in paths)}
-    permissions = options.code_permissions(flags, wanted)
-    if not wanted:
+        packages_by_workspace = {**needed_by(path for paths in discover(flags["scenarios"]).values() for path in paths)}
+    permissions = options.code_permissions(flags, packages_by_workspace)
+    if not packages_by_workspace:
         return ExitCode.PASSED
     permissions.require_scripts("ros2 prepare runs the build files of packages")
     if sys.platform != "linux":
@@ -176,7 +176,7 @@ def ros2(**flags: Any) -> ExitCode:
     if cache is None:
         raise UsageError("builds need a cache folder; set XDG_CACHE_HOME")
     seen = code_environment(os.environ, permissions.pass_env)
-    for workspace, names in wanted.items():
+    for workspace, names in packages_by_workspace.items():
         for line in prepare(workspace, find_ros(), cache, seen, names):
             click.echo(log_line(line))
     return ExitCode.PASSED

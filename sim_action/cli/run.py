@@ -240,7 +240,7 @@ def _planned(request: PlanRequest, rate: str, folder: str, jobs: int) -> ExitCod
     if scenarios:
         for line in gate_plans(scenarios, wish, Path(folder), jobs):
             click.echo(line)
-    return _complained(request, [each for each in scenarios if not is_plannable(each)], empty, unmatched)
+    return _complained(request, [scenario for scenario in scenarios if not is_plannable(scenario)], empty, unmatched)
 
 
 def _listed(request: PlanRequest) -> ExitCode:
@@ -265,10 +265,10 @@ def _complained(
     from sim_action.core.wording import log_line
     from sim_action.scenario.source import Refused
 
-    errors = [each.error for each in scenarios if isinstance(each, Refused)]
+    errors = [scenario.error for scenario in scenarios if isinstance(scenario, Refused)]
     for line in (line for error in errors for line in str(error).split("\n")):
         click.echo(log_line(line), err=True)
-    unreadable = (problem for each in unmatched[:1] for problem in each.unreadable)
+    unreadable = (problem for pattern in unmatched[:1] for problem in pattern.unreadable)
     for problem in (*unmatched, *unreadable):
         click.echo(log_line(str(problem)), err=True)
     if not request.suite.files:
@@ -285,5 +285,5 @@ def _meant(request: PlanRequest) -> tuple[Sequence[Source | Refused], Sequence[s
     if request.shard is None:
         contents = request.suite.read(request.permissions, request.seed)
         return request.suite.numbered_in(contents), request.suite.empty, contents.unmatched
-    found = plan_runs(request)
-    return [source_of(plan) for plan in found.plans], found.empty, found.unmatched
+    run_plan = plan_runs(request)
+    return [source_of(plan) for plan in run_plan.plans], run_plan.empty, run_plan.unmatched

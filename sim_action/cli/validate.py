@@ -33,9 +33,9 @@ def validate(paths: Sequence[str], strict: bool, packages: Sequence[str], allow_
     suite = discovered(paths, outside=allow_outside)
     refused_here = scripts_refused("auto", os.environ, (Path.cwd(), *(path.parent for path in suite.files)))
     permissions = Permissions(allow_outside, imports_refused=refused_here, packages=named_packages(packages))
-    found = load_all(suite.scenarios(permissions), permissions)
-    refused = [scenario for scenario in found if isinstance(scenario, Refused)]
-    valid = [scenario for scenario in found if not isinstance(scenario, Refused)]
+    checked = load_all(suite.scenarios(permissions), permissions)
+    refused = [scenario for scenario in checked if isinstance(scenario, Refused)]
+    valid = [scenario for scenario in checked if not isinstance(scenario, Refused)]
     # What several share may be wrong in each of them, and stands in one place.
     messages = [message for scenario in refused for message in _messages(scenario)]
     messages += [f"{loaded.file}: not checked: {remark}" for loaded in valid for remark in loaded.unchecked]

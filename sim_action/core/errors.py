@@ -129,8 +129,8 @@ class InternalError(SimActionError):
         from sim_action.core.registry import blame  # only an error needs it
 
         details = "".join(format_exception(error))
-        if (found := blame(error)) is not None:
-            return PackageFault(found.message, details, found.name)
+        if (fault := blame(error)) is not None:
+            return PackageFault(fault.message, details, fault.name)
         return cls(f"an internal error of sim-action: {type(error).__name__}: {error}; please report it", details)
 
 
@@ -264,7 +264,7 @@ class BadStart(RunError):
     ) -> None:
         self.by_keys = tuple(problems)
         self.elsewhere = tuple(elsewhere)
-        messages = [*(message for _, message in self.by_keys), *(each.message for each in self.elsewhere)]
+        messages = [*(message for _, message in self.by_keys), *(problem.message for problem in self.elsewhere)]
         super().__init__("\n".join(messages))
 
 

@@ -42,8 +42,8 @@ def _built(model: Any, /, *positional: Any, **keys: Any) -> Any:
         return type(BaseModel).__call__(model, *positional, **keys)
     except ValidationError as error:
         place = Location(f"{model.__name__} (Python)")
-        found = [(".".join(map(str, path)), message) for path, message in spec_errors(model, keys, error)]
-    raise InvalidPart([Problem(place, f"{key}: {message}" if key else message) for key, message in found])
+        messages = [(".".join(map(str, path)), message) for path, message in spec_errors(model, keys, error)]
+    raise InvalidPart([Problem(place, f"{key}: {message}" if key else message) for key, message in messages])
 
 
 class FrozenModel(BaseModel, metaclass=type("ModelType", (type(BaseModel),), {"__call__": _built})):  # type: ignore[metaclass]  # mypy sees the type of all models
@@ -68,7 +68,7 @@ class Without:
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         whole = handler.resolve_ref_schema(handler(schema))
-        properties = {key: each for key, each in whole["properties"].items() if key not in self.names}
+        properties = {key: field_schema for key, field_schema in whole["properties"].items() if key not in self.names}
         return {**whole, "properties": properties}
 
 
@@ -181,9 +181,9 @@ def _plain_name(name: str) -> str:
 
 
 def _refuse_name(name: str, parts: Sequence[str]) -> NoReturn:
-    found = next((part for part in parts if part in name), None)
+    forbidden = next((part for part in parts if part in name), None)
     space = "a space at its beginning or end"
-    what = f"contains '{found}'" if found else f"has a control character, a line break, or {space}"
+    what = f"contains '{forbidden}'" if forbidden else f"has a control character, a line break, or {space}"
     raise ValueError(f"a name is one line of plain text; {name!r} {what}")
 
 
@@ -298,9 +298,9 @@ def bound_text(value: float, unit: str) -> str:
 
 def bounds_text(annotation: Any, metadata: Iterable[Any]) -> str:
     """Return both bounds of a field, such as "at most 170 deg" or "1 to 1920"; a lower bound of 0 is left out."""
-    unit, found = unit_of(annotation, metadata), [*metadata, *_of_optional(annotation)]
-    lower = next((item for item in found if isinstance(item, Gt | Ge) and _value(item)), None)
-    upper = next((item for item in found if isinstance(item, Lt | Le)), None)
+    unit, constraints = unit_of(annotation, metadata), [*metadata, *_of_optional(annotation)]
+    lower = next((item for item in constraints if isinstance(item, Gt | Ge) and _value(item)), None)
+    upper = next((item for item in constraints if isinstance(item, Lt | Le)), None)
     if upper is None:
         word = "more than" if isinstance(lower, Gt) else "at least"
         return f"{word} {bound_text(_value(lower), unit)}" if lower else ""
@@ -328,8 +328,8 @@ def _written(value: float, unit: str) -> tuple[str, str]:
 
 
 def _value(item: Any) -> float:
-    found: float = next(getattr(item, name) for name in ("gt", "ge", "lt", "le") if hasattr(item, name))
-    return found
+    bound: float = next(getattr(item, name) for name in ("gt", "ge", "lt", "le") if hasattr(item, name))
+    return bound
 
 
 def _said_of(annotation: Any) -> Iterator[Any]:
@@ -358,7 +358,7 @@ def on_lines(value: Any) -> Any:
     if isinstance(value, FrozenModel):
         return value.model_copy(update={name: on_lines(part) for name, part in value})
     if is_dataclass(value) and not isinstance(value, type):
-        return replace(value, **{each.name: on_lines(getattr(value, each.name)) for each in fields(value)})
+        return replace(value, **{field.name: on_lines(getattr(value, field.name)) for field in fields(value)})
     return tuple(map(on_lines, value)) if isinstance(value, tuple) else value
 
 
@@ -510,4 +510,4 @@ def _fields_along(model: type[BaseModel], path: tuple[str | int, ...]) -> Iterat
 def _fields(annotation: Any) -> dict[str, FieldInfo]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return dict(annotation.model_fields)
-    return next((found for part in get_args(annotation) if (found := _fields(part))), {})
+    return next((model_fields for part in get_args(annotation) if (model_fields := _fields(part))), {})

@@ -118,10 +118,10 @@ def similar_path(path: Path, endings: tuple[str, ...] = ()) -> str:
     missing = path
     while missing.parent != missing and not os.path.exists(missing.parent):  # noqa: PTH110 - a folder that may not be entered counts as missing
         missing = missing.parent
-    wanted = endings if missing == path else ()
+    file_endings = endings if missing == path else ()
     try:
         with os.scandir(missing.parent) as entries:
-            names = sorted(each.name for each in entries if each.is_dir() or each.name.endswith(wanted))
+            names = sorted(entry.name for entry in entries if entry.is_dir() or entry.name.endswith(file_endings))
     except OSError:
         return ""
     # With their endings, all names would be similar.

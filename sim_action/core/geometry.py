@@ -151,10 +151,10 @@ def inverse(pose: Pose) -> Pose:
     return Pose((-x, -y, -z), back)
 
 
-def twist_between(here: Pose, there: Pose, seconds: float) -> Twist:
+def twist_between(start: Pose, end: Pose, seconds: float) -> Twist:
     """Return the velocity that moves a frame from one pose to another on the short way; in the parent frame."""
-    moved = [(to - at) / seconds for at, to in zip(here.position_xyz, there.position_xyz, strict=True)]
-    qx, qy, qz, qw = multiply(there.orientation_xyzw, conjugate(here.orientation_xyzw))
+    moved = [(to - at) / seconds for at, to in zip(start.position_xyz, end.position_xyz, strict=True)]
+    qx, qy, qz, qw = multiply(end.orientation_xyzw, conjugate(start.orientation_xyzw))
     sine = math.hypot(qx, qy, qz)
     # A quaternion and its negative are the same rotation.
     rate = 2 * math.atan2(math.copysign(sine, qw), abs(qw)) / (sine * seconds) if sine * seconds else 0.0

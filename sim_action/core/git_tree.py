@@ -52,26 +52,26 @@ class FileDigests:
 
     def _digest(self, path: Path) -> str | None:
         try:
-            found = path.lstat()
+            status = path.lstat()
         except (FileNotFoundError, NotADirectoryError):
             return MISSING
         except (OSError, ValueError):
             return None
-        return self.of_found(path, found)
+        return self.of_found(path, status)
 
-    def of_found(self, path: Path, found: os.stat_result, algorithm: str = "sha256") -> str | None:
+    def of_found(self, path: Path, status: os.stat_result, algorithm: str = "sha256") -> str | None:
         """Return the digest of a file or link; `name`: that of git, by `algorithm`; None if it cannot be read."""
-        if _changed_ns(found) >= self._oldest_change_ns:
+        if _changed_ns(status) >= self._oldest_change_ns:
             return None
         try:
-            if stat.S_ISLNK(found.st_mode):
+            if stat.S_ISLNK(status.st_mode):
                 target = os.fsencode(path.readlink())
                 return git_content("120000", _named([target], len(target), algorithm), len(target))
-            if not stat.S_ISREG(found.st_mode):
-                return f"no file {stat.S_IFMT(found.st_mode):o}"
-            mode, size = "100755" if found.st_mode & stat.S_IXUSR else "100644", found.st_size
+            if not stat.S_ISREG(status.st_mode):
+                return f"no file {stat.S_IFMT(status.st_mode):o}"
+            mode, size = "100755" if status.st_mode & stat.S_IXUSR else "100644", status.st_size
             if size > self._left:
-                return f"{mode} {found.st_dev} {found.st_ino} {size} {_changed_ns(found)} {found.st_mtime_ns}"
+                return f"{mode} {status.st_dev} {status.st_ino} {size} {_changed_ns(status)} {status.st_mtime_ns}"
             self._left -= size
             with open_regular(path, follow_link=False) as file:
                 parts = iter(lambda: file.read(_PART_BYTES), b"")
@@ -105,8 +105,8 @@ def _named(parts: Iterable[bytes], size: int, algorithm: str) -> str:
     return digest.hexdigest()
 
 
-def _changed_ns(found: os.stat_result) -> int:
-    return found.st_mtime_ns if sys.platform == "win32" else found.st_ctime_ns
+def _changed_ns(status: os.stat_result) -> int:
+    return status.st_mtime_ns if sys.platform == "win32" else status.st_ctime_ns
 
 
 _TIMEOUT_S: Final = 10.0
@@ -230,7 +230,7 @@ def repositories_around(path: Path) -> list[Path]:
 def is_tracked(root: Path, path: Path) -> bool:
     """Return True if the index names a file, under any spelling. Raise GitError."""
     listing = GitListing(root, words=("ls-files", "-z", "--stage"))
-    found, name = _status(path), path.name.casefold()
+    path_status, name = _status(path), path.name.casefold()
     inside = {folder for folder in Path(os.path.realpath(path)).parents if not (folder / ".git").exists()}
     for entry in listing.output().split(b"\0")[:-1]:
         mode, _, tracked = entry.partition(b" ")
@@ -238,7 +238,7 @@ def is_tracked(root: Path, path: Path) -> bool:
         if mode == _SUBMODULE and Path(os.path.realpath(place)) in inside:
             raise GitError(f"{_shown(place)} is a submodule without a repository")
         status = _status(place) if place.name.casefold() == name else None
-        if status is not None and found is not None and os.path.samestat(status, found):
+        if status is not None and path_status is not None and os.path.samestat(status, path_status):
             return True
     return False
 
@@ -283,11 +283,11 @@ class _Reader:
         # Python writes bytecode while scenarios run; it is that of the files next to it.
         if self._is_excluded(name) or "__pycache__/" in name:
             return
-        found = _status(self._root / name)
-        if found is None:
+        status = _status(self._root / name)
+        if status is None:
             yield name, MISSING
-        elif (found.st_dev, found.st_ino) not in self._own_output:
-            yield name, self._read(name, found)
+        elif (status.st_dev, status.st_ino) not in self._own_output:
+            yield name, self._read(name, status)
 
     def _submodule(self, name: str) -> Iterator[tuple[str, str | None]]:
         folder = self._root / name
@@ -299,25 +299,25 @@ class _Reader:
             yield name, MISSING
 
     def _tracked(self, name: str, mode: str, blob: str, stamps: list[int]) -> str:
-        found = _status(self._root / name)
-        if found is None:
+        status = _status(self._root / name)
+        if status is None:
             return MISSING
-        if stamps and self._is_unchanged(found, stamps):
-            return git_content(mode, blob, found.st_size)
-        return self._read(name, found, "sha1" if len(blob) == _SHA1_DIGITS else "sha256")
+        if stamps and self._is_unchanged(status, stamps):
+            return git_content(mode, blob, status.st_size)
+        return self._read(name, status, "sha1" if len(blob) == _SHA1_DIGITS else "sha256")
 
-    def _is_unchanged(self, found: os.stat_result, stamps: list[int]) -> bool:
+    def _is_unchanged(self, status: os.stat_result, stamps: list[int]) -> bool:
         """Return True if a file has the stamps of the index, and was not changed while the index was written."""
         *changed, modified_s, modified_ns, inode, size = stamps
-        if stat.S_ISDIR(found.st_mode) or modified_s * 10**9 + modified_ns >= self._written_ns:
+        if stat.S_ISDIR(status.st_mode) or modified_s * 10**9 + modified_ns >= self._written_ns:
             return False
-        same = [(size, found.st_size & _32_BITS), ((modified_s, modified_ns), _seconds(found.st_mtime_ns))]
+        same = [(size, status.st_size & _32_BITS), ((modified_s, modified_ns), _seconds(status.st_mtime_ns))]
         if sys.platform != "win32":
-            same += [(tuple(changed), _seconds(found.st_ctime_ns)), (inode, found.st_ino & _32_BITS)]
+            same += [(tuple(changed), _seconds(status.st_ctime_ns)), (inode, status.st_ino & _32_BITS)]
         return all(stated == actual for stated, actual in same)
 
-    def _read(self, name: str, found: os.stat_result, algorithm: str = "sha256") -> str:
-        content = self._digests.of_found(self._root / name, found, algorithm)
+    def _read(self, name: str, status: os.stat_result, algorithm: str = "sha256") -> str:
+        content = self._digests.of_found(self._root / name, status, algorithm)
         if content is None:
             raise GitError(f"{_shown(self._root / name)} was changed a moment ago, or cannot be read")
         return content
@@ -357,11 +357,11 @@ def _files_of_output() -> Iterator[tuple[int, int]]:
     """Yield the files that this process prints into."""
     for descriptor in (1, 2):
         try:
-            found = os.fstat(descriptor)
+            status = os.fstat(descriptor)
         except OSError:
             continue
-        if stat.S_ISREG(found.st_mode):
-            yield found.st_dev, found.st_ino
+        if stat.S_ISREG(status.st_mode):
+            yield status.st_dev, status.st_ino
 
 
 def _environment(root: Path) -> dict[str, str]:

@@ -89,8 +89,8 @@ def scripts_refused(choice: AllowScripts, environment: Mapping[str, str], folder
             f"scripts are not run on {event}: a pull request from a fork could run code with the secrets of this "
             f"repository; {_REMEDY}"
         )
-    if (found := foreign_checkout(environment, folders)) is not None:
-        return f"scripts are not run on {event} here, because {found}; {_REMEDY}"
+    if (reason := foreign_checkout(environment, folders)) is not None:
+        return f"scripts are not run on {event} here, because {reason}; {_REMEDY}"
     return None
 
 
@@ -106,7 +106,7 @@ def checked_names(names: Iterable[str]) -> tuple[str, ...]:
 
 def package_folders(named: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
     """Return the names of ROS packages with their folders, absolute and without links. Raise UsageError."""
-    found = {}
+    folders = {}
     for name, folder in named.items():
         try:
             place = Path(folder).resolve() if folder else None
@@ -117,8 +117,8 @@ def package_folders(named: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
             where = f"looked for {place}" if folder else "it is empty"
             reason = "the name of a package has no slash" if "/" in name else f"there is no such folder ({where})"
             raise UsageError(escaped_line(f"--package {name}={folder}: {reason}; name a folder that is checked out"))
-        found[name] = str(place)
-    return tuple(found.items())
+        folders[name] = str(place)
+    return tuple(folders.items())
 
 
 _MAX_BYTES: Final = 50_000_000  # of packed-refs
@@ -208,8 +208,8 @@ class _Repository:
         from sim_action.core.git_tree import GitError, GitListing  # rarely needed
 
         # A checkout need not contain the commit of the event.
-        for known in (refs | event, refs) if event else (refs,):
-            words = ("rev-list", f"--max-count={_MAX_COMMITS}", *sorted(heads), "--not", *sorted(known), "--")
+        for excluded in (refs | event, refs) if event else (refs,):
+            words = ("rev-list", f"--max-count={_MAX_COMMITS}", *sorted(heads), "--not", *sorted(excluded), "--")
             with suppress(GitError):
                 left = GitListing(root, workspace, words).output().decode().split()
                 return len(left) < _MAX_COMMITS and self._made_here().issuperset(left)
@@ -238,7 +238,9 @@ class _Repository:
         came = {name for _, name in self._packed()}
         came |= {f"refs/tags/{tag}" for line in self.fetched() for tag in _FETCHED_TAG.findall(line)}
         for commit, name in self._refs():
-            remote = next((each for each in addresses if name.startswith(f"refs/remotes/{each}/")), None)
+            remote = next(
+                (remote_name for remote_name in addresses if name.startswith(f"refs/remotes/{remote_name}/")), None
+            )
             is_tag = name.startswith("refs/tags/")
             is_own = (not strange and name in came) if is_tag else (remote is not None and remote not in strange)
             is_pulled = any(target and name.startswith(target) for target in pulled) or _PULL.match(name)
@@ -327,9 +329,9 @@ class _Repository:
         section = name = ""
         for line in re.sub(r"\\\r?\n", "", _text(self.common / "config", _MAX_BYTES)).split("\n"):
             start = 0
-            if found := _SECTION.match(line):
-                section, start = found["section"].lower(), found.end()
-                name = (found["dotted"] or "").lower() if found["name"] is None else _unescaped(found["name"])
+            if header := _SECTION.match(line):
+                section, start = header["section"].lower(), header.end()
+                name = (header["dotted"] or "").lower() if header["name"] is None else _unescaped(header["name"])
             if pair := _VALUE.match(line, start):
                 values.setdefault((section, name, pair["key"].lower()), []).append(_unescaped(pair["value"].rstrip()))
         return values
@@ -370,18 +372,18 @@ def foreign_checkout(environment: Mapping[str, str], folders: Iterable[Path]) ->
         is_tested = git in around and not repository.is_pinned
         # The commit decides: other fetches mean nothing if that of the event is checked out.
         is_of_event = repository.is_at(environment.get("GITHUB_SHA", ""))
-        found = None if is_of_event else _sign_of_pull_request(repository)
-        if found is None and is_tested:
-            found = _sign_of_others(repository, environment, is_of_event)
-        if found is None and not is_of_event and not repository.is_pinned:
+        sign = None if is_of_event else _sign_of_pull_request(repository)
+        if sign is None and is_tested:
+            sign = _sign_of_others(repository, environment, is_of_event)
+        if sign is None and not is_of_event and not repository.is_pinned:
             is_dependency = git not in around and _is_dependency(repository, environment)
             if not is_dependency and not repository.is_known(git.parent, environment, Path(workspace or git.parent)):
-                found = (
+                sign = (
                     f"may be of a pull request: {repository.head()[:7] or 'HEAD'} is neither the commit of the event, "
                     "nor of a branch or tag of the repository, nor made on top of one"
                 )
-        if found is not None:
-            return f"the checkout in {escaped_line(str(git.parent))} {found}"
+        if sign is not None:
+            return f"the checkout in {escaped_line(str(git.parent))} {sign}"
     return None
 
 
@@ -409,7 +411,7 @@ def _sign_of_others(repository: _Repository, environment: Mapping[str, str], is_
     addresses = repository.origin()
     if not is_of_event:
         addresses += repository.remote_of_branch()
-        addresses += (found[1] or found[2] for line in repository.fetched() if (found := _FETCHED_FROM.search(line)))
+        addresses += (match[1] or match[2] for line in repository.fetched() if (match := _FETCHED_FROM.search(line)))
     for address in addresses:
         if (other := _other_owner(address, environment)) is not None:
             return other
@@ -421,14 +423,14 @@ def _sign_of_others(repository: _Repository, environment: Mapping[str, str], is_
 
 def _other_owner(address: str, environment: Mapping[str, str]) -> str | None:
     owner = environment.get("GITHUB_REPOSITORY_OWNER") or environment.get("GITHUB_REPOSITORY", "").partition("/")[0]
-    host, found = _host_and_owner(address)
+    host, address_owner = _host_and_owner(address)
     server, _ = _host_and_owner(environment.get("GITHUB_SERVER_URL", ""))
     # Elsewhere, such as in a mirror, the path does not say who owns a repository.
     hosts = {server, *_PUBLIC_HOSTS} - {""}
-    is_known = any(host == known or host.endswith(f".{known}") for known in hosts)
-    if not owner or not found or not is_known or found.lower() == owner.lower():
+    is_known = any(host == known_host or host.endswith(f".{known_host}") for known_host in hosts)
+    if not owner or not address_owner or not is_known or address_owner.lower() == owner.lower():
         return None
-    return f"is of a repository of {shown(found)}, not of {shown(owner)}"
+    return f"is of a repository of {shown(address_owner)}, not of {shown(owner)}"
 
 
 def _host_and_owner(address: str) -> tuple[str, str]:
@@ -454,8 +456,8 @@ def _unescaped(text: str) -> str:
 def _around(folders: Iterable[Path]) -> Iterator[Path]:
     """Yield the nearest `.git` of each folder, and those above it."""
     for folder in folders:
-        here = Path(os.path.abspath(folder))  # noqa: PTH100 - links are not followed
-        for place in {here: None, Path(os.path.realpath(here)): None}:
+        absolute = Path(os.path.abspath(folder))  # noqa: PTH100 - links are not followed
+        for place in {absolute: None, Path(os.path.realpath(absolute)): None}:
             yield from (step / ".git" for step in (place, *place.parents) if (step / ".git").exists())
 
 
@@ -466,10 +468,10 @@ def _below(workspace: Path) -> Iterator[Path]:
         folder, depth = waiting.pop()
         try:
             with os.scandir(folder) as entries:
-                found = list(entries)
+                children = list(entries)
         except OSError:
             continue
-        for entry in found:
+        for entry in children:
             if entry.name == ".git":
                 yield Path(entry.path)
             elif depth < _MAX_DEPTH and seen < _MAX_FOLDERS and entry.is_dir(follow_symlinks=False):
@@ -478,10 +480,10 @@ def _below(workspace: Path) -> Iterator[Path]:
 
 
 def _walked(folder: Path) -> Iterator[tuple[str, list[str], list[str]]]:
-    for number, found in enumerate(os.walk(folder)):
+    for number, listing in enumerate(os.walk(folder)):
         if number >= _MAX_REFS:
             return
-        yield found
+        yield listing
 
 
 def _text(path: Path, most: int) -> str:

@@ -97,8 +97,8 @@ class Interruption:
             return
         # `select.select` refuses descriptors from 1024 on, and epoll needs a descriptor of its own.
         poll = select.poll()
-        for each in awaited:
-            poll.register(each, select.POLLIN)
+        for descriptor in awaited:
+            poll.register(descriptor, select.POLLIN)
         poll.poll(seconds * 1000)
 
     def _notice(self, _number: int, _frame: FrameType | None) -> None:

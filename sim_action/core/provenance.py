@@ -94,10 +94,10 @@ def _named_by_system() -> str:
 def named_in_cpu_info(text: str) -> str:
     """Return the first processor in /proc/cpuinfo; for ARM, which has no names, its numbers; "" if there is none."""
     lines = (line.partition(":") for line in text.split("\n\n", maxsplit=1)[0].splitlines())
-    told = {key.strip(): value.strip() for key, _, value in lines}
-    if name := told.get("model name") or told.get("Processor"):
+    fields = {key.strip(): value.strip() for key, _, value in lines}
+    if name := fields.get("model name") or fields.get("Processor"):
         return name
-    parts = [f"{key.removeprefix('CPU ')} {told[key]}" for key in ("CPU implementer", "CPU part") if key in told]
+    parts = [f"{key.removeprefix('CPU ')} {fields[key]}" for key in ("CPU implementer", "CPU part") if key in fields]
     return f"{platform.machine()}, {', '.join(parts)}" if parts else ""
 
 
@@ -131,11 +131,11 @@ def _metadata_folder(package: str) -> Path | None:
 
 
 def _build(package: str) -> str | None:
-    found = installed_version(package)
-    if found is None:
+    installed = installed_version(package)
+    if installed is None:
         return None
     folder = _metadata_folder(package)
-    return _short(", ".join((f"{package} {found}", *(_of_wheel(folder) if folder else ()))))
+    return _short(", ".join((f"{package} {installed}", *(_of_wheel(folder) if folder else ()))))
 
 
 def _of_wheel(folder: Path) -> Iterator[str]:

@@ -56,9 +56,9 @@ class _Record:
         self.fields: dict[str, Any] = {}
         self.types: dict[str, Any] = {}
         for base in reversed(cls.__mro__):
-            if (known := base.__dict__.get("__record__")) is not None:
-                self.fields |= known.fields
-                self.types |= known.types
+            if (inherited := base.__dict__.get("__record__")) is not None:
+                self.fields |= inherited.fields
+                self.types |= inherited.types
         self.fields |= own
         self.types |= {name: cls.__annotations__[name] for name in own}
         self.frozen, self.eq = frozen, eq
@@ -134,23 +134,23 @@ def _init(cls: type, record: _Record) -> Callable[..., None]:
     names: dict[str, Any] = {"_set": object.__setattr__, "_absent": _ABSENT}
     parameters, lines = ["self"], []
     for name, stated in record.fields.items():
-        given: Field[Any] = stated if _is_field(stated) else field(default=stated)
+        definition: Field[Any] = stated if _is_field(stated) else field(default=stated)
         value = name
-        if given.default is not MISSING:
-            if given.default.__class__.__hash__ is None:
+        if definition.default is not MISSING:
+            if definition.default.__class__.__hash__ is None:
                 raise ValueError(f"all instances would share the default of {name}: use default_factory")
-            names[f"_default_{name}"] = given.default
+            names[f"_default_{name}"] = definition.default
             parameter = f"{name}=_default_{name}"
-        elif given.default_factory is not MISSING:
-            names[f"_make_{name}"] = given.default_factory
+        elif definition.default_factory is not MISSING:
+            names[f"_make_{name}"] = definition.default_factory
             parameter = f"{name}=_absent"
-            value = f"_make_{name}() if {name} is _absent else {name}" if given.init else f"_make_{name}()"
-        elif not given.init:
+            value = f"_make_{name}() if {name} is _absent else {name}" if definition.init else f"_make_{name}()"
+        elif not definition.init:
             # `__post_init__` sets it.
             continue
         else:
             parameter = name
-        if given.init:
+        if definition.init:
             parameters.append(parameter)
         lines.append(f"_set(self, {name!r}, {value})" if record.frozen else f"self.{name} = {value}")
     if hasattr(cls, "__post_init__"):
@@ -263,7 +263,9 @@ def _without_slots(cls: type, own: Mapping[str, Any], added: Mapping[str, Any]) 
 
 def _with_slots(cls: type, own: Mapping[str, Any], added: Mapping[str, Any]) -> type:
     """Return a copy of a class whose fields are slots."""
-    kept = {name: each for name, each in cls.__dict__.items() if name not in own and name not in _OF_INSTANCES}
+    kept = {
+        name: attribute for name, attribute in cls.__dict__.items() if name not in own and name not in _OF_INSTANCES
+    }
     inherited = {name for base in cls.__mro__[1:] for name in base.__dict__.get("__slots__", ())}
     free = tuple(name for name in own if name not in inherited)
     made = type(cls)(cls.__name__, cls.__bases__, {**kept, **added, "__slots__": free})

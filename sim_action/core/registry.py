@@ -75,14 +75,14 @@ class InstalledPart:
             return PackageProblem(f"{self} cannot be imported: {_told(error, _last_place(error.__traceback__))}")
 
 
-def _why_no_part(found: object, base: type, name: str) -> str | None:
+def _why_no_part(target: object, base: type, name: str) -> str | None:
     """Return what is wrong with the object that an entry point names; None if it is the class that it should be."""
-    if not isinstance(found, type) or not issubclass(found, base):
+    if not isinstance(target, type) or not issubclass(target, base):
         return f"is not a subclass of sim_action.extending.{base.__name__}"
-    if (key := getattr(found, "key", None)) != name:
+    if (key := getattr(target, "key", None)) != name:
         return f"has the key {key!r}; it must be '{name}', as the entry point is called"
-    if inspect.isabstract(found):
-        return f"has no {', '.join(sorted(getattr(found, '__abstractmethods__', ())))}"
+    if inspect.isabstract(target):
+        return f"has no {', '.join(sorted(getattr(target, '__abstractmethods__', ())))}"
     return None
 
 
@@ -94,11 +94,12 @@ def installed_parts(group: str) -> Mapping[str, InstalledPart]:
 @cache
 def _parts_on(group: str, _path: tuple[str, ...]) -> Mapping[str, InstalledPart]:
     """Return the parts of the packages on a search path."""
-    found: dict[str, list[tuple[EntryPoint, str]]] = {}
+    entries_by_name: dict[str, list[tuple[EntryPoint, str]]] = {}
     for entry, package in sorted(_entries(group), key=lambda each: (each[0].name, each[1])):
-        found.setdefault(entry.name, []).append((entry, package))
+        entries_by_name.setdefault(entry.name, []).append((entry, package))
     return {
-        name: InstalledPart(entries[0][0], tuple(package for _, package in entries)) for name, entries in found.items()
+        name: InstalledPart(entries[0][0], tuple(package for _, package in entries))
+        for name, entries in entries_by_name.items()
     }
 
 

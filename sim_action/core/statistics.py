@@ -294,7 +294,7 @@ def paired_bootstrap(differences: Sequence[float], confidence: float, seed: int 
     share = (bisect_left(means, mean - slack) + bisect_right(means, mean + slack)) / (2.0 * len(means))
     bias = _normal().inv_cdf(min(max(share, 0.5 / RESAMPLES), 1.0 - 0.5 / RESAMPLES))
     deviations = [value - mean for value in values]
-    cubes, squares = (math.fsum(each**power for each in deviations) for power in (3, 2))
+    cubes, squares = (math.fsum(deviation**power for deviation in deviations) for power in (3, 2))
     acceleration = cubes / (6.0 * squares**1.5)
     low, high = (_corrected(side, bias, acceleration) for side in (-z, z))
     return Interval(*(_restored(_quantile(means, share), exponent, values) for share in (low, high)))

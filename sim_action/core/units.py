@@ -105,7 +105,7 @@ def with_si_unit(value: object) -> tuple[float, str]:
     number = parse(value, *_DIMENSIONS)
     match = _QUANTITY.fullmatch(value.strip()) if isinstance(value, str) else None
     unit = match[2] if match is not None else None
-    return number, next((each.si for each in _DIMENSIONS if unit in each.factors), "") if unit else ""
+    return number, next((dimension.si for dimension in _DIMENSIONS if unit in dimension.factors), "") if unit else ""
 
 
 def conversion(unit: str, other: str) -> float | None:

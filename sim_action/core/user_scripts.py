@@ -91,11 +91,11 @@ class Parameters:
     required: tuple[str, ...] = ()  # those without a default
     takes_others: bool = False  # True if it has `**others`
 
-    def problems(self, given: Collection[str]) -> Iterator[tuple[str | None, str]]:
+    def problems(self, arguments: Collection[str]) -> Iterator[tuple[str | None, str]]:
         """Yield each given name that does not exist, and None with each required name that is not given."""
-        for name in [] if self.takes_others else [name for name in given if name not in self.names]:
+        for name in [] if self.takes_others else [name for name in arguments if name not in self.names]:
             yield name, f"has no parameter '{name}'{did_you_mean(name, self.names)}"
-        for name in [name for name in self.required if name not in given]:
+        for name in [name for name in self.required if name not in arguments]:
             yield None, f"requires '{name}'"
 
 
@@ -121,17 +121,17 @@ class Script:
 
     def class_named(self, name: str) -> ScriptClass | None:
         """Return a class; None: the text does not show it."""
-        return next((each for each in self.classes if each.name == name), None)
+        return next((script_class for script_class in self.classes if script_class.name == name), None)
 
 
 def read_script(path: Path) -> Script:
     """Read a Python file without running it. Raise OSError, ScriptProblem."""
     if (source := read_at_most(path, _MAX_SCRIPT_BYTES)) is None:
         raise ScriptProblem(f": the script is larger than {_MAX_SCRIPT_BYTES // 1000} kB, the maximum")
-    found = _parsed(source)
-    if isinstance(found, str):
-        raise ScriptProblem(found)
-    return found
+    script = _parsed(source)
+    if isinstance(script, str):
+        raise ScriptProblem(script)
+    return script
 
 
 # Parsing a large file takes seconds, and many expectations may use classes of the same file.
@@ -163,7 +163,9 @@ def _class_of(node: ast.ClassDef, *, shown: bool) -> ScriptClass:
 
 def _parameters_of_class(node: ast.ClassDef, names: frozenset[str]) -> Parameters | None:
     """Return the parameters of `__init__`; None if a base, a decorator or other code decides them."""
-    inits = [each for each in node.body if isinstance(each, ast.FunctionDef) and each.name == "__init__"]
+    inits = [
+        statement for statement in node.body if isinstance(statement, ast.FunctionDef) and statement.name == "__init__"
+    ]
     if node.bases or node.keywords or "__new__" in names or len(inits) != ("__init__" in names):
         return None
     decorators = list(map(_called, node.decorator_list))
@@ -184,16 +186,16 @@ def _parameters(node: ast.FunctionDef) -> Parameters | None:
     required = plain[1 : len(plain) - len(arguments.defaults)]
     pairs = zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
     required += [argument for argument, default in pairs if default is None]
-    names, needed = (tuple(argument.arg for argument in each) for each in (by_name, required))
+    names, needed = (tuple(argument.arg for argument in group) for group in (by_name, required))
     return Parameters(node.lineno, names, needed, arguments.kwarg is not None)
 
 
 def _parameters_of_dataclass(node: ast.ClassDef) -> Parameters | None:
-    if any(isinstance(each, ast.Call) and "init" in _keywords(each) for each in node.decorator_list):
+    if any(isinstance(decorator, ast.Call) and "init" in _keywords(decorator) for decorator in node.decorator_list):
         return None
     names, required = [], []
-    for each in node.body:
-        match each:
+    for statement in node.body:
+        match statement:
             case ast.AnnAssign(target=ast.Name(id=name), annotation=annotation, value=value):
                 if not {"ClassVar", "KW_ONLY"}.isdisjoint(_words(annotation)):
                     continue

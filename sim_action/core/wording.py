@@ -95,22 +95,22 @@ def with_article(noun: str) -> str:
     return f"{'an' if noun[:1].lower() in _VOWELS else 'a'} {noun}"
 
 
-def did_you_mean(found: str, allowed: Iterable[str]) -> str:
+def did_you_mean(unknown: str, allowed: Iterable[str]) -> str:
     """Return the end of a message about an unknown name: the nearest allowed name, then the list of allowed names."""
     names = sorted(set(allowed))
-    near = nearest(found, names)
+    near = nearest(unknown, names)
     hint = "" if near is None else f"; did you mean '{near}'?"
     more = len(names) - _MAX_NAMES_LISTED
     ending = f", and {more:,} more" if more > 0 else ""
     return f"{hint} (allowed: {', '.join(names[:_MAX_NAMES_LISTED]) or 'none'}{ending})"
 
 
-def nearest(found: str, names: Iterable[str]) -> str | None:
-    """Return the most similar of the first names, else the only one that begins with `found`, else None."""
+def nearest(unknown: str, names: Iterable[str]) -> str | None:
+    """Return the most similar of the first names, else the only one that begins with `unknown`, else None."""
     short = list(islice((name for name in names if len(name) <= _MAX_NAME_CHARS), _MAX_NAMES_COMPARED))
-    if near := difflib.get_close_matches(found[:_MAX_NAME_CHARS], short, n=1):
+    if near := difflib.get_close_matches(unknown[:_MAX_NAME_CHARS], short, n=1):
         return near[0]
-    longer = [name for name in short if len(found) >= _MIN_BEGINNING_CHARS and name.startswith(found)]
+    longer = [name for name in short if len(unknown) >= _MIN_BEGINNING_CHARS and name.startswith(unknown)]
     return longer[0] if len(longer) == 1 else None
 
 

@@ -37,11 +37,11 @@ class PathError(ValueError):
     """A path that leads to no file, or out of the workspace."""
 
 
-def path_problem(error: Exception, wanted: str = "file") -> str:
+def path_problem(error: Exception, kind: str = "file") -> str:
     """Return the reason why a path cannot be resolved: a loop of links (RuntimeError), its length, or a NUL."""
     if isinstance(error, FileNotFoundError) and error.filename is None:
         return _REMOVED
-    return f"a link leads to itself; replace it with a {wanted}" if isinstance(error, RuntimeError) else str(error)
+    return f"a link leads to itself; replace it with a {kind}" if isinstance(error, RuntimeError) else str(error)
 
 
 _REMOVED: Final = "the current folder does not exist any more"
@@ -89,14 +89,14 @@ class Workspace:
     def around(cls, scenario_file: Path, permissions: Permissions = _NO_PERMISSIONS) -> Workspace:
         """Return the workspace of a scenario: its repository, else the current, else its folder. Raise PathError."""
         named = Path(os.path.abspath(scenario_file)).parent  # noqa: PTH100 - links are not followed
-        here = Path.cwd()
+        working_folder = Path.cwd()
         repository = next((folder for folder in (named, *named.parents) if (folder / ".git").exists()), None)
-        place = repository or (here if named.is_relative_to(here) else named)
+        place = repository or (working_folder if named.is_relative_to(working_folder) else named)
         root, file = place.resolve(), scenario_file.resolve()
         if not permissions.outside:
             left: Path | None = root
             if file.is_relative_to(root):
-                left = next(_left_folders(place, root, here), None) if root != place else None
+                left = next(_left_folders(place, root, working_folder), None) if root != place else None
             if left is not None:
                 raise PathError(f"is a link to {file}, outside the workspace {left}; {OUTSIDE_REMEDY}")
         return cls(
@@ -111,23 +111,23 @@ class Workspace:
 
     def file(self, path: str) -> Path:
         """Return the absolute path of a file that a scenario names. Raise PathError."""
-        found, is_folder = self._found(path)
+        resolved, is_folder = self._found(path)
         if is_folder:
-            raise PathError(f"'{path}' is a folder, not a file (looked for {found})")
-        return found
+            raise PathError(f"'{path}' is a folder, not a file (looked for {resolved})")
+        return resolved
 
     def file_or_folder(self, path: str) -> Path:
         """Return the absolute path of a file or folder that a scenario names. Raise PathError."""
         return self._found(path)[0]
 
-    def refusal(self, found: Path) -> str | None:
+    def refusal(self, file: Path) -> str | None:
         """Return why a file, whose links are resolved, may not be read, to continue its name; None: it may."""
-        if not found.is_relative_to(self.root):
+        if not file.is_relative_to(self.root):
             for _, folder in self.packages:
-                if found.is_relative_to(folder) and not is_of_git(found.relative_to(folder)):
+                if file.is_relative_to(folder) and not is_of_git(file.relative_to(folder)):
                     return None
             return None if self.allow_outside else f"is outside the workspace {self.root}"
-        if is_of_git(found.relative_to(self.root)):
+        if is_of_git(file.relative_to(self.root)):
             return f"is in the folder .git of {self.root}, which can hold credentials and is never read"
         return None
 
@@ -159,31 +159,35 @@ class Workspace:
     def _found(self, path: str) -> tuple[Path, bool]:
         """Return the absolute path, and True if it is a folder."""
         try:
-            found = (self.directory / path).resolve()
-            is_file, is_folder = found.is_file(), found.is_dir()
+            resolved = (self.directory / path).resolve()
+            is_file, is_folder = resolved.is_file(), resolved.is_dir()
         except (OSError, ValueError, RuntimeError) as error:  # too long, a NUL in it, links in a circle
             raise PathError(f"{path!r} is not a valid path: {path_problem(error)}") from None
-        if refusal := self.refusal(found):
-            remedy = "name another file" if found.is_relative_to(self.root) else OUTSIDE_REMEDY
+        if refusal := self.refusal(resolved):
+            remedy = "name another file" if resolved.is_relative_to(self.root) else OUTSIDE_REMEDY
             raise PathError(f"'{path}' {refusal}; {remedy}")
         if not is_file and not is_folder:
-            reason = "is not a regular file" if found.exists() else "does not exist"
-            raise PathError(f"'{path}' {reason} (looked for {found})")
-        return found, is_folder
+            reason = "is not a regular file" if resolved.exists() else "does not exist"
+            raise PathError(f"'{path}' {reason} (looked for {resolved})")
+        return resolved, is_folder
 
 
-def _left_folders(place: Path, root: Path, here: Path) -> Iterator[Path]:
+def _left_folders(place: Path, root: Path, working_folder: Path) -> Iterator[Path]:
     """Yield the folders that a link leaves on the way to `place`, whose real path is `root`.
 
-    These are repositories, the current folder `here` and the workspace of the job. A link above them does not matter,
+    These are repositories, `working_folder` and the workspace of the job. A link above them does not matter,
     nor one to the repository of the current folder.
     """
     workspace = os.environ.get("GITHUB_WORKSPACE", "")
-    job = Path(os.path.realpath(workspace)) if workspace else here
+    job = Path(os.path.realpath(workspace)) if workspace else working_folder
     for folder in place.parents:
         real = folder.resolve()
-        is_bound = real in (here, job) or (folder / ".git").exists()
-        if is_bound and not root.is_relative_to(real) and (real.is_relative_to(root) or not here.is_relative_to(root)):
+        is_bound = real in (working_folder, job) or (folder / ".git").exists()
+        if (
+            is_bound
+            and not root.is_relative_to(real)
+            and (real.is_relative_to(root) or not working_folder.is_relative_to(root))
+        ):
             yield real
 
 
@@ -205,10 +209,10 @@ def discover(patterns: Iterable[str], *, outside: bool = False) -> dict[str, lis
     return {pattern: list(_matches(pattern, outside)) for pattern in patterns}
 
 
-def unique(found: Mapping[str, Iterable[Path]]) -> list[Path]:
+def unique(matches: Mapping[str, Iterable[Path]]) -> list[Path]:
     """Return each file once, under the name that the first matching pattern gives it."""
     first: dict[str, Path] = {}
-    for files in found.values():
+    for files in matches.values():
         for path in files:
             first.setdefault(compared_name(str(path)), path)
     return list(first.values())
@@ -243,8 +247,8 @@ def paths_of(pattern: str) -> list[Path]:
     whole = PurePath(pattern)
     parts = [part if part == "**" else part.replace("**", "*") for part in whole.relative_to(whole.anchor).parts]
     # Unlike glob.glob, this follows no link to a folder for `**`: links may form cycles.
-    found = Path(whole.anchor).glob(str(PurePath(*parts)))
-    return sorted(path for path in found if _is_shown(path, parts))
+    matches = Path(whole.anchor).glob(str(PurePath(*parts)))
+    return sorted(path for path in matches if _is_shown(path, parts))
 
 
 def _is_shown(path: Path, parts: Iterable[str]) -> bool:

@@ -46,7 +46,7 @@ _CONSTANTS: Final[dict[str, object]] = (
 
 def is_plain_text(text: str) -> bool:
     """Return True if a scalar without quotes is text, and no number or constant."""
-    return text not in _CONSTANTS and not any(each.fullmatch(text) for each in (_FLOAT, _INT, _OCTAL_OR_HEX))
+    return text not in _CONSTANTS and not any(pattern.fullmatch(text) for pattern in (_FLOAT, _INT, _OCTAL_OR_HEX))
 
 
 def plain_value(text: str) -> object:
@@ -420,9 +420,9 @@ def _entry(entries: tuple[object, ...], steps: Sequence[str], path: KeyPath) -> 
 def _index(names: Sequence[object], step: str, path: KeyPath) -> int:
     if step.isdecimal() and step.isascii() and int(step) < len(names):
         return int(step)
-    known = [name for name in names if isinstance(name, str)]
+    text_names = [name for name in names if isinstance(name, str)]
     numbers = f"one of its {len(names)} entries by number, from 0" if names else "it is empty"
-    hint = did_you_mean(step, known) if known else ""
+    hint = did_you_mean(step, text_names) if text_names else ""
     raise NoSuchKey(f"{dotted(path)} is a list without '{step}'{hint}; {numbers}")
 
 

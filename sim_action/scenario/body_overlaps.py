@@ -140,7 +140,7 @@ def clashes(world: World) -> Iterator[Clash]:
         if one.body.mass is not None:
             # Of two moving bodies, the first is reported.
             beside = [other for other in everything if other.body.mass is None or other.index > one.index]
-            found = [(depth(one.solids, other.solids), other.body.name) for other in beside]
-            deep, inside = max((*found, (one.buried, GROUND)))
+            overlaps = [(depth(one.solids, other.solids), other.body.name) for other in beside]
+            deep, inside = max((*overlaps, (one.buried, GROUND)))
             if deep > DEPTH:
                 yield Clash(one.body.name, inside, deep)

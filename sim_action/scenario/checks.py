@@ -292,7 +292,7 @@ def follower_problems(scene: Scene) -> SpecProblems:
         return
     if not any(joint.mimic for joint in model.moving_joints):
         return
-    setters = {each: name for name, names in joints_set_by(model, stated).items() for each in names}
+    setters = {joint_name: name for name, names in joints_set_by(model, stated).items() for joint_name in names}
     for joint in model.moving_joints:
         leader = joint
         while leader.mimic is not None:
@@ -417,9 +417,11 @@ def _equal_runs(gate: PlannedGate, draws: tuple[str, ...]) -> str:
 def _other_unit(claim: Quantile, scenario: Scenario) -> str | None:
     """Return the problem of a limit whose unit is not that of the measured value; None if either is not known."""
     _, stated = units.with_si_unit(claim.bound)
-    named = [each for each in scenario.expect if each.name == claim.expectation]
-    found = named or [each for each in scenario.expect if claim.expectation == each.assertion.key]
-    if not stated or len(found) != 1 or not (possible := _units_of(found[0])) or stated in possible:
+    named = [expectation for expectation in scenario.expect if expectation.name == claim.expectation]
+    matches = named or [
+        expectation for expectation in scenario.expect if claim.expectation == expectation.assertion.key
+    ]
+    if not stated or len(matches) != 1 or not (possible := _units_of(matches[0])) or stated in possible:
         return None
     unit = possible[0]
     return f"{GATE}.quantile: {claim.of} is in {unit}, and the limit is {claim.bound}; write it in {unit}"

@@ -157,9 +157,9 @@ def problem_of(name: str, value: str) -> str | None:
     """Return the reason why a scenario cannot set a variable; None: it can."""
     if not _NAME.fullmatch(name):
         return "is not a name of an environment variable: letters, digits and '_', and no digit at the beginning"
-    refused = (*RESERVED, *(each for group in PASSED if not group.may_be_set for each in group.names))
+    refused = (*RESERVED, *(pattern for group in PASSED if not group.may_be_set for pattern in group.names))
     upper = name.upper()
-    if any(upper.startswith(each[:-1]) if each.endswith("*") else upper == each for each in refused):
+    if any(upper.startswith(pattern[:-1]) if pattern.endswith("*") else upper == pattern for pattern in refused):
         return (
             "cannot be set by a scenario, because it changes how Python, the engine, ROS or the job works; set it in "
             "the environment of sim-action, or choose another name"

@@ -240,7 +240,9 @@ def with_events(scenario: Scenario) -> Scenario:
     come, gone = {action.appear for action in actions}, {action.remove for action in actions}
     objects = (_waiting_body(body, actions, come, gone) for body in world.objects)
     patches = (_appearing(patch, NOT_YET) if patch.name in come - {None} else patch for patch in world.patches)
-    expect = tuple(replace(each, after=NOT_YET) if each.since else each for each in scenario.expect)
+    expect = tuple(
+        replace(expectation, after=NOT_YET) if expectation.since else expectation for expectation in scenario.expect
+    )
     return _changed(scenario, disturbances, objects, patches, faults, events=tuple(events), expect=expect)
 
 
@@ -318,8 +320,9 @@ def without_absent(scenario: Scenario) -> Scenario:
     world = scenario.world
     bodies = (_without_waiting(body) for body in world.objects if not waits(body.appears))
     patches = (patch for patch in world.patches if not waits(patch.appears))
-    disturbances = (each for each in world.disturbances if not waits(each.at))
-    return _changed(scenario, disturbances, bodies, patches, (each for each in scenario.faults if not waits(each.at)))
+    disturbances = (disturbance for disturbance in world.disturbances if not waits(disturbance.at))
+    faults = (fault for fault in scenario.faults if not waits(fault.at))
+    return _changed(scenario, disturbances, bodies, patches, faults)
 
 
 def _without_waiting(body: Body) -> Body:
@@ -345,8 +348,8 @@ def time_marks(scenario: Scenario, happenings: Sequence[Happening]) -> Iterator[
     for happening in happenings:
         event = scenario.events[happening.event]
         # The world marks what its objects do.
-        known = {"", *(body.name for body in scenario.world.objects)}
-        done = [one.words for one in event.actions if one.end or (one.start or one.stop or "") not in known]
+        marked = {"", *(body.name for body in scenario.world.objects)}
+        done = [one.words for one in event.actions if one.end or (one.start or one.stop or "") not in marked]
         what = f"event '{event.name}' happened"
         yield TimeMark(happening.time, happening.time, f"{what}: {', '.join(done)}" if done else what)
 
@@ -483,13 +486,13 @@ def _path_problems(
 
 def _circles(events: Mapping[str, Event]) -> SpecProblems:
     """Yield the events that wait for each other, each circle once."""
-    known: set[str] = set()
+    reported: set[str] = set()
     for index, event in enumerate(events.values()):
         chain = [event.name]
         while (name := _before(events[chain[-1]])) in events and name not in chain:
             chain.append(name)
-        if name == event.name and name not in known:
-            known.update(chain)
+        if name == event.name and name not in reported:
+            reported.update(chain)
             ring = " -> ".join([*chain[:1], *reversed(chain)])
             why = f"these events wait for each other, so none of them can happen: {ring}"
             yield ("events", index, "when"), f"{why}; let one of them begin with something else"

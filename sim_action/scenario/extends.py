@@ -31,7 +31,7 @@ Pattern = tuple[str, ...]  # a way to a file name: `*` for every key or entry, `
 @cache
 def file_keys(*, if_there: bool = False) -> tuple[Pattern, ...]:
     """Return the patterns of all keys that the specs annotate as NamesFile."""
-    found = [
+    patterns = [
         *_ways(Robot, if_there, ("robot",)),
         *_ways(World, if_there, ("world",)),
         *_ways_of_robot(if_there, (), ("robot",)),
@@ -41,8 +41,8 @@ def file_keys(*, if_there: bool = False) -> tuple[Pattern, ...]:
         spec = ASSERTIONS.load(key)
         ways = list(_ways(spec, if_there, ("expect", _DEEP, key)))
         # Its value may be given directly instead of its keys.
-        found += [*(way[:-1] for way in ways if way[-1] == spec.bare_value), *ways]
-    return tuple(dict.fromkeys(found))
+        patterns += [*(way[:-1] for way in ways if way[-1] == spec.bare_value), *ways]
+    return tuple(dict.fromkeys(patterns))
 
 
 def _ways_of_robot(if_there: bool, above: Pattern, robot: Pattern) -> Iterator[Pattern]:
@@ -72,8 +72,8 @@ def _ways(model: type[BaseModel], if_there: bool, to: Pattern) -> Iterator[Patte
 
 def _ways_in(annotation: Any, metadata: Iterable[Any], if_there: bool, to: Pattern) -> Iterator[Pattern]:
     """Yield the patterns in a type. Annotations of a list or a map hold for its entries."""
-    told = [*metadata, *getattr(annotation, "__metadata__", ())]
-    if annotation is str and NamesFile(if_there) in told:
+    all_metadata = [*metadata, *getattr(annotation, "__metadata__", ())]
+    if annotation is str and NamesFile(if_there) in all_metadata:
         yield to
     elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield from _ways(annotation, if_there, to)
@@ -84,7 +84,7 @@ def _ways_in(annotation: Any, metadata: Iterable[Any], if_there: bool, to: Patte
         parts = parts[1:]
     inside = (*to, _ANY) if origin in (tuple, dict) else to
     for part in parts:
-        yield from _ways_in(part, told, if_there, inside)
+        yield from _ways_in(part, all_metadata, if_there, inside)
 
 
 def seen_from(folder: Path, document: Document, own: Path) -> Document:

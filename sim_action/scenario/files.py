@@ -53,7 +53,7 @@ def read_file(
 
 def numbered_runs(written: Iterable[Source | Refused], seed: int | None) -> tuple[Source | Refused, ...]:
     """Return all scenarios of a file with their variations, numbered."""
-    return tuple(replace(each, number=place) for place, each in enumerate(_all_varied(written, seed), start=1))
+    return tuple(replace(scenario, number=place) for place, scenario in enumerate(_all_varied(written, seed), start=1))
 
 
 def _all_varied(sources: Iterable[Source | Refused], seed: int | None) -> Iterator[Source | Refused]:

@@ -94,35 +94,39 @@ def load_all(
     `libraries` holds models that were read before. Raises UsageError.
     """
     libraries = libraries or Libraries()
-    found: list[LoadedScenario | Refused] = []
+    loaded: list[LoadedScenario | Refused] = []
     for several in scenarios_of(sources):
         scenarios = list(_sharing(_loaded_or_refused(source, permissions, libraries) for source in several))
-        if any(isinstance(each, Refused) for each in scenarios):
+        if any(isinstance(scenario, Refused) for scenario in scenarios):
             scenarios = list(refused_together(several, scenarios))
-        found += scenarios
-    return found
+        loaded += scenarios
+    return loaded
 
 
 def _sharing(loaded: Iterable[LoadedScenario | Refused]) -> Iterator[LoadedScenario | Refused]:
     """Yield the variations of a scenario, of which each shares the equal parts with the one before."""
-    known: LoadedScenario | Refused | None = None
-    for each in loaded:
-        known = shared(each, known) if isinstance(each, LoadedScenario) and isinstance(known, LoadedScenario) else each
-        yield known
+    previous: LoadedScenario | Refused | None = None
+    for scenario in loaded:
+        previous = (
+            shared(scenario, previous)
+            if isinstance(scenario, LoadedScenario) and isinstance(previous, LoadedScenario)
+            else scenario
+        )
+        yield previous
 
 
-def shared(loaded: LoadedScenario, known: LoadedScenario) -> LoadedScenario:
+def shared(loaded: LoadedScenario, previous: LoadedScenario) -> LoadedScenario:
     """Return a scenario that shares the equal parts with a similar one; models and shapes are shared already."""
     # Only variations need it.
     from sim_action.scenario.sharing import share_parts
 
     return replace(
         loaded,
-        scenario=share_parts(loaded.scenario, known.scenario),
-        source=share_parts(loaded.source, known.source),
-        unchecked=share_parts(loaded.unchecked, known.unchecked),
-        warnings=share_parts(loaded.warnings, known.warnings),
-        places=share_parts(loaded.places, known.places),
+        scenario=share_parts(loaded.scenario, previous.scenario),
+        source=share_parts(loaded.source, previous.source),
+        unchecked=share_parts(loaded.unchecked, previous.unchecked),
+        warnings=share_parts(loaded.warnings, previous.warnings),
+        places=share_parts(loaded.places, previous.places),
     )
 
 
@@ -241,9 +245,13 @@ class _Loader:
         scenario = self._parts.validated(Scenario, self._parts.with_families(data), ())
         if scenario is not None:
             written = len(scenario.world.objects)
-            found = filled(scenario, self._workspace, self._libraries.worlds, self._problems, self._allowed)
-            scenario, self.parts, self.warnings = found.scenario, found.parts, found.warnings
-            self.places = found.places
+            filled_scenario = filled(scenario, self._workspace, self._libraries.worlds, self._problems, self._allowed)
+            scenario, self.parts, self.warnings = (
+                filled_scenario.scenario,
+                filled_scenario.parts,
+                filled_scenario.warnings,
+            )
+            self.places = filled_scenario.places
             # A refused event is missing from the scenario, so others have other places there.
             if scenario.events and not self._problems.has_below(("events",)):
                 from sim_action.scenario.events import with_events  # few scenarios have events
@@ -272,9 +280,9 @@ class _Loader:
             from sim_action.scenario.body_overlaps import clashes  # a usual run does without it
 
             clashing = clashes(scenario.world)
-            found = stage.Clashes.of(scenario.world, clashing, self.places.bodies, self._allowed)
-            self._problems.note_all((), found.problems())
-            for problem in found.problems_of_file():
+            overlaps = stage.Clashes.of(scenario.world, clashing, self.places.bodies, self._allowed)
+            self._problems.note_all((), overlaps.problems())
+            for problem in overlaps.problems_of_file():
                 self._problems.note_elsewhere(problem)
         # A robot in a world file has the same problem as the file.
         is_refused = bool(scenario.robot.name_in_world) and self._problems.has_below(("world",))
@@ -297,12 +305,12 @@ class _Loader:
 
     def _take(self, findings: Iterable[ClaimFinding]) -> None:
         """Note the errors of the audit of claims, and keep its warnings, except those that the scenario allows."""
-        found = [finding for finding in findings if finding.rule not in self._allowed]
-        for finding in found:
+        kept = [finding for finding in findings if finding.rule not in self._allowed]
+        for finding in kept:
             if finding.is_error:
                 self._problems.note(finding.path, f"{finding.message} [{finding.rule}]")
         document = self._source.document
-        self.warnings += tuple(finding.warning(document) for finding in found if not finding.is_error)
+        self.warnings += tuple(finding.warning(document) for finding in kept if not finding.is_error)
 
     def _own_problems(self, scenario: Scenario) -> SpecProblems:
         """Yield the problems that are visible without reading other files."""
@@ -414,9 +422,9 @@ def refused_together(
     refused = [scenario for scenario in scenarios if isinstance(scenario, Refused)]
     alike = len(scenarios) == len(refused) > 1 and len({scenario.problems for scenario in refused}) == 1
     pairs = list(zip(sources, scenarios, strict=True))
-    if refused and not alike and any(each.gate is not None for each in sources):
+    if refused and not alike and any(source.gate is not None for source in sources):
         # A gate without some of its runs has no verdict, so none of them is worth its time.
-        advised = [_with_advice(source, each) for source, each in pairs if isinstance(each, Refused)]
+        advised = [_with_advice(source, refusal) for source, refusal in pairs if isinstance(refusal, Refused)]
         drawn = {place for source in sources if isinstance(source, Source) for place, _ in source.draws}
         return [_counted_by_sample(_as_one(advised, sources[0].number), advised, drawn, len(sources))]
     if alike or any(isinstance(scenario, Refused) and not _is_of_draws(source, scenario) for source, scenario in pairs):
@@ -448,16 +456,18 @@ def _counted_by_sample(
     """
     if isinstance(whole.error, errors.InternalError):
         return whole
-    counts = Counter(place for each in refused for place in {problem.location for problem in each.problems} & drawn)
-    found: dict[object, errors.Problem] = {}
+    counts = Counter(
+        place for refusal in refused for place in {problem.location for problem in refusal.problems} & drawn
+    )
+    problems: dict[object, errors.Problem] = {}
     for problem in whole.problems:
         place = problem.location
         if place not in drawn:
-            found[problem] = problem
-        elif place not in found:
+            problems[problem] = problem
+        elif place not in problems:
             text = f"{problem.message}; {counts[place]:,} of {counted(samples, 'sample')} have a problem here"
-            found[place] = errors.Problem(place, text)
-    return replace(whole, error=errors.InvalidScenario(found.values()))
+            problems[place] = errors.Problem(place, text)
+    return replace(whole, error=errors.InvalidScenario(problems.values()))
 
 
 def _is_of_draws(source: Source | Refused, refused: Refused) -> bool:
@@ -470,11 +480,11 @@ def _as_one(refused: Sequence[Refused], number: int) -> Refused:
     A fault of sim-action is reported alone, as it may hide other problems. `number` is that of the first variation,
     where the refusal is reported.
     """
-    if fault := next((each for each in refused if isinstance(each.error, errors.InternalError)), None):
+    if fault := next((refusal for refusal in refused if isinstance(refusal.error, errors.InternalError)), None):
         return replace(fault, number=number)
-    told: list[errors.Problem] = []
-    known: set[str] = set()
-    for each in refused:
-        told += [problem for problem in each.problems if problem.message not in known]
-        known.update(problem.message for problem in each.problems)
-    return replace(refused[0], error=errors.InvalidScenario(told), number=number)
+    problems: list[errors.Problem] = []
+    messages: set[str] = set()
+    for refusal in refused:
+        problems += [problem for problem in refusal.problems if problem.message not in messages]
+        messages.update(problem.message for problem in refusal.problems)
+    return replace(refused[0], error=errors.InvalidScenario(problems), number=number)

@@ -465,7 +465,7 @@ def common_rate(rates: Collection[float], least: float, most: float) -> float | 
     first = math.ceil(min(least / fastest - STEP_EPSILON, _MAX_CANDIDATES))
     multiples = (round(count * fastest, 9) for count in range(first, first + _MAX_CANDIDATES))
     within = takewhile(lambda rate: rate <= most, multiples)
-    return next((found for found in within if all(rate_divides(found, rate) for rate in rates)), None)
+    return next((candidate for candidate in within if all(rate_divides(candidate, rate) for rate in rates)), None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -136,8 +136,8 @@ class PartReader:
         if sensors == "standard":
             sensors = tuple(_standard_sensors(data)) or None
             if sensors is None:
-                known = ", ".join(STANDARD_SENSORS)
-                self._problems.note((*path, "sensors"), f"standard sensors are known of {known}; list them")
+                robots = ", ".join(STANDARD_SENSORS)
+                self._problems.note((*path, "sensors"), f"standard sensors are known of {robots}; list them")
         if isinstance(sensors, tuple):
             parts["sensors"], own.sensors = self._sensors(_numbered((*path, "sensors"), sensors))
         if "drive" in data:
@@ -147,8 +147,8 @@ class PartReader:
 
     def _commands(self, data: Any, path: KeyPath) -> tuple[tuple[CommandSource, ...], list[KeyPath]]:
         entries = self._few(path, _numbered(path, data), _MAX_SOURCES, "sources") if isinstance(data, tuple) else ()
-        found = [(at, self._command(entry, at)) for at, entry in entries or [(path, data)]]
-        read = [(at, source) for at, source in found if source is not None]
+        sources = [(at, self._command(entry, at)) for at, entry in entries or [(path, data)]]
+        read = [(at, source) for at, source in sources if source is not None]
         return tuple(source for _, source in read), [at for at, _ in read]
 
     def _few(self, path: KeyPath, entries: Sequence[Entry], most: int, what: str) -> Sequence[Entry]:
@@ -161,10 +161,10 @@ class PartReader:
     def _command(self, data: Any, path: KeyPath) -> CommandSource | None:
         if path in self._refused:
             return None
-        found = self._kind(COMMANDS, data, path, beside=CommandSource)
-        if found is None:
+        choice = self._kind(COMMANDS, data, path, beside=CommandSource)
+        if choice is None:
             return None
-        key, kind = found
+        key, kind = choice
         source = self.validated(kind, data, path)
         if source is None:
             return None
@@ -178,16 +178,18 @@ class PartReader:
 
     def _expectations(self, data: tuple[Any, ...]) -> tuple[Expectation, ...]:
         few = self._few(("expect",), data, _MAX_ASSERTIONS, "expectations")
-        found = [(("expect", index), self._expectation(entry, ("expect", index))) for index, entry in enumerate(few)]
-        self.expect_paths = [path for path, expectation in found if expectation is not None]
-        return _with_unique_names(tuple(expectation for _, expectation in found if expectation is not None))
+        expectations = [
+            (("expect", index), self._expectation(entry, ("expect", index))) for index, entry in enumerate(few)
+        ]
+        self.expect_paths = [path for path, expectation in expectations if expectation is not None]
+        return _with_unique_names(tuple(expectation for _, expectation in expectations if expectation is not None))
 
     def _events(self, data: tuple[Any, ...]) -> tuple[Event, ...]:
         from sim_action.scenario.events import MAX_EVENTS  # few scenarios have events
 
         few = self._few(("events",), data, MAX_EVENTS, "events")
-        found = [self._event(entry, ("events", index)) for index, entry in enumerate(few)]
-        return tuple(event for event in found if event is not None)
+        events = [self._event(entry, ("events", index)) for index, entry in enumerate(few)]
+        return tuple(event for event in events if event is not None)
 
     def _event(self, data: Any, path: KeyPath) -> Event | None:
         from sim_action.scenario.events import Event, EventKeys  # few scenarios have events
@@ -202,15 +204,15 @@ class PartReader:
         from sim_action.scenario.events import Condition, ConditionOptions  # few scenarios have events
 
         own = [key for key in ("at", "event") if isinstance(data, dict) and key in data]
-        known = {"at", "event", *ASSERTIONS.all_names()}
-        if isinstance(data, dict) and known.isdisjoint(data):
+        conditions = {"at", "event", *ASSERTIONS.all_names()}
+        if isinstance(data, dict) and conditions.isdisjoint(data):
             self._problems.note(
-                path, f"has no condition: '{next(iter(data), '')}'{did_you_mean(next(iter(data), ''), known)}"
+                path, f"has no condition: '{next(iter(data), '')}'{did_you_mean(next(iter(data), ''), conditions)}"
             )
             return None
         if not own:
-            found = self._with_options(ASSERTIONS, ConditionOptions, data, path, self._assertion)
-            return None if found is None else Condition(found[0], span=found[1].span or 0.0, since=found[1].since or "")
+            pair = self._with_options(ASSERTIONS, ConditionOptions, data, path, self._assertion)
+            return None if pair is None else Condition(pair[0], span=pair[1].span or 0.0, since=pair[1].since or "")
         options = self.validated(ConditionOptions, data, path)
         if options is None:
             return None
@@ -220,15 +222,15 @@ class PartReader:
 
     def _sensors(self, entries: Sequence[tuple[KeyPath, Any]]) -> tuple[tuple[MountedSensor, ...], list[KeyPath]]:
         few = self._few(entries[0][0][:-1], entries, _MAX_SENSORS, "sensors") if entries else ()
-        found = [(path, self._sensor(entry, path)) for path, entry in few]
-        read = [(path, sensor) for path, sensor in found if sensor is not None]
+        sensors = [(path, self._sensor(entry, path)) for path, entry in few]
+        read = [(path, sensor) for path, sensor in sensors if sensor is not None]
         return tuple(sensor for _, sensor in read), [path for path, _ in read]
 
     def _sensor(self, data: Any, path: KeyPath) -> MountedSensor | None:
-        found = self._with_options(SENSORS, Mounting, data, path, self.validated)
-        if found is None:
+        pair = self._with_options(SENSORS, Mounting, data, path, self.validated)
+        if pair is None:
             return None
-        sensor, on = found
+        sensor, on = pair
         name = on.name or sensor.key
         return MountedSensor(sensor, name, on.link, on.pose.pose, on.rate, on.trace, transmission=on)
 
@@ -237,10 +239,10 @@ class PartReader:
     ) -> tuple[Model, Options] | None:
         """Return a spec and the options next to its key. A bare key is enough if the spec needs no value."""
         data = {data: None} if isinstance(data, str) else data
-        found = self._kind(table, data, path, beside=beside)
-        if found is None:
+        choice = self._kind(table, data, path, beside=beside)
+        if choice is None:
             return None
-        key, kind = found
+        key, kind = choice
         spec = read(kind, {} if data[key] is None else data[key], (*path, key))
         options = self.validated(beside, {name: value for name, value in data.items() if name != key}, path)
         return None if spec is None or options is None else (spec, options)
@@ -249,11 +251,11 @@ class PartReader:
         context = self._context
         if isinstance(data, dict) and "bare-angle" in allowed_rules(data):
             self._context = {}
-        found = self._with_options(ASSERTIONS, ExpectationOptions, data, path, self._assertion)
+        pair = self._with_options(ASSERTIONS, ExpectationOptions, data, path, self._assertion)
         self._context = context
-        if found is None:
+        if pair is None:
             return None
-        assertion, options = found
+        assertion, options = pair
         span = options.span
         if span is not None and assertion.hold_time is not None:
             if assertion.states_span:
@@ -308,8 +310,8 @@ class PartReader:
             self._problems.note(path, str(error))
             return None
         parts = [self._part(kind, entry, (*path, *place)) for place, entry in entries]
-        found = tuple(part for part in parts if part is not None)
-        return kind.made_of(found) if len(found) == len(parts) else None
+        valid_parts = tuple(part for part in parts if part is not None)
+        return kind.made_of(valid_parts) if len(valid_parts) == len(parts) else None
 
     def _part(self, whole: type[Combined], data: Any, path: KeyPath) -> Assertion | None:
         """Return a nested assertion, which has no options of its own."""
@@ -319,15 +321,15 @@ class PartReader:
                 (*path, option), f"'{option}' belongs to the outermost assertion, not into '{whole.key}'"
             )
             return None
-        found = self._kind(ASSERTIONS, data, path)
-        if found is None:
+        choice = self._kind(ASSERTIONS, data, path)
+        if choice is None:
             return None
-        key, kind = found
+        key, kind = choice
         return self._assertion(kind, {} if data[key] is None else data[key], (*path, key))
 
     def _drive(self, data: Any, path: KeyPath) -> Drive | None:
-        found = self._kind(DRIVES, data, path)
-        return None if found is None else self.validated(found[1], data[found[0]], (*path, found[0]))
+        choice = self._kind(DRIVES, data, path)
+        return None if choice is None else self.validated(choice[1], data[choice[0]], (*path, choice[0]))
 
     def _kind(
         self, table: Table[type[Model]], data: Any, path: KeyPath, beside: type[BaseModel] | None = None
@@ -351,20 +353,20 @@ class PartReader:
             names = ", ".join(table.all_names())
             self._problems.note(path, f"expected a map with one {table.kind} ({names}), found {shown(data)}")
             return None
-        known = [key for key in data if key in table]
-        if len(known) == 1 and len(data) == 1:
-            return str(known[0])
-        if beside and len(known) > 1:
+        keys = [key for key in data if key in table]
+        if len(keys) == 1 and len(data) == 1:
+            return str(keys[0])
+        if beside and len(keys) > 1:
             # A source may have a key with the name of another source.
-            owners = [key for key in known if _keys_of(table.load(key)).issuperset(known)]
-            known = owners if len(owners) == 1 else known
+            owners = [key for key in keys if _keys_of(table.load(key)).issuperset(keys)]
+            keys = owners if len(owners) == 1 else keys
         others = [key for key in data if key not in table and key not in (_keys_of(beside) if beside else ())]
         # Installed packages are searched for a name that nothing else explains.
-        known += [key for key in others if key in table.installed()]
-        if len(known) == 1 and (beside or len(data) == 1):
-            return str(known[0])
-        if len(known) > 1:
-            self._note_two(path, *known[:2])
+        keys += [key for key in others if key in table.installed()]
+        if len(keys) == 1 and (beside or len(data) == 1):
+            return str(keys[0])
+        if len(keys) > 1:
+            self._note_two(path, *keys[:2])
         elif others:
             hint = did_you_mean(others[0], table.all_names())
             self._problems.note((*path, others[0]), f"unknown {table.kind} '{others[0]}'{hint}")
@@ -445,21 +447,21 @@ class Unfolded:
 def unfolded(document: Document) -> Unfolded:
     """Return a document with the keys of each map of a command source next to its name."""
     data = document.data if isinstance(document.data, dict) else {}
-    found = list(_sources_of(data.get("commands"), ("commands",)))
+    sources = list(_sources_of(data.get("commands"), ("commands",)))
     actors = actors_of(data)
     for index, actor in enumerate(actors if isinstance(actors, tuple) else ()):
         if isinstance(actor, dict):
-            found += _sources_of(actor.get("commands"), ("world", "actors", index, "commands"))
-    for entry in found:
+            sources += _sources_of(actor.get("commands"), ("world", "actors", index, "commands"))
+    for entry in sources:
         entry.unfold()
-    moved = {path: place for entry in found for path, place in entry.moved.items()}
-    problems = tuple(document.problem(*problem) for entry in found for problem in entry.problems)
+    moved = {path: place for entry in sources for path, place in entry.moved.items()}
+    problems = tuple(document.problem(*problem) for entry in sources for problem in entry.problems)
     if not moved and not problems:
         return Unfolded(document)
     changed: Any = data
-    for entry in found:
+    for entry in sources:
         changed, _ = placed(changed, entry.path, entry.data)
-    refused = frozenset(entry.path for entry in found if entry.problems)
+    refused = frozenset(entry.path for entry in sources if entry.problems)
     return Unfolded(replace(document, data=changed, moved={**document.moved, **moved}), problems, refused)
 
 
@@ -487,20 +489,20 @@ class _Entry:
     def _take(self, name: str, kind: type[CommandSource], own: str) -> None:
         inner = self.data[name]
         beside = {key: value for key, value in self._items() if key != name}
-        known = {own, *(field.alias or key for key, field in kind.model_fields.items())} - {name}
-        self.problems += self._problems(name, own, known)
+        allowed = {own, *(field.alias or key for key, field in kind.model_fields.items())} - {name}
+        self.problems += self._problems(name, own, allowed)
         place = (*self.path, name)
         self.moved |= {(*self.path, name if key == own else key): (*place, key) for key in inner}
         self.data = {**beside, **{name if key == own else key: value for key, value in inner.items()}}
 
-    def _problems(self, name: str, own: str, known: set[str]) -> Iterator[tuple[KeyPath, str]]:
+    def _problems(self, name: str, own: str, allowed: set[str]) -> Iterator[tuple[KeyPath, str]]:
         inner = self.data[name]
         for key in inner:
-            if key not in known:
-                yield (*self.path, name, key), f"unknown key{did_you_mean(key, known)}"
+            if key not in allowed:
+                yield (*self.path, name, key), f"unknown key{did_you_mean(key, allowed)}"
             elif key in self.data:
                 yield (*self.path, name, key), f"'{key}' is also given next to '{name}'; remove one of the two"
-        if own not in inner and known.issuperset(inner):  # else it is misspelt
+        if own not in inner and allowed.issuperset(inner):  # else it is misspelt
             yield (*self.path, name), f"the key '{own}' is missing"
 
     def _items(self) -> Iterator[tuple[str, Any]]:
@@ -521,11 +523,13 @@ def with_roles(document: Document) -> tuple[Document, tuple[Problem, ...]]:
     if not isinstance(data, dict) or _EGO not in data:
         return document, ()
     actors, name = actors_of(data), data[_EGO]
-    known = [actor["name"] for actor in actors or () if isinstance(actor, dict) and isinstance(actor.get("name"), str)]
+    actor_names = [
+        actor["name"] for actor in actors or () if isinstance(actor, dict) and isinstance(actor.get("name"), str)
+    ]
     if not isinstance(name, str) or not isinstance(former := data.get("robot"), dict):
         return document, ()  # the reader of keys reports it
-    if name not in known:
-        hint = did_you_mean(name, known) if known else "; the world has no 'actors'"
+    if name not in actor_names:
+        hint = did_you_mean(name, actor_names) if actor_names else "; the world has no 'actors'"
         return document, (document.problem((_EGO,), f"there is no robot '{name}' in world.actors{hint}"),)
     index = next(number for number, actor in enumerate(actors) if isinstance(actor, dict) and actor.get("name") == name)
     chosen, at = actors[index], ("world", "actors", index)

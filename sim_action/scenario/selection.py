@@ -43,10 +43,10 @@ def numbered(file: str, numbers: Iterable[int]) -> str:
 
 def split(pattern: str) -> tuple[str, frozenset[int] | None]:
     """Split "FILE::NUMBERS" into file and numbers, None for all; an existing file wins. Raise UsageError."""
-    found = _NUMBERED.fullmatch(pattern)
-    if found is None or os.path.lexists(pattern):
+    match = _NUMBERED.fullmatch(pattern)
+    if match is None or os.path.lexists(pattern):
         return pattern, None
-    return found[1], frozenset(number for part in found[2].split(",") for number in _range(part))
+    return match[1], frozenset(number for part in match[2].split(",") for number in _range(part))
 
 
 def _range(text: str) -> range:
@@ -121,12 +121,12 @@ def selected(files: Sequence[Scenarios], selection: Selection, *, complete: bool
     if not (any(chosen) and _has_unreadable(every)):
         unmatched += _unknown_tags("--tag", selection.tags, every)
     # The scenario that is meant may be in a file that cannot be read.
-    refused = [each for each in every if isinstance(each, Refused) and not selection.takes(each, names)]
-    unreadable = tuple(each.problems[0] for each in refused)
+    refused = [source for source in every if isinstance(source, Refused) and not selection.takes(source, names)]
+    unreadable = tuple(refusal.problems[0] for refusal in refused)
     if not any(chosen):
         nothing = f"of {counted(len(every), 'scenario')}, none is selected"
         raise UsageError("\n".join((*map(str, unmatched), nothing, *map(escaped_line, map(str, unreadable)))))
-    return Selected(chosen, tuple(replace(each, unreadable=unreadable) for each in unmatched))
+    return Selected(chosen, tuple(replace(pattern, unreadable=unreadable) for pattern in unmatched))
 
 
 def unmatched_exclusions(files: Iterable[Scenarios], selection: Selection) -> Iterator[str]:
@@ -164,25 +164,25 @@ def _unknown_names(option: str, patterns: Sequence[str], every: Sequence[Source 
     """Yield each pattern that matches the name of no scenario."""
     if not patterns:
         return
-    called = {name for each in every for name in _names(each)}
-    varied = {each.name: each.group for each in every if isinstance(each, Source) and each.group}
-    names = {each.name for each in every} - set(varied) | set(varied.values())
+    called = {name for scenario in every for name in _names(scenario)}
+    varied = {scenario.name: scenario.group for scenario in every if isinstance(scenario, Source) and scenario.group}
+    names = {scenario.name for scenario in every} - set(varied) | set(varied.values())
     for pattern in dict.fromkeys(patterns):
-        if not any(_is_called(each, pattern, called) for each in every):
+        if not any(_is_called(scenario, pattern, called) for scenario in every):
             near = did_you_mean(pattern, varied if "[" in pattern and varied else names)
             yield Unmatched(option, pattern, f"no scenario is named '{pattern}'{near}")
 
 
-def _unknown_tags(option: str, wanted: Sequence[str], every: Sequence[Source | Refused]) -> Iterator[Unmatched]:
+def _unknown_tags(option: str, chosen_tags: Sequence[str], every: Sequence[Source | Refused]) -> Iterator[Unmatched]:
     """Yield each tag that no readable scenario has."""
     tags = {tag for scenario in every if isinstance(scenario, Source) for tag in scenario.tags}
-    for tag in dict.fromkeys(wanted):
+    for tag in dict.fromkeys(chosen_tags):
         if tag not in tags:
             yield Unmatched(option, tag, f"no scenario has the tag '{tag}'{did_you_mean(tag, tags)}")
 
 
 def _has_unreadable(every: Iterable[Source | Refused]) -> bool:
-    return any(isinstance(each, Refused) for each in every)
+    return any(isinstance(scenario, Refused) for scenario in every)
 
 
 def _ignore(_: str) -> None:
@@ -216,17 +216,19 @@ class Suite:
     def read(self, permissions: Permissions, seed: int | None = None) -> Contents:
         """Return the selected scenarios of all files, varied by `seed`, or by their own. Raises UsageError."""
         every = [self._scenarios(path, permissions, seed) for path in self.files]
-        every += [each.sources(permissions, seed) for each in self.written]
+        every += [scenario.sources(permissions, seed) for scenario in self.written]
         # A shard of `matrix` gets some scenarios of the list, which `matrix` has checked.
         complete = self.complete and not self.numbers
-        found = selected(every, self.selection, complete=complete)
+        chosen = selected(every, self.selection, complete=complete)
         for message in unmatched_exclusions(every, self.selection) if complete else ():
             self.warn(message)
         files: dict[Path, Scenarios] = {}
-        for path, scenarios in zip((*self.files, *(each.path for each in self.written)), found.scenarios, strict=True):
+        for path, scenarios in zip(
+            (*self.files, *(scenario.path for scenario in self.written)), chosen.scenarios, strict=True
+        ):
             if scenarios:
                 files[path] = (*files.get(path, ()), *scenarios)
-        return Contents(files, found.unmatched)
+        return Contents(files, chosen.unmatched)
 
     def numbered(self, scenario: Source | Refused) -> bool:
         """Return True if the number of a scenario is selected."""
@@ -239,7 +241,7 @@ class Suite:
 
     def numbered_in(self, contents: Contents) -> list[Source | Refused]:
         """Return the scenarios whose numbers are selected."""
-        return [each for several in contents.files.values() for each in several if self.numbered(each)]
+        return [scenario for several in contents.files.values() for scenario in several if self.numbered(scenario)]
 
     def _scenarios(self, path: Path, permissions: Permissions, seed: int | None) -> Scenarios:
         scenarios = read_file(path, permissions, seed, self.named_at)
@@ -262,13 +264,13 @@ def find_suite(
 ) -> Suite:
     """Return the scenarios of files, also with numbers (`push.sim.yml::1-15`), globs and folders; see `Suite`."""
     named = [split(path) for path in paths]
-    found = discover((file for file, _ in named), outside=outside)
+    files_by_pattern = discover((file for file, _ in named), outside=outside)
     # Two spellings of one path give one outcome.
     empty: dict[str, str] = {}
-    for pattern in (pattern for pattern, matches in found.items() if not matches):
+    for pattern in (pattern for pattern, matches in files_by_pattern.items() if not matches):
         empty.setdefault(compared_name(pattern), pattern)
-    files = unique(found)
-    numbers = _numbers(files, ((found[file], some) for file, some in named))
+    files = unique(files_by_pattern)
+    numbers = _numbers(files, ((files_by_pattern[file], some) for file, some in named))
     return Suite(files, tuple(empty.values()), (), numbers, selection, named_at, warn=warn)
 
 

@@ -103,19 +103,23 @@ class Source:
     def is_of_draws(self, refused: Refused) -> bool:
         """Return True if all problems concern randomly drawn values."""
         places = {place for place, _ in self.draws}
-        return isinstance(refused.error, InvalidScenario) and all(each.location in places for each in refused.problems)
+        return isinstance(refused.error, InvalidScenario) and all(
+            problem.location in places for problem in refused.problems
+        )
 
     def refused_alone(self, refused: Refused) -> Refused:
         """Return this variation as refused; other variations of the scenario can run."""
         draws = dict(self.draws)
-        told = [Problem(each.location, f"{each.message} ({draws[each.location]})") for each in refused.problems]
+        problems = [
+            Problem(problem.location, f"{problem.message} ({draws[problem.location]})") for problem in refused.problems
+        ]
         return replace(
             refused,
             name=self.name,
             group=self.group,
             variation=self.variation,
             gate=self.gate,
-            error=InvalidScenario(told),
+            error=InvalidScenario(problems),
         )
 
     def refused(self, error: InvalidScenario | InternalError) -> Refused:

@@ -64,10 +64,10 @@ class WorldLibrary:
             except ModelError as error:
                 error.__context__ = error.__cause__ = None
                 self._worlds[key] = error.with_traceback(None)
-        found = self._worlds[key]
-        if isinstance(found, ModelError):
-            raise found.with_traceback(None)
-        return found
+        world_file = self._worlds[key]
+        if isinstance(world_file, ModelError):
+            raise world_file.with_traceback(None)
+        return world_file
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ def filled(
     if world.file is None:
         return FilledScenario(scenario)
     try:
-        found = library.load(world.file, world.robot, workspace, scenario.robot.packages)
+        world_file = library.load(world.file, world.robot, workspace, scenario.robot.packages)
     except RefusedModel as error:
         for problem in error.problems:
             problems.note_elsewhere(problem)
@@ -114,20 +114,20 @@ def filled(
     if world.robot is not None and scenario.robot.model != f"{world.file}{IN_WORLD}{world.robot}":
         message = f"world.robot makes '{world.robot}' of {world.file} the robot; remove robot.model or world.robot"
         problems.note(("robot", "model"), message)
-    _note_names(scenario, found, problems)
-    _note_missing(found, problems, allowed)
-    stated = {key: getattr(found.world, key) for key in found.stated if key not in world.model_fields_set}
+    _note_names(scenario, world_file, problems)
+    _note_missing(world_file, problems, allowed)
+    stated = {key: getattr(world_file.world, key) for key in world_file.stated if key not in world.model_fields_set}
     # A second body of the same name is reported already.
     names = {body.name for body in world.objects}
-    objects = (*world.objects, *(body for body in found.world.objects if body.name not in names))
+    objects = (*world.objects, *(body for body in world_file.world.objects if body.name not in names))
     changed: dict[str, Any] = {"world": world.model_copy(update={**stated, "objects": objects})}
-    base = found.robot.base if found.robot is not None else None
+    base = world_file.robot.base if world_file.robot is not None else None
     if base is not None and "pose" not in scenario.robot.model_fields_set:
         changed["robot"] = scenario.robot.model_copy(update={"pose": Placement.of(base)})
-    place = found.robot.place if found.robot is not None and "robot" in changed else None
-    warnings = tuple(_warnings(found, Location(world.file), allowed))
-    places = WorldPlaces({name: at for name, at in found.places.items() if name not in names}, place)
-    return FilledScenario(scenario.model_copy(update=changed), found.parts, warnings, places)
+    place = world_file.robot.place if world_file.robot is not None and "robot" in changed else None
+    warnings = tuple(_warnings(world_file, Location(world.file), allowed))
+    places = WorldPlaces({name: at for name, at in world_file.places.items() if name not in names}, place)
+    return FilledScenario(scenario.model_copy(update=changed), world_file.parts, warnings, places)
 
 
 def _nearest_file(file: str, workspace: Workspace) -> str:
@@ -139,22 +139,22 @@ def _nearest_file(file: str, workspace: Workspace) -> str:
     return "" if workspace.refusal(path.parent) is not None else similar_name(path, _SUFFIXES)
 
 
-def _note_names(scenario: Scenario, found: WorldFile, problems: ProblemList) -> None:
+def _note_names(scenario: Scenario, world_file: WorldFile, problems: ProblemList) -> None:
     name, file = scenario.world.robot, scenario.world.file
-    if name is not None and found.robot is None:
-        problems.note(("world", "robot"), f"{file} has no model '{name}'{did_you_mean(name, found.models)}")
-    known = {body.name for body in found.world.objects}
+    if name is not None and world_file.robot is None:
+        problems.note(("world", "robot"), f"{file} has no model '{name}'{did_you_mean(name, world_file.models)}")
+    body_names = {body.name for body in world_file.world.objects}
     for index, body in enumerate(scenario.world.objects):
-        if body.name in known:
+        if body.name in body_names:
             message = f"{file} has a body '{body.name}', too; names are unique: give this one another name"
             problems.note(("world", "objects", index, "name"), message)
 
 
-def _note_missing(found: WorldFile, problems: ProblemList, allowed: AbstractSet[str]) -> None:
+def _note_missing(world_file: WorldFile, problems: ProblemList, allowed: AbstractSet[str]) -> None:
     if INCOMPLETE_WORLD in allowed:
         return
     same: dict[str, list[tuple[Location, str]]] = {}
-    for loss in found.losses:
+    for loss in world_file.losses:
         if loss.is_missing and loss.location is not None:
             # The rest of a message is where it was searched, and a hint that only the first few have.
             same.setdefault(loss.message.partition(" (")[0], []).append((loss.location, loss.message))
@@ -167,19 +167,19 @@ def _note_missing(found: WorldFile, problems: ProblemList, allowed: AbstractSet[
         problems.note_elsewhere(Problem(first, f"{message}{also}; {remedy} [{INCOMPLETE_WORLD}]"))
 
 
-def _warnings(found: WorldFile, here: Location, allowed: AbstractSet[str]) -> Iterator[AuditWarning]:
+def _warnings(world_file: WorldFile, location: Location, allowed: AbstractSet[str]) -> Iterator[AuditWarning]:
     from sim_action.world.world_files.losses import by_kind  # a usual run does without it
 
-    for loss in by_kind(found.losses):
+    for loss in by_kind(world_file.losses):
         rule = INCOMPLETE_WORLD if loss.is_missing else NOT_SIMULATED
         if loss.is_missing or rule not in allowed:
-            yield AuditWarning(rule=rule, message=loss.message, location=loss.location or here)
+            yield AuditWarning(rule=rule, message=loss.message, location=loss.location or location)
     if NOT_SIMULATED not in allowed:
-        for remark in found.remarks:
+        for remark in world_file.remarks:
             yield AuditWarning(rule=NOT_SIMULATED, message=remark.message, location=remark.location)
-        if not found.has_ground:
-            message = f"{here.file} has no ground plane; the ground z = 0 is there all the same"
-            yield AuditWarning(rule=NOT_SIMULATED, message=message, location=here)
+        if not world_file.has_ground:
+            message = f"{location.file} has no ground plane; the ground z = 0 is there all the same"
+            yield AuditWarning(rule=NOT_SIMULATED, message=message, location=location)
 
 
 DEPTH: Final = 0.005  # m. A smaller overlap is a contact, such as of fingers; it is resolved while the robot settles.
@@ -206,18 +206,18 @@ def motion_problems(scenario: Scenario, parts: Mapping[str, Sequence[Part]]) -> 
 def disturbance_problems(scene: Scene, time_limit: float) -> SpecProblems:
     """Yield disturbances after the end, of missing bodies or links, or of fixed ones."""
     for index, disturbance in enumerate(scene.world.disturbances):
-        found = (
+        problems = (
             *_time_problems(disturbance, time_limit),
             *_target_problems(disturbance, scene),
             *_speed_problems(disturbance, scene.physics),
         )
-        for below, message in found:
+        for below, message in problems:
             yield ("world", "disturbances", index, *below), message
 
 
 def paths_of(world: World) -> dict[str, KeyPath]:
     """Return name of a body or another robot -> its keys."""
-    objects, actors = ((each.name for each in group) for group in (world.objects, world.actors))
+    objects, actors = ((entry.name for entry in group) for group in (world.objects, world.actors))
     paths: dict[str, KeyPath] = {name: ("world", "objects", index) for index, name in enumerate(objects)}
     return paths | {name: ("world", "actors", index) for index, name in enumerate(actors)}
 
@@ -234,16 +234,16 @@ class Clashes:
 
     @classmethod
     def of(
-        cls, world: World, found: Iterable[Clash], places: Mapping[str, Location], allowed: Collection[str] = ()
+        cls, world: World, overlaps: Iterable[Clash], places: Mapping[str, Location], allowed: Collection[str] = ()
     ) -> Self:
         """Return the clashes that are deeper than a contact; `allowed`: the rules that the scenario allows."""
         deepest: dict[str, Clash] = {}
-        for clash in sorted(found, key=lambda clash: -clash.depth):
+        for clash in sorted(overlaps, key=lambda clash: -clash.depth):
             if clash.depth > DEPTH:
                 deepest.setdefault(clash.body, clash)
         theirs = {*places, GROUND}
-        of_file = tuple(each for each in deepest.values() if {each.body, each.other} <= theirs)
-        own = tuple(each for each in deepest.values() if each not in of_file)
+        of_file = tuple(clash for clash in deepest.values() if {clash.body, clash.other} <= theirs)
+        own = tuple(clash for clash in deepest.values() if clash not in of_file)
         return cls(paths_of(world), places, own, of_file, OVERLAPPING_BODIES in allowed)
 
     def problems(self) -> SpecProblems:
@@ -256,7 +256,7 @@ class Clashes:
 
     def problems_of_file(self) -> Iterator[Problem]:
         """Yield one problem about all bodies of the world file that begin too deep in others."""
-        deep = [each for each in self.of_file if each.depth > MAX_FILE_OVERLAP_M]
+        deep = [clash for clash in self.of_file if clash.depth > MAX_FILE_OVERLAP_M]
         if not deep or self.are_allowed:
             return
         limit, place = units.display(MAX_FILE_OVERLAP_M, "m"), self.places[deep[0].body]
@@ -274,7 +274,7 @@ class Clashes:
             if len(deep) > 1:
                 bodies = f"{len(deep)} bodies begin inside others, and the engine throws them out"
             yield f"{bodies}: {_few(deep)}"
-        shallow = [each for each in self.of_file if each.depth <= MAX_FILE_OVERLAP_M]
+        shallow = [clash for clash in self.of_file if clash.depth <= MAX_FILE_OVERLAP_M]
         if not shallow:
             return
         bodies = "1 body of the world file begins" if len(shallow) == 1 else f"{len(shallow)} bodies begin"
@@ -284,7 +284,7 @@ class Clashes:
     @property
     def _deep(self) -> tuple[Clash, ...]:
         """The clashes that are errors unless they are allowed, the deepest first."""
-        deep = (*self.own, *(each for each in self.of_file if each.depth > MAX_FILE_OVERLAP_M))
+        deep = (*self.own, *(clash for clash in self.of_file if clash.depth > MAX_FILE_OVERLAP_M))
         return tuple(sorted(deep, key=lambda clash: -clash.depth))
 
 
@@ -322,10 +322,12 @@ def _path_problems(body: Body, pose: Placement, physics: Physics, limit: float) 
         ):
             speed = way / (point.at - before.at)
             if speed > bound:
-                found = f"{units.display(way, unit)} from {before.at:g} s on is {units.display(speed, f'{unit}/s')}"
+                speed_text = (
+                    f"{units.display(way, unit)} from {before.at:g} s on is {units.display(speed, f'{unit}/s')}"
+                )
                 most = f"more than physics.{key}, {units.display(bound, f'{unit}/s')}"
                 least = math.ceil(way / bound / _ADVISED) * _ADVISED
-                yield (index,), f"{found}, {most}; it needs {least:.4g} s at least"
+                yield (index,), f"{speed_text}, {most}; it needs {least:.4g} s at least"
 
 
 def _way(start: Placement, end: Placement) -> float:
@@ -346,8 +348,8 @@ def _speed_problems(disturbance: Disturbance, physics: Physics) -> SpecProblems:
     """Yield pushes that would make the robot count as unstable. Bodies never do."""
     speed = math.hypot(*disturbance.velocity or ())
     if disturbance.body is None and speed > physics.max_speed:
-        found, bound = (units.display(value, "m/s") for value in (speed, physics.max_speed))
-        yield ("velocity",), f"a push of {found} is more than physics.max_speed, {bound}"
+        speed_text, bound = (units.display(value, "m/s") for value in (speed, physics.max_speed))
+        yield ("velocity",), f"a push of {speed_text} is more than physics.max_speed, {bound}"
 
 
 def _target_problems(disturbance: Disturbance, scene: Scene) -> SpecProblems:

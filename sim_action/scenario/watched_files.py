@@ -62,13 +62,13 @@ class _Reader:
 
     def closure(self, first: Path) -> set[Path]:
         """Return a file and all files that it leads to, up to a limit."""
-        found, waiting, mesh_folders = {first}, [first], list[Path]()
+        files, waiting, mesh_folders = {first}, [first], list[Path]()
         while waiting:
             for path in self._named_in(waiting.pop(), mesh_folders):
-                if path not in found and len(found) < MAX_FILES and self._may_read(path):
-                    found.add(path)
+                if path not in files and len(files) < MAX_FILES and self._may_read(path):
+                    files.add(path)
                     waiting.append(path)
-        return found
+        return files
 
     def readable(self, folder: Path, name: str) -> set[Path]:
         """Return the files that a scenario in this folder names, without files that may not be read."""
@@ -115,7 +115,7 @@ class _Reader:
     def _installed(self, name: str, folder: Path, workspace: object) -> Iterator[Path]:
         """Yield the files of a package of ROS 2 that is built; `workspace`: where, as the scenario states it."""
         around = [folder / workspace, (folder / workspace).parent] if isinstance(workspace, str) else []
-        around += [each for each in (folder, *folder.parents) if each.is_relative_to(self.workspace.root)]
+        around += [parent for parent in (folder, *folder.parents) if parent.is_relative_to(self.workspace.root)]
         for place in around:
             yield from _in_folder(place, *(pattern.format(name) for pattern in _INSTALLED))
 
@@ -130,13 +130,13 @@ class _Reader:
         if not _LOOKS_LIKE_A_FILE.fullmatch(name) and not os.path.lexists(os.path.join(folder, name)):  # noqa: PTH118 - fast
             return
         try:
-            found = replace(self.workspace, directory=folder).file_or_folder(name)
+            path = replace(self.workspace, directory=folder).file_or_folder(name)
         except PathError:
             if _LOOKS_LIKE_A_FILE.fullmatch(name):
                 yield from self._missing(folder / name)
             return
         # Only a folder with a model: any other may hold anything.
-        yield from _in_folder(found, "*.sdf", "*.config") if found.is_dir() else (found,)
+        yield from _in_folder(path, "*.sdf", "*.config") if path.is_dir() else (path,)
 
     def _missing(self, path: Path) -> Iterator[Path]:
         """Yield a file that does not exist yet, where it may appear."""
@@ -157,8 +157,8 @@ class _Reader:
 
     def _resolved(self, reference: str, referrer: Path) -> Iterator[Path]:
         try:
-            if found := _FOUND.fullmatch(reference):
-                yield self.packages.find(found[1], referrer).path / found[2]
+            if match := _FOUND.fullmatch(reference):
+                yield self.packages.find(match[1], referrer).path / match[2]
             elif "$" not in reference:
                 yield self.packages.resolve(reference, referrer).path
         except PackageError:
@@ -225,10 +225,10 @@ def stamps(paths: Iterable[Path]) -> dict[Path, Stamp]:
 
 def _stamp(path: Path) -> Stamp:
     try:
-        found = path.stat()
+        status = path.stat()
     except (OSError, ValueError):  # a NUL in it
         return None
-    return found.st_mtime_ns, found.st_size, found.st_ino
+    return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 def _bytes(path: Path, most: int) -> bytes | None:
@@ -301,7 +301,7 @@ def _in_folder(folder: Path, *patterns: str) -> Iterator[Path]:
     """Yield files by patterns, up to a limit, except bytecode, which changes with its source."""
     try:
         for pattern in patterns:
-            found = (path for path in sorted(folder.glob(pattern)) if path.suffix != ".pyc" and path.is_file())
-            yield from islice(found, MAX_FILES)
+            files = (path for path in sorted(folder.glob(pattern)) if path.suffix != ".pyc" and path.is_file())
+            yield from islice(files, MAX_FILES)
     except (OSError, ValueError):  # a NUL in its name
         return

@@ -197,9 +197,9 @@ def _plain(value: object, label: str, path: KeyPath) -> object:
         name = _part_key(value)
         return own if name is None else {name: own}
     if isinstance(value, Mapping):
-        return {_key(key, label, path): _below(key, each, label, (*path, str(key))) for key, each in value.items()}
+        return {_key(key, label, path): _below(key, part, label, (*path, str(key))) for key, part in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, str | bytes):
-        return [_plain(each, label, (*path, index)) for index, each in enumerate(value)]
+        return [_plain(part, label, (*path, index)) for index, part in enumerate(value)]
     return value.as_posix() if isinstance(value, PurePath) else _scalar(value, label, path)
 
 
@@ -216,7 +216,7 @@ def _below(key: object, value: object, label: str, path: KeyPath) -> object:
 def _keys_of(part: FrozenModel, label: str, path: KeyPath) -> object:
     """Return what stands below the key of a part: the fields that were given."""
     if isinstance(part, Combined):
-        parts = [_plain(each, label, (*path, *place)) for place, each in part.placed_parts]
+        parts = [_plain(nested, label, (*path, *place)) for place, nested in part.placed_parts]
         return parts if part.placed_parts[0][0] else parts[0]
     return {
         field.alias or name: _plain(getattr(part, name), label, (*path, name))

@@ -372,8 +372,8 @@ def _converted(value: float | str, unit: str) -> float:
 
 
 def _number(value: float | str) -> tuple[float, str]:
-    found = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
-    number = float(found[1]) if found else math.nan if isinstance(value, str) else float(value)
+    match = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
+    number = float(match[1]) if match else math.nan if isinstance(value, str) else float(value)
     if not math.isfinite(number):
         raise ValueError(f"expected a finite number or quantity, found {_shown(value)}")
-    return number, found[2] if found else ""
+    return number, match[2] if match else ""

@@ -78,10 +78,10 @@ def _label(steps: list[str], others: list[list[str]]) -> str:
 def _told_apart(roundings: Sequence[Callable[[int], str]]) -> tuple[str, ...]:
     """Return all numbers with as many digits as make them different."""
     for digits in range(_MIN_DIGITS, _MAX_DIGITS + 1):
-        found = tuple(rounding(digits) for rounding in roundings)
-        if len(set(found)) == len(found):
-            return found
-    return tuple(f"{text}#{number}" for number, text in enumerate(found, start=1))
+        rounded = tuple(rounding(digits) for rounding in roundings)
+        if len(set(rounded)) == len(rounded):
+            return rounded
+    return tuple(f"{text}#{number}" for number, text in enumerate(rounded, start=1))
 
 
 def _rounding(value: float | str) -> Callable[[int], str]:
@@ -171,23 +171,23 @@ def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[So
     base = replace(base, marks=dict(base.marks))
     indices = [dict(_indices(factors, drawn, row)) for row in rows]
     shared: _Marks = {}
-    found: Iterable[Source] = (_varied(source, base, keys, each, shared) for each in indices)
+    sources: Iterable[Source] = (_varied(source, base, keys, positions, shared) for positions in indices)
     if drawn and not any(key.written == SEED for key in drawn):
         sample = drawn[0].written
-        found = (run.sampled(each[sample], seed) for run, each in zip(found, indices, strict=True))
+        sources = (run.sampled(positions[sample], seed) for run, positions in zip(sources, indices, strict=True))
     if gate is not None:
         listed = [key for key in keys if not key.values.drawn]
-        names = [_named(source, listed, each) for each in indices]
+        names = [_named(source, listed, positions) for positions in indices]
         size = len(drawn[0].values.values)
         gates = {name: gate.planned(name, source.name, source.document.file, source.line, size) for name in names}
         keys_of_values = [key for key in drawn if key.written not in (SAMPLE, SEED)]
         by_seed = all(len(set(map(repr, key.values.values))) == 1 for key in keys_of_values)
         equal = tuple(key.written for key in keys_of_values) if by_seed else ()
-        found = (
+        sources = (
             replace(run, gate=gates[name], differs_by_seed=by_seed, equal_draws=equal)
-            for run, name in zip(found, names, strict=True)
+            for run, name in zip(sources, names, strict=True)
         )
-    return tuple(found)
+    return tuple(sources)
 
 
 def _samples(document: Document, stated: GateOfScenario) -> _Key:
@@ -239,7 +239,7 @@ def _keys(source: Source, base: Document, seed: int, runs: int | None) -> list[_
         message = f"expected a map of 1 to {MAX_KEYS} keys to their values, found {shown(stated)}"
         raise InvalidScenario([document.problem(("variations",), message)])
     problems: list[Problem] = []
-    found: dict[str, tuple[KeyPath, ValueList]] = {}
+    varied_keys: dict[str, tuple[KeyPath, ValueList]] = {}
     files = CsvFiles(source.workspace, document.file)
     even = [written for written, values in stated.items() if Sobol.is_stated_by(values)]
     for written, values in stated.items():
@@ -248,17 +248,17 @@ def _keys(source: Source, base: Document, seed: int, runs: int | None) -> list[_
             path = resolved(base.data, written)
             _refuse_unfit(path, written)
             listed = value_list(written, values, seed, runs=runs, dimension=dimension, files=files)
-            found[written] = path, listed
+            varied_keys[written] = path, listed
         except NoSuchKey as error:
             problems.append(document.problem(("variations", written), str(error)))
         except ValuesError as error:
             problem = document.problem(("variations", written, *error.path), str(error))
             problems.append(problem if error.place is None else replace(problem, location=error.place))
-    problems = problems or [document.problem(("variations", *path), text) for path, text in _clashes(found)]
+    problems = problems or [document.problem(("variations", *path), text) for path, text in _clashes(varied_keys)]
     if problems:
         raise InvalidScenario(problems)
-    called = labels(list(found))
-    return [_Key(key, path, values, called[key], texts(values)) for key, (path, values) in found.items()]
+    called = labels(list(varied_keys))
+    return [_Key(key, path, values, called[key], texts(values)) for key, (path, values) in varied_keys.items()]
 
 
 def _numbered(keys: list[_Key]) -> list[_Key]:
@@ -270,8 +270,8 @@ def _numbered(keys: list[_Key]) -> list[_Key]:
         return keys
     first = drawn[0]
     numbers = enumerate(zip(first.texts, rows, strict=True), start=1)
-    told = tuple(f"{text}#{number}" if count[row] > 1 else text for number, (text, row) in numbers)
-    return [replace(key, texts=told) if key is first else key for key in keys]
+    distinct_texts = tuple(f"{text}#{number}" if count[row] > 1 else text for number, (text, row) in numbers)
+    return [replace(key, texts=distinct_texts) if key is first else key for key in keys]
 
 
 def _refuse_unfit(path: KeyPath, written: str) -> None:
@@ -283,13 +283,13 @@ def _refuse_unfit(path: KeyPath, written: str) -> None:
         raise NoSuchKey(f"'{path[0]}' is the same in all variations{instead}")
 
 
-def _clashes(found: Mapping[str, tuple[KeyPath, ValueList]]) -> Iterator[tuple[KeyPath, str]]:
+def _clashes(varied_keys: Mapping[str, tuple[KeyPath, ValueList]]) -> Iterator[tuple[KeyPath, str]]:
     """Yield keys that are inside other varied keys, and draws with different numbers of samples."""
-    for key, (path, _) in found.items():
-        for other, (outer, _) in found.items():
+    for key, (path, _) in varied_keys.items():
+        for other, (outer, _) in varied_keys.items():
             if key != other and path[: len(outer)] == outer:
                 yield (key,), f"is inside '{other}', which also varies"
-    drawn = [(key, len(values.values)) for key, (_, values) in found.items() if values.drawn]
+    drawn = [(key, len(values.values)) for key, (_, values) in varied_keys.items() if values.drawn]
     for key, samples in drawn[1:]:
         if samples != drawn[0][1]:
             yield (key,), f"samples are drawn together: '{drawn[0][0]}' has {drawn[0][1]}, this one {samples}"

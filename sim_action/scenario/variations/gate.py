@@ -45,18 +45,18 @@ def _share(stated: object, parsed: Callable[[object], float], rule: str) -> floa
 def _confidence(stated: object, parsed: Callable[[object], float]) -> float:
     confidence = _rounded(value := parsed(stated))
     if not 0.5 <= confidence < 1:
-        found = _as_found(stated, value)
-        remedy = "" if "write" in found else "; use 95 %"
+        text = _as_found(stated, value)
+        remedy = "" if "write" in text else "; use 95 %"
         raise ValueError(
-            f"a confidence lies between 50 % and 100 %, and no number of runs gives 100 %; found {found}{remedy}"
+            f"a confidence lies between 50 % and 100 %, and no number of runs gives 100 %; found {text}{remedy}"
         )
     return confidence
 
 
 def _as_found(stated: object, value: float) -> str:
-    found = percent(value)
+    percentage = percent(value)
     is_percentage = units.is_bare(stated) and 1 < value < 100
-    return f"{value:g}, which is {found}; write '{value:g} %'" if is_percentage else found
+    return f"{value:g}, which is {percentage}; write '{value:g} %'" if is_percentage else percentage
 
 
 def _rounded(share: float) -> float:
@@ -247,9 +247,9 @@ class GateOfScenario:
 def refuse_misspelt(document: Document) -> None:
     """Raise InvalidScenario for a key such as `gates`: draws without it miss their number of samples."""
     keys = document.data if isinstance(document.data, dict) else ()
-    found = [key for key in keys if key != GATE and nearest(key, [GATE]) is not None]
-    if found and GATE not in keys:
-        raise InvalidScenario([document.problem((key,), f"unknown key; did you mean '{GATE}'?") for key in found])
+    misspelt = [key for key in keys if key != GATE and nearest(key, [GATE]) is not None]
+    if misspelt and GATE not in keys:
+        raise InvalidScenario([document.problem((key,), f"unknown key; did you mean '{GATE}'?") for key in misspelt])
 
 
 class UnattainableGate(InvalidScenario):
@@ -268,12 +268,14 @@ def stated_gate(document: Document) -> GateOfScenario | None:
     try:
         gate = Gate.model_validate(stated)
     except ValidationError as error:
-        found = [document.problem(_written(path, stated), text) for path, text in spec_errors(Gate, stated, error)]
-        raise InvalidScenario(found) from None
+        key_problems = [
+            document.problem(_written(path, stated), text) for path, text in spec_errors(Gate, stated, error)
+        ]
+        raise InvalidScenario(key_problems) from None
     problems = [
         document.problem(_written(("quantile", index), stated), problem)
-        for index, each in enumerate(gate.quantile)
-        if (problem := _unknown(each, document.data.get("expect"))) is not None
+        for index, quantile in enumerate(gate.quantile)
+        if (problem := _unknown(quantile, document.data.get("expect"))) is not None
     ]
     may_be_low = LOW_GATE in allowed_rules(document.data)
     if not may_be_low:
@@ -308,16 +310,20 @@ def _unknown(quantile: Quantile, expect: object) -> str | None:
     """Return the problem of a quantile that names no expectation, or several."""
     listed = expect if isinstance(expect, tuple) else ()
     # An assertion without keys may be written as its name alone.
-    entries = [{each: {}} if isinstance(each, str) else each for each in listed if isinstance(each, (str, dict))]
+    entries = [
+        {expectation: {}} if isinstance(expectation, str) else expectation
+        for expectation in listed
+        if isinstance(expectation, (str, dict))
+    ]
     called = [name for entry in entries if isinstance(name := entry.get("name"), str)]
     keys = [key for entry in entries for key in entry if key not in _OPTIONS]
-    found = called.count(quantile.expectation) or keys.count(quantile.expectation)
-    if found == 1:
+    count = called.count(quantile.expectation) or keys.count(quantile.expectation)
+    if count == 1:
         return None
-    if found > 1:
-        return f"{found} expectations are {shown(quantile.expectation)}; give the one that is meant a 'name'"
-    known = [*called, *keys]
-    return f"no expectation is {shown(quantile.expectation)}{did_you_mean(quantile.expectation, known)}"
+    if count > 1:
+        return f"{count} expectations are {shown(quantile.expectation)}; give the one that is meant a 'name'"
+    names = [*called, *keys]
+    return f"no expectation is {shown(quantile.expectation)}{did_you_mean(quantile.expectation, names)}"
 
 
 _OPTIONS: Final = frozenset({"name", "after", "before", "for", "severity"})
@@ -361,11 +367,11 @@ def _unattainable(gate: Gate, runs: int) -> Iterator[tuple[KeyPath, str]]:
         if runs < needed:
             rates = f"{percent(test.accept)} against {percent(test.reject)}"
             yield ("stop_early",), _too_few(runs, needed, rates, test.confidence)
-    for index, each in enumerate(gate.quantile):
-        needed = statistics.runs_needed_for_quantile(each.q, each.confidence, each.claim)
+    for index, quantile in enumerate(gate.quantile):
+        needed = statistics.runs_needed_for_quantile(quantile.q, quantile.confidence, quantile.claim)
         if runs < needed:
-            what = f"a bound for the {percent(each.q)} quantile"
-            yield ("quantile", index), _too_few(runs, needed, what, each.confidence)
+            what = f"a bound for the {percent(quantile.q)} quantile"
+            yield ("quantile", index), _too_few(runs, needed, what, quantile.confidence)
 
 
 def _too_few(runs: int, needed: int, what: str, confidence: float) -> str:
@@ -382,9 +388,9 @@ def percent(share: float) -> str:
 
 def percents_apart(*shares: float) -> tuple[str, ...]:
     """Return shares with as many digits, four or more, as make different ones differ, also from 100 %."""
-    found: tuple[str, ...] = ()
+    texts: tuple[str, ...] = ()
     for digits in range(_LEAST_DIGITS_SHOWN, units.ALL_DIGITS + 1):
-        found = tuple(units.display(share * 100, "%", digits) for share in shares)
-        if len({*found, "100 %"}) == len({*shares, 1.0}):
+        texts = tuple(units.display(share * 100, "%", digits) for share in shares)
+        if len({*texts, "100 %"}) == len({*shares, 1.0}):
             break
-    return found
+    return texts

@@ -110,7 +110,7 @@ class _Table:
             message = f"the byte 0x{data[error.start]:02x} is not UTF-8 text; save the file as CSV in UTF-8"
             raise ValuesError(message, place=Location(name, line)) from None
         lines = _lines(name, text)
-        _, columns = next((each for each in lines if any(each[1])), (0, []))
+        _, columns = next((header for header in lines if any(header[1])), (0, []))
         if not columns:
             raise ValuesError("the file is empty; its first line must name the columns", place=Location(name, 1))
         rows: list[tuple[int, list[str]]] = []
@@ -190,7 +190,7 @@ def value_list(
         _refuse_twins(draw.choice, ("choice",), "; use 'weights' instead")
         indices = tuple(draw.indices(generator.random() for _ in range(count)))
         places = tuple(("choice", index) for index in indices)
-        return ValueList(tuple(draw.choice[each] for each in indices), True, choices=draw.choice, places=places)
+        return ValueList(tuple(draw.choice[index] for index in indices), True, choices=draw.choice, places=places)
     assert isinstance(draw, Distribution)
     if isinstance(draw, Sobol):
         _refuse_uneven(draw, count)
@@ -254,22 +254,22 @@ def _of_csv(key: str, draw: CsvColumn, runs: int | None, files: CsvFiles | None)
     table = files.table(draw.csv)
     column = draw.column or key.rpartition(".")[2]
     if (times := table.columns.count(column)) != 1:
-        found = f"{table.name} has {'no column' if not times else f'{times} columns'} {shown(column)}"
+        problem = f"{table.name} has {'no column' if not times else f'{times} columns'} {shown(column)}"
         hint = did_you_mean(column, table.columns) if not times else "; give each column a name of its own"
         if len(table.columns) == 1 and not times:
             hint = f"; separate columns by commas, its first line is {shown(table.columns[0])}"
         remedy = "" if draw.column or times or len(table.columns) == 1 else "; name one with 'column'"
-        raise ValuesError(f"{found}{hint}{remedy}", ("column",) if draw.column else ("csv",))
-    wanted = draw.samples or runs
-    if (wanted or 1) > len(table.rows):
+        raise ValuesError(f"{problem}{hint}{remedy}", ("column",) if draw.column else ("csv",))
+    samples = draw.samples or runs
+    if (samples or 1) > len(table.rows):
         asked = "'samples' is" if draw.samples else "the gate needs" if runs else "it needs at least"
-        message = f"{table.name} has {counted(len(table.rows), 'row')} after the header, but {asked} {wanted or 1}"
+        message = f"{table.name} has {counted(len(table.rows), 'row')} after the header, but {asked} {samples or 1}"
         raise ValuesError(message, ("samples",) if draw.samples else ("csv",))
-    if wanted is None and not table.is_whole:
+    if samples is None and not table.is_whole:
         raise ValuesError(
             f"{table.name} has more than {MAX_ROWS:,} rows; choose the first ones with 'samples'", ("csv",)
         )
-    cells = tuple(table.values(column, wanted or len(table.rows)))
+    cells = tuple(table.values(column, samples or len(table.rows)))
     return ValueList(tuple(value for value, _ in cells), True, places=tuple(place for _, place in cells))
 
 
@@ -291,10 +291,10 @@ def _seeds(draw: Draw, count: int, generator: Random) -> ValueList:
         message = f"{count} different seeds do not fit between {low:g} and {high:g}"
         path = ("samples",) if draw.samples else (draw.key,)
         raise ValuesError(f"{message}; choose wider bounds, such as [0, 1000000]", path)
-    found: dict[int, None] = {}
-    while len(found) < count:
-        found[int(low) + int(size * generator.random())] = None
-    return ValueList(tuple(found), True, draw.advice)
+    seeds: dict[int, None] = {}
+    while len(seeds) < count:
+        seeds[int(low) + int(size * generator.random())] = None
+    return ValueList(tuple(seeds), True, draw.advice)
 
 
 def _generator(key: str, seed: int) -> Random:
@@ -369,14 +369,14 @@ def _directions(dimension: int) -> tuple[int, ...]:
         return tuple(1 << (BITS - 1 - place) for place in range(BITS))
     polynomial, initial = _JOE_KUO[dimension - 1]
     degree = len(initial)
-    found = [number << (BITS - 1 - place) for place, number in enumerate(initial)]
+    directions = [number << (BITS - 1 - place) for place, number in enumerate(initial)]
     for place in range(degree, BITS):
-        direction = found[place - degree] ^ (found[place - degree] >> degree)
+        direction = directions[place - degree] ^ (directions[place - degree] >> degree)
         for step in range(1, degree):
             if polynomial >> (degree - 1 - step) & 1:
-                direction ^= found[place - step]
-        found.append(direction)
-    return tuple(found)
+                direction ^= directions[place - step]
+        directions.append(direction)
+    return tuple(directions)
 
 
 def _permuted(number: int, scramble: int) -> int:
