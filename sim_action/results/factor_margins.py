@@ -140,9 +140,7 @@ class ScenarioMargins(FrozenModel):
         places = {expected.name: expected.location for expected in outcome.expectations}
         ordered = sorted(self.margins, key=lambda margin: (margin.is_kept, margin.share))
         expectations = tuple(margin.expected(places.get(margin.expectation, place)) for margin in ordered)
-        # The wall time of the call is that of many runs, so the sim time of one would give a wrong speed.
-        values = {"expectations": expectations, "measurements": self._tornado(), "sim_time": None}
-        changed = outcome.model_copy(update=values)
+        changed = outcome.model_copy(update={"expectations": expectations, "measurements": self._tornado()})
         return changed.model_copy(update={"status": changed.judged_status()})
 
     def _tornado(self) -> tuple[Measurement, ...]:

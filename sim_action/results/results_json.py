@@ -180,7 +180,9 @@ class Results(FrozenModel):
 
     @property
     def real_time_factor(self) -> float | None:
-        """The sim time of all runs divided by the wall time of the call; None if nothing was simulated."""
+        """The sim time of all runs divided by the wall time of the call; None if not all are known, or nothing ran."""
+        if any(outcome.call[1:2] == ("margins",) for outcome in self.outcomes):
+            return None  # only the nominal run of a search is an outcome
         sim_time = sum(outcome.simulated for outcome in self.outcomes if outcome.statistics is None)
         return sim_time / self.wall_time if sim_time and self.wall_time > 0 else None
 

@@ -195,6 +195,7 @@ def test_a_demand_that_is_missed_fails_alike_with_one_and_two_jobs(
     assert "below 0.5; 50 % below 0.5 was asked: object stay_within of box" in told
     junit = (tmp_path / "j.xml").read_text()
     assert '"measured: friction down"' in junit
+    assert '"sim_time_s"' in junit
     assert "│████████████████████ friction: fails at 0.3" in junit
     page = (tmp_path / "results" / "margins" / "report.html").read_text()
     assert page.count('class="tornado margin-bar"') == 3

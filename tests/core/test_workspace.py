@@ -9,7 +9,7 @@ import pytest
 
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.permissions import Permissions
-from sim_action.core.workspace import PathError, Workspace, discover, file_name, misnamed, unique
+from sim_action.core.workspace import PathError, Workspace, discover, file_name, misnamed, similar_name, unique
 from sim_action.robot.documents.packages import PackageError, Packages
 from sim_action.scenario.loading import load_scenario
 
@@ -397,3 +397,10 @@ def test_files_that_look_like_scenarios_are_counted(tmp_path: Path) -> None:
     (tmp_path / "link.yml").symlink_to("a.sim.yml")
     found = misnamed([str(tmp_path), str(tmp_path / "deep/other.yml")])
     assert [str(path.relative_to(tmp_path)) for path in found] == ["list.yaml", "deep/other.yml"]
+
+
+def test_a_similar_name_has_one_of_the_suffixes(tmp_path: Path) -> None:
+    for name in ("Yard.world", "yard.txt"):
+        (tmp_path / name).touch()
+    assert similar_name(tmp_path / "yard.wrld", (".world", ".sdf")) == "; did you mean 'Yard.world'?"
+    assert similar_name(tmp_path / "yard.tx", (".world", ".sdf")) == ""

@@ -16,10 +16,12 @@ from sim_action.commands.external_program import ProcessCommands
 from sim_action.commands.script import ScriptCommands
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.permissions import Permissions
+from sim_action.core.yaml_document import Document
 from sim_action.robot.built_in import STANDARD_SENSORS
 from sim_action.scenario.files import read_file
 from sim_action.scenario.loading import load_all, load_scenario
 from sim_action.scenario.model import LoadedScenario, Scenario
+from sim_action.scenario.part_reader import with_roles
 from sim_action.scenario.source import Refused
 from sim_action.sensors.lidar import Lidar
 from sim_action.state.trace_records import Channels
@@ -372,3 +374,11 @@ def test_standard_sensors_follow_those_of_the_scenario(model: str, more: str, tm
 def test_standard_sensors_that_do_not_fit_are_refused(old: str, new: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(InvalidScenario, match=message):
         load(tmp_path, LEAST.replace(old, new))
+
+
+def test_ego_exchanges_robots_with_their_standard_sensors() -> None:
+    robot, other = {"model": "x.urdf", "sensors": "standard"}, {"model": "y.urdf", "sensors": "standard"}
+    data = {"ego": "b", "robot": robot, "commands": (), "world": {"actors": ({"name": "b", **other},)}}
+    turned, problems = with_roles(Document("a.sim.yml", data, {}))
+    actors = ({"name": "b", **robot, "commands": ()},)
+    assert (turned.data, problems) == ({"ego": "b", "robot": other, "world": {"actors": actors}}, ())
