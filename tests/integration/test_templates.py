@@ -261,7 +261,7 @@ def test_rostest(run_template: RunTemplate, repository: Path) -> None:
 def test_nodes_of_ros_2(run_template: RunTemplate, repository: Path) -> None:
     """The wheels are on the machine, so that they are not installed again."""
     package = source(repository / "ros2_ws")
-    write(package / "my_robot/mover.py", MOVER.replace("rclpy.init()\n", "def main():\n    rclpy.init()\n    "))
+    write(package / "my_robot/mover.py", MOVER)
     for scenario in repository.glob("simulation/*.sim.yml"):
         scenario.unlink()
     text = TUTORIAL[: TUTORIAL.index("commands:")].replace("burger drives straight", "by a node")

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from sim_action.world.world_files.losses import lost_parts
 
 
-def lost(text: str, **keys: bool) -> list[str]:
-    return [message for _, message in lost_parts(ET.fromstring(text), **keys)]
+def lost(text: str, *, moves: bool = False) -> list[str]:
+    return [message for _, message in lost_parts(ET.fromstring(text), moves=moves)]
 
 
 def test_what_is_only_drawn_or_set_for_the_engine_of_gazebo_is_not_lost() -> None:
