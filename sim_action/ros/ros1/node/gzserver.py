@@ -23,6 +23,7 @@ from sim_action.core.errors import (
     SimulationUnstable,
 )
 from sim_action.results.outcome import Failure, FailureKind
+from sim_action.robot.documents.sdf_elements import SdfProblem
 from sim_action.robot.model.robot_spec import IN_WORLD
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, find_world, read_world
 from sim_action.ros.ros1.launch.ros_patches import ALONE, TEST_LIMIT
@@ -124,7 +125,7 @@ class _Server:
             failure, self._missing_world = _failure_of(error), str(error.path)
         except _Incomplete:
             failure = Failure(kind="invalid", title=TITLE, message="parts of the world or of the robot are missing")
-        except (RunError, ModelError, BadWorld, OSError, _NoRobot) as error:
+        except (RunError, ModelError, SdfProblem, BadWorld, OSError, _NoRobot) as error:
             failure = _failure_of(error)
         self._record.store(self._folder)
         return self._result(end, failure)
@@ -248,7 +249,7 @@ _FAILURES: Final[tuple[tuple[type[Exception] | UnionType, FailureKind, str], ...
     (MissingWorld, "invalid", "no such world"),
     (_NoRobot, "invalid", "no robot"),
     (MissedContact, "missed contact", "missed contact"),
-    (ModelError | BadStart | BadWorld, "invalid", "the simulation cannot start"),
+    (ModelError | SdfProblem | BadStart | BadWorld, "invalid", "the simulation cannot start"),
     (Exception, "engine", "the simulation failed"),
 )
 """Class of an exception -> kind and title of the failure; the first that fits counts."""

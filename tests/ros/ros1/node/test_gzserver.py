@@ -76,6 +76,20 @@ def test_a_diff_drive_controller_and_a_callback_that_raises_the_same_every_time(
         assert (first.digest, first.messages) == (second.digest, second.messages)
 
 
+def test_a_sensor_without_a_valid_pose_is_an_invalid_robot(tmp_path: Path) -> None:
+    laser = '<plugin name="l" filename="libgazebo_ros_laser.so"><topicName>scan</topicName></plugin>'
+    sensor = f'<sensor name="s" type="ray"><pose>0 0 high</pose>{laser}</sensor>'
+    urdf = CART.replace("</robot>", f'<gazebo reference="base_link">{sensor}</gazebo></robot>')
+    files = {"cart.urdf": urdf, "cart.test": CART_LAUNCH, "test_cart.py": CART_TEST, "clumsy.py": CLUMSY}
+    package(tmp_path / "ws", "cart", files)
+
+    request = LaunchRequest("rostest", "cart", "cart.test", workspace=tmp_path / "ws")
+    failure = told(launched(tmp_path / "run", request)).failure
+
+    assert failure is not None
+    assert (failure.kind, failure.message) == ("invalid", "<pose> is '0 0 high': expected 6 finite numbers")
+
+
 def test_robots_in_sdf(tmp_path: Path) -> None:
     files = {"models/rover/model.sdf": ROVER, "yard.world": YARD, "yard.test": YARD_TEST, "test_yard.py": TEST}
     package(tmp_path / "ws", "yard", files)
