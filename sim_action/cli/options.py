@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -52,6 +54,33 @@ class Bounded(click.ParamType):  # type: ignore[type-arg] # generic in new versi
         if number.min_open:
             return f"{noun} greater than {number.min} and at most {number.max:,.0f}"
         return f"{noun} from {number.min} to {number.max}"
+
+
+_PATH: Final = re.compile(r".*[/*?].*|.*\.ya?ml")
+
+
+class OptionalValue(click.Option):
+    """An option whose value may be left out, in a `CommandWithOptionalValues`."""
+
+    def __init__(self, names: Sequence[str], *, pattern: str, **settings: Any) -> None:
+        """`pattern`: a regular expression for the words behind the option that are its value."""
+        self.pattern = re.compile(pattern)
+        super().__init__(names, is_flag=False, **settings)
+
+
+class CommandWithOptionalValues(click.Command):
+    """A command in which a path may follow an option without a value; click would take the path as the value."""
+
+    @override
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        options = {name: param for param in self.params if isinstance(param, OptionalValue) for name in param.opts}
+        end = args.index("--") if "--" in args else len(args)
+        words = list(args)
+        for position, (word, following) in enumerate(pairwise(args[:end])):
+            is_path = _PATH.fullmatch(following) or Path(following).exists()
+            if word in options and is_path and not options[word].pattern.fullmatch(following):
+                words[position] = f"{word}={options[word].flag_value}"
+        return super().parse_args(ctx, words)
 
 
 Command = Callable[..., ExitCode]

@@ -32,7 +32,7 @@ _ON_PLANS: Final = (
 _WISHED_RATE: Final = "97%"
 
 
-@click.command()
+@click.command(cls=options.CommandWithOptionalValues)
 @options.PATHS
 @options.selection_flags
 @options.switch(
@@ -47,7 +47,8 @@ _WISHED_RATE: Final = "97%"
 @options.flag("--list", "list_only", text="Print name, file, line and tags of each scenario, and run nothing.")
 @click.option(
     "--plan-gate",
-    is_flag=False,
+    cls=options.OptionalValue,
+    pattern=r"[\d.]* ?%?",
     flag_value=_WISHED_RATE,
     callback=options.not_empty,
     metavar="[RATE]",
@@ -93,7 +94,8 @@ _WISHED_RATE: Final = "97%"
 @click.option(
     "--confidence",
     envvar="SIM_ACTION_CONFIDENCE",
-    is_flag=False,
+    cls=options.OptionalValue,
+    pattern="|numerical|full",
     flag_value="numerical",
     type=click.Choice(("numerical", "full")),
     help="Repeat each run with half the step and another start; a verdict that these could change is inconclusive. "

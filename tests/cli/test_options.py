@@ -216,5 +216,29 @@ def test_an_error_names_the_allowed_numbers_and_the_found_value(type_: Bounded, 
     assert raised.value.message == message
 
 
+@pytest.mark.parametrize(
+    ("words", "confidence", "plan_gate"),
+    [
+        (["--confidence", "a.sim.yml"], "numerical", None),
+        (["--confidence", "suite"], "numerical", None),
+        (["--confidence", "full", "a.sim.yml"], "full", None),
+        (["a.sim.yml", "--confidence"], "numerical", None),
+        (["--plan-gate", "a.sim.yml"], None, "97%"),
+        (["--plan-gate", "suite/*"], None, "97%"),
+        (["--plan-gate", "99.5%", "a.sim.yml"], None, "99.5%"),
+    ],
+)
+def test_a_path_is_not_the_value_of_an_option_without_one(
+    words: list[str], confidence: str | None, plan_gate: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "suite").mkdir()
+    monkeypatch.chdir(tmp_path)
+    with run.make_context("run", words) as context:
+        assert (context.params["confidence"], context.params["plan_gate"]) == (confidence, plan_gate)
+        assert len(context.params["paths"]) == 1
+    with pytest.raises(click.BadParameter, match="'numerical', 'full'"):
+        run.make_context("run", ["--confidence", "ful"])
+
+
 def test_a_number_within_the_bounds_is_taken() -> None:
     assert Bounded(click.IntRange(1, 256)).convert("256", None, None) == 256
